@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What can go wrong, as the user is told it.
+
+CartoloopError
+├── InputError          the recording (or a file given) cannot be used: what, where, what to do
+├── ConfigError         an unknown or impossible parameter
+├── OutputError         the result cannot be written
+└── Interrupted         the user stopped the run; what was mapped is kept
+
+Every message is one line: what is wrong, where (file, line, topic, time stamp), what to do.
+"""
+
+from __future__ import annotations
+
+
+class CartoloopError(Exception):
+    """Base of all errors that are meant for the user: one line, no traceback."""
+
+
+class InputError(CartoloopError):
+    """A recording or another input file cannot be used."""
+
+
+class ConfigError(CartoloopError):
+    """A parameter is unknown, or its value impossible."""
+
+
+class OutputError(CartoloopError):
+    """A result cannot be written."""
+
+
+class Interrupted(CartoloopError):  # noqa: N818 - it is not a fault
+    """The user stopped the run; what was mapped until then is kept."""

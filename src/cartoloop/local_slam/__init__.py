@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scan to pose in the local frame (section IV)."""

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid transforms of the plane, SE(2), eq. (1) of the paper.
+
+A transform ``tf_target_source`` takes coordinates in the frame *source* to the frame *target*; it
+is also the pose of *source* in *target*. Neighbours cancel:
+``tf_map_scan = compose(tf_map_submap, tf_submap_scan)``.
+
+Single transforms are :class:`Pose` tuples (cheap in Python); many at once are float64 arrays of
+shape (n, 3) with columns x [m], y [m], theta [rad]. Angles are in (-pi, pi].
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+class Pose(NamedTuple):
+    """A rigid transform of the plane: translation x, y [m] and rotation theta [rad]."""
+
+    x: float
+    y: float
+    theta: float
+
+
+IDENTITY = Pose(0.0, 0.0, 0.0)
+
+
+def wrap_angle(angle: float) -> float:
+    """Return the angle [rad] in (-pi, pi]."""
+    wrapped = math.remainder(angle, math.tau)
+    return math.pi if wrapped == -math.pi else wrapped
+
+
+def compose(tf_a_b: Pose, tf_b_c: Pose) -> Pose:
+    """Return tf_a_c, the transform that applies `tf_b_c` first and `tf_a_b` second."""
+    cos, sin = math.cos(tf_a_b.theta), math.sin(tf_a_b.theta)
+    return Pose(
+        tf_a_b.x + cos * tf_b_c.x - sin * tf_b_c.y,
+        tf_a_b.y + sin * tf_b_c.x + cos * tf_b_c.y,
+        wrap_angle(tf_a_b.theta + tf_b_c.theta),
+    )
+
+
+def inverse(tf_a_b: Pose) -> Pose:
+    """Return tf_b_a."""
+    cos, sin = math.cos(tf_a_b.theta), math.sin(tf_a_b.theta)
+    return Pose(
+        -(cos * tf_a_b.x + sin * tf_a_b.y),
+        sin * tf_a_b.x - cos * tf_a_b.y,
+        wrap_angle(-tf_a_b.theta),
+    )
+
+
+def relative(tf_a_b: Pose, tf_a_c: Pose) -> Pose:
+    """Return tf_b_c, where c stands as seen from b: ``compose(inverse(tf_a_b), tf_a_c)``."""
+    cos, sin = math.cos(tf_a_b.theta), math.sin(tf_a_b.theta)
+    dx, dy = tf_a_c.x - tf_a_b.x, tf_a_c.y - tf_a_b.y
+    return Pose(
+        cos * dx + sin * dy,
+        cos * dy - sin * dx,
+        wrap_angle(tf_a_c.theta - tf_a_b.theta),
+    )
+
+
+def interpolate(tf_a_b: Pose, tf_a_c: Pose, fraction: float) -> Pose:
+    """Return the pose a `fraction` of the way from b to c, straight in x, y and the shorter way in theta."""
+    turn = wrap_angle(tf_a_c.theta - tf_a_b.theta)
+    return Pose(
+        tf_a_b.x + fraction * (tf_a_c.x - tf_a_b.x),
+        tf_a_b.y + fraction * (tf_a_c.y - tf_a_b.y),
+        wrap_angle(tf_a_b.theta + fraction * turn),
+    )
+
+
+def transform_points(tf_a_b: Pose, points_b: FloatArray) -> FloatArray:
+    """Return points of shape (n, 2) [m] in frame b as points in frame a."""
+    cos, sin = math.cos(tf_a_b.theta), math.sin(tf_a_b.theta)
+    x, y = points_b[:, 0], points_b[:, 1]
+    return np.column_stack((tf_a_b.x + cos * x - sin * y, tf_a_b.y + sin * x + cos * y))
+
+
+def wrap_angles(angles: FloatArray) -> FloatArray:
+    """Return angles [rad] of any shape in (-pi, pi]."""
+    wrapped: FloatArray = np.pi - np.mod(np.pi - angles, 2.0 * np.pi)
+    return wrapped
+
+
+def compose_all(tf_a_b: FloatArray, tf_b_c: FloatArray) -> FloatArray:
+    """Return tf_a_c row by row; both of shape (n, 3), or one of them (3,) for all rows."""
+    tf_a_b, tf_b_c = np.broadcast_arrays(np.atleast_2d(tf_a_b), np.atleast_2d(tf_b_c))
+    cos, sin = np.cos(tf_a_b[:, 2]), np.sin(tf_a_b[:, 2])
+    return np.column_stack(
+        (
+            tf_a_b[:, 0] + cos * tf_b_c[:, 0] - sin * tf_b_c[:, 1],
+            tf_a_b[:, 1] + sin * tf_b_c[:, 0] + cos * tf_b_c[:, 1],
+            wrap_angles(tf_a_b[:, 2] + tf_b_c[:, 2]),
+        )
+    )
+
+
+def relative_all(tf_a_b: FloatArray, tf_a_c: FloatArray) -> FloatArray:
+    """Return tf_b_c row by row; both of shape (n, 3), or one of them (3,) for all rows."""
+    tf_a_b, tf_a_c = np.broadcast_arrays(np.atleast_2d(tf_a_b), np.atleast_2d(tf_a_c))
+    cos, sin = np.cos(tf_a_b[:, 2]), np.sin(tf_a_b[:, 2])
+    dx, dy = tf_a_c[:, 0] - tf_a_b[:, 0], tf_a_c[:, 1] - tf_a_b[:, 1]
+    return np.column_stack(
+        (cos * dx + sin * dy, cos * dy - sin * dx, wrap_angles(tf_a_c[:, 2] - tf_a_b[:, 2]))
+    )
