@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What mapping yields: poses, pose graph, submaps, and how they came about."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.config import Config
+from cartoloop.map_output.report import Report
+
+if TYPE_CHECKING:
+    from cartoloop.global_slam.pose_graph import PoseGraph
+    from cartoloop.submaps.finished_grid import FinishedGrid
+
+
+@dataclass(frozen=True)
+class Result:
+    """A finished map, or a growing one as it stands.
+
+    Attributes
+    ----------
+    stamps : float64 (n,), as recorded, in file order, one for each scan that got a pose [s].
+    trajectory : float64 (n, 3), ``tf_map_tracking`` of each scan, optimised [m, m, rad].
+    local_trajectory : float64 (n, 3), ``tf_local_tracking``, before loop closure.
+    graph : poses of nodes and submaps, and the constraints between them.
+    node_scan_index : int64 (k,), which of the n scans each node is.
+    submap_grids : one for each submap of the graph, in its order.
+    config : the parameters used.
+    report : what happened.
+    """
+
+    stamps: NDArray[np.float64]
+    trajectory: NDArray[np.float64]
+    local_trajectory: NDArray[np.float64]
+    graph: PoseGraph
+    node_scan_index: NDArray[np.int64]
+    submap_grids: list[FinishedGrid]
+    config: Config
+    report: Report
+
+    def save(self, out: str | PathLike[str]) -> None:
+        """Write map, trajectories, graph, configuration and report into the folder `out`.
+
+        Raises
+        ------
+        OutputError
+            The folder or a file in it cannot be written.
+        """
+        from cartoloop.map_output.save import save
+
+        save(self, out)
