@@ -108,7 +108,7 @@ def test_reads_a_relations_file(tmp_path):
     [
         ("1 2 3 4\n", r":1: expected 8 numbers"),
         ("1 2 0 0 0 0 0 0\n1 2 0 0 0 0 0 yaw\n", r":2: expected 8 numbers"),
-        ("", "holds no relation"),
+        ("", "is empty"),
     ],
 )
 def test_a_bad_relations_file_is_named_with_the_line(tmp_path, text, message):

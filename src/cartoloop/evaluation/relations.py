@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.errors import InputError
-from cartoloop.evaluation.trajectories import Trajectory, parse_numbers
+from cartoloop.evaluation.trajectories import Trajectory, read_table
 from cartoloop.sensor.pose import relative_all, wrap_angles
 
 FloatArray = NDArray[np.float64]
@@ -83,21 +82,7 @@ def read_relations(path: str | PathLike[str]) -> Relations:
     InputError
         The file cannot be read, holds no relation, or a line is not eight finite numbers.
     """
-    path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a relations file: {error}") from error
-    rows = [
-        parse_numbers(line, 8, f"{path}:{number}", "stamp1 stamp2 x y z roll pitch yaw")
-        for number, line in enumerate(lines, start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not rows:
-        raise InputError(
-            f"{path}: holds no relation; expected 'stamp1 stamp2 x y z roll pitch yaw'"
-        )
-    table = np.array(rows)
+    table = read_table(path, "stamp1 stamp2 x y z roll pitch yaw")
     return Relations(stamps=table[:, :2], poses=table[:, [2, 3, 7]])
 
 

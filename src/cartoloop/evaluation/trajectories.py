@@ -58,33 +58,51 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
     InputError
         The file cannot be read, holds no pose, or a line is not eight finite numbers.
     """
-    path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a TUM trajectory: {error}") from error
-    rows = [
-        parse_numbers(line, 8, f"{path}:{number}", "stamp tx ty tz qx qy qz qw")
-        for number, line in enumerate(lines, start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not rows:
-        raise InputError(f"{path}: holds no pose; expected 'stamp tx ty tz qx qy qz qw' a line")
-    table = np.array(rows)
+    table = read_table(path, "stamp tx ty tz qx qy qz qw")
     qx, qy, qz, qw = table[:, 4:].T
     yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
     return Trajectory(stamps=table[:, 0], poses=np.column_stack((table[:, 1:3], yaw)))
 
 
-def parse_numbers(line: str, count: int, where: str, layout: str) -> list[float]:
-    """Return the `count` finite numbers of a line, or raise an InputError that says `where`."""
+def read_table(path: str | PathLike[str], layout: str) -> FloatArray:
+    """Return the numbers in a text file, shape (lines, columns); blank and ``#`` lines are skipped.
+
+    Parameters
+    ----------
+    path : the file.
+    layout : names of the columns, separated by blanks.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, holds no line, or a line is not one finite number a column.
+    """
+    path = Path(path)
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is no text; expected lines of '{layout}'") from error
+    rows = [
+        _parse_numbers(line, f"{path}:{number}", layout)
+        for number, line in enumerate(lines, start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not rows:
+        raise InputError(f"{path}: is empty; expected lines of '{layout}'")
+    return np.array(rows)
+
+
+def _parse_numbers(line: str, where: str, layout: str) -> list[float]:
     try:
         numbers = [float(token) for token in line.split()]
     except ValueError:
         numbers = []
-    if len(numbers) != count or not np.all(np.isfinite(numbers)):
+    if len(numbers) != len(layout.split()) or not np.all(np.isfinite(numbers)):
         raise InputError(
-            f"{where}: expected {count} numbers '{layout}', found '{line.strip()[:60]}'"
+            f"{where}: expected {len(layout.split())} numbers '{layout}', "
+            f"found '{line.strip()[:60]}'"
         )
     return numbers
 

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``cartoloop``: its parts, and how errors are told.
+
+Commands import what they need inside their functions: ``cartoloop --help`` must neither wait for
+the compiler nor for SciPy.
+"""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+import cartoloop
+from cartoloop.cli.evaluate_command import evaluate_app
+from cartoloop.errors import CartoloopError, ConfigError, Interrupted
+
+app = typer.Typer(
+    name="cartoloop",
+    help="Laser scans in, floor plans out: 2D lidar SLAM with loop closure.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.add_typer(evaluate_app, name="evaluate")
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"cartoloop {cartoloop.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version."),
+    ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show where an unexpected error happened.")
+    ] = False,
+) -> None:
+    pass
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit status.
+
+    0: done, 1: failed, 2: wrong usage or configuration, 130: interrupted.
+    """
+    debug = "--debug" in arguments  # wherever it stands
+    try:
+        app(args=[argument for argument in arguments if argument != "--debug"])
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    except Interrupted as interruption:
+        typer.echo(f"cartoloop: {interruption}", err=True)
+        return 130
+    except CartoloopError as error:
+        typer.echo(f"cartoloop: {error}", err=True)
+        return 2 if isinstance(error, ConfigError) else 1
+    except Exception as error:  # noqa: BLE001 - users get a line, not a traceback
+        if debug:
+            traceback.print_exc()
+        typer.echo(
+            f"cartoloop: unexpected {type(error).__name__}: {' '.join(str(error).split())}; this "
+            "is a bug, please report it with the output of the same command and --debug",
+            err=True,
+        )
+        return 1
+    return 0
+
+
+def main() -> None:
+    """Run the command line of this process."""
+    sys.exit(run(sys.argv[1:]))
