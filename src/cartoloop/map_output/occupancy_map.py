@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All submaps at their optimised poses, composed into one occupancy map."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.config import SubmapConfig
+from cartoloop.errors import OutputError
+from cartoloop.kernels.map_composition import add_submap
+from cartoloop.sensor.pose import Pose, inverse, transform_points
+
+if TYPE_CHECKING:
+    from cartoloop.submaps.finished_grid import FinishedGrid
+
+FloatArray = NDArray[np.float64]
+
+UNKNOWN = np.float32(-1.0)
+"""Stands for the probability of cells that no submap has seen."""
+
+_MAX_LOG_ODDS = 4.6  # 1% and 99%
+_MAX_CELLS = 2**29  # 2.5 GB while composing; buildings need a hundredth of it
+_MARGIN_CELLS = 5
+
+
+@dataclass(frozen=True)
+class OccupancyMap:
+    """The map as a grid.
+
+    Attributes
+    ----------
+    probability : float32, shape (rows, cols), of occupancy, -1 where unknown; row = y, col = x.
+    origin_x, origin_y : the lower-left corner of cell (0, 0) [m, map frame].
+    resolution : cell edge [m].
+    """
+
+    probability: NDArray[np.float32]
+    origin_x: float
+    origin_y: float
+    resolution: float
+
+    def to_pixels(self, points_map: FloatArray) -> FloatArray:
+        """Return points (n, 2) [m, map frame] as image (column, row), 0 at the top left corner."""
+        column = (points_map[:, 0] - self.origin_x) / self.resolution
+        row = len(self.probability) - (points_map[:, 1] - self.origin_y) / self.resolution
+        return np.column_stack((column, row))
+
+
+def compose_map(
+    grids: Sequence[FinishedGrid], tf_map_submaps: FloatArray, config: SubmapConfig
+) -> OccupancyMap:
+    """Return the occupancy map of all submaps, judged by the sum of their evidence.
+
+    Parameters
+    ----------
+    grids : the submaps' grids, m of them; nothing seen yields one unknown cell.
+    tf_map_submaps : float64 (m, 3), their poses [m, m, rad].
+    config : the grids' resolution, and what a hit and a miss weigh.
+
+    Raises
+    ------
+    OutputError
+        The submaps lie so far apart that the map would not fit in memory.
+
+    Notes
+    -----
+    Log-odds add up (eq. 2 and 3, over submaps instead of scans), so that a wall that is hit in one
+    submap and missed in another is judged by what each is worth, not by which was drawn last.
+    Saturated cells have lost the count of their hits and misses, so hits keep the weight against
+    misses that one has against the other in eq. (3): otherwise two submaps that place a wall a
+    pixel apart would wipe out each other's wall.
+    """
+    seen = [
+        (crop, Pose(*tf_map_submap))
+        for grid, tf_map_submap in zip(grids, tf_map_submaps.tolist(), strict=True)
+        if (crop := _known_part(grid)) is not None
+    ]
+    resolution = config.resolution
+    if not seen:
+        return OccupancyMap(np.full((1, 1), UNKNOWN), 0.0, 0.0, resolution)
+    corners = [transform_points(pose, crop.corners) for crop, pose in seen]
+    lower = np.floor(np.min(np.concatenate(corners), axis=0) / resolution).astype(np.int64)
+    upper = np.ceil(np.max(np.concatenate(corners), axis=0) / resolution).astype(np.int64)
+    num_cols, num_rows = (upper - lower + 1).tolist()
+    if num_cols * num_rows > _MAX_CELLS:
+        raise OutputError(
+            f"the map would be {num_cols * resolution:.0f} m by {num_rows * resolution:.0f} m, "
+            "more than fits in memory; the trajectory has probably come apart, or "
+            f"local_slam.submaps.resolution = {resolution:g} is too fine"
+        )
+    total = np.zeros((num_rows, num_cols), dtype=np.float32)
+    known = np.zeros((num_rows, num_cols), dtype=np.bool_)
+    evidence = _evidence(config)
+    for (crop, pose), corners_map in zip(seen, corners, strict=True):
+        affine = _map_cell_to_submap_cell(pose, crop, lower, resolution)
+        cells = corners_map / resolution - lower
+        first = np.clip(np.floor(cells.min(axis=0)) - 1, 0, None).astype(np.int64)
+        end = np.minimum(np.ceil(cells.max(axis=0)).astype(np.int64) + 1, (num_cols, num_rows))
+        window = np.array((first[1], end[1], first[0], end[0]))
+        add_submap(crop.cells, evidence, affine, window, total, known)
+    return _cropped(total, known, lower, resolution)
+
+
+@dataclass(frozen=True)
+class _Crop:
+    """The part of a grid that holds something, with one unknown cell all around it."""
+
+    cells: NDArray[np.uint8]
+    origin_x: float
+    origin_y: float
+    resolution: float
+
+    @property
+    def corners(self) -> FloatArray:
+        """Centres of the outermost cells, which are unknown [m, submap frame], shape (4, 2)."""
+        rows, cols = self.cells.shape
+        right = self.origin_x + (cols - 1) * self.resolution
+        top = self.origin_y + (rows - 1) * self.resolution
+        left, bottom = self.origin_x, self.origin_y
+        return np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
+
+
+def _known_part(grid: FinishedGrid) -> _Crop | None:
+    rows = np.flatnonzero(np.any(grid.cells, axis=1))
+    cols = np.flatnonzero(np.any(grid.cells, axis=0))
+    if len(rows) == 0:
+        return None
+    return _Crop(
+        cells=np.pad(grid.cells[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1], 1),
+        origin_x=grid.origin_x + float(cols[0] - 1) * grid.resolution,
+        origin_y=grid.origin_y + float(rows[0] - 1) * grid.resolution,
+        resolution=grid.resolution,
+    )
+
+
+def _evidence(config: SubmapConfig) -> NDArray[np.float32]:
+    """Return the log-odds that a cell adds to the map, by its value."""
+    probability = 0.1 + np.arange(-1, 255) / 254.0 * 0.8
+    log_odds = np.log(probability / (1.0 - probability))
+    log_odds[0] = 0.0
+    hit = math.log(config.hit_probability / (1.0 - config.hit_probability))
+    miss = math.log((1.0 - config.miss_probability) / config.miss_probability)
+    return np.where(log_odds > 0.0, max(1.0, hit / miss) * log_odds, log_odds).astype(np.float32)
+
+
+def _map_cell_to_submap_cell(
+    tf_map_submap: Pose, crop: _Crop, lower: NDArray[np.int64], resolution: float
+) -> FloatArray:
+    """Return the transform from map cells to submap cells, both as coordinates of cell centres."""
+    tf_submap_map = inverse(tf_map_submap)
+    cos = math.cos(tf_submap_map.theta) * resolution / crop.resolution
+    sin = math.sin(tf_submap_map.theta) * resolution / crop.resolution
+    centre_x, centre_y = (float(cell) + 0.5 for cell in lower)
+    return np.array(
+        (
+            (tf_submap_map.x - crop.origin_x) / crop.resolution + cos * centre_x - sin * centre_y,
+            cos,
+            -sin,
+            (tf_submap_map.y - crop.origin_y) / crop.resolution + sin * centre_x + cos * centre_y,
+            sin,
+            cos,
+        )
+    )
+
+
+def _cropped(
+    total: NDArray[np.float32],
+    known: NDArray[np.bool_],
+    lower: NDArray[np.int64],
+    resolution: float,
+) -> OccupancyMap:
+    """Return the known part of the map with a margin, as probabilities."""
+    rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    if len(rows) == 0:
+        return OccupancyMap(np.full((1, 1), UNKNOWN), 0.0, 0.0, resolution)
+    part = (slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
+    total, known = total[part], known[part]
+    np.clip(total, -_MAX_LOG_ODDS, _MAX_LOG_ODDS, out=total)
+    probability = np.where(known, 1.0 / (1.0 + np.exp(-total)), UNKNOWN)
+    return OccupancyMap(
+        probability=np.pad(probability, _MARGIN_CELLS, constant_values=UNKNOWN),
+        origin_x=float(lower[0] + cols[0] - _MARGIN_CELLS) * resolution,
+        origin_y=float(lower[1] + rows[0] - _MARGIN_CELLS) * resolution,
+        resolution=resolution,
+    )
