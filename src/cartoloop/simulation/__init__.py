@@ -1,2 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds, scanners and odometry with known truth."""
+"""Worlds, scanners and odometry with known truth.
+
+>>> from cartoloop.simulation import make_world, simulate
+>>> recording = simulate(make_world("office"), seed=7)
+>>> recording.write_carmen("office.log.gz")
+>>> recording.write_truth("office.truth.tum")
+"""
+
+from cartoloop.simulation.floor_plan import FloorPlan, Opening, World
+from cartoloop.simulation.lidar import LIDARS, Lidar
+from cartoloop.simulation.motion import Motion, drive
+from cartoloop.simulation.odometry import PERFECT_ODOMETRY, OdometryModel
+from cartoloop.simulation.recording import Recording, simulate
+from cartoloop.simulation.worlds import WORLDS, corridor, make_world, office, ring
+
+__all__ = [
+    "LIDARS",
+    "PERFECT_ODOMETRY",
+    "WORLDS",
+    "FloorPlan",
+    "Lidar",
+    "Motion",
+    "OdometryModel",
+    "Opening",
+    "Recording",
+    "World",
+    "corridor",
+    "drive",
+    "make_world",
+    "office",
+    "ring",
+    "simulate",
+]

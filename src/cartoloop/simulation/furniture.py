@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Furniture for simulated floors: placed at random, never in the way of the route or of a door."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.simulation.floor_plan import WALL_THICKNESS, Box, FloorPlan, Point, Room
+
+FloatArray = NDArray[np.float64]
+
+WALL_FACE = WALL_THICKNESS / 2
+
+
+class Furniture:
+    """Puts boxes onto a floor plan where they hinder nobody.
+
+    Parameters
+    ----------
+    plan : gets the furniture.
+    route : float64, shape (k, 2), corners of the way that stays clear [m].
+    """
+
+    def __init__(self, plan: FloorPlan, route: FloatArray) -> None:
+        self.plan = plan
+        self._way = _dense(route, spacing=0.1)
+        self._taken: list[Box] = []
+
+    def keep_door_clear(self, room: Room) -> None:
+        """Reserve the space that a room's door needs on both sides."""
+        middle, half = room.door.middle, room.door.width / 2 + 0.1
+        self._taken.append(room.bounds(middle - half, -1.0, middle + half, 1.1))
+
+    def place(
+        self, bounds: Box, clearance: float = 0.6, gap: float = 0.0, visible: bool = True
+    ) -> bool:
+        """Add a box unless it is in the way; return whether it was added.
+
+        Parameters
+        ----------
+        bounds : x_min, y_min, x_max, y_max [m].
+        clearance : distance to keep from the route [m].
+        gap : distance to keep from other furniture [m].
+        visible : False only reserves the space.
+        """
+        x_min, y_min, x_max, y_max = bounds
+        away_x = np.maximum(np.maximum(x_min - self._way[:, 0], self._way[:, 0] - x_max), 0.0)
+        away_y = np.maximum(np.maximum(y_min - self._way[:, 1], self._way[:, 1] - y_max), 0.0)
+        if float(np.hypot(away_x, away_y).min()) < clearance:
+            return False
+        for x1, y1, x2, y2 in self._taken:
+            if x_min < x2 + gap and x1 < x_max + gap and y_min < y2 + gap and y1 < y_max + gap:
+                return False
+        self._taken.append(bounds)
+        if visible:
+            self.plan.box((x_min, y_min), (x_max, y_max))
+        return True
+
+
+def furnish_room(furniture: Furniture, rng: np.random.Generator, room: Room) -> None:
+    """Make a room an office, a meeting room or a store, as its size allows."""
+    kind = rng.choice(["office", "office", "meeting", "store"])
+    if kind == "meeting" and room.width > 3.6:
+        _meeting_table(furniture, rng, room)
+    elif kind == "store" and room.width < 6.0:
+        _shelf_rows(furniture, rng, room)
+    else:
+        _desks(furniture, rng, room)
+    for _ in range(int(room.width * room.depth / 7.0)):
+        _cabinet(furniture, rng, room)
+
+
+def furnish_corridor(
+    furniture: Furniture, rng: np.random.Generator, begin: Point, end: Point
+) -> None:
+    """Put a few things along the middle line of a corridor's wall, on both of its sides."""
+    length = math.dist(begin, end)
+    ux, uy = (end[0] - begin[0]) / length, (end[1] - begin[1]) / length
+    for _ in range(round(length / 4.0)):
+        at, size = rng.uniform(0.3, length - 1.9), rng.uniform(0.25, 1.5)
+        depth = WALL_FACE + rng.uniform(0.1, 0.32)
+        x, y = begin[0] + at * ux, begin[1] + at * uy
+        furniture.place(
+            (
+                x - depth * abs(uy),
+                y - depth * abs(ux),
+                x + size * ux + depth * abs(uy),
+                y + size * uy + depth * abs(ux),
+            ),
+            clearance=0.45,
+            gap=0.8,
+        )
+
+
+def _desks(furniture: Furniture, rng: np.random.Generator, room: Room) -> None:
+    """Put desks at the back wall, each with a chair before it."""
+    back = room.depth - WALL_FACE
+    for _ in range(round(room.width / 1.6)):
+        width, depth = rng.uniform(1.2, 1.8), rng.uniform(0.65, 0.85)
+        u = rng.uniform(WALL_FACE, max(room.width - width - WALL_FACE, 0.1))
+        if furniture.place(room.bounds(u, back - depth, u + width, back), gap=0.15):
+            chair_u, chair_v = u + width * rng.uniform(0.3, 0.7), back - depth - 0.35
+            around = room.bounds(chair_u - 0.25, chair_v - 0.25, chair_u + 0.25, chair_v + 0.25)
+            if furniture.place(around, visible=False):
+                furniture.plan.pillar(room.point(chair_u, chair_v), 0.24, num_sides=5)
+
+
+def _meeting_table(furniture: Furniture, rng: np.random.Generator, room: Room) -> None:
+    """Put a table with chairs into the middle of the room."""
+    half_u = min(2.0, room.width / 2 - 1.3)
+    half_v = min(0.8, room.depth / 2 - 1.5)
+    u, v = room.width / 2, room.depth / 2 + rng.uniform(0.0, 0.6)
+    if not furniture.place(room.bounds(u - half_u, v - half_v, u + half_u, v + half_v)):
+        _desks(furniture, rng, room)
+        return
+    for side in (-1.0, 1.0):
+        for chair_u in np.arange(u - half_u + 0.4, u + half_u - 0.2, 0.9):
+            chair_v = v + side * (half_v + rng.uniform(0.3, 0.5))
+            around = room.bounds(chair_u - 0.24, chair_v - 0.24, chair_u + 0.24, chair_v + 0.24)
+            if furniture.place(around, visible=False):
+                furniture.plan.pillar(room.point(chair_u, chair_v), 0.23, num_sides=5)
+
+
+def _shelf_rows(furniture: Furniture, rng: np.random.Generator, room: Room) -> None:
+    """Put rows of shelves upright to the back wall."""
+    back = room.depth - WALL_FACE
+    length = room.depth * rng.uniform(0.4, 0.6)
+    for u in np.arange(WALL_FACE, room.width - 0.5, rng.uniform(1.3, 1.6)):
+        furniture.place(room.bounds(u, back - length, u + 0.45, back), gap=0.3)
+
+
+def _cabinet(furniture: Furniture, rng: np.random.Generator, room: Room) -> None:
+    """Put a cabinet at a side wall or at the front wall."""
+    length, depth = rng.uniform(0.6, 2.0), rng.uniform(0.35, 0.6)
+    if rng.random() < 0.3:
+        u = rng.uniform(WALL_FACE, max(room.width - length - WALL_FACE, 0.1))
+        bounds = room.bounds(u, WALL_FACE, u + length, WALL_FACE + depth)
+    else:
+        u = WALL_FACE if rng.random() < 0.5 else room.width - WALL_FACE - depth
+        v = rng.uniform(WALL_FACE, room.depth - WALL_FACE - length)
+        bounds = room.bounds(u, v, u + depth, v + length)
+    furniture.place(bounds, gap=0.1)
+
+
+def _dense(route: FloatArray, spacing: float) -> FloatArray:
+    """Return points along a polyline, at most `spacing` [m] apart."""
+    legs = [
+        np.linspace(start, end, max(2, int(np.ceil(np.hypot(*(end - start)) / spacing)) + 1))
+        for start, end in pairwise(route)
+    ]
+    return np.vstack(legs)

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulated laser scanner: exact ranges to the walls, then what a real scanner makes of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.errors import ConfigError
+from cartoloop.sensor.events import ScanGeometry
+from cartoloop.sensor.pose import IDENTITY, Pose, compose_all
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Lidar:
+    """A planar scanner; all beams of a scan are measured at once, at its stamp.
+
+    Attributes
+    ----------
+    num_beams : ranges in a scan, counter-clockwise.
+    angle_min : angle of beam 0 [rad], sensor frame.
+    angle_increment : angle from one beam to the next [rad].
+    rate : scans a second [Hz].
+    range_min : nearer walls are reported as 0 [m].
+    range_max : walls from here on are not seen [m].
+    range_noise : standard deviation of a range [m].
+    dropout : probability that a beam does not come back.
+    range_quantum : ranges are multiples of this [m]; 0 for any range.
+    no_return : the range reported when nothing comes back [m].
+    tf_tracking_sensor : where the scanner sits on the robot.
+    """
+
+    num_beams: int = 361
+    angle_min: float = math.radians(-90.0)
+    angle_increment: float = math.radians(0.5)
+    rate: float = 5.0
+    range_min: float = 0.1
+    range_max: float = 30.0
+    range_noise: float = 0.01
+    dropout: float = 0.002
+    range_quantum: float = 0.001
+    no_return: float = 81.91
+    tf_tracking_sensor: Pose = IDENTITY
+
+    def __post_init__(self) -> None:
+        if self.num_beams < 1 or not 0.0 < self.angle_increment * self.num_beams < math.tau + 1e-9:
+            raise ConfigError(
+                f"simulated scanner of {self.num_beams} beams every {self.angle_increment:g} rad: "
+                "give at least one beam, counter-clockwise, all within one turn"
+            )
+        if not (self.rate > 0.0 and 0.0 <= self.range_min < self.range_max <= self.no_return):
+            raise ConfigError(
+                "simulated scanner: rate must be positive and range_min < range_max <= no_return"
+            )
+        if min(self.range_noise, self.range_quantum) < 0.0 or not 0.0 <= self.dropout <= 1.0:
+            raise ConfigError(
+                "simulated scanner: noise and quantum must not be negative, dropout within [0, 1]"
+            )
+
+    @property
+    def field_of_view(self) -> float:
+        """The angle from the first beam to the last [rad]."""
+        return self.angle_increment * (self.num_beams - 1)
+
+    @property
+    def geometry(self) -> ScanGeometry:
+        """What a reader would say of this scanner's scans."""
+        return ScanGeometry(
+            angle_min=self.angle_min,
+            angle_increment=self.angle_increment,
+            num_beams=self.num_beams,
+            range_min=self.range_min,
+            range_max=self.range_max,
+            no_return_is_free=True,
+            tf_tracking_sensor=self.tf_tracking_sensor,
+        )
+
+
+# The classes of scanner of the recordings that people map: name -> scanner.
+LIDARS: dict[str, Lidar] = {
+    "sick": Lidar(),
+    "sick-180": Lidar(num_beams=180, angle_increment=math.radians(1.0)),
+    "wide": Lidar(
+        num_beams=1081,
+        angle_min=math.radians(-135.0),
+        angle_increment=math.radians(0.25),
+        rate=10.0,
+        range_min=0.06,
+        range_noise=0.015,
+        no_return=60.0,
+    ),
+}
+
+
+def true_ranges(walls: FloatArray, robot_poses: FloatArray, lidar: Lidar) -> FloatArray:
+    """Return the exact distance to the nearest wall along each beam.
+
+    Parameters
+    ----------
+    walls : float64, shape (num_walls, 4), segments x1, y1, x2, y2 [m], map frame.
+    robot_poses : float64, shape (n, 3), the robot's x [m], y [m], theta [rad], map frame.
+    lidar : the scanner.
+
+    Returns
+    -------
+    float64, shape (n, num_beams) [m]; inf where nothing is nearer than the maximum range.
+    """
+    from cartoloop.kernels.wall_ranges import wall_ranges
+
+    sensor_poses = compose_all(robot_poses, np.array(lidar.tf_tracking_sensor))
+    ranges = np.empty((len(robot_poses), lidar.num_beams))
+    wall_ranges(
+        np.ascontiguousarray(walls, dtype=np.float64),
+        np.ascontiguousarray(sensor_poses),
+        lidar.angle_min,
+        lidar.angle_increment,
+        lidar.range_max,
+        ranges,
+    )
+    return ranges
+
+
+def measured_ranges(ranges: FloatArray, lidar: Lidar, rng: np.random.Generator) -> FloatArray:
+    """Return exact ranges as the scanner reports them: with noise, dropouts, limits and steps.
+
+    Parameters
+    ----------
+    ranges : float64, shape (n, num_beams) [m], inf where there is nothing to see.
+    lidar : the scanner.
+    rng : the source of noise.
+    """
+    measured = ranges + rng.normal(0.0, lidar.range_noise, ranges.shape)
+    lost = rng.random(ranges.shape) < lidar.dropout
+    if lidar.range_quantum > 0.0:
+        # Divided by whole steps a metre, a range is the same number that is read back from text.
+        steps = 1.0 / lidar.range_quantum
+        measured = np.rint(measured * steps) / steps
+    measured[measured < lidar.range_min] = 0.0
+    measured[lost | (measured >= lidar.range_max)] = lidar.no_return
+    return measured
