@@ -3,18 +3,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import sys
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import cartoloop
-from cartoloop.config import Config
 from cartoloop.stage_timer import StageSummary
-
-MACHINE_PARAMETERS = frozenset({"global_slam.num_threads"})
-"""Parameters that say how the machine is used: the result does not depend on them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,27 +96,6 @@ class Report:
         keys = asdict(self)
         extra = keys.pop("extra")
         return json.dumps(keys | extra, indent=2, allow_nan=False) + "\n"
-
-
-def config_hash(config: Config) -> str:
-    """Return 16 hex digits that differ where parameters differ that matter to the result."""
-    values = {
-        key: value
-        for key, value in flatten(config.model_dump()).items()
-        if key not in MACHINE_PARAMETERS
-    }
-    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def flatten(tree: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return a tree of dictionaries as one level, its keys joined by dots, in order."""
-    flat: dict[str, Any] = {}
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            flat |= flatten(value, f"{prefix}{key}.")
-        else:
-            flat[prefix + key] = value
-    return flat
 
 
 def peak_memory_mb() -> float:
