@@ -1,0 +1,287 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The grammar of CARMEN log lines: which token of a line means what.
+
+::
+
+    FLASER n r1..rn  x y theta  odom_x odom_y odom_theta                     [stamp host logger]
+    ROBOTLASER1 type start fov step max accuracy remission  n r1..rn [m s1..sm]
+                laser_x laser_y laser_theta  robot_x robot_y robot_theta
+                tv rv forward_safety side_safety [turn_axis]                 [stamp host logger]
+    RAWLASER1   type start fov step max accuracy remission  n r1..rn [m s1..sm] [stamp host logger]
+    ODOM x y theta tv rv accel                                               [stamp host logger]
+    PARAM name value
+
+Whether the optional parts are there is told by counting tokens from the end.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.sensor.pose import IDENTITY, Pose, relative
+
+FloatArray = NDArray[np.float64]
+
+SCAN_TAGS = (
+    b"FLASER",
+    b"RLASER",
+    b"ROBOTLASER1",
+    b"ROBOTLASER2",
+    b"RAWLASER1",
+    b"RAWLASER2",
+)
+# Messages that a CARMEN log may hold and from which nothing can be mapped.
+IGNORED_TAGS = frozenset(
+    b"SYNC TRUEPOS NMEA NMEAGGA NMEARMC GPS IMU LASER3 LASER4 LASER5 RAWLASER3 RAWLASER4 "
+    b"RAWLASER5 ROBOTLASER0 REMISSIONFLASER REMISSIONRLASER POSITIONLASER BASEODOMETRY FRONTLASER "
+    b"SIMULATOR_TRUEPOS SIMULATOR_OBJECTS ARM PANTILT SCANMARK POSITION_LASERMSG0 VISION"
+    b" WIFI".split()
+)
+_STAMP_TOKENS = 3  # ipc_timestamp ipc_hostname logger_timestamp
+_HEADER_TOKENS = 7  # type start fov step max accuracy remission
+# laser pose, robot pose, tv, rv, two safety distances, and then maybe the turn axis
+_ROBOTLASER_TAILS = (10, 11)
+
+
+class LineError(Exception):
+    """A line that cannot be used: the reason it is counted under, and what is wrong with it."""
+
+    def __init__(self, reason: str, detail: str) -> None:
+        super().__init__(detail)
+        self.reason = reason
+        self.detail = detail
+
+
+class ScanLayout(NamedTuple):
+    """Where things stand among the tokens of a scan line; -1 where they are missing."""
+
+    first_range: int
+    num_beams: int
+    robot_pose: int
+    laser_pose: int
+    stamp: int
+
+
+def scan_layout(tokens: list[bytes]) -> ScanLayout:
+    """Return where things stand among the `tokens` of a scan line, whose tag is in `SCAN_TAGS`.
+
+    Raises
+    ------
+    LineError
+        If the number of tokens fits no form of the line.
+    """
+    tag = tokens[0]
+    if tag in (b"FLASER", b"RLASER"):
+        count = tokens[1] if len(tokens) > 1 else b""
+        return _flaser_layout(count, len(tokens))
+    return _with_header_layout(tokens)
+
+
+@lru_cache(maxsize=64)
+def _flaser_layout(count: bytes, num_tokens: int) -> ScanLayout:
+    """Return the layout of FLASER, which the count of ranges and of tokens settle."""
+    num_beams = _beam_count(count)
+    tail = 2 + num_beams
+    extra = num_tokens - tail
+    if extra == 6:
+        return ScanLayout(2, num_beams, tail + 3, tail, -1)
+    if extra == 6 + _STAMP_TOKENS:
+        return ScanLayout(2, num_beams, tail + 3, tail, tail + 6)
+    raise _wrong_count(num_beams, extra, "6 pose numbers and 3 of the stamp")
+
+
+def _with_header_layout(tokens: list[bytes]) -> ScanLayout:
+    """Return the layout of ROBOTLASERn and RAWLASERn."""
+    if len(tokens) < _HEADER_TOKENS + 2:
+        raise LineError("line cut off", "the line ends within the header of the scan")
+    first_range = _HEADER_TOKENS + 2
+    num_beams = _beam_count(tokens[first_range - 1])
+    tail = first_range + num_beams
+    has_pose = tokens[0].startswith(b"ROBOT")
+    wanted = _ROBOTLASER_TAILS if has_pose else (0,)
+    # A host name is no number, so it tells a stamp from further values; failing that, try both.
+    has_host = len(tokens) - tail >= _STAMP_TOKENS and not _is_number(tokens[-2])
+    for num_stamp in (_STAMP_TOKENS,) if has_host else (0, _STAMP_TOKENS):
+        start = _pose_start(tokens, tail, len(tokens) - num_stamp, wanted)
+        if start >= 0:
+            laser, robot = (start, start + 3) if has_pose else (-1, -1)
+            stamp = len(tokens) - _STAMP_TOKENS if num_stamp else -1
+            return ScanLayout(first_range, num_beams, robot, laser, stamp)
+    raise _wrong_count(num_beams, len(tokens) - tail, "the poses and the stamp")
+
+
+def _pose_start(tokens: list[bytes], tail: int, end: int, wanted: tuple[int, ...]) -> int:
+    """Return where the laser's pose begins, after the remissions if there are any, or -1."""
+    plain = end - tail in wanted
+    blocked = -1
+    if tail < end and tokens[tail].isdigit():
+        after = tail + 1 + int(tokens[tail])
+        if end - after in wanted:
+            blocked = after
+    if plain and blocked >= 0:
+        # "0" may be an empty remission block or the laser's x: the laser sits near the robot.
+        return min((blocked, tail), key=lambda start: _laser_distance(tokens, start))
+    return tail if plain else blocked
+
+
+def _laser_distance(tokens: list[bytes], start: int) -> float:
+    """Return how far the laser is from the robot [m] if the poses begin at `start`."""
+    try:
+        x, y, _, robot_x, robot_y, _ = (float(token) for token in tokens[start : start + 6])
+    except ValueError:
+        return math.inf
+    return math.hypot(x - robot_x, y - robot_y)
+
+
+def _beam_count(token: bytes) -> int:
+    if not token.isdigit():
+        shown = token.decode("ascii", "replace")
+        raise LineError("no range count", f"the count of ranges is {shown!r}, not a whole number")
+    if int(token) == 0:
+        raise LineError("scan without ranges", "the scan has no ranges")
+    return int(token)
+
+
+def _wrong_count(num_beams: int, extra: int, wanted: str) -> LineError:
+    if extra < 0:
+        return LineError(
+            "range count mismatch or line cut off",
+            f"{num_beams} ranges are announced, the line ends after {num_beams + extra}",
+        )
+    return LineError(
+        "range count mismatch or line cut off",
+        f"{num_beams} ranges are announced, then {wanted} should follow, but {extra} tokens do",
+    )
+
+
+def odom_stamp_index(num_tokens: int) -> int:
+    """Return which token of an ODOM line is the stamp, or -1 if it has none.
+
+    Raises
+    ------
+    LineError
+        If the number of tokens fits no form of the line.
+    """
+    if num_tokens == 7 + _STAMP_TOKENS:
+        return 7
+    if num_tokens == 7:
+        return -1
+    raise LineError("line cut off", f"an ODOM line has 7 or 10 tokens, this one {num_tokens}")
+
+
+def parse_stamp(tokens: list[bytes], index: int) -> float:
+    """Return the stamp [s], NaN where it is missing (`index` -1) or not finite.
+
+    Raises
+    ------
+    LineError
+        If the token is not a number.
+    """
+    if index < 0:
+        return math.nan
+    stamp = _number(tokens[index])
+    return stamp if math.isfinite(stamp) else math.nan
+
+
+def parse_pose(tokens: list[bytes], index: int) -> Pose:
+    """Return the pose whose x, y [m] and theta [rad] stand from token `index` on.
+
+    Raises
+    ------
+    LineError
+        If a token is not a number, or not finite.
+    """
+    x, y, theta = _number(tokens[index]), _number(tokens[index + 1]), _number(tokens[index + 2])
+    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
+        raise LineError("pose not finite", "a number of the pose is NaN or infinite")
+    return Pose(x, y, theta)
+
+
+def parse_ranges(tokens: list[bytes], layout: ScanLayout) -> FloatArray:
+    """Return the ranges of a scan line [m]; NaN, infinite and negative ones stay as they are.
+
+    Raises
+    ------
+    LineError
+        If a token is not a number.
+    """
+    words = tokens[layout.first_range : layout.first_range + layout.num_beams]
+    try:
+        return np.array(words, dtype=np.float64)
+    except ValueError:
+        for word in words:
+            _number(word)
+        raise
+
+
+def parse_laser_offset(tokens: list[bytes], layout: ScanLayout) -> Pose:
+    """Return tf_tracking_sensor; the poses of laser and robot are both in the odometry frame."""
+    robot = parse_pose(tokens, layout.robot_pose)
+    return relative(robot, parse_pose(tokens, layout.laser_pose))
+
+
+class BeamAngles(NamedTuple):
+    """Angle of beam 0 and step to the next [rad], sensor frame; maximum range [m] or inf."""
+
+    angle_min: float
+    angle_increment: float
+    range_max: float
+
+
+def beam_angles(tokens: list[bytes], num_beams: int) -> BeamAngles:
+    """Return where the beams of a scan line look.
+
+    FLASER and RLASER carry no angles: by custom the beams span 180 degrees counter-clockwise from
+    -90 degrees, an odd number with both ends (181: 1.0 degree), an even one without the last
+    (180: 1.0 degree too). The other lines tell in their header.
+
+    Raises
+    ------
+    LineError
+        If a number of the header is none.
+    """
+    if tokens[0] in (b"FLASER", b"RLASER"):
+        steps = max(num_beams if num_beams % 2 == 0 else num_beams - 1, 1)
+        return BeamAngles(-math.pi / 2, math.pi / steps, math.inf)
+    start, field_of_view, step, longest = (_number(token) for token in tokens[2:6])
+    if not (math.isfinite(start) and math.isfinite(field_of_view)):
+        raise LineError("header not finite", "an angle of the scan's header is NaN or infinite")
+    if not (math.isfinite(step) and step != 0.0):
+        step = field_of_view / max(num_beams - 1, 1)
+    usable = math.isfinite(longest) and longest > 0.0
+    return BeamAngles(start, step, longest if usable else math.inf)
+
+
+def laser_offset_params(params: dict[str, float], *, rear: bool) -> Pose:
+    """Return tf_tracking_sensor of the front or the rear laser as PARAM lines tell it.
+
+    Without such lines the scanner sits on the robot's centre; the rear one looks backwards.
+    """
+    prefix = "robot_rearlaser" if rear else "robot_frontlaser"
+    facing = math.pi if rear else IDENTITY.theta
+    return Pose(
+        params.get(f"{prefix}_offset", 0.0),
+        params.get(f"{prefix}_side_offset", 0.0),
+        params.get(f"{prefix}_angular_offset", facing),
+    )
+
+
+def _number(token: bytes) -> float:
+    try:
+        return float(token)
+    except ValueError:
+        shown = token.decode("ascii", "replace")[:20]
+        raise LineError("not a number", f"{shown!r} is not a number") from None
+
+
+def _is_number(token: bytes) -> bool:
+    try:
+        float(token)
+    except ValueError:
+        return False
+    return True

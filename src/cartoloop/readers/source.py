@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The lines of a text recording, plain or gzip, whole or cut off: read once, kept while small."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from cartoloop.errors import InputError
+
+_CHUNK_BYTES = 1 << 18
+_KEEP_BYTES = 256 << 20
+_GZIP_MAGIC = b"\x1f\x8b"
+
+# What people give by mistake, known by its first bytes, and what to do about it.
+_FOREIGN = (
+    (b"#ROSBAG", "a ROS 1 bag, not a CARMEN log; convert its scans to CARMEN lines first"),
+    (b"\x89MCAP", "an MCAP recording, not a CARMEN log; convert its scans to CARMEN lines first"),
+    (b"SQLite format 3", "a database, not a CARMEN log; convert its scans to CARMEN lines first"),
+    (b"\x89PNG", "a PNG picture, not a recording; give the log it was made from"),
+    (b"\xff\xd8\xff", "a JPEG picture, not a recording; give the log it was made from"),
+    (b"%PDF", "a PDF document, not a recording; give the log itself"),
+    (b"PK\x03\x04", "a zip archive; unpack it and give the log inside"),
+    (b"BZh", "bzip2-compressed; unpack it (bunzip2) and give the log inside"),
+    (b"\xfd7zXZ", "xz-compressed; unpack it (unxz) and give the log inside"),
+    (b"\x28\xb5\x2f\xfd", "zstd-compressed; unpack it (unzstd) and give the log inside"),
+)
+
+
+class Source:
+    """The lines of one file, as often as wanted.
+
+    Contents of up to 256 MB stay in memory, so that a second pass costs no decompression; larger
+    files are read again.
+
+    Attributes
+    ----------
+    path : the file.
+    name : its last path component, as messages show it.
+    damage : what was wrong with the compressed stream, or "" (known after the first pass).
+    ends_mid_line : whether the last line lacks its newline (known after the first pass).
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is empty or is plainly no text.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.name = self.path.name
+        self.damage = ""
+        self.ends_mid_line = False
+        self._lines: list[bytes] | None = None
+        self._check_head()
+        self._load()
+
+    def lines(self) -> Iterator[bytes]:
+        """Yield the lines in file order, without their newlines."""
+        if self._lines is not None:
+            return iter(self._lines)
+        return self._stream_lines()
+
+    def _check_head(self) -> None:
+        if self.path.is_dir():
+            raise InputError(f"{self.path}: is a folder; give the recording inside it")
+        head = next(self._chunks(), b"")
+        if not head and not self.damage:
+            raise InputError(f"{self.path}: is empty; record or download it again")
+        if not head:
+            raise InputError(f"{self.path}: {self.damage}, nothing can be read; download it again")
+        for magic, what in _FOREIGN:
+            if head.startswith(magic):
+                raise InputError(f"{self.path}: is {what}")
+        if head[:512].lstrip().lower().startswith((b"<!doctype", b"<html", b"<?xml")):
+            raise InputError(
+                f"{self.path}: is a web page, not a recording; "
+                "the download went wrong, fetch the file itself"
+            )
+        if b"\x00" in head[:65536]:
+            raise InputError(
+                f"{self.path}: is binary, not a CARMEN log; give a CARMEN text log, plain or gzip"
+            )
+
+    def _load(self) -> None:
+        chunks, size = [], 0
+        for chunk in self._chunks():
+            chunks.append(chunk)
+            size += len(chunk)
+            if size > _KEEP_BYTES:
+                return
+        lines = b"".join(chunks).split(b"\n")
+        self.ends_mid_line = bool(lines[-1])
+        self._lines = lines if lines[-1] else lines[:-1]
+
+    def _stream_lines(self) -> Iterator[bytes]:
+        rest = b""
+        for chunk in self._chunks():
+            lines = (rest + chunk).split(b"\n")
+            rest = lines.pop()
+            yield from lines
+        self.ends_mid_line = bool(rest)
+        if rest:
+            yield rest
+
+    def _chunks(self) -> Iterator[bytes]:
+        """Yield the decompressed contents; what precedes a damage is yielded, the damage noted."""
+        try:
+            with self.path.open("rb") as file:
+                first = file.read(_CHUNK_BYTES)
+                raw = _continued(first, iter(lambda: file.read(_CHUNK_BYTES), b""))
+                if first.startswith(_GZIP_MAGIC):
+                    yield from self._unzipped(raw)
+                else:
+                    yield from raw
+        except FileNotFoundError:
+            raise InputError(f"{self.path}: does not exist; check the path") from None
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise InputError(f"{self.path}: cannot be read ({reason}); check the file") from None
+
+    def _unzipped(self, raw: Iterator[bytes]) -> Iterator[bytes]:
+        # Not the gzip module: it throws away what it had decompressed when the stream breaks off.
+        stream = zlib.decompressobj(wbits=31)
+        for compressed in raw:
+            data = compressed
+            while data:
+                if stream.eof:
+                    if not data.startswith(_GZIP_MAGIC):
+                        return  # padding after the last member
+                    stream = zlib.decompressobj(wbits=31)
+                before = stream.copy()
+                try:
+                    plain = stream.decompress(data)
+                except zlib.error as error:
+                    self.damage = f"gzip stream is damaged ({error})"
+                    yield from _until_damage(before, data)
+                    return
+                if plain:
+                    yield plain
+                data = stream.unused_data
+        if not stream.eof:
+            self.damage = "gzip stream is cut off"
+
+
+def _continued(first: bytes, rest: Iterator[bytes]) -> Iterator[bytes]:
+    """Yield `first`, unless it is empty, then `rest`."""
+    if first:
+        yield first
+        yield from rest
+
+
+def _until_damage(stream: zlib._Decompress, data: bytes) -> Iterator[bytes]:
+    """Yield what `data` holds before the place where decompression fails."""
+    for start in range(0, len(data), 64):
+        try:
+            yield stream.decompress(data[start : start + 64])
+        except zlib.error:
+            return

@@ -1,0 +1,357 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the stamps of a recording to times that never run backwards.
+
+The order of the file is the true order; stamps may be written late (bursts that run backwards),
+repeat, be missing, be wild, or start anew. All functions are pure functions of arrays.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+NOMINAL_PERIOD = 0.2  # of a log without any stamps: the usual scanner of such logs sends at 5 Hz
+MIN_JUMP = 10.0  # shorter jumps are delays, not gaps [s]
+JUMP_PERIODS = 20.0  # nor are jumps of fewer periods, in logs with few scans
+WILD_AT_THE_END = (
+    3600.0  # how far a first or last stamp that is in order must be off to be wild [s]
+)
+AGREEING_STAMPS = 5  # neighbours on either side that outvote a stamp
+BURSTY_SHARE = 0.01  # of stamps running backwards: from here on none of a stretch is trusted
+BURSTY_COUNT = 10
+BLOCK_SCANS = 100  # over how many scans bursty stamps are averaged
+
+
+@dataclass(frozen=True, slots=True)
+class TimeReport:
+    """What was wrong with the stamps of a recording.
+
+    Attributes
+    ----------
+    num_stamps : how many stamps were looked at.
+    num_missing : lines without a stamp.
+    num_backwards : steps to an earlier stamp; `largest_backwards` [s] is the longest of them.
+    num_repeated : steps to an equal stamp.
+    num_wild : stamps far off on their own, which their neighbours outvote.
+    num_repaired : times that differ from their stamps.
+    period : typical time from one stamp to the next [s].
+    gaps : indices of the stamps after a real gap; `largest_gap` [s] is the longest of them.
+    resets : indices of the stamps from which on the clock had started anew.
+    """
+
+    num_stamps: int
+    num_missing: int = 0
+    num_backwards: int = 0
+    largest_backwards: float = 0.0
+    num_repeated: int = 0
+    num_wild: int = 0
+    num_repaired: int = 0
+    period: float = NOMINAL_PERIOD
+    gaps: tuple[int, ...] = ()
+    largest_gap: float = 0.0
+    resets: tuple[int, ...] = field(default=())
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether every time is its stamp."""
+        return self.num_repaired == 0
+
+    def describe(self) -> str:
+        """Return one line for the user."""
+        parts = []
+        if self.num_missing:
+            parts.append(f"{self.num_missing} missing")
+        if self.num_backwards:
+            parts.append(
+                f"{self.num_backwards} run backwards (by up to {self.largest_backwards:.3g} s)"
+            )
+        if self.num_repeated:
+            parts.append(f"{self.num_repeated} repeated")
+        if self.num_wild:
+            parts.append(f"{self.num_wild} wild")
+        if self.resets:
+            parts.append(f"the clock starts anew {len(self.resets)} times")
+        if self.gaps:
+            parts.append(f"{len(self.gaps)} gaps (up to {self.largest_gap:.4g} s)")
+        if not parts:
+            return f"{self.num_stamps} stamps, all in order"
+        return f"{self.num_stamps} stamps: " + ", ".join(parts)
+
+
+def repair_times(
+    stamps: FloatArray, nominal_period: float = NOMINAL_PERIOD
+) -> tuple[FloatArray, TimeReport]:
+    """Return strictly increasing times for `stamps`, and what was wrong with them.
+
+    Parameters
+    ----------
+    stamps : float64, shape (n,), in the true order; NaN where missing [s].
+    nominal_period : from one time to the next, if there is no stamp at all [s].
+
+    Returns
+    -------
+    times : float64, shape (n,) [s]. The stamps themselves where these are in order. Stretches
+        that real gaps bound are repaired on their own: where at least 1% of the steps run
+        backwards, no stamp of the stretch is trusted and the times are spread evenly along a line
+        through the medians of blocks of 100; otherwise the largest set of stamps that are in
+        order is kept and the others are spread between them.
+    report : what was wrong.
+
+    Notes
+    -----
+    Never raises. O(n log n).
+    """
+    stamps = np.asarray(stamps, dtype=np.float64)
+    num = len(stamps)
+    present = np.isfinite(stamps)
+    clean = stamps[present]
+    steps = np.diff(clean)
+    backwards = steps[steps < 0.0]
+    period = _typical_period(clean, nominal_period)
+    wild = _find_wild(clean, period)
+    kept = np.flatnonzero(present)[~wild]
+    kept_times, gaps, resets, largest_gap = _repair_in_stretches(stamps[kept], period)
+    times = strictly_increasing(_fill(kept, kept_times, num, period))
+    report = TimeReport(
+        num_stamps=num,
+        num_missing=int(num - present.sum()),
+        num_backwards=len(backwards),
+        largest_backwards=float(-backwards.min()) if len(backwards) else 0.0,
+        num_repeated=int((steps == 0.0).sum()),
+        num_wild=int(wild.sum()),
+        num_repaired=int((times != stamps).sum()),
+        period=period,
+        gaps=tuple(int(kept[i]) for i in gaps),
+        largest_gap=largest_gap,
+        resets=tuple(int(kept[i]) for i in resets),
+    )
+    return times, report
+
+
+def jump_length(period: float) -> float:
+    """Return from where on a step between stamps is a jump [s], given the typical step."""
+    return max(MIN_JUMP, JUMP_PERIODS * period)
+
+
+def _typical_period(stamps: FloatArray, nominal_period: float) -> float:
+    """Return the mean step without jumps [s]: the median would misjudge bursts."""
+    steps = np.diff(stamps)
+    moving = np.abs(steps[steps != 0.0])
+    if len(moving) == 0:
+        return nominal_period
+    small = steps[np.abs(steps) <= jump_length(float(np.median(moving)))]
+    mean = float(small.mean()) if len(small) else 0.0
+    return mean if mean > 0.0 else float(np.median(moving))
+
+
+def _find_wild(stamps: FloatArray, period: float) -> BoolArray:
+    """Return which stamps lie far off from the median of their neighbourhood."""
+    steps = np.diff(stamps)
+    # In order, only a stamp at an end can be wild; it might also be a gap, so be slow to judge.
+    limit = jump_length(period) if (steps < 0.0).any() else WILD_AT_THE_END
+    half = min(AGREEING_STAMPS, len(stamps) - 1)
+    if half < 1 or not (np.abs(steps) > limit).any():
+        return np.zeros(len(stamps), dtype=np.bool_)
+    padded = np.pad(stamps, half, mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1)
+    far: BoolArray = np.abs(stamps - np.median(windows, axis=1)) > limit
+    return far
+
+
+def _repair_in_stretches(
+    stamps: FloatArray, period: float
+) -> tuple[FloatArray, list[int], list[int], float]:
+    """Return times, indices after gaps and resets, and the longest gap; no stamp is wild or NaN."""
+    limit = jump_length(period)
+    steps = np.diff(stamps)
+    cuts = np.flatnonzero(np.abs(steps) > limit) + 1
+    times = np.empty_like(stamps)
+    gaps: list[int] = []
+    resets: list[int] = []
+    largest_gap, shift, previous_end = 0.0, 0.0, -np.inf
+    for start, stop in zip((0, *cuts), (*cuts, len(stamps)), strict=True):
+        if start == stop:
+            continue
+        stretch = _repair_stretch(stamps[start:stop], period)
+        if start > 0:
+            # A clock that comes back to where it was needs no shift any more.
+            fitting = [s for s in (0.0, shift) if stretch[0] + s > previous_end]
+            shift = fitting[0] if fitting else previous_end + period - stretch[0]
+            if not fitting:
+                resets.append(int(start))
+            elif stretch[0] + shift - previous_end > limit:
+                gaps.append(int(start))
+                largest_gap = max(largest_gap, float(stretch[0] + shift - previous_end))
+        times[start:stop] = stretch + shift
+        previous_end = float(times[stop - 1])
+    return times, gaps, resets, largest_gap
+
+
+def _repair_stretch(stamps: FloatArray, period: float) -> FloatArray:
+    """Return increasing times for stamps without long jumps."""
+    backwards = int((np.diff(stamps) < 0.0).sum())
+    if backwards == 0:
+        return spread_repeats(stamps, period)
+    if backwards >= BURSTY_COUNT and backwards >= BURSTY_SHARE * len(stamps):
+        return strictly_increasing(_even_times(stamps))
+    kept = longest_ordered(stamps)
+    times = _fill(kept, spread_repeats(stamps[kept], period), len(stamps), period)
+    return strictly_increasing(times)
+
+
+def _even_times(stamps: FloatArray) -> FloatArray:
+    """Return times along a broken line through the medians of blocks of 100 stamps."""
+    index = np.arange(len(stamps), dtype=np.float64)
+    blocks = np.array_split(np.arange(len(stamps)), max(1, len(stamps) // BLOCK_SCANS))
+    slope = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
+    if len(blocks) > 1:
+        first, last = blocks[0], blocks[-1]
+        rise = np.median(stamps[last]) - np.median(stamps[first])
+        slope = rise / (last.mean() - first.mean())
+    residuals = stamps - slope * index
+    medians = [float(np.median(residuals[block])) for block in blocks]
+    centres = [float(block.mean()) for block in blocks]
+    even: FloatArray = slope * index + np.interp(index, centres, medians)
+    return even
+
+
+def spread_repeats(stamps: FloatArray, period: float) -> FloatArray:
+    """Return increasing times for stamps in order, equal ones spread towards the next.
+
+    Parameters
+    ----------
+    stamps : float64, shape (n,), none smaller than the one before [s].
+    period : the widest spacing among equal stamps [s].
+    """
+    firsts = np.flatnonzero(np.concatenate(([True], np.diff(stamps) > 0.0)))[: len(stamps)]
+    if len(firsts) == len(stamps):
+        return stamps.copy()
+    counts = np.diff(np.append(firsts, len(stamps)))
+    values = stamps[firsts]
+    room = np.append(np.diff(values), np.inf) / counts
+    rank = np.arange(len(stamps)) - np.repeat(firsts, counts)
+    spacing = np.minimum(room, period)
+    spread: FloatArray = stamps + rank * np.repeat(spacing, counts)
+    return strictly_increasing(spread)
+
+
+def longest_ordered(values: FloatArray) -> IntArray:
+    """Return the indices of a longest subsequence that never decreases. O(n log n)."""
+    tails: list[float] = []
+    tail_indices: list[int] = []
+    previous = np.full(len(values), -1, dtype=np.int64)
+    for i, value in enumerate(values.tolist()):
+        length = bisect_right(tails, value)
+        if length == len(tails):
+            tails.append(value)
+            tail_indices.append(i)
+        else:
+            tails[length] = value
+            tail_indices[length] = i
+        previous[i] = tail_indices[length - 1] if length else -1
+    chain = []
+    i = tail_indices[-1] if tail_indices else -1
+    while i >= 0:
+        chain.append(i)
+        i = int(previous[i])
+    return np.array(chain[::-1], dtype=np.int64)
+
+
+def strictly_increasing(times: FloatArray) -> FloatArray:
+    """Return the times, lifted by the smallest possible amount wherever they do not increase."""
+    tiny = 4.0 * np.spacing(np.abs(times).max())
+    ramp = tiny * np.arange(len(times))
+    reached = np.maximum.accumulate(times - ramp)
+    lifted: FloatArray = np.where(reached > times - ramp, reached + ramp, times)
+    return lifted
+
+
+def _fill(kept: IntArray, kept_times: FloatArray, num: int, period: float) -> FloatArray:
+    """Return times for all `num` places: the given ones, and between them evenly spread ones."""
+    if len(kept) == num:
+        return kept_times
+    index = np.arange(num)
+    if len(kept) == 0:
+        return period * np.arange(num, dtype=np.float64)
+    after = np.searchsorted(kept, index, side="right")
+    left = np.clip(after - 1, 0, len(kept) - 1)
+    right = np.clip(after, 0, len(kept) - 1)
+    # Missing scans at a gap belong to one side of it, they are not strewn over it.
+    room = (kept_times[right] - kept_times[left]) / np.maximum(kept[right] - kept[left], 1)
+    spacing = np.where((right == left) | (room > JUMP_PERIODS * period), period, room)
+    filled: FloatArray = kept_times[left] + (index - kept[left]) * spacing
+    return filled
+
+
+def times_between(
+    stamps: FloatArray,
+    places: IntArray,
+    anchor_stamps: FloatArray,
+    anchor_times: FloatArray,
+    anchor_places: IntArray,
+) -> FloatArray:
+    """Return times of events between anchors (odometry between scans) that keep the file's order.
+
+    Parameters
+    ----------
+    stamps : float64, shape (n,); NaN where missing [s].
+    places : int64, shape (n,), increasing; where the events stand in the file.
+    anchor_stamps, anchor_times : float64, shape (m,), m > 0; the scans' stamps and times [s].
+    anchor_places : int64, shape (m,), increasing; where the scans stand in the file.
+
+    Returns
+    -------
+    float64, shape (n,) [s], never running backwards, nor past the scan that follows. Exactly the
+    stamp (shifted like its neighbours) where that is in order and the scans around it are sound;
+    the scan's time where the stamp is the scan's; else evenly spread between the scans.
+    """
+    before = np.searchsorted(anchor_places, places) - 1
+    left = np.maximum(before, 0)
+    right = np.minimum(before + 1, len(anchor_places) - 1)
+    shift_left = (anchor_times - anchor_stamps)[left]
+    shift_right = (anchor_times - anchor_stamps)[right]
+    low = np.where(before >= 0, anchor_times[left], -np.inf)
+    high = np.where(before + 1 < len(anchor_places), anchor_times[right], np.inf)
+    sound = (shift_left == shift_right) | (np.abs(shift_left - shift_right) < 1e-9)
+    own = stamps + np.where(before >= 0, shift_left, shift_right)
+    own = np.where(sound, own, np.nan)
+    own = np.where(stamps == anchor_stamps[left], anchor_times[left], own)
+    own = np.where(stamps == anchor_stamps[right], anchor_times[right], own)
+    # Before the first and after the last scan nothing holds a wild stamp but common sense.
+    loose = ~(np.isfinite(low) & np.isfinite(high))
+    nearest = np.where(before >= 0, anchor_times[left], anchor_times[right])
+    own = np.where(loose & ~(np.abs(own - nearest) <= WILD_AT_THE_END), np.nan, own)
+    times = np.clip(own, low, high)
+    for start, stop in _runs(before):
+        times[start:stop] = _in_order(times[start:stop], low[start], high[start])
+    return times
+
+
+def _runs(groups: IntArray) -> list[tuple[int, int]]:
+    """Return start and end of each run of equal values."""
+    cuts = np.flatnonzero(np.diff(groups)) + 1
+    edges = [0, *cuts.tolist(), len(groups)]
+    return [(a, b) for a, b in pairwise(edges) if a < b]
+
+
+def _in_order(times: FloatArray, low: float, high: float) -> FloatArray:
+    """Return the times between two scans, those out of order or NaN spread among the others."""
+    finite = np.flatnonzero(np.isfinite(times))
+    if len(finite) == len(times) and (len(times) < 2 or (np.diff(times) >= 0.0).all()):
+        return times
+    kept = finite[longest_ordered(times[finite])]
+    places = [-1.0, *kept.tolist(), float(len(times))]
+    values = [low, *times[kept].tolist(), high]
+    known = [(p, v) for p, v in zip(places, values, strict=True) if np.isfinite(v)]
+    filled: FloatArray = np.interp(
+        np.arange(len(times)), [p for p, _ in known], [v for _, v in known]
+    )
+    return filled
