@@ -19,10 +19,10 @@ def pgm_bytes(occupancy_map: OccupancyMap, config: MapOutputConfig) -> bytes:
     The first row is the top of the map, i.e. the largest y.
     """
     probability = occupancy_map.probability
-    shades = np.full(probability.shape, UNKNOWN_SHADE, dtype=np.uint8)
+    rows, cols = probability.shape
+    shades = np.full((rows, cols), UNKNOWN_SHADE, dtype=np.uint8)
     shades[(probability >= 0.0) & (probability < config.free_thresh)] = FREE_SHADE
     shades[probability > config.occupied_thresh] = OCCUPIED_SHADE
-    rows, cols = shades.shape
     header = f"P5\n# {occupancy_map.resolution:g} m/pixel\n{cols} {rows}\n255\n"
     return header.encode("ascii") + shades[::-1].tobytes()
 
@@ -36,11 +36,13 @@ def yaml_text(occupancy_map: OccupancyMap, config: MapOutputConfig, image: str) 
     free_thresh = min(config.free_thresh, 0.196)
     occupied_thresh = max(config.occupied_thresh, 0.2)
     assert free_thresh < _UNKNOWN_OCCUPANCY < occupied_thresh
+    # to 1e-9 m, which takes off the tails that multiples of the resolution have
+    origin_x, origin_y = round(occupancy_map.origin_x, 9), round(occupancy_map.origin_y, 9)
     return (
         f"image: {image}\n"
         "mode: trinary\n"
         f"resolution: {occupancy_map.resolution!r}\n"
-        f"origin: [{occupancy_map.origin_x!r}, {occupancy_map.origin_y!r}, 0.0]\n"
+        f"origin: [{origin_x!r}, {origin_y!r}, 0.0]\n"
         "negate: 0\n"
         f"occupied_thresh: {occupied_thresh!r}\n"
         f"free_thresh: {free_thresh!r}\n"

@@ -3,17 +3,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 
 FloatArray = NDArray[np.float64]
-
-_NODE_TO_NODE = 2
 
 
 def tum_text(stamps: FloatArray, poses: FloatArray) -> str:
@@ -63,7 +58,9 @@ def g2o_text(graph: PoseGraph) -> str:
     fixed = [*graph.fixed_nodes, *(num_nodes + submap for submap in graph.fixed_submaps)]
     if fixed:
         lines.append(f"FIX {' '.join(map(str, fixed))}")
-    ids_a = np.where(graph.kinds == _NODE_TO_NODE, graph.index_a, graph.index_a + num_nodes)
+    ids_a = np.where(
+        graph.kinds == ConstraintKind.NODE_TO_NODE, graph.index_a, graph.index_a + num_nodes
+    )
     upper = _in_frame_of_b(graph.informations, graph.relative_poses[:, 2])[:, *np.triu_indices(3)]
     values = np.column_stack((graph.relative_poses, upper))
     lines += [

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The map as a picture for people: walls on white floors, paths drawn over it, a scale bar."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from cartoloop.map_output.occupancy_map import OccupancyMap
+
+FloatArray = NDArray[np.float64]
+Layer = Literal["trajectory", "closures"]
+Colour = tuple[int, int, int]
+
+LAYERS: tuple[Layer, ...] = ("closures", "trajectory")
+"""What can be drawn over the map, the lowest first."""
+
+DEFAULT_LAYERS: tuple[Layer, ...] = ("trajectory",)
+
+BACKGROUND: Colour = (238, 237, 233)
+_FLOOR: Colour = (255, 255, 255)
+_WALL: Colour = (33, 37, 43)
+_INK: Colour = (84, 88, 94)
+
+# Of the palette of Okabe and Ito, which people with any sort of colour vision can tell apart.
+TRAJECTORY_COLOUR: Colour = (0, 114, 178)
+CLOSURE_COLOUR: Colour = (213, 94, 0)
+
+_MARGIN = 40
+_FOOTER = 64
+_FONT_SIZE = 20
+_SMALLEST_EDGE, _LARGEST_EDGE = 1600, 4000
+_SMOOTHING = 2  # lines are drawn this much larger, and shrunk
+
+
+def draw_map(
+    occupancy_map: OccupancyMap,
+    *,
+    trajectory: FloatArray | None = None,
+    closures: FloatArray | None = None,
+) -> Image.Image:
+    """Return a picture of the map, in RGB.
+
+    Parameters
+    ----------
+    occupancy_map : what to show.
+    trajectory : float64 (n, >= 2), positions along the path [m, map frame], to draw it.
+    closures : float64 (m, 4), x, y of both ends of each loop closure [m, map frame], to draw them.
+
+    Notes
+    -----
+    Small maps are enlarged and large ones reduced, both smoothly, so that walls are not stairs.
+    """
+    shaded = _shaded(occupancy_map.probability)
+    zoom = _zoom(max(shaded.size))
+    size = (max(1, round(shaded.width * zoom)), max(1, round(shaded.height * zoom)))
+    shaded = shaded.resize(size, Image.Resampling.BICUBIC)
+    canvas = Image.new(
+        "RGB", (max(size[0], 480) + 2 * _MARGIN, size[1] + _MARGIN + _FOOTER), BACKGROUND
+    )
+    offset = np.array(((canvas.width - size[0]) // 2, _MARGIN), dtype=np.float64)
+    canvas.paste(shaded, (int(offset[0]), int(offset[1])))
+
+    def to_canvas(points_map: FloatArray) -> FloatArray:
+        return occupancy_map.to_pixels(points_map) * zoom + offset
+
+    legend: list[tuple[str, Colour]] = []
+    if closures is not None:
+        ends = np.hstack((to_canvas(closures[:, :2]), to_canvas(closures[:, 2:])))
+        _draw_lines(canvas, ends.reshape(-1, 2, 2), CLOSURE_COLOUR, width=1, opacity=0.35)
+        legend.append((f"{len(closures)} loop closures", CLOSURE_COLOUR))
+    if trajectory is not None:
+        path = to_canvas(trajectory[:, :2])[np.newaxis]
+        _draw_lines(canvas, path, TRAJECTORY_COLOUR, width=2, opacity=0.75)
+        legend.append(("trajectory", TRAJECTORY_COLOUR))
+    _draw_footer(canvas, zoom / occupancy_map.resolution, legend)
+    return canvas
+
+
+def _shaded(probability: NDArray[np.float32]) -> Image.Image:
+    """Return floors bright, walls dark and the rest as background, the more certain the clearer."""
+    known = np.where(probability < 0.0, 0.5, probability)
+    floor = np.clip((0.5 - known) / 0.3, 0.0, 1.0)[..., np.newaxis]
+    wall = np.clip((known - 0.5) / 0.25, 0.0, 1.0)[..., np.newaxis]
+    ground = np.array(BACKGROUND, dtype=np.float32)
+    colours = ground + floor * (np.array(_FLOOR) - ground) + wall * (np.array(_WALL) - ground)
+    return Image.fromarray(np.rint(colours[::-1]).astype(np.uint8))
+
+
+def _zoom(longest_edge: int) -> float:
+    """Return pixels a cell: whole numbers, or whole fractions of one, keep the grid even."""
+    if longest_edge > _LARGEST_EDGE:
+        return 1.0 / math.ceil(longest_edge / _LARGEST_EDGE)
+    return float(min(8, math.ceil(_SMALLEST_EDGE / longest_edge)))
+
+
+def _draw_lines(
+    canvas: Image.Image, lines: FloatArray, colour: Colour, *, width: int, opacity: float
+) -> None:
+    """Draw polylines, shape (num_lines, num_points, 2) [px], smoothly over the canvas."""
+    mask = Image.new("L", (canvas.width * _SMOOTHING, canvas.height * _SMOOTHING))
+    draw = ImageDraw.Draw(mask)
+    for line in np.round(lines * _SMOOTHING, 2).tolist():
+        points = [(x, y) for x, y in line]
+        draw.line(points, fill=round(255 * opacity), width=width * _SMOOTHING, joint="curve")
+    canvas.paste(Image.new("RGB", canvas.size, colour), mask=mask.reduce(_SMOOTHING))
+
+
+def _draw_footer(
+    canvas: Image.Image, pixels_per_metre: float, legend: Sequence[tuple[str, Colour]]
+) -> None:
+    """Draw the scale bar and the names of what is drawn over the map."""
+    draw = ImageDraw.Draw(canvas)
+    font = ImageFont.load_default(_FONT_SIZE)
+    metres = nice_length(0.2 * (canvas.width - 2 * _MARGIN) / pixels_per_metre)
+    x, y = float(_MARGIN), canvas.height - _FOOTER / 2.0
+    end = x + metres * pixels_per_metre
+    draw.line([(x, y - 6), (x, y), (end, y), (end, y - 6)], fill=_INK, width=2)
+    x = end + 12
+    for text, colour in ((f"{metres:g} m", None), *legend):
+        if colour is not None:
+            draw.line([(x, y), (x + 28, y)], fill=colour, width=4)
+            x += 36
+        draw.text((x, y), text, fill=_INK, font=font, anchor="lm")
+        x += font.getlength(text) + 28
+
+
+def nice_length(limit: float) -> float:
+    """Return the greatest of ..., 0.1, 0.2, 0.5, 1, 2, 5, 10, ... that is within the limit."""
+    power = 10.0 ** math.floor(math.log10(limit))
+    return next(factor * power for factor in (5, 2, 1) if factor * power <= limit * (1 + 1e-9))

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the files of a result into a folder; each is there whole or not at all."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.config_file import MACHINE_PARAMETERS, config_hash, config_toml
+from cartoloop.errors import OutputError
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.map_output.map_files import pgm_bytes, yaml_text
+from cartoloop.map_output.occupancy_map import OccupancyMap, compose_map
+from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer, draw_map
+from cartoloop.map_output.text_files import g2o_text, tum_text
+
+if TYPE_CHECKING:
+    from cartoloop.map_output.report import Report
+    from cartoloop.map_output.result import Result
+
+FloatArray = NDArray[np.float64]
+
+
+def save(
+    result: Result,
+    out: str | PathLike[str],
+    *,
+    layers: Collection[Layer] = DEFAULT_LAYERS,
+    origins: Mapping[str, str] | None = None,
+) -> None:
+    """Write all files of a result into the folder `out`, which is made if need be.
+
+    ``map.pgm``, ``map.yaml``, ``map.png``, ``trajectory.tum``, ``local_trajectory.tum``,
+    ``graph.g2o``, ``config.toml`` and ``report.json``. The same result yields the same bytes; times
+    stand in the report alone.
+
+    Parameters
+    ----------
+    result : what to write.
+    out : the folder.
+    layers : what is drawn over ``map.png``.
+    origins : by key, who gave a value of the configuration.
+
+    Raises
+    ------
+    OutputError
+        The folder or a file in it cannot be written, or the map is too large.
+    """
+    folder = prepare_folder(out)
+    occupancy_map = compose_map(
+        result.submap_grids, result.graph.submap_poses, result.config.local_slam.submaps
+    )
+    options = result.config.map_output
+    toml = config_toml(result.config, origins, without=MACHINE_PARAMETERS)
+    left_out = ", ".join(sorted(MACHINE_PARAMETERS))
+    files: dict[str, str | bytes] = {
+        "map.pgm": pgm_bytes(occupancy_map, options),
+        "map.yaml": yaml_text(occupancy_map, options, "map.pgm"),
+        "map.png": _png_bytes(result, occupancy_map, layers),
+        "trajectory.tum": tum_text(result.stamps, result.trajectory),
+        "local_trajectory.tum": tum_text(result.stamps, result.local_trajectory),
+        "graph.g2o": g2o_text(result.graph),
+        "config.toml": f"{toml}\n# Without {left_out}: the result does not depend on it.\n",
+    }
+    for name, content in files.items():
+        write_file(folder / name, content)
+    save_report(replace(result.report, config_hash=config_hash(result.config)), folder)
+
+
+def save_report(report: Report, out: str | PathLike[str]) -> None:
+    """Write ``report.json`` into the folder `out`, in place of one that is there."""
+    write_file(Path(out) / "report.json", report.to_json())
+
+
+def prepare_folder(out: str | PathLike[str]) -> Path:
+    """Make the folder `out` if need be, and make sure that files can be written into it.
+
+    Raises
+    ------
+    OutputError
+        They cannot.
+    """
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".cartoloop-{os.getpid()}"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: cannot write there: {error.strerror}; choose another output folder"
+        ) from error
+    return folder
+
+
+def write_file(path: Path, content: str | bytes) -> None:
+    """Write a file so that its name never stands for half of its content.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written; what was there before is kept.
+    """
+    data = content if isinstance(content, bytes) else content.encode("utf-8")
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        unfinished.write_bytes(data)
+        unfinished.replace(path)
+    except OSError as error:
+        unfinished.unlink(missing_ok=True)
+        raise OutputError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _png_bytes(result: Result, occupancy_map: OccupancyMap, layers: Collection[Layer]) -> bytes:
+    picture = draw_map(
+        occupancy_map,
+        trajectory=result.trajectory if "trajectory" in layers else None,
+        closures=_closure_ends(result.graph) if "closures" in layers else None,
+    )
+    buffer = io.BytesIO()
+    picture.save(buffer, format="png")
+    return buffer.getvalue()
+
+
+def _closure_ends(graph: PoseGraph) -> FloatArray:
+    """Return where the submap and the node of each loop closure stand, shape (m, 4) [m]."""
+    closures = graph.kinds == ConstraintKind.LOOP_CLOSURE
+    return np.hstack(
+        (
+            graph.submap_poses[graph.index_a[closures], :2],
+            graph.node_poses[graph.index_b[closures], :2],
+        )
+    )

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The picture of the map."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cartoloop.map_output.occupancy_map import OccupancyMap
+from cartoloop.map_output.picture import (
+    BACKGROUND,
+    CLOSURE_COLOUR,
+    TRAJECTORY_COLOUR,
+    draw_map,
+    nice_length,
+)
+
+
+def room(rows=60, cols=100, resolution=0.05):
+    """Free floor in the lower half with a wall above it, unknown beyond."""
+    probability = np.full((rows, cols), -1.0, dtype=np.float32)
+    probability[5 : rows // 2, 5:-5] = 0.05
+    probability[rows // 2 : rows // 2 + 2, 5:-5] = 0.95
+    return OccupancyMap(probability, 10.0, 20.0, resolution)
+
+
+def nearness(picture, colour):
+    return np.abs(np.asarray(picture).astype(int) - colour).max(axis=2)
+
+
+def test_floor_is_white_walls_are_dark_and_the_rest_is_background():
+    pixels = np.asarray(draw_map(room()))
+
+    zoom = 8
+    left = (pixels.shape[1] - 100 * zoom) // 2
+    column = pixels[40 : 40 + 60 * zoom, left + 50 * zoom]
+    assert tuple(column[5 * zoom]) == BACKGROUND
+    assert column[29 * zoom].max() < 60
+    assert tuple(column[45 * zoom]) == (255, 255, 255)
+
+
+def test_layers_are_drawn_only_if_given():
+    path = np.array([[10.5, 20.5, 0.0], [14.0, 20.5, 0.0]])
+    closures = np.array([[11.0, 21.0, 13.0, 21.0]])
+
+    bare = draw_map(room())
+    full = draw_map(room(), trajectory=path, closures=closures)
+
+    assert nearness(bare, TRAJECTORY_COLOUR).min() > 60
+    assert nearness(bare, CLOSURE_COLOUR).min() > 60
+    assert nearness(full, TRAJECTORY_COLOUR).min() < 5
+    assert nearness(full, CLOSURE_COLOUR).min() < 5
+
+
+def test_the_trajectory_lies_where_the_map_says():
+    picture = draw_map(room(), trajectory=np.array([[11.0, 20.5], [14.0, 20.5]]))
+
+    zoom = 8
+    left = (picture.width - 100 * zoom) // 2
+    red, _, blue = np.moveaxis(np.asarray(picture)[: 40 + 60 * zoom].astype(int), 2, 0)
+    rows, cols = np.nonzero(blue - red > 60)
+    assert rows.mean() == pytest.approx(40 + (60 - 0.5 / 0.05) * zoom, abs=2)
+    assert cols.min() == pytest.approx(left + 1.0 / 0.05 * zoom, abs=3)
+    assert cols.max() == pytest.approx(left + 4.0 / 0.05 * zoom, abs=3)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 700), (4500, 30), (30, 9000)])
+def test_maps_of_any_size_become_pictures_of_handy_size(shape):
+    probability = np.full(shape, 0.05, dtype=np.float32)
+
+    picture = draw_map(
+        OccupancyMap(probability, 0.0, 0.0, 0.05),
+        trajectory=np.zeros((1, 3)),
+        closures=np.zeros((0, 4)),
+    )
+
+    assert picture.mode == "RGB"
+    assert 400 <= max(picture.size) <= 4200
+
+
+def test_the_same_map_yields_the_same_picture():
+    path = np.random.default_rng(0).uniform((10.5, 20.5), (14.0, 22.5), (50, 2))
+
+    assert (
+        draw_map(room(), trajectory=path).tobytes() == draw_map(room(), trajectory=path).tobytes()
+    )
+
+
+@pytest.mark.parametrize(
+    ("limit", "length"),
+    [(1, 1), (1.99, 1), (2, 2), (4.9, 2), (7, 5), (35, 20), (0.3, 0.2), (1e3, 1e3)],
+)
+def test_scale_bars_have_nice_lengths(limit, length):
+    assert nice_length(limit) == pytest.approx(length)
