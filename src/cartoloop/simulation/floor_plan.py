@@ -230,7 +230,7 @@ def _open_leaf(plan: FloorPlan, rng: np.random.Generator, room: Room) -> None:
     """Add the leaf of an open door, hinged on the side where it has more room."""
     side = 1.0 if room.width - room.door.middle > room.door.middle else -1.0
     hinge_u = room.door.middle + side * room.door.width / 2
-    swing = math.radians(rng.uniform(92.0, 125.0))
+    swing = math.radians(rng.uniform(85.0, 112.0))
     tip = room.point(
         hinge_u - side * room.door.width * math.cos(swing),
         WALL_THICKNESS / 2 + room.door.width * math.sin(swing),

@@ -32,8 +32,12 @@ class Furniture:
 
     def keep_door_clear(self, room: Room) -> None:
         """Reserve the space that a room's door needs on both sides."""
-        middle, half = room.door.middle, room.door.width / 2 + 0.1
-        self._taken.append(room.bounds(middle - half, -1.0, middle + half, 1.1))
+        middle, half = room.door.middle, room.door.width / 2 + 0.4
+        self.reserve(room.bounds(middle - half, -1.0, middle + half, 1.1))
+
+    def reserve(self, bounds: Box) -> None:
+        """Keep furniture out of a box (x_min, y_min, x_max, y_max) [m]."""
+        self._taken.append(bounds)
 
     def place(
         self, bounds: Box, clearance: float = 0.6, gap: float = 0.0, visible: bool = True

@@ -67,7 +67,7 @@ class _Rooms:
 
 
 def office(seed: int = 0) -> World:
-    """Return an office floor and a route of some 330 m that closes five loops.
+    """Return an office floor and a route of some 320 m that closes several loops.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def _hall(plan: FloorPlan, rng: np.random.Generator, furniture: Furniture, hall:
     plan.wall((38.4, 17.4), (EAST[0], 17.4))
     plan.box((40.0, 18.6), (40.7, 20.6))
     plan.box((41.6, 18.6), (42.3, 20.6))
-    furniture.place((37.4, 16.8, EAST[0], NORTH[0]), clearance=0.0, visible=False)
+    furniture.reserve((37.4, 16.8, EAST[0], NORTH[0]))
     for u in (4.1, 8.4):
         for v in (3.6, 7.2, 10.8):
             if v < 9.0 or u < 8.0:  # not in the corner room

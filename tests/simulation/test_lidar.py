@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cartoloop.errors import ConfigError
+from cartoloop.sensor.pose import Pose
+from cartoloop.simulation import LIDARS, Lidar
+from cartoloop.simulation.lidar import measured_ranges, true_ranges
+
+EXACT = Lidar(range_noise=0.0, dropout=0.0, range_quantum=0.0)
+RNG_SEED = 5
+
+
+def measure(ranges, lidar):
+    return measured_ranges(np.atleast_2d(ranges), lidar, np.random.default_rng(RNG_SEED))
+
+
+def test_the_default_looks_from_right_to_left_as_a_sick_does():
+    assert Lidar().geometry.angles[[0, 180, 360]] == pytest.approx([-math.pi / 2, 0, math.pi / 2])
+    assert np.rad2deg(LIDARS["sick-180"].geometry.angles[[0, -1]]) == pytest.approx([-90.0, 89.0])
+    assert np.rad2deg(LIDARS["wide"].geometry.angles[[0, -1]]) == pytest.approx([-135.0, 135.0])
+
+
+def test_ranges_are_measured_from_where_the_scanner_sits():
+    wall = np.array([[5.0, -9.0, 5.0, 9.0]])
+    ahead = replace(EXACT, tf_tracking_sensor=Pose(0.3, 0.0, 0.0))
+    assert true_ranges(wall, np.zeros((1, 3)), ahead)[0, 180] == pytest.approx(4.7)
+    rearward = replace(EXACT, tf_tracking_sensor=Pose(-0.3, 0.0, math.pi))
+    turned = np.array([[0.0, 0.0, math.pi]])
+    assert true_ranges(wall, turned, rearward)[0, 180] == pytest.approx(4.7)
+
+
+def test_an_exact_scanner_reports_the_truth():
+    ranges = np.linspace(1.0, 29.0, 50)
+    assert np.array_equal(measure(ranges, EXACT)[0], ranges)
+
+
+def test_noise_has_the_given_deviation():
+    noise = measure(np.full(20_000, 5.0), replace(EXACT, range_noise=0.02)) - 5.0
+    assert noise.std() == pytest.approx(0.02, rel=0.05)
+    assert abs(noise.mean()) < 1e-3
+
+
+def test_beams_drop_out_as_often_as_told():
+    measured = measure(np.full(20_000, 5.0), replace(EXACT, dropout=0.1))
+    assert (measured == EXACT.no_return).mean() == pytest.approx(0.1, abs=0.01)
+
+
+def test_nothing_far_and_near_walls_have_their_own_values():
+    measured = measure(np.array([np.inf, 30.0, 29.9, 0.1, 0.05]), EXACT)
+    assert measured[0].tolist() == [81.91, 81.91, 29.9, 0.1, 0.0]
+
+
+def test_ranges_are_multiples_of_the_quantum_and_survive_text():
+    ranges = np.random.default_rng(1).uniform(0.2, 29.0, 500)
+    millimetres = measure(ranges, replace(EXACT, range_quantum=0.001))[0]
+    assert millimetres.tolist() == [float(f"{value:.3f}") for value in ranges]
+    centimetres = measure(ranges, replace(EXACT, range_quantum=0.01))[0]
+    assert centimetres.tolist() == [float(f"{value:.2f}") for value in ranges]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"num_beams": 0},
+        {"num_beams": 361, "angle_increment": math.radians(1.0)},
+        {"angle_increment": -0.01},
+        {"rate": 0.0},
+        {"range_min": 31.0},
+        {"range_max": 90.0},
+        {"range_noise": -0.1},
+        {"dropout": 1.5},
+    ],
+)
+def test_impossible_scanners_are_refused(wrong):
+    with pytest.raises(ConfigError):
+        Lidar(**wrong)

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+
+from cartoloop.errors import ConfigError
+from cartoloop.simulation import WORLDS, FloorPlan, Opening, drive, make_world
+from cartoloop.simulation.floor_plan import outline_of_boxes
+
+ROBOT_RADIUS = 0.25
+
+
+def clearance(walls, points):
+    """Distance from each point to the nearest wall."""
+    begin, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
+    offset = points[:, None] - begin
+    share = np.clip((offset * along).sum(2) / (along**2).sum(1), 0.0, 1.0)
+    return np.linalg.norm(offset - share[..., None] * along, axis=2).min(1)
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("name", sorted(WORLDS))
+def test_the_robot_never_comes_near_a_wall(name, seed):
+    world = make_world(name, seed)
+    motion = drive(world.route)
+    points = motion.poses_at(np.arange(0.0, motion.duration, 0.2))[:, :2]
+    assert clearance(world.walls, points).min() > ROBOT_RADIUS
+
+
+@pytest.mark.parametrize("name", sorted(WORLDS))
+def test_a_world_is_made_of_its_seed(name):
+    one, same, other = (make_world(name, seed) for seed in (3, 3, 4))
+    assert one.name == name
+    assert one.walls.dtype == np.float64
+    assert one.walls.shape[1] == 4
+    assert np.array_equal(one.walls, same.walls)
+    assert np.array_equal(one.route, same.route)
+    assert not np.array_equal(one.walls, other.walls)
+
+
+@pytest.mark.parametrize(("name", "shortest", "longest"), [
+    ("office", 250.0, 350.0), ("corridor", 140.0, 170.0), ("ring", 150.0, 190.0),
+])  # fmt: skip
+def test_routes_are_as_long_as_they_should_be(name, shortest, longest):
+    assert shortest < drive(make_world(name).route).path_length < longest
+
+
+def test_the_office_is_a_floor_of_50_by_30_metres():
+    corners = make_world("office").walls.reshape(-1, 2)
+    assert np.ptp(corners, axis=0) == pytest.approx([50.0, 30.0], abs=0.5)
+
+
+def test_the_office_route_comes_back_to_places_after_long_ways():
+    motion = drive(make_world("office").route)
+    times = np.arange(0.0, motion.duration, 1.0)
+    points = motion.poses_at(times)[:, :2]
+    near = np.linalg.norm(points[:, None] - points, axis=2) < 1.0
+    much_later = times[None] - times[:, None] > 60.0
+    assert (near & much_later).any(axis=1).sum() > 60
+
+
+def test_walls_have_gaps_at_doors_and_panels_in_shut_ones():
+    plan = FloorPlan()
+    plan.wall((0.0, 0.0), (10.0, 0.0), [Opening(7.0, 1.0, closed=True), Opening(3.0, 1.0)], 0.2)
+    expected = [
+        (-0.1, -0.1, 2.5, 0.1), (3.5, -0.1, 6.5, 0.1), (6.5, -0.025, 7.5, 0.025),
+        (7.5, -0.1, 10.1, 0.1),
+    ]  # fmt: skip
+    assert np.array(plan.solids) == pytest.approx(np.array(expected))
+
+
+def test_walls_run_in_any_direction_along_an_axis():
+    plan = FloorPlan()
+    plan.wall((1.0, 5.0), (1.0, 1.0), thickness=0.2)
+    assert plan.solids[0] == pytest.approx((0.9, 0.9, 1.1, 5.1))
+
+
+def test_edges_inside_other_boxes_are_left_out():
+    edges = outline_of_boxes([(0.0, 0.0, 4.0, 1.0), (1.0, 0.5, 2.0, 3.0)])
+    assert sorted(edges) == [
+        (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 4.0, 0.0), (0.0, 1.0, 1.0, 1.0), (1.0, 1.0, 1.0, 3.0),
+        (1.0, 3.0, 2.0, 3.0), (2.0, 1.0, 2.0, 3.0), (2.0, 1.0, 4.0, 1.0), (4.0, 0.0, 4.0, 1.0),
+    ]  # fmt: skip
+
+
+def test_an_empty_plan_has_no_segments():
+    assert FloorPlan().segments().shape == (0, 4)
+
+
+def test_an_unknown_world_is_refused_with_the_nearest_name():
+    with pytest.raises(ConfigError, match=r"'offce'.*nearest: office"):
+        make_world("offce")
