@@ -14,11 +14,13 @@ from hypothesis.extra import numpy as st_numpy
 
 from cartoloop.config import SubmapConfig
 from cartoloop.errors import OutputError
-from cartoloop.kernels.map_composition import add_submap
+from cartoloop.kernels.map_composition import add_submap, cell_evidence
 from cartoloop.map_output.occupancy_map import UNKNOWN, compose_map
-from tests.reference.naive_map_composition import naive_add_submap
+from tests.reference.naive_map_composition import naive_add_submap, naive_cell_evidence
 
 CONFIG = SubmapConfig()
+LOG_ODDS = np.linspace(-2.2, 4.4, 256).astype(np.float32)
+LOG_ODDS[0] = 0.0
 FREE, OCCUPIED, RATHER_OCCUPIED = 1, 255, 191
 
 
@@ -54,10 +56,11 @@ def at(occupancy_map, x, y):
 )
 def test_kernel_equals_the_naive_sum(cells, x, y, theta, scale):
     padded = np.pad(cells, 1)
-    evidence = np.linspace(-2.2, 4.4, 256).astype(np.float32)
-    evidence[0] = 0.0
+    evidence = np.empty(padded.shape, np.float32)
+    cell_evidence(padded, LOG_ODDS, evidence)
     cos, sin = scale * math.cos(theta), scale * math.sin(theta)
     affine = np.array([x, cos, -sin, y, sin, cos])
+    assert np.array_equal(evidence, naive_cell_evidence(padded, LOG_ODDS))
     total, known = np.zeros((9, 11), np.float32), np.zeros((9, 11), np.bool_)
     naive_total, naive_known = total.copy(), known.copy()
 
@@ -70,17 +73,19 @@ def test_kernel_equals_the_naive_sum(cells, x, y, theta, scale):
 
 
 def test_a_submap_in_place_keeps_its_probabilities():
-    cells = np.array([[1, 128, 0], [255, 64, 1]], np.uint8)
+    cells = np.array([[1, 126, 0, 1], [1, 64, 1, 255]], np.uint8)
     half = CONFIG.resolution / 2
 
     occupancy_map = compose_map([Grid(cells, half, half)], np.zeros((1, 3)), CONFIG)
 
     inner = occupancy_map.probability[5:-5, 5:-5]
-    assert inner.shape == (2, 3)
+    assert inner.shape == (2, 4)
     assert (occupancy_map.origin_x, occupancy_map.origin_y) == pytest.approx((-0.25, -0.25))
     assert inner[0, 0] == pytest.approx(0.1)
+    assert inner[0, 1] == pytest.approx(0.1 + 125 / 254 * 0.8)
     assert inner[0, 2] == UNKNOWN
-    assert inner[1, 0] > 0.9  # hits weigh more than misses
+    assert inner[0, 3] == inner[1, 2] == pytest.approx(0.5)  # beside a hit
+    assert inner[1, 3] > 0.9  # hits weigh more than misses
     assert inner[1, 1] == pytest.approx(0.1 + 63 / 254 * 0.8)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cartoloop.config import SubmapConfig
 from cartoloop.errors import OutputError
-from cartoloop.kernels.map_composition import add_submap
+from cartoloop.kernels.map_composition import add_submap, cell_evidence
 from cartoloop.sensor.pose import Pose, inverse, transform_points
 
 if TYPE_CHECKING:
@@ -73,8 +73,7 @@ def compose_map(
     Log-odds add up (eq. 2 and 3, over submaps instead of scans), so that a wall that is hit in one
     submap and missed in another is judged by what each is worth, not by which was drawn last.
     Saturated cells have lost the count of their hits and misses, so hits keep the weight against
-    misses that one has against the other in eq. (3): otherwise two submaps that place a wall a
-    pixel apart would wipe out each other's wall.
+    misses that one has against the other in eq. (3).
     """
     seen = [
         (crop, Pose(*tf_map_submap))
@@ -85,8 +84,9 @@ def compose_map(
     if not seen:
         return OccupancyMap(np.full((1, 1), UNKNOWN), 0.0, 0.0, resolution)
     corners = [transform_points(pose, crop.corners) for crop, pose in seen]
-    lower = np.floor(np.min(np.concatenate(corners), axis=0) / resolution).astype(np.int64)
-    upper = np.ceil(np.max(np.concatenate(corners), axis=0) / resolution).astype(np.int64)
+    corner_cells = np.concatenate(corners) / resolution
+    lower = np.floor(corner_cells.min(axis=0)).astype(np.int64) - _MARGIN_CELLS
+    upper = np.ceil(corner_cells.max(axis=0)).astype(np.int64) + _MARGIN_CELLS
     num_cols, num_rows = (upper - lower + 1).tolist()
     if num_cols * num_rows > _MAX_CELLS:
         raise OutputError(
@@ -96,13 +96,15 @@ def compose_map(
         )
     total = np.zeros((num_rows, num_cols), dtype=np.float32)
     known = np.zeros((num_rows, num_cols), dtype=np.bool_)
-    evidence = _evidence(config)
+    log_odds = _log_odds(config)
     for (crop, pose), corners_map in zip(seen, corners, strict=True):
         affine = _map_cell_to_submap_cell(pose, crop, lower, resolution)
         cells = corners_map / resolution - lower
         first = np.clip(np.floor(cells.min(axis=0)) - 1, 0, None).astype(np.int64)
         end = np.minimum(np.ceil(cells.max(axis=0)).astype(np.int64) + 1, (num_cols, num_rows))
         window = np.array((first[1], end[1], first[0], end[0]))
+        evidence = np.empty(crop.cells.shape, dtype=np.float32)
+        cell_evidence(crop.cells, log_odds, evidence)
         add_submap(crop.cells, evidence, affine, window, total, known)
     return _cropped(total, known, lower, resolution)
 
@@ -139,7 +141,7 @@ def _known_part(grid: FinishedGrid) -> _Crop | None:
     )
 
 
-def _evidence(config: SubmapConfig) -> NDArray[np.float32]:
+def _log_odds(config: SubmapConfig) -> NDArray[np.float32]:
     """Return the log-odds that a cell adds to the map, by its value."""
     probability = 0.1 + np.arange(-1, 255) / 254.0 * 0.8
     log_odds = np.log(probability / (1.0 - probability))
@@ -175,17 +177,24 @@ def _cropped(
     lower: NDArray[np.int64],
     resolution: float,
 ) -> OccupancyMap:
-    """Return the known part of the map with a margin, as probabilities."""
+    """Return the known part of the map with a margin, as probabilities; overwrites `total`."""
     rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     if len(rows) == 0:
         return OccupancyMap(np.full((1, 1), UNKNOWN), 0.0, 0.0, resolution)
-    part = (slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
-    total, known = total[part], known[part]
-    np.clip(total, -_MAX_LOG_ODDS, _MAX_LOG_ODDS, out=total)
-    probability = np.where(known, 1.0 / (1.0 + np.exp(-total)), UNKNOWN)
+    first_row, first_col = int(rows[0]) - _MARGIN_CELLS, int(cols[0]) - _MARGIN_CELLS
+    part = (
+        slice(first_row, int(rows[-1]) + _MARGIN_CELLS + 1),
+        slice(first_col, int(cols[-1]) + _MARGIN_CELLS + 1),
+    )
+    # 1 / (1 + exp(-total)), in place because there may be hundreds of millions of cells
+    probability = total[part]
+    np.clip(probability, -_MAX_LOG_ODDS, _MAX_LOG_ODDS, out=probability)
+    np.exp(np.negative(probability, out=probability), out=probability)
+    np.reciprocal(np.add(probability, 1.0, out=probability), out=probability)
+    probability[~known[part]] = UNKNOWN
     return OccupancyMap(
-        probability=np.pad(probability, _MARGIN_CELLS, constant_values=UNKNOWN),
-        origin_x=float(lower[0] + cols[0] - _MARGIN_CELLS) * resolution,
-        origin_y=float(lower[1] + rows[0] - _MARGIN_CELLS) * resolution,
+        probability=probability,
+        origin_x=float(lower[0] + first_col) * resolution,
+        origin_y=float(lower[1] + first_row) * resolution,
         resolution=resolution,
     )

@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Saving a result: all files, whole, and the same bytes each time."""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cartoloop.submaps.finished_grid import FinishedGrid
+from PIL import Image
+
+from cartoloop.config import Config
+from cartoloop.config_file import load_config
+from cartoloop.errors import OutputError
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.map_output.report import (
+    AdjustmentSummary,
+    ConstraintSummary,
+    InputSummary,
+    Report,
+    peak_memory_mb,
+)
+from cartoloop.map_output.result import Result
+from cartoloop.map_output.save import prepare_folder, save, save_report, write_file
+from cartoloop.stage_timer import StageTimer
+
+FILES = {
+    "map.pgm",
+    "map.yaml",
+    "map.png",
+    "trajectory.tum",
+    "local_trajectory.tum",
+    "graph.g2o",
+    "config.toml",
+    "report.json",
+}
+
+
+def small_result(config=None, **report):
+    cells = np.full((40, 60), 3, np.uint8)
+    cells[10] = 250
+    graph = PoseGraph()
+    graph.add_submap((0.0, 0.0, 0.0))
+    graph.add_nodes([(0.5, 0.5, 0.0), (1.0, 0.5, 0.1)])
+    graph.add_constraints(
+        [ConstraintKind.INTRA_SUBMAP, ConstraintKind.LOOP_CLOSURE],
+        [0, 0],
+        [0, 1],
+        graph.node_poses,
+        [np.eye(3)] * 2,
+    )
+    trajectory = np.array([(0.5, 0.5, 0.0), (0.8, 0.5, 0.05), (1.0, 0.5, 0.1)])
+    return Result(
+        stamps=np.array([100.0, 100.2, 100.4]),
+        trajectory=trajectory,
+        local_trajectory=trajectory + 0.01,
+        graph=graph,
+        node_scan_index=np.array([0, 2]),
+        submap_grids=[FinishedGrid(cells, 0.0, 0.0, 0.05)],
+        config=config or Config(),
+        report=Report(**report),
+    )
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_writes_every_file_and_leaves_nothing_else(tmp_path):
+    small_result().save(tmp_path / "new" / "out")
+
+    assert set(contents(tmp_path / "new" / "out")) == FILES
+
+
+def test_all_but_the_report_are_the_same_whatever_the_times_and_threads(tmp_path):
+    threads = load_config(settings=["global_slam.num_threads=4"]).config
+    save(small_result(wall_s=1.0), tmp_path / "a")
+    save(small_result(threads, wall_s=2.0), tmp_path / "b")
+
+    first, second = contents(tmp_path / "a"), contents(tmp_path / "b")
+    reports = [json.loads(files.pop("report.json")) for files in (first, second)]
+
+    assert first == second
+    assert reports[0] | {"wall_s": 2.0} == reports[1]
+
+
+def test_saves_over_what_is_there(tmp_path):
+    save(small_result(), tmp_path)
+    before = contents(tmp_path)
+    (tmp_path / "map.yaml").write_text("old")
+
+    save(small_result(), tmp_path)
+
+    assert contents(tmp_path) == before
+
+
+def test_the_saved_configuration_is_what_was_used(tmp_path):
+    loaded = load_config(settings=["local_slam.submaps.num_range_data=7"])
+
+    save(small_result(loaded.config), tmp_path, origins=loaded.origins)
+
+    assert "(--set)" in (tmp_path / "config.toml").read_text()
+    assert load_config(tmp_path / "config.toml").config == loaded.config
+
+
+def test_layers_change_the_picture_only(tmp_path):
+    save(small_result(), tmp_path / "a", layers=())
+    save(small_result(), tmp_path / "b", layers=("trajectory", "closures"))
+
+    first, second = contents(tmp_path / "a"), contents(tmp_path / "b")
+
+    assert {name for name in first if first[name] != second[name]} == {"map.png"}
+    with Image.open(tmp_path / "b" / "map.png") as picture:
+        assert picture.mode == "RGB"
+
+
+def test_the_report_has_its_keys_and_further_ones(tmp_path):
+    timer = StageTimer()
+    timer.record("match", 0.002)
+    report = Report(
+        input=InputSummary("a.log", 3, 0.4, 0.5),
+        wall_s=0.1,
+        cpu_s=0.1,
+        peak_memory_mb=peak_memory_mb(),
+        real_time_factor=4.0,
+        nodes=2,
+        submaps=1,
+        constraints=ConstraintSummary(1, 1, 2, 1.0),
+        adjustment=AdjustmentSummary(1, 3.0, 2.0, 2.0),
+        stages=timer.summary(),
+        skipped={"no returns": 1},
+        extra={"findings": ["the odometry is late"]},
+    )
+
+    save(replace(small_result(), report=report), tmp_path)
+    saved = json.loads((tmp_path / "report.json").read_text())
+
+    assert saved["input"] == {
+        "name": "a.log", "scans": 3, "duration_s": 0.4, "path_length_m": 0.5,
+    }  # fmt: skip
+    assert saved["constraints"] == {
+        "intra_submap": 1, "loop_closure": 1, "searched": 2, "precision": 1.0,
+    }  # fmt: skip
+    assert set(saved["adjustment"]) == {"runs", "mean_iterations", "mean_ms", "last_ms"}
+    assert set(saved["stages"]["match"]) == {"calls", "total_s", "median_ms", "p99_ms"}
+    assert saved["skipped"] == {"no returns": 1}
+    assert saved["findings"] == ["the odometry is late"]
+    assert len(saved["config_hash"]) == 16
+    assert {
+        "wall_s",
+        "cpu_s",
+        "peak_memory_mb",
+        "real_time_factor",
+        "nodes",
+        "submaps",
+        "version",
+    } < set(saved)
+
+
+def test_the_report_can_be_written_again(tmp_path):
+    save(small_result(), tmp_path)
+
+    save_report(Report(wall_s=9.0), tmp_path)
+
+    assert json.loads((tmp_path / "report.json").read_text())["wall_s"] == 9.0
+
+
+def test_memory_is_measured():
+    assert 10 < peak_memory_mb() < 1e5
+
+
+@pytest.mark.parametrize("name", ["file", "file/out"])
+def test_a_folder_that_cannot_be_is_an_output_error(tmp_path, name):
+    (tmp_path / "file").write_text("not a folder")
+
+    with pytest.raises(OutputError, match="cannot write there"):
+        prepare_folder(tmp_path / name)
+
+
+@pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere"
+)
+def test_a_folder_without_permission_is_an_output_error(tmp_path):
+    tmp_path.chmod(0o500)
+
+    with pytest.raises(OutputError, match="Permission denied"):
+        prepare_folder(tmp_path)
+
+
+def test_a_failed_write_keeps_what_was_there_and_leaves_no_rest(tmp_path, monkeypatch):
+    path = tmp_path / "map.pgm"
+    path.write_bytes(b"old")
+
+    def no_space(self, target):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.replace", no_space)
+    with pytest.raises(OutputError, match=r"map\.pgm: cannot be written: No space left"):
+        write_file(path, b"new")
+
+    assert contents(tmp_path) == {"map.pgm": b"old"}
+
+
+def test_nothing_mapped_is_saved_all_the_same(tmp_path):
+    empty = np.zeros((0, 3))
+    result = replace(
+        small_result(),
+        stamps=np.zeros(0),
+        trajectory=empty,
+        local_trajectory=empty,
+        graph=PoseGraph(),
+        node_scan_index=np.zeros(0, np.int64),
+        submap_grids=[],
+    )
+
+    save(result, tmp_path, layers=("trajectory", "closures"))
+
+    assert set(contents(tmp_path)) == FILES
+    assert tomllib.loads((tmp_path / "config.toml").read_text())
