@@ -15,7 +15,11 @@ from typing import Annotated
 import typer
 
 import cartoloop
+from cartoloop.cli.config_command import config_app
+from cartoloop.cli.demo_command import demo_command
 from cartoloop.cli.evaluate_command import evaluate_app
+from cartoloop.cli.map_command import map_command
+from cartoloop.cli.simulate_command import simulate_command
 from cartoloop.errors import CartoloopError, ConfigError, Interrupted
 
 app = typer.Typer(
@@ -26,7 +30,11 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+app.command("demo")(demo_command)
+app.command("map")(map_command)
+app.command("simulate")(simulate_command)
 app.add_typer(evaluate_app, name="evaluate")
+app.add_typer(config_app, name="config")
 
 
 def _print_version(asked: bool) -> None:

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mapping a recording from the command line: progress, stopping, saving, summary."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from cartoloop.cli.progress import format_duration, progress
+from cartoloop.cli.stop_signals import StopRequest, stop_signals
+from cartoloop.errors import Interrupted
+
+if TYPE_CHECKING:
+    from cartoloop.config_file import LoadedConfig
+    from cartoloop.map_output.picture import Layer
+    from cartoloop.map_output.report import Report
+    from cartoloop.map_output.result import Result
+    from cartoloop.mapper import Mapper
+    from cartoloop.readers import Log
+
+COMPILE_TIME_S = 60
+"""About how long compiling all kernels takes."""
+
+_MAX_PROBLEMS_SHOWN = 5
+
+
+def map_recording(log: Log, loaded: LoadedConfig, out: Path, layers: Collection[Layer]) -> Result:
+    """Map a recording, save the result and tell about it.
+
+    Raises
+    ------
+    OutputError
+        The folder `out` cannot be written; told before mapping starts where that can be known.
+    Interrupted
+        The user stopped it; what was mapped until then is saved.
+    """
+    from cartoloop.map_output.save import prepare_folder, save, save_report
+
+    start = time.perf_counter()
+    prepare_folder(out)
+    _tell_of_compilation()
+
+    from cartoloop.mapper import Mapper
+
+    with stop_signals() as stop:
+        try:
+            result, failure = _run(Mapper(loaded.config), log, stop)
+            typer.echo(f"writing {out}", err=True)
+            report = _completed(result.report, log, time.perf_counter() - start)
+            save(replace(result, report=report), out, layers=layers, origins=loaded.origins)
+        except KeyboardInterrupt as interrupt:
+            raise Interrupted(f"stopped at once; files in {out} may be missing") from interrupt
+    report = _completed(result.report, log, time.perf_counter() - start)
+    save_report(report, out)
+    _tell_problems(log)
+    typer.echo(_summary(report, out))
+    if failure is not None:
+        typer.echo(f"what was mapped before the failure is in {out}", err=True)
+        raise failure
+    if stop.made:
+        raise Interrupted(f"stopped after {len(result.stamps)} scans; the map of these is in {out}")
+    return replace(result, report=report)
+
+
+def _run(mapper: Mapper, log: Log, stop: StopRequest) -> tuple[Result, Exception | None]:
+    """Return the result of the log, or of what was mapped until a stop or a failure, and that."""
+    try:
+        _add_all(mapper, log, stop)
+        if not stop.made:
+            with stop.at_once():
+                return mapper.finish(), None
+    except KeyboardInterrupt:
+        pass
+    except Exception as failure:
+        if mapper.num_scans == 0:
+            raise
+        return mapper.result(), failure
+    return mapper.result(), None
+
+
+def _add_all(mapper: Mapper, log: Log, stop: StopRequest) -> None:
+    first_time = None
+    with progress(log.num_scans) as shown:
+        for event in log:
+            if stop.made:
+                return
+            mapper.add(event)
+            first_time = event.time if first_time is None else first_time
+            shown.update(mapper.num_scans, event.time - first_time, mapper.num_loop_closures)
+
+
+def _tell_of_compilation() -> None:
+    from cartoloop._jit import kernel_cache_folder
+
+    if not any(kernel_cache_folder().rglob("*.nbi")):
+        typer.echo(f"compiling kernels (once, about {COMPILE_TIME_S} s)", err=True)
+
+
+def _completed(report: Report, log: Log, wall_s: float) -> Report:
+    """Return the report with what only the command knows: names, times, what the reader skipped."""
+    from cartoloop.map_output.report import peak_memory_mb
+
+    skipped = dict(report.skipped)
+    for reason, count in log.skipped.items():
+        skipped[reason] = skipped.get(reason, 0) + count
+    extra = dict(report.extra)
+    if log.problems:
+        extra["problems"] = [problem.message for problem in log.problems]
+    return replace(
+        report,
+        input=replace(report.input, name=log.name),
+        wall_s=wall_s,
+        cpu_s=time.process_time(),
+        peak_memory_mb=peak_memory_mb(),
+        real_time_factor=report.input.duration_s / wall_s,
+        skipped=skipped,
+        extra=extra,
+    )
+
+
+def _tell_problems(log: Log) -> None:
+    for problem in log.problems[:_MAX_PROBLEMS_SHOWN]:
+        typer.echo(f"{problem.severity}: {problem.message}", err=True)
+    if log.num_problems > _MAX_PROBLEMS_SHOWN:
+        rest = log.num_problems - _MAX_PROBLEMS_SHOWN
+        typer.echo(f"and {rest} more problems; see report.json", err=True)
+
+
+def _summary(report: Report, out: Path) -> str:
+    constraints = report.constraints
+    closures = f"{constraints.loop_closure} of {constraints.searched} pairs searched"
+    if constraints.precision is not None:
+        closures += f", {100.0 * constraints.precision:.1f}% agree with the map"
+    skipped = ", ".join(f"{count} {reason}" for reason, count in sorted(report.skipped.items()))
+    return "\n".join(
+        (
+            f"recording      {report.input.name}: {report.input.scans} scans, "
+            f"{format_duration(report.input.duration_s)}, {report.input.path_length_m:.0f} m",
+            f"time           {report.wall_s:.1f} s, {report.real_time_factor:.0f} x real time",
+            f"graph          {report.nodes} nodes, {report.submaps} submaps",
+            f"loop closures  {closures}",
+            f"skipped        {skipped or 'nothing'}",
+            f"map            {out / 'map.png'}",
+        )
+    )

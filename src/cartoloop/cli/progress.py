@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far a run is: a bar on a terminal, a line every few seconds elsewhere."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import perf_counter
+from typing import Protocol, TextIO
+
+_BAR_PERIOD_S = 0.1
+_LINE_PERIOD_S = 5.0
+
+
+class Display(Protocol):
+    """Shows how far a run is."""
+
+    def show(self, num_scans: int, status: str) -> None:
+        """Show that so many scans are done, and a few words more."""
+
+
+class Progress:
+    """Rate, real-time factor and remaining time of a run over a recording.
+
+    Parameters
+    ----------
+    num_scans : how many scans there are to do.
+    display : where it is shown.
+    period : time between two displays [s].
+    """
+
+    def __init__(self, num_scans: int, display: Display, period: float) -> None:
+        self._num_scans = num_scans
+        self._display = display
+        self._period = period
+        self._start = perf_counter()
+        self._next = self._start + period
+
+    def update(self, num_scans: int, recorded_s: float, num_loop_closures: int) -> None:
+        """Show how far it is, if it is time to.
+
+        Parameters
+        ----------
+        num_scans : scans done.
+        recorded_s : time that these took when they were recorded [s].
+        num_loop_closures : loop closures found.
+        """
+        now = perf_counter()
+        if now < self._next:
+            return
+        self._next = now + self._period
+        elapsed = now - self._start
+        rate = num_scans / elapsed
+        left = max(0, self._num_scans - num_scans) / rate if num_scans else 0.0
+        self._display.show(
+            num_scans,
+            f"{rate:.0f} scans/s, {recorded_s / elapsed:.1f} x real time, "
+            f"{format_duration(left)} left, {num_loop_closures} loop closures",
+        )
+
+
+class _Lines:
+    """Progress as lines of text."""
+
+    def __init__(self, num_scans: int, stream: TextIO) -> None:
+        self._num_scans = num_scans
+        self._stream = stream
+
+    def show(self, num_scans: int, status: str) -> None:
+        self._stream.write(f"{num_scans} of {self._num_scans} scans, {status}\n")
+        self._stream.flush()
+
+
+@contextmanager
+def progress(num_scans: int, stream: TextIO | None = None) -> Iterator[Progress]:
+    """Yield the progress of a run over so many scans, shown on the stream (standard error)."""
+    stream = stream or sys.stderr
+    if not stream.isatty():
+        yield Progress(num_scans, _Lines(num_scans, stream), _LINE_PERIOD_S)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("scans, {task.fields[status]}"))
+    with Bar(*columns, console=Console(file=stream), transient=True) as bar:
+        task = bar.add_task("", total=num_scans, status="")
+
+        class _Bar:
+            def show(self, num_scans: int, status: str) -> None:
+                bar.update(task, completed=num_scans, status=status)
+
+        yield Progress(num_scans, _Bar(), _BAR_PERIOD_S)
+
+
+def format_duration(seconds: float) -> str:
+    """Return a duration as people say it: 40 s, 3 min 20 s, 2 h 5 min."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
