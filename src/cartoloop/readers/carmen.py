@@ -212,7 +212,7 @@ class CarmenLog:
         report = replace(
             report,
             gaps=tuple(events[gaps + 1].tolist()),
-            largest_gap=float(silence[gaps].max(initial=0.0)),
+            gap_lengths=tuple(silence[gaps].tolist()),
             resets=tuple(lines[list(report.resets)].tolist()),
         )
         return times, report
@@ -281,10 +281,12 @@ class CarmenLog:
         report = self.time_report
         if not report.is_sound:
             self._found.add("warning", f"{self.name}: {report.describe()}; file order is kept")
-        for line in report.gaps:
-            self._found.add("warning", self._at(line, "a long gap in time lies before this line"))
+        for line, length in zip(report.gaps, report.gap_lengths, strict=True):
+            message = f"nothing was recorded for {length:.6g} s before this line"
+            self._found.add("warning", self._at(line, message), "gap")
         for line in report.resets:
-            self._found.add("warning", self._at(line, "the clock starts anew at this line"))
+            message = "the clock starts anew at this line; times go on from the line before"
+            self._found.add("warning", self._at(line, message), "reset")
         beams = self.profile.num_beams
         if self._tags[0] == b"FLASER" and beams not in _CUSTOMARY_BEAMS:
             self._found.add(

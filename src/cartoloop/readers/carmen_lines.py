@@ -125,17 +125,17 @@ def _pose_start(tokens: list[bytes], tail: int, end: int, wanted: tuple[int, ...
             blocked = after
     if plain and blocked >= 0:
         # "0" may be an empty remission block or the laser's x: the laser sits near the robot.
-        return min((blocked, tail), key=lambda start: _laser_distance(tokens, start))
+        return min((blocked, tail), key=lambda start: _laser_offset(tokens, start))
     return tail if plain else blocked
 
 
-def _laser_distance(tokens: list[bytes], start: int) -> float:
-    """Return how far the laser is from the robot [m] if the poses begin at `start`."""
+def _laser_offset(tokens: list[bytes], start: int) -> float:
+    """Return how far the laser is off the robot, metres plus radians, if poses begin at `start`."""
     try:
-        x, y, _, robot_x, robot_y, _ = (float(token) for token in tokens[start : start + 6])
-    except ValueError:
+        offset = relative(parse_pose(tokens, start + 3), parse_pose(tokens, start))
+    except LineError:
         return math.inf
-    return math.hypot(x - robot_x, y - robot_y)
+    return math.hypot(offset.x, offset.y) + abs(offset.theta)
 
 
 def _beam_count(token: bytes) -> int:

@@ -49,7 +49,6 @@ class LogChain:
             num_wild=sum(r.num_wild for r in reports),
             num_repaired=sum(r.num_repaired for r in reports),
             period=reports[0].period,
-            largest_gap=max(r.largest_gap for r in reports),
         )
 
     @property

@@ -14,7 +14,7 @@ Severity = Literal["error", "warning", "note"]
 
 # A log with a fault on each line must not fill the memory, nor the user's screen.
 MAX_PROBLEMS = 50
-MAX_PROBLEMS_PER_REASON = 5
+MAX_PROBLEMS_PER_KIND = 5
 
 
 class Problem(NamedTuple):
@@ -38,30 +38,28 @@ class Problems:
         self.kept: list[Problem] = []
         self.count = 0
         self.skipped: dict[str, int] = {}
+        self._kinds: dict[str, int] = {}
 
-    def add(self, severity: Severity, message: str) -> None:
-        """Note a problem."""
+    def add(self, severity: Severity, message: str, kind: str = "") -> None:
+        """Note a problem; of those of one `kind` only the first few are kept."""
         self.count += 1
-        if len(self.kept) < MAX_PROBLEMS:
+        number = self._kinds[kind] = self._kinds.get(kind, 0) + 1
+        rare = not kind or number <= MAX_PROBLEMS_PER_KIND
+        if rare and len(self.kept) < MAX_PROBLEMS:
             self.kept.append(Problem(severity, message))
 
     def copy(self) -> Problems:
         """Return a copy that is counted on independently."""
         other = Problems()
         other.kept, other.count = list(self.kept), self.count
-        other.skipped = dict(self.skipped)
+        other.skipped, other._kinds = dict(self.skipped), dict(self._kinds)
         return other
 
     def skip(self, reason: str, message: str = "") -> None:
         """Count a skipped line under `reason`; with a `message` it is a problem as well."""
-        number = self.skipped.get(reason, 0) + 1
-        self.skipped[reason] = number
-        if not message:
-            return
-        if number <= MAX_PROBLEMS_PER_REASON:
-            self.add("warning", message)
-        else:
-            self.count += 1
+        self.skipped[reason] = self.skipped.get(reason, 0) + 1
+        if message:
+            self.add("warning", message, reason)
 
 
 class Log(Protocol):

@@ -153,8 +153,10 @@ def _continued(first: bytes, rest: Iterator[bytes]) -> Iterator[bytes]:
 
 def _until_damage(stream: zlib._Decompress, data: bytes) -> Iterator[bytes]:
     """Yield what `data` holds before the place where decompression fails."""
-    for start in range(0, len(data), 64):
+    for i in range(len(data)):
         try:
-            yield stream.decompress(data[start : start + 64])
+            plain = stream.decompress(data[i : i + 1])
         except zlib.error:
             return
+        if plain:
+            yield plain

@@ -28,6 +28,7 @@ SECOND_SHARE = 0.05  # of the main pile-up, for a second one to count
 PLACE_CHANGE = 0.1  # median change of the ranges between two places [m]
 MIN_ARC = math.radians(15.0)  # a flat wall is nowhere equally far over such an angle
 MIN_GAP_FACTOR = 4.0  # nor is the farthest wall so much farther than the next
+MIN_RANGE_MAX = 3.0  # no scanner ends nearer [m]
 MIN_SHARE_SPECIAL = 1e-3  # of zeros, for 0 to be the value
 
 
@@ -80,7 +81,7 @@ def _find_pile(ranges: FloatArray, step: float) -> tuple[float, float] | None:
         return None
     top = values[values >= TOP_SHARE * values[-1]]
     main = _densest(top)
-    if not _stands_out(values, main):
+    if main < MIN_RANGE_MAX or not _stands_out(values, main):
         return None
     if several:
         if not _is_seen_widely(places, values, main):
@@ -104,11 +105,11 @@ def _distinct_places(ranges: FloatArray) -> FloatArray:
 
 
 def _densest(top: FloatArray) -> float:
-    """Return the most frequent value of a sorted array, up to the width of a pile-up."""
+    """Return the most frequent value in the densest part of a sorted array."""
     half = PILE_WIDTH * top[-1]
     inside = np.searchsorted(top, top + half, "right") - np.searchsorted(top, top - half, "left")
-    fullest = top[inside == inside.max()]
-    distinct, counts = np.unique(fullest, return_counts=True)
+    centre = top[np.argmax(inside)]
+    distinct, counts = np.unique(top[np.abs(top - centre) <= half], return_counts=True)
     return float(distinct[np.argmax(counts)])
 
 

@@ -16,6 +16,7 @@ from cartoloop.sensor.no_return import find_no_return
 FloatArray = NDArray[np.float64]
 
 RANGE_MIN_LIMITS = (0.05, 0.3)  # below the first scanners send error codes [m]
+ABSURD_RANGE = 1e6  # beyond, a number stands for infinity [m]
 _QUANTA = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)  # steps of ranges in use [m]
 _MIN_STILL_TRIPLES = 5
 
@@ -106,6 +107,7 @@ def profile_sensor(
     chosen = _most_frequent_geometry(list(scans))
     geometry = chosen[0].geometry
     ranges = np.array([scan.ranges for scan in chosen])
+    ranges = np.where(np.abs(ranges) > ABSURD_RANGE, np.copysign(np.inf, ranges), ranges)
     no_return = find_no_return(ranges, geometry.angle_increment)
     range_max = min(no_return.range_max, geometry.range_max)
     measured = ranges[np.isfinite(ranges) & (ranges >= RANGE_MIN_LIMITS[0]) & (ranges < range_max)]

@@ -8,10 +8,11 @@ repeat, be missing, be wild, or start anew. All functions are pure functions of 
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
@@ -43,7 +44,7 @@ class TimeReport:
     num_wild : stamps far off on their own, which their neighbours outvote.
     num_repaired : times that differ from their stamps.
     period : typical time from one stamp to the next [s].
-    gaps : indices of the stamps after a real gap; `largest_gap` [s] is the longest of them.
+    gaps : indices of the stamps after a real gap, as long as `gap_lengths` [s] tells.
     resets : indices of the stamps from which on the clock had started anew.
     """
 
@@ -56,8 +57,8 @@ class TimeReport:
     num_repaired: int = 0
     period: float = NOMINAL_PERIOD
     gaps: tuple[int, ...] = ()
-    largest_gap: float = 0.0
-    resets: tuple[int, ...] = field(default=())
+    gap_lengths: tuple[float, ...] = ()
+    resets: tuple[int, ...] = ()
 
     @property
     def is_sound(self) -> bool:
@@ -80,7 +81,7 @@ class TimeReport:
         if self.resets:
             parts.append(f"the clock starts anew {len(self.resets)} times")
         if self.gaps:
-            parts.append(f"{len(self.gaps)} gaps (up to {self.largest_gap:.4g} s)")
+            parts.append(f"{len(self.gaps)} gaps (up to {max(self.gap_lengths):.4g} s)")
         if not parts:
             return f"{self.num_stamps} stamps, all in order"
         return f"{self.num_stamps} stamps: " + ", ".join(parts)
@@ -115,10 +116,10 @@ def repair_times(
     clean = stamps[present]
     steps = np.diff(clean)
     backwards = steps[steps < 0.0]
-    period = _typical_period(clean, nominal_period)
+    period = _typical_period(clean, np.flatnonzero(present), nominal_period)
     wild = _find_wild(clean, period)
     kept = np.flatnonzero(present)[~wild]
-    kept_times, gaps, resets, largest_gap = _repair_in_stretches(stamps[kept], period)
+    kept_times, gaps, resets = _repair_in_stretches(stamps[kept], period)
     times = strictly_increasing(_fill(kept, kept_times, num, period))
     report = TimeReport(
         num_stamps=num,
@@ -130,7 +131,7 @@ def repair_times(
         num_repaired=int((times != stamps).sum()),
         period=period,
         gaps=tuple(int(kept[i]) for i in gaps),
-        largest_gap=largest_gap,
+        gap_lengths=tuple(gaps.values()),
         resets=tuple(int(kept[i]) for i in resets),
     )
     return times, report
@@ -141,42 +142,48 @@ def jump_length(period: float) -> float:
     return max(MIN_JUMP, JUMP_PERIODS * period)
 
 
-def _typical_period(stamps: FloatArray, nominal_period: float) -> float:
+def _typical_period(stamps: FloatArray, places: IntArray, nominal_period: float) -> float:
     """Return the mean step without jumps [s]: the median would misjudge bursts."""
-    steps = np.diff(stamps)
+    steps = np.diff(stamps) / np.diff(places)  # stamps may be missing in between
     moving = np.abs(steps[steps != 0.0])
     if len(moving) == 0:
         return nominal_period
-    small = steps[np.abs(steps) <= jump_length(float(np.median(moving)))]
-    mean = float(small.mean()) if len(small) else 0.0
-    return mean if mean > 0.0 else float(np.median(moving))
+    usual = float(np.median(moving))
+    small = np.abs(steps) <= jump_length(usual)
+    mean = float(np.diff(stamps)[small].sum() / max(np.diff(places)[small].sum(), 1))
+    return mean if mean > 0.0 else usual
 
 
 def _find_wild(stamps: FloatArray, period: float) -> BoolArray:
-    """Return which stamps lie far off from the median of their neighbourhood."""
-    steps = np.diff(stamps)
-    # In order, only a stamp at an end can be wild; it might also be a gap, so be slow to judge.
-    limit = jump_length(period) if (steps < 0.0).any() else WILD_AT_THE_END
+    """Return which stamps lie far off from the median of their neighbourhood, and out of order."""
     half = min(AGREEING_STAMPS, len(stamps) - 1)
-    if half < 1 or not (np.abs(steps) > limit).any():
+    limit = jump_length(period)
+    if half < 1 or not (np.abs(np.diff(stamps)) > limit).any():
         return np.zeros(len(stamps), dtype=np.bool_)
-    padded = np.pad(stamps, half, mode="reflect")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1)
-    far: BoolArray = np.abs(stamps - np.median(windows, axis=1)) > limit
-    return far
+    around = sliding_window_view(np.pad(stamps, half, mode="reflect"), 2 * half + 1)
+    off = np.abs(stamps - np.median(around, axis=1))
+    lows = np.pad(stamps, half, constant_values=-np.inf)
+    highs = np.pad(stamps, half, constant_values=np.inf)
+    earlier = sliding_window_view(lows, half)[: len(stamps)].max(axis=1)
+    later = sliding_window_view(highs, half)[half + 1 :].min(axis=1)
+    # In order, only the first and last stamps can be wild; it might be a gap, so be slow to judge.
+    at_end = np.ones(len(stamps), dtype=np.bool_)
+    at_end[half:-half] = False
+    wild: BoolArray = (off > limit) & ((earlier > stamps) | (later < stamps))
+    return wild | (at_end & (off > WILD_AT_THE_END))
 
 
 def _repair_in_stretches(
     stamps: FloatArray, period: float
-) -> tuple[FloatArray, list[int], list[int], float]:
-    """Return times, indices after gaps and resets, and the longest gap; no stamp is wild or NaN."""
+) -> tuple[FloatArray, dict[int, float], list[int]]:
+    """Return times, index and length of gaps, indices of resets; no stamp is wild or NaN."""
     limit = jump_length(period)
     steps = np.diff(stamps)
     cuts = np.flatnonzero(np.abs(steps) > limit) + 1
     times = np.empty_like(stamps)
-    gaps: list[int] = []
+    gaps: dict[int, float] = {}
     resets: list[int] = []
-    largest_gap, shift, previous_end = 0.0, 0.0, -np.inf
+    shift, previous_end = 0.0, -np.inf
     for start, stop in zip((0, *cuts), (*cuts, len(stamps)), strict=True):
         if start == stop:
             continue
@@ -188,11 +195,10 @@ def _repair_in_stretches(
             if not fitting:
                 resets.append(int(start))
             elif stretch[0] + shift - previous_end > limit:
-                gaps.append(int(start))
-                largest_gap = max(largest_gap, float(stretch[0] + shift - previous_end))
+                gaps[int(start)] = float(stretch[0] + shift - previous_end)
         times[start:stop] = stretch + shift
         previous_end = float(times[stop - 1])
-    return times, gaps, resets, largest_gap
+    return times, gaps, resets
 
 
 def _repair_stretch(stamps: FloatArray, period: float) -> FloatArray:
@@ -267,6 +273,9 @@ def longest_ordered(values: FloatArray) -> IntArray:
 
 def strictly_increasing(times: FloatArray) -> FloatArray:
     """Return the times, lifted by the smallest possible amount wherever they do not increase."""
+    if len(times) < 2 or (np.diff(times) > 0.0).all():
+        return times
+    # A ramp of a few rounding errors keeps the running maximum from being flat.
     tiny = 4.0 * np.spacing(np.abs(times).max())
     ramp = tiny * np.arange(len(times))
     reached = np.maximum.accumulate(times - ramp)
@@ -277,7 +286,7 @@ def strictly_increasing(times: FloatArray) -> FloatArray:
 def _fill(kept: IntArray, kept_times: FloatArray, num: int, period: float) -> FloatArray:
     """Return times for all `num` places: the given ones, and between them evenly spread ones."""
     if len(kept) == num:
-        return kept_times
+        return kept_times.copy()
     index = np.arange(num)
     if len(kept) == 0:
         return period * np.arange(num, dtype=np.float64)
