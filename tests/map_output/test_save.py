@@ -10,13 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cartoloop.submaps.finished_grid import FinishedGrid
 from PIL import Image
 
-from cartoloop.config import Config
 from cartoloop.config_file import load_config
 from cartoloop.errors import OutputError
-from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.map_output.report import (
     AdjustmentSummary,
     ConstraintSummary,
@@ -24,9 +22,9 @@ from cartoloop.map_output.report import (
     Report,
     peak_memory_mb,
 )
-from cartoloop.map_output.result import Result
 from cartoloop.map_output.save import prepare_folder, save, save_report, write_file
 from cartoloop.stage_timer import StageTimer
+from tests.map_output.small_result import small_result
 
 FILES = {
     "map.pgm",
@@ -38,32 +36,6 @@ FILES = {
     "config.toml",
     "report.json",
 }
-
-
-def small_result(config=None, **report):
-    cells = np.full((40, 60), 3, np.uint8)
-    cells[10] = 250
-    graph = PoseGraph()
-    graph.add_submap((0.0, 0.0, 0.0))
-    graph.add_nodes([(0.5, 0.5, 0.0), (1.0, 0.5, 0.1)])
-    graph.add_constraints(
-        [ConstraintKind.INTRA_SUBMAP, ConstraintKind.LOOP_CLOSURE],
-        [0, 0],
-        [0, 1],
-        graph.node_poses,
-        [np.eye(3)] * 2,
-    )
-    trajectory = np.array([(0.5, 0.5, 0.0), (0.8, 0.5, 0.05), (1.0, 0.5, 0.1)])
-    return Result(
-        stamps=np.array([100.0, 100.2, 100.4]),
-        trajectory=trajectory,
-        local_trajectory=trajectory + 0.01,
-        graph=graph,
-        node_scan_index=np.array([0, 2]),
-        submap_grids=[FinishedGrid(cells, 0.0, 0.0, 0.05)],
-        config=config or Config(),
-        report=Report(**report),
-    )
 
 
 def contents(folder):

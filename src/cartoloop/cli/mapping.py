@@ -141,7 +141,7 @@ def _summary(report: Report, out: Path) -> str:
         (
             f"recording      {report.input.name}: {report.input.scans} scans, "
             f"{format_duration(report.input.duration_s)}, {report.input.path_length_m:.0f} m",
-            f"time           {report.wall_s:.1f} s, {report.real_time_factor:.0f} x real time",
+            f"time           {report.wall_s:.1f} s, {report.real_time_factor:.0f}x real time",
             f"graph          {report.nodes} nodes, {report.submaps} submaps",
             f"loop closures  {closures}",
             f"skipped        {skipped or 'nothing'}",

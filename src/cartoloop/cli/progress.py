@@ -55,8 +55,8 @@ class Progress:
         left = max(0, self._num_scans - num_scans) / rate if num_scans else 0.0
         self._display.show(
             num_scans,
-            f"{rate:.0f} scans/s, {recorded_s / elapsed:.1f} x real time, "
-            f"{format_duration(left)} left, {num_loop_closures} loop closures",
+            f"{rate:.0f}/s, {recorded_s / elapsed:.1f}x real time, "
+            f"{format_duration(left)} left, {num_loop_closures} closures",
         )
 
 
@@ -83,7 +83,7 @@ def progress(num_scans: int, stream: TextIO | None = None) -> Iterator[Progress]
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
     from rich.progress import Progress as Bar
 
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("scans, {task.fields[status]}"))
+    columns = (BarColumn(10), MofNCompleteColumn(), TextColumn("scans, {task.fields[status]}"))
     with Bar(*columns, console=Console(file=stream), transient=True) as bar:
         task = bar.add_task("", total=num_scans, status="")
 

@@ -1,0 +1,44 @@
+# Two commands on a fresh machine with Python 3.11 or newer:
+#
+#   make demo    install into .venv, simulate an office floor, map it, name the map's picture
+#   make test    install into .venv, check style, types and architecture, run the tests
+#
+# PYTHON chooses the interpreter, OUT the folder of the demo.
+
+PYTHON ?= python3
+OUT ?= cartoloop-demo
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+SOURCES := src tests examples
+
+.PHONY: demo test check clean
+
+demo: .venv/.installed
+	$(BIN)/cartoloop demo -o $(OUT)
+
+test: check
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+check: .venv/.installed-dev
+	$(BIN)/ruff check $(SOURCES)
+	$(BIN)/ruff format --check $(SOURCES)
+	$(BIN)/mypy src
+	$(BIN)/lint-imports
+
+clean:
+	rm -rf .venv
+
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "Python 3.11 or newer is needed: make PYTHON=/path/to/python3.11"; exit 1; }
+	@$(PYTHON) -m venv .venv || { rm -rf .venv; exit 1; }
+
+.venv/.installed: pyproject.toml | .venv/bin/python
+	$(PIP) install -e .
+	@touch $@
+
+.venv/.installed-dev: pyproject.toml | .venv/bin/python
+	$(PIP) install -e '.[dev]'
+	@$(PIP) install -e '.[oracles]' || \
+		echo "gtsam cannot be installed here: the tests that compare with it are skipped"
+	@touch $@ .venv/.installed

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``cartoloop map`` around the mapper, which is a stand-in: stopping, failing, saving, telling."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import types
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cartoloop.cli.main import run
+from cartoloop.errors import InputError
+from cartoloop.map_output.report import InputSummary, Report
+from cartoloop.sensor.events import LaserScan
+from tests.map_output.small_result import small_result
+
+NUM_SCANS = 40
+FILES = {
+    "map.pgm",
+    "map.yaml",
+    "map.png",
+    "trajectory.tum",
+    "local_trajectory.tum",
+    "graph.g2o",
+    "config.toml",
+    "report.json",
+}
+
+
+class StandIn:
+    """A mapper that puts every scan at the origin and can be told to do something on the way."""
+
+    made = 0
+    at_scan = None  # (number, action)
+    at_finish = None
+
+    def __init__(self, config):
+        type(self).made += 1
+        self.config = config
+        self.stamps = []
+        self.num_nodes = self.num_loop_closures = 0
+
+    @property
+    def num_scans(self):
+        return len(self.stamps)
+
+    def add(self, event):
+        if isinstance(event, LaserScan):
+            self.stamps.append(event.stamp)
+            if self.at_scan and self.at_scan[0] == len(self.stamps):
+                self.at_scan[1]()
+
+    def result(self):
+        poses = np.zeros((len(self.stamps), 3))
+        summary = InputSummary(scans=len(self.stamps), duration_s=8.0)
+        return replace(
+            small_result(self.config),
+            stamps=np.array(self.stamps),
+            trajectory=poses,
+            local_trajectory=poses,
+            report=Report(input=summary, skipped={"no returns": 2}),
+        )
+
+    def finish(self):
+        if self.at_finish:
+            self.at_finish()
+        return self.result()
+
+
+@pytest.fixture
+def mapper(monkeypatch):
+    class Mapper(StandIn):
+        pass
+
+    module = types.ModuleType("cartoloop.mapper")
+    module.Mapper = Mapper
+    monkeypatch.setitem(sys.modules, "cartoloop.mapper", module)
+    return Mapper
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / "some.log"
+    ranges = " ".join(["5.00"] * 180)
+    path.write_text(
+        "".join(
+            f"FLASER 180 {ranges} 0 0 0 0 0 0 {100 + 0.2 * k:.6f} robot {100 + 0.2 * k:.6f}\n"
+            for k in range(NUM_SCANS)
+        )
+    )
+    return path
+
+
+def num_poses(folder):
+    return len((folder / "trajectory.tum").read_text().splitlines()) - 1
+
+
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def terminate():
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def fail():
+    raise RuntimeError("the unforeseen\nhappened")
+
+
+def end_of_input():
+    raise InputError("some.log:12: the file is cut off")
+
+
+def test_writes_all_files_and_names_the_picture(mapper, log, tmp_path, capsys):
+    out = tmp_path / "out"
+
+    assert run(["map", str(log), "-o", str(out), "--draw", "none", "--threads", "1"]) == 0
+
+    assert {path.name for path in out.iterdir()} == FILES
+    assert num_poses(out) == NUM_SCANS
+    assert str(out / "map.png") in capsys.readouterr().out
+
+
+def test_the_report_tells_name_times_and_what_was_skipped(mapper, log, tmp_path):
+    log.write_text(log.read_text() + "FLASER 180 1.0\n")
+
+    run(["map", str(log), "-o", str(tmp_path / "out")])
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+
+    assert report["input"]["name"] == "some.log"
+    assert report["wall_s"] > 0
+    assert report["cpu_s"] > 0
+    assert report["real_time_factor"] == pytest.approx(8.0 / report["wall_s"])
+    assert report["skipped"]["no returns"] == 2
+    assert len(report["skipped"]) == 2
+    assert len(report["problems"]) == 1
+
+
+def test_settings_reach_the_mapper_and_the_saved_configuration(mapper, log, tmp_path):
+    (tmp_path / "my.toml").write_text("[local_slam.submaps]\nnum_range_data = 9\n")
+
+    given = ["--config", str(tmp_path / "my.toml"), "--set", "sensor.max_range=7"]
+    run(["map", str(log), "-o", str(tmp_path / "out"), *given])
+    saved = (tmp_path / "out" / "config.toml").read_text()
+
+    assert "num_range_data = 9" in saved
+    assert "max_range = 7.0" in saved
+    assert "file my.toml" in saved
+
+
+@pytest.mark.parametrize("stop", [interrupt, terminate])
+def test_a_stop_in_the_middle_saves_what_was_mapped(mapper, log, tmp_path, capsys, stop):
+    mapper.at_scan = (7, stop)
+
+    assert run(["map", str(log), "-o", str(tmp_path / "out")]) == 130
+
+    assert {path.name for path in (tmp_path / "out").iterdir()} == FILES
+    assert num_poses(tmp_path / "out") == 7
+    assert "stopped after 7 scans" in capsys.readouterr().err
+
+
+def test_a_second_interrupt_does_not_wait_for_the_scan(mapper, log, tmp_path):
+    def twice():
+        interrupt()
+        interrupt()
+        raise AssertionError("still running")
+
+    mapper.at_scan = (7, twice)
+
+    assert run(["map", str(log), "-o", str(tmp_path / "out")]) == 130
+    assert num_poses(tmp_path / "out") == 7
+
+
+def test_a_stop_of_the_last_pass_saves_what_was_mapped(mapper, log, tmp_path, capsys):
+    mapper.at_finish = staticmethod(interrupt)
+
+    assert run(["map", str(log), "-o", str(tmp_path / "out")]) == 130
+    assert num_poses(tmp_path / "out") == NUM_SCANS
+    assert "stopped after 40 scans" in capsys.readouterr().err
+
+
+def test_signals_are_as_before_afterwards(mapper, log, tmp_path):
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+
+    run(["map", str(log), "-o", str(tmp_path / "out")])
+
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+
+
+@pytest.mark.parametrize(
+    ("failure", "message"),
+    [(fail, "unexpected RuntimeError: the unforeseen happened"), (end_of_input, "is cut off")],
+)
+def test_a_failure_saves_what_was_mapped_and_is_told_in_a_line(
+    mapper, log, tmp_path, capsys, failure, message
+):
+    mapper.at_scan = (7, failure)
+
+    assert run(["map", str(log), "-o", str(tmp_path / "out")]) == 1
+
+    error = capsys.readouterr().err
+    assert num_poses(tmp_path / "out") == 7
+    assert message in error.splitlines()[-1]
+    assert "Traceback" not in error
+
+
+def test_debug_shows_where_the_unexpected_happened(mapper, log, tmp_path, capsys):
+    mapper.at_scan = (7, fail)
+
+    assert run(["map", str(log), "-o", str(tmp_path / "out"), "--debug"]) == 1
+    assert "in fail" in capsys.readouterr().err
+
+
+def test_an_unwritable_folder_is_told_before_mapping(mapper, log, tmp_path, capsys):
+    assert run(["map", str(log), "-o", str(log / "out")]) == 1
+
+    assert mapper.made == 0
+    assert "cannot write there" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no log at all\n", b"\x1f\x8b\x00"])
+def test_a_file_that_is_no_recording_is_told_in_a_line(mapper, tmp_path, capsys, content):
+    path = tmp_path / "bad.log"
+    if content is not None:
+        path.write_bytes(content)
+
+    assert run(["map", str(path), "-o", str(tmp_path / "out")]) == 1
+
+    error = capsys.readouterr().err
+    assert error.startswith("cartoloop: ")
+    assert "bad.log" in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()

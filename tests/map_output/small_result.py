@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A result made by hand, for tests of what is done with results."""
+
+from __future__ import annotations
+
+import numpy as np
+from cartoloop.submaps.finished_grid import FinishedGrid
+
+from cartoloop.config import Config
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.map_output.report import Report
+from cartoloop.map_output.result import Result
+
+
+def small_result(config=None, **report):
+    cells = np.full((40, 60), 3, np.uint8)
+    cells[10] = 250
+    graph = PoseGraph()
+    graph.add_submap((0.0, 0.0, 0.0))
+    graph.add_nodes([(0.5, 0.5, 0.0), (1.0, 0.5, 0.1)])
+    graph.add_constraints(
+        [ConstraintKind.INTRA_SUBMAP, ConstraintKind.LOOP_CLOSURE],
+        [0, 0],
+        [0, 1],
+        graph.node_poses,
+        [np.eye(3)] * 2,
+    )
+    trajectory = np.array([(0.5, 0.5, 0.0), (0.8, 0.5, 0.05), (1.0, 0.5, 0.1)])
+    return Result(
+        stamps=np.array([100.0, 100.2, 100.4]),
+        trajectory=trajectory,
+        local_trajectory=trajectory + 0.01,
+        graph=graph,
+        node_scan_index=np.array([0, 2]),
+        submap_grids=[FinishedGrid(cells, 0.0, 0.0, 0.05)],
+        config=config or Config(),
+        report=Report(**report),
+    )
