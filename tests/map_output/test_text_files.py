@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from cartoloop.evaluation.trajectories import read_tum
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.map_output.text_files import format_stamp, g2o_text, tum_text
+from cartoloop.readers.g2o import read_g2o
 from cartoloop.sensor.pose import Pose, relative, wrap_angle
 
 
@@ -115,6 +116,18 @@ def test_g2o_has_the_cost_that_the_paper_defines():
         # g2o: the estimated as seen from the measured b
         error_g2o = np.array(relative(measured, estimated))
         assert error_g2o @ information @ error_g2o == pytest.approx(paper, rel=1e-9)
+
+
+def test_g2o_reads_back_as_the_same_graph(tmp_path):
+    graph = random_graph()
+    (tmp_path / "graph.g2o").write_text(g2o_text(graph))
+
+    reread = read_g2o(tmp_path / "graph.g2o")
+
+    assert reread.node_poses.tolist() == [*graph.node_poses.tolist(), *graph.submap_poses.tolist()]
+    assert reread.relative_poses.tolist() == graph.relative_poses.tolist()
+    assert reread.informations == pytest.approx(graph.informations)
+    assert list(reread.fixed_nodes) == [5]
 
 
 def test_an_empty_graph_is_an_empty_file():

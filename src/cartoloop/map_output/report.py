@@ -8,7 +8,11 @@ import sys
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+import numpy as np
+
 import cartoloop
+from cartoloop.global_slam.pose_adjustment import constraint_residuals
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.stage_timer import StageSummary
 
 
@@ -96,6 +100,26 @@ class Report:
         keys = asdict(self)
         extra = keys.pop("extra")
         return json.dumps(keys | extra, indent=2, allow_nan=False) + "\n"
+
+
+def summarize_constraints(graph: PoseGraph, searched: int) -> ConstraintSummary:
+    """Return the counts of a graph's constraints, and how many closures agree with its poses.
+
+    Parameters
+    ----------
+    graph : with optimised poses.
+    searched : pairs of scan and finished submap that were searched.
+    """
+    closures = graph.kinds == ConstraintKind.LOOP_CLOSURE
+    num_closures = int(np.count_nonzero(closures))
+    translation, rotation = constraint_residuals(graph)
+    good = closures & (translation <= 0.2) & (rotation <= np.radians(1.0))  # table IV
+    return ConstraintSummary(
+        intra_submap=int(np.count_nonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)),
+        loop_closure=num_closures,
+        searched=searched,
+        precision=int(np.count_nonzero(good)) / num_closures if num_closures else None,
+    )
 
 
 def peak_memory_mb() -> float:
