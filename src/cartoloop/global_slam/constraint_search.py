@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The background search: requests in, loop closures out, in the order of the requests."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from time import perf_counter
+
+from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest, search
+from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
+from cartoloop.scan_matching.least_squares import SmoothMap
+from cartoloop.submaps.finished_grid import FinishedGrid
+
+MAX_THREADS = 4
+"""More threads than this have nothing to do."""
+
+
+def smooth_map(grid: FinishedGrid) -> SmoothMap:
+    """Return a finished grid as the least-squares matcher wants it."""
+    return SmoothMap(grid.probabilities(), grid.origin_x, grid.origin_y, grid.resolution)
+
+
+class FinishedSubmap:
+    """A submap that takes part in loop closure: its grid, and what is precomputed of it."""
+
+    def __init__(self, index: int, grid: FinishedGrid) -> None:
+        self.index = index
+        self.grid = grid
+        self.matcher = SubmapMatcher(grid)
+        self.smooth_map = smooth_map(grid)
+
+
+class ConstraintSearch:
+    """Runs searches in background threads; the results come in the order of the requests.
+
+    The order, and with it the result, does not depend on which thread finishes first.
+    """
+
+    def __init__(self, config: ConstraintSearchConfig, num_threads: int) -> None:
+        self._config = config
+        num_threads = num_threads or min(os.cpu_count() or 1, MAX_THREADS)
+        self._threads = ThreadPoolExecutor(num_threads, thread_name_prefix="loop-closure")
+        self._pending: list[Future[tuple[list[LoopClosure], float]]] = []
+        self.num_searched = 0
+        self.durations: list[float] = []
+
+    def submit(self, submap: FinishedSubmap, requests: Sequence[SearchRequest]) -> None:
+        """Have nodes sought in one submap; returns at once."""
+        if requests:
+            self.num_searched += len(requests)
+            self._pending.append(self._threads.submit(self._run, submap, tuple(requests)))
+
+    def collect(self) -> list[LoopClosure]:
+        """Wait for all that was submitted and return what was found, in the order submitted."""
+        pending, self._pending = self._pending, []
+        found: list[LoopClosure] = []
+        for future in pending:
+            closures, duration = future.result()
+            found += closures
+            self.durations.append(duration)
+        return found
+
+    @property
+    def backlog(self) -> int:
+        """How many submitted batches are not finished yet."""
+        return sum(not future.done() for future in self._pending)
+
+    def close(self) -> None:
+        """Drop what is not begun and end the threads."""
+        self._threads.shutdown(wait=True, cancel_futures=True)
+
+    def _run(
+        self, submap: FinishedSubmap, requests: tuple[SearchRequest, ...]
+    ) -> tuple[list[LoopClosure], float]:
+        start = perf_counter()
+        results = (search(submap.matcher, submap.smooth_map, r, self._config) for r in requests)
+        return [closure for closure in results if closure is not None], perf_counter() - start

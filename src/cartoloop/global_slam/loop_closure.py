@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One loop closure: a scan sought in a finished submap (section V-B), then refined by (CS)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cartoloop.config import ConstraintSearchConfig, LeastSquaresMatcherConfig
+from cartoloop.scan_matching import least_squares
+from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch, SmoothMap
+from cartoloop.sensor.pose import FloatArray, Pose, relative
+
+
+@dataclass(frozen=True, slots=True)
+class SearchRequest:
+    """A node to be sought in a finished submap.
+
+    Attributes
+    ----------
+    submap, node : their indices in the pose graph.
+    points : float64, shape (n, 2), the node's returns [m], tracking frame.
+    tf_submap_node : estimate, the centre of the window.
+    linear_window, angular_window : how far to search each way [m], [rad].
+    """
+
+    submap: int
+    node: int
+    points: FloatArray
+    tf_submap_node: Pose
+    linear_window: float
+    angular_window: float
+
+
+@dataclass(frozen=True, slots=True)
+class LoopClosure:
+    """A node found in a submap that it was not inserted into.
+
+    Attributes
+    ----------
+    submap, node : their indices in the pose graph.
+    tf_submap_node : where it was found.
+    information : float64, shape (3, 3), inverse covariance, submap axes.
+    score : mean probability of the node's returns there, in [0, 1].
+    runner_up : score of the best match elsewhere in the window, 0 where none was good enough.
+    """
+
+    submap: int
+    node: int
+    tf_submap_node: Pose
+    information: FloatArray
+    score: float
+    runner_up: float
+
+
+def search(
+    matcher: SubmapMatcher, smooth_map: SmoothMap, request: SearchRequest, config: ConstraintSearchConfig
+) -> LoopClosure | None:
+    """Return the loop closure sought, or None where the node does not fit well enough."""
+    coarse = matcher.match(
+        request.points,
+        request.tf_submap_node,
+        linear_window=request.linear_window,
+        angular_window=request.angular_window,
+        min_score=config.min_score,
+    )
+    if coarse is None:
+        return None
+    fine = refine(smooth_map, request.points, coarse.tf_submap_scan, config.least_squares_matcher)
+    return LoopClosure(
+        request.submap,
+        request.node,
+        fine.tf_grid_scan,
+        match_information(fine),
+        coarse.score,
+        coarse.runner_up,
+    )
+
+
+def refine(
+    smooth_map: SmoothMap, points: FloatArray, tf_submap_node: Pose, config: LeastSquaresMatcherConfig
+) -> LeastSquaresMatch:
+    """Return the match of (CS) nearest to a pose, weakly held to it."""
+    translation, rotation = config.translation_weight**2, config.rotation_weight**2
+    return least_squares.match(
+        smooth_map,
+        points,
+        tf_submap_node,
+        tf_submap_node,
+        np.array((translation, 0.0, 0.0, translation, 0.0, rotation)),
+        config.occupied_space_weight**2 / len(points),
+        config.max_num_iterations,
+    )
+
+
+MIN_SIGMA_M = 0.01
+MIN_SIGMA_RAD = math.radians(0.1)
+"""No match is trusted further than this: walls are not that straight, nor scanners that true."""
+
+
+def match_information(match: LeastSquaresMatch) -> FloatArray:
+    """Return the inverse covariance of a match, shape (3, 3), from the curvature of (CS) at it.
+
+    A corridor leaves its long direction open: there the curvature, and so the information, is
+    small. `MIN_SIGMA_M` and `MIN_SIGMA_RAD` add to the covariance, so they bound the certainty.
+    """
+    curvature = match.information / max(match.residual**2, 1e-3)
+    floor = np.diag((MIN_SIGMA_M**2, MIN_SIGMA_M**2, MIN_SIGMA_RAD**2))
+    bounded = np.linalg.inv(np.linalg.inv(curvature + 1e-3 * np.eye(3)) + floor)
+    return 0.5 * (bounded + bounded.T)

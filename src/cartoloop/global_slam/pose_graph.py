@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pose graph: nodes, submaps and the constraints between them (section V). Data only.
+
+A constraint says where b was seen from a, with what certainty: `relative_pose` is tf_a_b and
+`information` the inverse of its covariance in the frame of a, Sigma^-1 of eq. (4). What the paper
+calls scan poses are the poses of the nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cartoloop.global_slam.growing_array import GrowingArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_ASYMMETRY = 1e-9  # what rounding leaves between two halves of one information matrix
+
+
+class ConstraintKind(IntEnum):
+    """What a constraint ties together, and how it came about."""
+
+    INTRA_SUBMAP = 0
+    """Submap (a) to a node (b) that was inserted into it."""
+    LOOP_CLOSURE = 1
+    """Submap (a) to a node (b) that was found in it by search; may be false."""
+    NODE_TO_NODE = 2
+    """Node (a) to node (b): odometry, and graphs without submaps."""
+
+
+class PoseGraph:
+    """Poses of nodes and submaps in the map frame, and constraints as a structure of arrays.
+
+    Everything is added at the end and keeps its index. The arrays handed out are views: they may
+    be written to, and are valid until the next addition of their sort.
+    """
+
+    def __init__(self) -> None:
+        self._node_poses = GrowingArray((3,), np.float64)
+        self._submap_poses = GrowingArray((3,), np.float64)
+        self._kinds = GrowingArray((), np.int64)
+        self._index_a = GrowingArray((), np.int64)
+        self._index_b = GrowingArray((), np.int64)
+        self._relative_poses = GrowingArray((3,), np.float64)
+        self._informations = GrowingArray((3, 3), np.float64)
+        self._scores = GrowingArray((), np.float64)
+        self._runner_ups = GrowingArray((), np.float64)
+        self._fixed_nodes: list[int] = []
+        self._fixed_submaps: list[int] = []
+
+    @property
+    def num_nodes(self) -> int:
+        """How many nodes there are."""
+        return len(self._node_poses)
+
+    @property
+    def num_submaps(self) -> int:
+        """How many submaps there are."""
+        return len(self._submap_poses)
+
+    @property
+    def num_constraints(self) -> int:
+        """How many constraints there are."""
+        return len(self._kinds)
+
+    @property
+    def node_poses(self) -> FloatArray:
+        """tf_map_node of every node, shape (num_nodes, 3) [m, m, rad]."""
+        return self._node_poses.view
+
+    @property
+    def submap_poses(self) -> FloatArray:
+        """tf_map_submap of every submap, shape (num_submaps, 3) [m, m, rad]."""
+        return self._submap_poses.view
+
+    @property
+    def kinds(self) -> IntArray:
+        """:class:`ConstraintKind` of every constraint, shape (num_constraints,)."""
+        return self._kinds.view
+
+    @property
+    def index_a(self) -> IntArray:
+        """Submap index, or node index where the kind is NODE_TO_NODE, shape (num_constraints,)."""
+        return self._index_a.view
+
+    @property
+    def index_b(self) -> IntArray:
+        """Node index, shape (num_constraints,)."""
+        return self._index_b.view
+
+    @property
+    def relative_poses(self) -> FloatArray:
+        """tf_a_b as measured, xi_ij of eq. (5), shape (num_constraints, 3) [m, m, rad]."""
+        return self._relative_poses.view
+
+    @property
+    def informations(self) -> FloatArray:
+        """Sigma^-1 of eq. (4) in the frame of a, shape (num_constraints, 3, 3) [1/m^2, 1/(m rad), 1/rad^2]."""
+        return self._informations.view
+
+    @property
+    def scores(self) -> FloatArray:
+        """Match score in [0, 1] by which a closure was accepted; NaN where nothing was searched."""
+        return self._scores.view
+
+    @property
+    def runner_ups(self) -> FloatArray:
+        """Score of the best match elsewhere in the search window; NaN where nothing was searched."""
+        return self._runner_ups.view
+
+    @property
+    def fixed_nodes(self) -> Sequence[int]:
+        """Nodes that adjustment must not move."""
+        return tuple(self._fixed_nodes)
+
+    @property
+    def fixed_submaps(self) -> Sequence[int]:
+        """Submaps that adjustment must not move."""
+        return tuple(self._fixed_submaps)
+
+    def add_node(self, tf_map_node: ArrayLike) -> int:
+        """Add a node at this pose (3,) and return its index."""
+        self._node_poses.append(tf_map_node)
+        return self.num_nodes - 1
+
+    def add_nodes(self, tf_map_node: ArrayLike) -> int:
+        """Add nodes at these poses (n, 3) and return the index of the first."""
+        first = self.num_nodes
+        self._node_poses.extend(np.asarray(tf_map_node, dtype=np.float64).reshape(-1, 3))
+        return first
+
+    def add_submap(self, tf_map_submap: ArrayLike) -> int:
+        """Add a submap at this pose (3,) and return its index."""
+        self._submap_poses.append(tf_map_submap)
+        return self.num_submaps - 1
+
+    def add_submaps(self, tf_map_submap: ArrayLike) -> int:
+        """Add submaps at these poses (n, 3) and return the index of the first."""
+        first = self.num_submaps
+        self._submap_poses.extend(np.asarray(tf_map_submap, dtype=np.float64).reshape(-1, 3))
+        return first
+
+    def fix_node(self, node: int) -> None:
+        """Hold a node where it is in every adjustment."""
+        if not 0 <= node < self.num_nodes:
+            raise IndexError(f"node {node} is not in the graph of {self.num_nodes} nodes")
+        if node not in self._fixed_nodes:
+            self._fixed_nodes.append(node)
+
+    def fix_submap(self, submap: int) -> None:
+        """Hold a submap where it is in every adjustment."""
+        if not 0 <= submap < self.num_submaps:
+            raise IndexError(f"submap {submap} is not in the graph of {self.num_submaps} submaps")
+        if submap not in self._fixed_submaps:
+            self._fixed_submaps.append(submap)
+
+    def add_constraint(
+        self,
+        kind: ConstraintKind,
+        index_a: int,
+        index_b: int,
+        tf_a_b: ArrayLike,
+        information: ArrayLike,
+        *,
+        score: float = np.nan,
+        runner_up: float = np.nan,
+    ) -> int:
+        """Add one constraint and return its index; see :meth:`add_constraints`."""
+        return self.add_constraints(
+            np.array([kind], dtype=np.int64),
+            np.array([index_a], dtype=np.int64),
+            np.array([index_b], dtype=np.int64),
+            np.asarray(tf_a_b, dtype=np.float64).reshape(1, 3),
+            np.asarray(information, dtype=np.float64).reshape(1, 3, 3),
+            scores=np.array([score]),
+            runner_ups=np.array([runner_up]),
+        )
+
+    def add_constraints(
+        self,
+        kinds: ArrayLike,
+        index_a: ArrayLike,
+        index_b: ArrayLike,
+        tf_a_b: ArrayLike,
+        informations: ArrayLike,
+        *,
+        scores: ArrayLike = np.nan,
+        runner_ups: ArrayLike = np.nan,
+    ) -> int:
+        """Add constraints and return the index of the first.
+
+        Parameters
+        ----------
+        kinds : :class:`ConstraintKind` of each, shape (n,), or one for all.
+        index_a : submap, or node where the kind is NODE_TO_NODE, shape (n,).
+        index_b : node, shape (n,).
+        tf_a_b : where b was seen from a, shape (n, 3) [m, m, rad].
+        informations : symmetric, shape (n, 3, 3), in the frame of a.
+        scores, runner_ups : shape (n,), or one for all.
+
+        Raises
+        ------
+        IndexError
+            If a constraint names a submap or a node that is not in the graph.
+        ValueError
+            If a pose or an information matrix is not finite, or a matrix not symmetric or with
+            a negative diagonal, or a node is tied to itself.
+        """
+        index_a = np.atleast_1d(np.asarray(index_a, dtype=np.int64))
+        index_b = np.atleast_1d(np.asarray(index_b, dtype=np.int64))
+        kinds = np.broadcast_to(np.asarray(kinds, dtype=np.int64), index_a.shape)
+        relative_poses = np.asarray(tf_a_b, dtype=np.float64).reshape(-1, 3)
+        matrices = np.asarray(informations, dtype=np.float64).reshape(-1, 3, 3)
+        self._check_indices(kinds, index_a, index_b)
+        _check_values(relative_poses, matrices)
+        first = self.num_constraints
+        self._kinds.extend(kinds)
+        self._index_a.extend(index_a)
+        self._index_b.extend(index_b)
+        self._relative_poses.extend(relative_poses)
+        self._informations.extend(matrices)
+        self._scores.extend(np.broadcast_to(np.asarray(scores, dtype=np.float64), index_a.shape))
+        self._runner_ups.extend(
+            np.broadcast_to(np.asarray(runner_ups, dtype=np.float64), index_a.shape)
+        )
+        return first
+
+    def _check_indices(self, kinds: IntArray, index_a: IntArray, index_b: IntArray) -> None:
+        between_nodes = kinds == ConstraintKind.NODE_TO_NODE
+        end_a = np.where(between_nodes, self.num_nodes, self.num_submaps)
+        if np.any((index_a < 0) | (index_a >= end_a)):
+            raise IndexError(
+                f"a constraint starts at no vertex of the graph ({self.num_submaps} submaps, "
+                f"{self.num_nodes} nodes): add the vertex first"
+            )
+        if np.any((index_b < 0) | (index_b >= self.num_nodes)):
+            raise IndexError(
+                f"a constraint ends at no node of the graph ({self.num_nodes} nodes): "
+                "add the node first"
+            )
+        if np.any(between_nodes & (index_a == index_b)):
+            raise ValueError("a constraint ties a node to itself")
+
+
+def _check_values(relative_poses: FloatArray, informations: FloatArray) -> None:
+    if not (np.isfinite(relative_poses).all() and np.isfinite(informations).all()):
+        raise ValueError("a constraint holds a number that is not finite")
+    size = np.abs(informations).max(axis=(1, 2), keepdims=True, initial=0.0)
+    if np.any(np.abs(informations - informations.transpose(0, 2, 1)) > _ASYMMETRY * size):
+        raise ValueError("an information matrix is not symmetric")
+    if np.any(np.diagonal(informations, axis1=1, axis2=2) < 0.0):
+        raise ValueError("an information matrix has a negative diagonal")

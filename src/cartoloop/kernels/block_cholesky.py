@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Multifrontal Cholesky factorization of a sparse symmetric system of 3 x 3 blocks, and its solution.
+
+Each front (see :mod:`cartoloop.kernels.cholesky_structure`) is a small dense problem: its pivots'
+rows stay in the factor, and what they leave on the later rows, the update, waits on a stack until
+the parent front takes it in. Numbers of vertices run backwards within a front, and only the lower
+half of symmetric matrices is kept.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop._jit import kernel
+from cartoloop.kernels.cholesky_structure import padded
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_PIVOT_TOLERANCE = 1e-13
+_LEAST_DIAGONAL = 1e-6
+_GROUP = 6  # pivots' rows subtracted at once: the row that they change is loaded and stored once
+_BLOCK = 48  # pivots' rows that stay in the cache while everything below them is brought up to date
+
+
+@kernel
+def assemble_blocks(
+    blocks: FloatArray,
+    num_kept: int,
+    damping: float,
+    target: IntArray,
+    stride: IntArray,
+    transposed: IntArray,
+    out_factor: FloatArray,
+    out_diagonal: FloatArray,
+) -> None:
+    """Write the blocks of the system, its diagonal damped, into their places in `out_factor`.
+
+    Parameters
+    ----------
+    blocks : float64, shape (num_slots, 9), see :mod:`cartoloop.kernels.schur_complement`.
+    num_kept : int64.
+    damping : float64, share of the diagonal that is added to it (Marquardt).
+    target, stride, transposed : int64, see :func:`place_blocks`.
+    out_factor : float64, shape (factor_begin[-1],).
+    out_diagonal : float64, shape (num_kept, 3), of the damped system, by which pivots are judged.
+    """
+    out_factor[:] = 0.0
+    for k in range(num_kept):
+        place, width = target[k], stride[k]
+        for r in range(3):
+            diagonal = blocks[k, 4 * r]
+            diagonal += damping * max(diagonal, _LEAST_DIAGONAL)
+            out_diagonal[k, r] = diagonal
+            out_factor[place + r * width + r] = diagonal
+            for c in range(r):
+                out_factor[place + r * width + c] = blocks[k, 3 * c + r]
+    for s in range(num_kept, target.size):
+        place, width, slot = target[s], stride[s], s + 1  # slot num_kept is not read
+        down, along = (1, 3) if transposed[s] == 1 else (3, 1)
+        for r in range(3):
+            for c in range(3):
+                out_factor[place + r * width + c] = blocks[slot, down * r + along * c]
+
+
+@kernel
+def _subtract_pivots(
+    target: FloatArray, row: int, size: int, panel: FloatArray, low: int, high: int, column: int
+) -> None:
+    """Subtract pivots' rows low to high - 1, each times its number at `column`, from a row of `target`."""
+    while low + _GROUP <= high:
+        a0, a1, a2 = panel[low, column], panel[low + 1, column], panel[low + 2, column]
+        a3, a4, a5 = panel[low + 3, column], panel[low + 4, column], panel[low + 5, column]
+        for j in range(size):
+            target[row, j] -= (
+                a0 * panel[low, j] + a1 * panel[low + 1, j] + a2 * panel[low + 2, j]
+            ) + (a3 * panel[low + 3, j] + a4 * panel[low + 4, j] + a5 * panel[low + 5, j])
+        low += _GROUP
+    while low < high:  # the pivots of one vertex are left over
+        a0, a1, a2 = panel[low, column], panel[low + 1, column], panel[low + 2, column]
+        for j in range(size):
+            target[row, j] -= a0 * panel[low, j] + a1 * panel[low + 1, j] + a2 * panel[low + 2, j]
+        low += 3
+
+
+@kernel
+def _eliminate_pivots(panel: FloatArray, diagonal: FloatArray, update: FloatArray) -> bool:
+    """Factor the pivots' rows of a front in place and subtract what they leave from its update.
+
+    Parameters
+    ----------
+    panel : float64, shape (num_pivots, padded(num_rows + num_pivots)).
+    diagonal : float64, shape (num_pivots,) at least, of the system, by which pivots are judged.
+    update : float64, shape (num_rows, padded(num_rows)), lower half.
+
+    Returns
+    -------
+    definite : bool, False if a pivot vanishes.
+    """
+    num_rows = update.shape[0]
+    high = panel.shape[0]
+    while high > 0:
+        low = max(high - _BLOCK, 0)
+        group_high = high
+        while group_high > low:
+            group_low = max(group_high - _GROUP, low)
+            for q in range(group_high - 1, group_low - 1, -1):
+                own = num_rows + q
+                pivot = panel[q, own]
+                if not pivot > _PIVOT_TOLERANCE * diagonal[q]:
+                    return False
+                scale = 1.0 / math.sqrt(pivot)
+                for j in range(own + 1):
+                    panel[q, j] *= scale
+                for i in range(group_low, q):
+                    a = panel[q, num_rows + i]
+                    for j in range(num_rows + i + 1):
+                        panel[i, j] -= a * panel[q, j]
+            for i in range(low, group_low):
+                column = num_rows + i
+                _subtract_pivots(panel, i, column + 1, panel, group_low, group_high, column)
+            group_high = group_low
+        for i in range(low):
+            column = num_rows + i
+            _subtract_pivots(panel, i, column + 1, panel, low, high, column)
+        for i in range(num_rows):
+            _subtract_pivots(update, i, i + 1, panel, low, high, i)
+        high = low
+    return True
+
+
+@kernel
+def _take_in(child: FloatArray, places: IntArray, panel: FloatArray, update: FloatArray) -> None:
+    """Add the update of a child front to the front (extend-add).
+
+    Parameters
+    ----------
+    child : float64, shape (3 n, padded(3 n)), lower half.
+    places : int64, shape (n,), ascending, where its rows are in the front.
+    panel, update : float64, of the front, see :func:`_eliminate_pivots`.
+    """
+    num_rows = update.shape[0]
+    for i in range(places.size):
+        for r in range(3):
+            row = 3 * places[i] + r
+            if row < num_rows:
+                for j in range(i + 1):
+                    column = 3 * places[j]
+                    update[row, column] += child[3 * i + r, 3 * j]
+                    update[row, column + 1] += child[3 * i + r, 3 * j + 1]
+                    update[row, column + 2] += child[3 * i + r, 3 * j + 2]
+            else:
+                row -= num_rows
+                for j in range(i + 1):
+                    column = 3 * places[j]
+                    panel[row, column] += child[3 * i + r, 3 * j]
+                    panel[row, column + 1] += child[3 * i + r, 3 * j + 1]
+                    panel[row, column + 2] += child[3 * i + r, 3 * j + 2]
+
+
+@kernel
+def factor_fronts(
+    order: IntArray,
+    group_begin: IntArray,
+    row_begin: IntArray,
+    place_in_parent: IntArray,
+    num_children: IntArray,
+    factor_begin: IntArray,
+    diagonal: FloatArray,
+    stack: FloatArray,
+    waiting: IntArray,
+    out_factor: FloatArray,
+) -> bool:
+    """Factor the assembled system in place; return False if it is not positive definite.
+
+    Parameters
+    ----------
+    order, group_begin, row_begin : int64, see :func:`front_rows`.
+    place_in_parent, num_children, factor_begin : int64, see :func:`plan_fronts`.
+    diagonal : float64, shape (n, 3), see :func:`assemble_blocks`.
+    stack : float64, shape (stack_size,), scratch.
+    waiting : int64, shape (num_fronts,), scratch.
+    out_factor : float64, shape (factor_begin[-1],), from :func:`assemble_blocks`.
+    """
+    top = 0
+    depth = 0
+    pivots_diagonal = np.empty(diagonal.size)
+    for f in range(num_children.size):
+        num_pivots = 3 * (group_begin[f + 1] - group_begin[f])
+        num_rows = 3 * (row_begin[f + 1] - row_begin[f])
+        for q in range(num_pivots):
+            pivots_diagonal[q] = diagonal[order[group_begin[f + 1] - 1 - q // 3], q % 3]
+        panel = out_factor[factor_begin[f] : factor_begin[f + 1]].reshape(
+            (num_pivots, padded(num_pivots + num_rows))
+        )
+        size = num_rows * padded(num_rows)
+        update = stack[top : top + size].reshape((num_rows, padded(num_rows)))
+        update[:] = 0.0
+        base = top
+        for _ in range(num_children[f]):
+            depth -= 1
+            child = waiting[depth]
+            n = 3 * (row_begin[child + 1] - row_begin[child])
+            base -= n * padded(n)
+            _take_in(
+                stack[base : base + n * padded(n)].reshape((n, padded(n))),
+                place_in_parent[row_begin[child] : row_begin[child + 1]],
+                panel,
+                update,
+            )
+        if not _eliminate_pivots(panel, pivots_diagonal, update):
+            return False
+        if base < top:  # close the gap that the children leave
+            stack[base : base + size] = stack[top : top + size].copy()
+        top = base + size
+        if num_rows > 0:
+            waiting[depth] = f
+            depth += 1
+    return True
+
+
+@kernel
+def solve_fronts(
+    order: IntArray,
+    group_begin: IntArray,
+    row_begin: IntArray,
+    rows: IntArray,
+    factor_begin: IntArray,
+    factor: FloatArray,
+    right: FloatArray,
+    scratch: FloatArray,
+    out_solution: FloatArray,
+) -> float:
+    """Write the solution of H x = -right into `out_solution`; return half of right^T H^-1 right.
+
+    Parameters
+    ----------
+    order, group_begin, row_begin, rows : int64, see :func:`front_rows`.
+    factor_begin, factor : of :func:`factor_fronts`.
+    right : float64, shape (n or more, 3).
+    scratch : float64, shape (3 max_width,).
+    out_solution : float64, shape (n or more, 3); rows beyond n are left alone.
+    """
+    energy = 0.0
+    for v in range(order.size):
+        for r in range(3):
+            out_solution[v, r] = -right[v, r]
+    for f in range(group_begin.size - 1):  # forward
+        num_rows = 3 * (row_begin[f + 1] - row_begin[f])
+        num_pivots = 3 * (group_begin[f + 1] - group_begin[f])
+        width = padded(num_rows + num_pivots)
+        place = factor_begin[f + 1]
+        scratch[:num_rows] = 0.0
+        for q in range(num_pivots):
+            scratch[num_rows + q] = out_solution[order[group_begin[f + 1] - 1 - q // 3], q % 3]
+        for q in range(num_pivots - 1, -1, -1):
+            place -= width
+            own = num_rows + q
+            row = factor[place : place + own]
+            value = scratch[own] / factor[place + own]
+            energy += value * value
+            for j in range(row.size):
+                scratch[j] -= value * row[j]
+            out_solution[order[group_begin[f + 1] - 1 - q // 3], q % 3] = value
+        for i in range(row_begin[f], row_begin[f + 1]):
+            j = 3 * (i - row_begin[f])
+            for r in range(3):
+                out_solution[order[rows[i]], r] += scratch[j + r]
+    for f in range(group_begin.size - 2, -1, -1):  # backward
+        num_rows = 3 * (row_begin[f + 1] - row_begin[f])
+        num_pivots = 3 * (group_begin[f + 1] - group_begin[f])
+        width = padded(num_rows + num_pivots)
+        for i in range(row_begin[f], row_begin[f + 1]):
+            j = 3 * (i - row_begin[f])
+            for r in range(3):
+                scratch[j + r] = out_solution[order[rows[i]], r]
+        place = factor_begin[f]
+        for q in range(num_pivots):
+            own = num_rows + q
+            even, odd = 0.0, 0.0  # two chains: in one, each sum would wait for the one before
+            for j in range(0, own - 1, 2):
+                even += factor[place + j] * scratch[j]
+                odd += factor[place + j + 1] * scratch[j + 1]
+            if own % 2 == 1:
+                even += factor[place + own - 1] * scratch[own - 1]
+            vertex = order[group_begin[f + 1] - 1 - q // 3]
+            value = (out_solution[vertex, q % 3] - (even + odd)) / factor[place + own]
+            out_solution[vertex, q % 3] = value
+            scratch[own] = value
+            place += width
+    return 0.5 * energy

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ranges to points (section IV-A), and which of them are hits, which only free space."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop._jit import kernel
+
+FloatArray = NDArray[np.float64]
+
+
+@kernel
+def project_ranges(
+    ranges: FloatArray,
+    directions: FloatArray,
+    min_range: float,
+    max_range: float,
+    no_return_range: float,
+    free_ray_length: float,
+    origin_x: float,
+    origin_y: float,
+    out_returns: FloatArray,
+    out_misses: FloatArray,
+) -> tuple[int, int]:
+    """Write the end points of a scan's beams into `out_returns` and `out_misses`; return how many of each.
+
+    Parameters
+    ----------
+    ranges : float64, shape (num_beams,) [m]; may hold NaN, inf and negative values.
+    directions : float64, shape (num_beams, 2), unit vectors of the beams, tracking frame.
+    min_range, max_range : a return in [min_range, max_range] is a hit [m]; one beyond is no hit,
+        but its beam clears free space.
+    no_return_range : a range from here on means that the beam met nothing [m]; inf where such
+        ranges are to be ignored (+inf itself always counts as free, REP 117).
+    free_ray_length : free space cleared by a beam without a hit [m]; 0 clears nothing.
+    origin_x, origin_y : where the sensor stands, tracking frame [m].
+    out_returns, out_misses : float64, shape (num_beams, 2), end points, tracking frame [m].
+
+    Notes
+    -----
+    NaN, -inf, negative and too short ranges say nothing: neither hit nor free.
+    """
+    num_returns = 0
+    num_misses = 0
+    for k in range(ranges.shape[0]):
+        r = ranges[k]
+        if not r >= min_range or r <= 0.0:
+            continue
+        if r <= max_range and r < no_return_range:
+            out_returns[num_returns, 0] = origin_x + r * directions[k, 0]
+            out_returns[num_returns, 1] = origin_y + r * directions[k, 1]
+            num_returns += 1
+        elif free_ray_length > 0.0 and (
+            r < no_return_range or r == np.inf or no_return_range < np.inf
+        ):
+            length = min(r, free_ray_length)
+            out_misses[num_misses, 0] = origin_x + length * directions[k, 0]
+            out_misses[num_misses, 1] = origin_y + length * directions[k, 1]
+            num_misses += 1
+    return num_returns, num_misses

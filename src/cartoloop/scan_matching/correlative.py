@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pixel-accurate matching in a small window, for when the prediction is poor."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.config import CorrelativeMatcherConfig
+from cartoloop.kernels.correlative import match_correlative
+from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
+from cartoloop.submaps.finished_grid import MIN_PROBABILITY
+from cartoloop.submaps.probability_grid import ProbabilityGrid
+
+
+class CorrelativeMatch(NamedTuple):
+    """The best pose of the window and the mean probability of the points there, in [0, 1]."""
+
+    tf_grid_scan: Pose
+    score: float
+
+
+def rotation_step(points: FloatArray, resolution: float) -> float:
+    """Return delta_theta of eq. (7): the farthest point moves by no more than a pixel [rad]."""
+    farthest = min(float(np.sqrt((points * points).sum(axis=1).max())), 10.0)
+    ratio = resolution / max(farthest, resolution)
+    return math.acos(1.0 - 0.5 * ratio * ratio)
+
+
+def match(
+    grid: ProbabilityGrid, points: FloatArray, tf_grid_scan: Pose, config: CorrelativeMatcherConfig
+) -> CorrelativeMatch:
+    """Return the best pose in the window around an estimate, by exhaustive search.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2), scan frame [m]; n > 0.
+    tf_grid_scan : the estimate in the window's centre.
+    """
+    step = rotation_step(points, grid.resolution)
+    pose = np.empty(3)
+    score = match_correlative(
+        grid.cells,
+        MIN_PROBABILITY,
+        grid.origin_x,
+        grid.origin_y,
+        grid.resolution,
+        points,
+        np.array(tf_grid_scan),
+        math.ceil(config.linear_search_window / grid.resolution),
+        math.ceil(math.radians(config.angular_search_window_deg) / step),
+        step,
+        config.translation_delta_cost_weight,
+        config.rotation_delta_cost_weight,
+        pose,
+    )
+    return CorrelativeMatch(Pose(float(pose[0]), float(pose[1]), wrap_angle(float(pose[2]))), score)

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Least-squares matching of a scan to a grid, (CS) in section IV-C of the paper."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.kernels.scan_residuals import match_least_squares
+from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
+from cartoloop.submaps.finished_grid import MIN_PROBABILITY
+
+
+class SmoothMap(NamedTuple):
+    """The probabilities that M_smooth interpolates: 0 where never observed; centre of cell (0, 0) and edge [m]."""
+
+    cells: NDArray[np.float32]
+    origin_x: float
+    origin_y: float
+    resolution: float
+
+
+class LeastSquaresMatch(NamedTuple):
+    """Where the scan fits best.
+
+    Attributes
+    ----------
+    tf_grid_scan : the pose found.
+    information : float64, shape (3, 3): J^T J of the points' residuals at it, per unit of variance
+        of a residual, in the grid's axes: [1/m^2, 1/(m rad), 1/rad^2].
+    residual : root mean square of 1 - M_smooth at the points.
+    iterations : evaluations of the residuals.
+    """
+
+    tf_grid_scan: Pose
+    information: FloatArray
+    residual: float
+    iterations: int
+
+
+def match(
+    smooth_map: SmoothMap,
+    points: FloatArray,
+    start: Pose,
+    prior: Pose,
+    prior_information: FloatArray,
+    point_weight: float,
+    max_num_iterations: int,
+) -> LeastSquaresMatch:
+    """Return the pose that minimises ``point_weight * sum (1 - M)^2`` plus the pull towards `prior`.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2), scan frame [m]; n > 0.
+    start, prior : tf_grid_scan to start from, and as predicted.
+    prior_information : float64, shape (6,), upper triangle of the prediction's information matrix
+        (xx, xy, xt, yy, yt, tt), in the grid's axes.
+    """
+    near_start = prior.theta + wrap_angle(start.theta - prior.theta)
+    found = np.empty(11)
+    iterations = match_least_squares(
+        smooth_map.cells,
+        MIN_PROBABILITY,
+        smooth_map.origin_x,
+        smooth_map.origin_y,
+        smooth_map.resolution,
+        points,
+        np.array((start.x, start.y, near_start)),
+        np.array(prior),
+        prior_information,
+        point_weight,
+        max_num_iterations,
+        found,
+    )
+    x, y, theta, xx, xy, xt, yy, yt, tt, squares, _ = found.tolist()
+    information = np.array(((xx, xy, xt), (xy, yy, yt), (xt, yt, tt)))
+    return LeastSquaresMatch(
+        Pose(x, y, wrap_angle(theta)), information, math.sqrt(squares / len(points)), iterations
+    )

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The grid of a finished submap: what is known of it, a byte a pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+MIN_PROBABILITY = 0.1
+MAX_PROBABILITY = 0.9
+"""The interval [p_min, p_max] that probabilities are clamped to (section IV-B)."""
+
+PROBABILITY_STEP = (MAX_PROBABILITY - MIN_PROBABILITY) / 254.0
+"""Difference between neighbouring cell values."""
+
+
+@dataclass(frozen=True, slots=True)
+class FinishedGrid:
+    """A probability grid that changes no more.
+
+    Attributes
+    ----------
+    cells : uint8, shape (num_rows, num_cols): 0 where never observed, otherwise v in 1..255 for
+        the probability ``MIN_PROBABILITY + (v - 1) * PROBABILITY_STEP``. Rows along y, columns along x.
+    origin_x, origin_y : centre of ``cells[0, 0]`` [m, submap frame].
+    resolution : pixel edge r [m].
+    """
+
+    cells: NDArray[np.uint8]
+    origin_x: float
+    origin_y: float
+    resolution: float
+
+    def probabilities(self) -> NDArray[np.float32]:
+        """Return the probability of each cell, float32 like `cells`; 0 where never observed."""
+        table = MIN_PROBABILITY + (np.arange(256) - 1) * PROBABILITY_STEP
+        table[0] = 0.0
+        return table.astype(np.float32)[self.cells]
+
+
+def quantize_probabilities(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return cell values for probabilities within the clamping interval; 0 (never observed) stays 0."""
+    values = np.rint((probabilities - MIN_PROBABILITY) / PROBABILITY_STEP) + 1.0
+    return np.where(probabilities > 0.0, values, 0.0).astype(np.uint8)
+
+
+def mean_probability(mean_value: float) -> float:
+    """Return the score, in [0, 1], of points whose cells' values have this mean."""
+    return max(0.0, MIN_PROBABILITY + (mean_value - 1.0) * PROBABILITY_STEP)
+
+
+def mean_value(score: float) -> float:
+    """Return the mean of cell values that a score stands for: the inverse of :func:`mean_probability`."""
+    return (score - MIN_PROBABILITY) / PROBABILITY_STEP + 1.0

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Submaps: small chunks of the world, each built of a few consecutive scans (section IV-B)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cartoloop.config import SubmapConfig
+from cartoloop.sensor.pose import FloatArray, Pose
+from cartoloop.submaps.probability_grid import ProbabilityGrid
+from cartoloop.submaps.range_data_inserter import ScanCells, insert_cells, scan_cells
+
+
+@dataclass(slots=True)
+class Submap:
+    """A probability grid and where it stands.
+
+    Attributes
+    ----------
+    index : its number, in the order of creation.
+    tf_local_submap : its pose; unrotated, on a grid point of the local frame, so that the lattices
+        of all submaps coincide.
+    grid : in the submap's frame.
+    num_scans : how many scans have been inserted.
+    """
+
+    index: int
+    tf_local_submap: Pose
+    grid: ProbabilityGrid
+    num_scans: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Insertion:
+    """What one scan did to the active submaps.
+
+    Attributes
+    ----------
+    submaps : the submaps it was inserted into, the older first.
+    finished : the submap that was completed by it, or None.
+    """
+
+    submaps: tuple[Submap, ...]
+    finished: Submap | None
+
+
+class ActiveSubmaps:
+    """The two overlapping submaps that scans are inserted into; the older one is matched against.
+
+    A new submap starts every `num_range_data` scans; each receives twice as many, so that the one
+    that is matched against always holds at least `num_range_data` scans after the start.
+    """
+
+    def __init__(self, config: SubmapConfig) -> None:
+        self._config = config
+        self._submaps: list[Submap] = []
+        self._num_created = 0
+
+    @property
+    def matching(self) -> Submap | None:
+        """The submap to match against, or None before the first scan."""
+        return self._submaps[0] if self._submaps else None
+
+    @property
+    def submaps(self) -> tuple[Submap, ...]:
+        """The active submaps, the older first."""
+        return tuple(self._submaps)
+
+    def insert(self, tf_local_sensor: Pose, returns_local: FloatArray, misses_local: FloatArray) -> Insertion:
+        """Insert a scan into the active submaps, starting and finishing submaps as they fill.
+
+        Parameters
+        ----------
+        tf_local_sensor : where the rays start.
+        returns_local, misses_local : float64, shapes (n, 2), (k, 2), ends of rays that did and did
+            not hit something [m, local frame].
+        """
+        config = self._config
+        if not self._submaps or self._submaps[-1].num_scans >= config.num_range_data:
+            self._start_submap(tf_local_sensor)
+        cells = scan_cells(tf_local_sensor, returns_local, misses_local, config.resolution)
+        for submap in self._submaps:
+            insert_cells(submap.grid, self._relative_to(submap, cells), config)
+            submap.num_scans += 1
+        inserted = tuple(self._submaps)
+        finished = None
+        if self._submaps[0].num_scans >= 2 * config.num_range_data:
+            finished = self._submaps.pop(0)
+        return Insertion(inserted, finished)
+
+    def _start_submap(self, tf_local_sensor: Pose) -> None:
+        r = self._config.resolution
+        origin = Pose(
+            math.floor(tf_local_sensor.x / r + 0.5) * r, math.floor(tf_local_sensor.y / r + 0.5) * r, 0.0
+        )
+        self._submaps.append(Submap(self._num_created, origin, ProbabilityGrid(r)))
+        self._num_created += 1
+
+    def _relative_to(self, submap: Submap, cells: ScanCells) -> ScanCells:
+        r = self._config.resolution
+        origin = (round(submap.tf_local_submap.x / r), round(submap.tf_local_submap.y / r))
+        return ScanCells(cells.cells - np.array(origin, dtype=np.int32), cells.num_hits)
