@@ -15,7 +15,9 @@ from pydantic import BaseModel, ConfigDict, Field
 class Section(BaseModel):
     """A group of parameters: no unknown keys, no change after it is made."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False
+    )
 
 
 class SensorConfig(Section):
@@ -40,25 +42,55 @@ class AdaptiveVoxelFilterConfig(Section):
 
 
 class CorrelativeMatcherConfig(Section):
-    """The pixel-accurate matcher for poor predictions."""
+    """The pixel-accurate matcher for when the prediction is poor."""
 
     linear_search_window: float = Field(0.15, ge=0, description="search this far to each side [m]")
     angular_search_window_deg: float = Field(20.0, ge=0, description="and so much each way [deg]")
     translation_delta_cost_weight: float = Field(
-        0.1, ge=0, description="damping of the score with distance from the prediction [1/m^2]"
+        0.1, ge=0, description="damping of the score with distance from the prediction [1/m]"
     )
     rotation_delta_cost_weight: float = Field(
-        0.1, ge=0, description="damping of the score with rotation from the prediction [1/rad^2]"
+        0.1, ge=0, description="damping of the score with rotation from the prediction [1/rad]"
     )
+    poor_residual_ratio: float = Field(
+        1.05, ge=0, description="matches this much worse than usual are sought again; 0: all are"
+    )
+    lost_residual_ratio: float = Field(
+        1.2, ge=0, description="matches this much worse than usual are sought as if lost"
+    )
+    lost_linear_search_window: float = Field(0.3, ge=0, description="window when lost [m]")
+    lost_angular_search_window_deg: float = Field(60.0, ge=0, description="window when lost [deg]")
 
 
 class LeastSquaresMatcherConfig(Section):
-    """The weights of (CS), section IV-C, and of its pulls towards the prediction."""
+    """The least-squares matcher (CS), section IV-C."""
 
-    occupied_space_weight: float = Field(10.0, gt=0, description="pull of the map")
-    translation_weight: float = Field(1.0, ge=0, description="pull of the predicted position [1/m]")
-    rotation_weight: float = Field(4.0, ge=0, description="pull of the predicted heading [1/rad]")
+    occupied_space_weight: float = Field(
+        0.2, gt=0, description="share of the points' information believed: neighbours err alike"
+    )
     max_num_iterations: int = Field(20, ge=1, description="steps at the most")
+
+
+class PredictionConfig(Section):
+    """How far the prediction is trusted, as standard deviations of the pull towards it."""
+
+    odometry_error_factor: float = Field(
+        5.0, gt=0, description="odometry errs by its typical error, as measured, times this"
+    )
+    min_translation_sigma: float = Field(0.01, gt=0, description="but by no less than this [m]")
+    min_rotation_sigma: float = Field(0.005, gt=0, description="and this [rad]")
+    unknown_translation_sigma: float = Field(
+        0.1, gt=0, description="error of odometry not yet measured [m]"
+    )
+    unknown_rotation_sigma: float = Field(
+        0.1, gt=0, description="error of odometry not yet measured [rad]"
+    )
+    velocity_translation_sigma: float = Field(
+        0.2, gt=0, description="error of constant velocity [m]"
+    )
+    velocity_rotation_sigma: float = Field(
+        0.2, gt=0, description="error of constant velocity [rad]"
+    )
 
 
 class MotionFilterConfig(Section):
@@ -87,6 +119,7 @@ class LocalSlamConfig(Section):
     adaptive_voxel_filter: AdaptiveVoxelFilterConfig = AdaptiveVoxelFilterConfig()
     correlative_matcher: CorrelativeMatcherConfig = CorrelativeMatcherConfig()
     least_squares_matcher: LeastSquaresMatcherConfig = LeastSquaresMatcherConfig()
+    prediction: PredictionConfig = PredictionConfig()
     motion_filter: MotionFilterConfig = MotionFilterConfig()
     submaps: SubmapConfig = SubmapConfig()
 
@@ -99,19 +132,52 @@ class ConstraintSearchConfig(Section):
     )
     linear_search_window: float = Field(7.0, ge=0, description="W_x and W_y of eq. (8) [m]")
     angular_search_window_deg: float = Field(30.0, ge=0, description="W_theta of eq. (8) [deg]")
+    min_linear_search_window: float = Field(
+        0.5, ge=0, description="W_x and W_y where the relative pose is well known [m]"
+    )
+    min_angular_search_window_deg: float = Field(
+        5.0, ge=0, description="W_theta where the relative pose is well known [deg]"
+    )
+    linear_drift: float = Field(
+        0.05, ge=0, description="growth of W_x and W_y per metre of uncertain way [m/m]"
+    )
+    angular_drift_deg: float = Field(
+        0.5, ge=0, description="growth of W_theta per metre of uncertain way [deg/m]"
+    )
+    bound_length: float = Field(
+        10.0, ge=0, description="pairs with a shorter uncertain way are bound already [m]"
+    )
+    every_nth_node: int = Field(3, ge=1, description="of pairs not bound, search one in so many")
+    every_nth_bound_node: int = Field(10, ge=1, description="of bound pairs, one in so many")
+    min_num_points: int = Field(20, ge=1, description="scans with fewer points are not searched")
     min_score: float = Field(0.55, ge=0, le=1, description="matches below are rejected")
     adaptive_voxel_filter: AdaptiveVoxelFilterConfig = AdaptiveVoxelFilterConfig(
         max_length=0.9, min_num_points=100
     )
-    least_squares_matcher: LeastSquaresMatcherConfig = LeastSquaresMatcherConfig(
-        occupied_space_weight=20.0, translation_weight=10.0, rotation_weight=1.0, max_num_iterations=10
+    least_squares_matcher: LeastSquaresMatcherConfig = LeastSquaresMatcherConfig()
+    refinement_sigma_cells: float = Field(
+        2.0, gt=0, description="pull of the refinement towards the coarse match [pixels]"
+    )
+    final_passes: int = Field(
+        2, ge=0, description="in the end, match again from the optimised poses so many times"
+    )
+    final_every_nth_node: int = Field(
+        5, ge=1, description="in the end, match one in so many of the nodes that overlap a submap"
+    )
+    max_refined_residual: float = Field(
+        0.55, gt=0, description="in the end, matches with a larger residual are rejected"
+    )
+    max_refinement: float = Field(
+        0.3, gt=0, description="in the end, matches further from where they should be are rejected [m]"
     )
 
 
 class PoseAdjustmentConfig(Section):
     """Section V-A: the optimisation problem (SPA)."""
 
-    loss: Literal["none", "huber", "cauchy", "dcs", "gnc"] = Field(
+    loss: Literal[
+        "none", "huber", "cauchy", "dynamic_covariance_scaling", "graduated_non_convexity"
+    ] = Field(
         "huber", description="loss of loop closures: rho of (SPA)"
     )
     loss_scale: float = Field(1.0, gt=0, description="whitened residual where the loss bends")

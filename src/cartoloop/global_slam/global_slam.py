@@ -4,136 +4,239 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from time import perf_counter
 
 import numpy as np
 
 from cartoloop.config import GlobalSlamConfig
+from cartoloop.global_slam import refinement
 from cartoloop.global_slam.constraint_search import ConstraintSearch, FinishedSubmap
-from cartoloop.global_slam.loop_closure import SearchRequest
+from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest
+from cartoloop.global_slam.pair_selection import PairSelection
+from cartoloop.global_slam.pose_adjustment import (
+    AdjustmentOptions,
+    AdjustmentResult,
+    adjust,
+    constraint_residuals,
+)
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative, relative_all
+from cartoloop.global_slam.robust_loss import Loss
+from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose, compose, inverse, relative
+from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.node import Node
-from cartoloop.global_slam import pose_adjustment
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import shortest_path
+from cartoloop.submaps.submap import Submap
+
+BATCH = 50
+"""Nodes sought in one submap by one task of a background thread."""
+
+TRUE_TRANSLATION_M, TRUE_ROTATION_RAD = 0.2, math.radians(1.0)
+"""A loop closure that is violated by more than this is taken to be false (section VI, table IV)."""
 
 
 class GlobalSlam:
-    def __init__(self, config: GlobalSlamConfig) -> None:
-        self.config = config
+    """Keeps the pose graph, closes loops and adjusts."""
+
+    def __init__(self, config: GlobalSlamConfig, timer: StageTimer) -> None:
+        self._config = config
+        self._timer = timer
         self.graph = PoseGraph()
         self.search = ConstraintSearch(config.constraint_search, config.num_threads)
-        self.finished: dict[int, FinishedSubmap] = {}
-        self.points = []
-        self.node_submaps = []
-        self.submap_pose_local: list[Pose] = []
-        self.tf_map_local = IDENTITY
-        self.travelled = [0.0]
-        self.submap_travelled = []
-        self.last_local = None
-        self.closures = []
-        self.tie = None
-        self.num_adjust = 0
-        self.info_log = []
+        self.adjustments: list[AdjustmentResult] = []
+        self.last_adjustment_ms = 0.0
+        self._selection = PairSelection(config.constraint_search)
+        self._finished: dict[int, FinishedSubmap] = {}
+        self._node_points: list[FloatArray] = []
+        self._node_submaps: list[tuple[int, ...]] = []
+        self._node_travelled: list[float] = []
+        self._submap_travelled: list[float] = []
+        self._submap_nodes: list[set[int]] = []
+        self._last_local_pose = IDENTITY
+        self._tf_local_last_submap = IDENTITY
+        self._tf_map_local = IDENTITY
+
+    @property
+    def tf_map_local(self) -> Pose:
+        """Where the local frame lies in the map since the last adjustment."""
+        return self._tf_map_local
+
+    @property
+    def num_loop_closures(self) -> int:
+        """How many loop closures the graph holds."""
+        return int(np.count_nonzero(self.graph.kinds == ConstraintKind.LOOP_CLOSURE))
 
     def add_node(self, node: Node) -> None:
-        g = self.graph
-        if self.last_local is not None:
-            self.travelled.append(self.travelled[-1] + math.hypot(node.tf_local_tracking.x - self.last_local.x, node.tf_local_tracking.y - self.last_local.y))
-        self.last_local = node.tf_local_tracking
-        for s in node.submaps:
-            if s.index == g.num_submaps:
-                g.add_submap(compose(self.tf_map_local, s.tf_local_submap))
-                if s.index == 0: g.fix_submap(0)
-                self.submap_pose_local.append(s.tf_local_submap)
-                self.submap_travelled.append(self.travelled[-1])
-        g.add_node(compose(self.tf_map_local, node.tf_local_tracking))
-        self.points.append(node.points)
-        self.node_submaps.append(tuple(s.index for s in node.submaps))
-        for s in node.submaps:
-            g.add_constraint(ConstraintKind.INTRA_SUBMAP, s.index, node.index, relative(s.tf_local_submap, node.tf_local_tracking), node.information)
-        if self.config.optimize_every_n_nodes == 0: return
-        self.search_node(node)
+        """Add a scan that was inserted, have it sought where it may close a loop, adjust when due."""
+        self._add_to_graph(node)
+        every = self._config.optimize_every_n_nodes
+        if every == 0:
+            return
+        self._seek_node(node.index)
         if node.finished is not None:
-            self.finish_submap(node.finished.index, node.finished.grid.finish())
-        if g.num_nodes % self.config.optimize_every_n_nodes == 0:
-            self.adjust()
+            self._seek_in(self._finish(node.finished))
+        if self.graph.num_nodes % every == 0:
+            self.adjust(self._config.pose_adjustment.max_num_iterations)
 
-    def finish_submap(self, index, grid):
-        f = FinishedSubmap(index, grid)
-        self.finished[index] = f
-        c = self.config.constraint_search
-        nodes = self.graph.node_poses
-        sp = self.graph.submap_poses[index]
-        d = np.hypot(nodes[:, 0] - sp[0], nodes[:, 1] - sp[1])
-        reqs = []
-        for n in np.flatnonzero(d < c.max_constraint_distance):
-            n = int(n)
-            if index in self.node_submaps[n]: continue
-            r = self.request(index, n)
-            if r: reqs.append(r)
-        for k in range(0, len(reqs), 50):
-            self.search.submit(f, reqs[k:k + 50])
+    def adjust(self, max_num_iterations: int) -> None:
+        """Take in the loop closures found so far and adjust all poses."""
+        with self._timer.measure("wait for searches"):
+            closures = self.search.collect()
+        self._add_closures(closures)
+        with self._timer.measure("adjust"):
+            self._adjust(max_num_iterations)
 
-    def search_node(self, node):
-        c = self.config.constraint_search
-        p = self.graph.node_poses[node.index]
-        for index, f in self.finished.items():
-            if index in self.node_submaps[node.index]: continue
-            sp = self.graph.submap_poses[index]
-            if math.hypot(p[0] - sp[0], p[1] - sp[1]) > c.max_constraint_distance: continue
-            r = self.request(index, node.index)
-            if r: self.search.submit(f, [r])
+    def finish(self, unfinished: Iterable[Submap]) -> None:
+        """Close the last loops, then match all anew from the optimised poses and adjust once more.
 
-    def uncertain_length(self, submap, node):
-        own = self.node_submaps[node][0]
-        L = abs(self.travelled[node] - self.submap_travelled[submap])
-        if self.tie is not None and submap < len(self.tie):
-            k = min(own, len(self.tie) - 1)
-            L = min(L, self.tie[submap, k] + abs(self.travelled[node] - self.submap_travelled[k]))
-        return L
+        Parameters
+        ----------
+        unfinished : the submaps that are still active; no more scans will come.
+        """
+        if self._config.optimize_every_n_nodes == 0 or self.graph.num_nodes == 0:
+            return
+        for submap in unfinished:
+            self._seek_in(self._finish(submap))
+        iterations = self._config.pose_adjustment.max_num_final_iterations
+        self.adjust(iterations)
+        for _ in range(self._config.constraint_search.final_passes):
+            with self._timer.measure("match again"):
+                self._match_again()
+            with self._timer.measure("adjust"):
+                self._adjust(iterations)
 
-    def request(self, submap, node):
-        c = self.config.constraint_search
-        L = self.uncertain_length(submap, node)
-        every = 10 if L < 10 else 3
-        if (node + submap) % every: return None
-        if len(self.points[node]) < 20: return None
-        w = min(c.linear_search_window, 0.5 + 0.05 * L)
-        a = min(math.radians(c.angular_search_window_deg), math.radians(5 + 0.5 * L))
-        est = relative(Pose(*self.graph.submap_poses[submap].tolist()), Pose(*self.graph.node_poses[node].tolist()))
-        return SearchRequest(submap, node, self.points[node], est, w, a)
+    def close(self) -> None:
+        """End the background threads."""
+        self.search.close()
 
-    def adjust(self, final=False):
-        for c in self.search.collect():
-            self.graph.add_constraint(ConstraintKind.LOOP_CLOSURE, c.submap, c.node, c.tf_submap_node, c.information, score=c.score, runner_up=c.runner_up)
-        res = pose_adjustment.adjust(self.graph, self.options(final))
-        self.num_adjust += 1
-        self.update_frames()
+    def _add_to_graph(self, node: Node) -> None:
+        graph = self.graph
+        pose = node.tf_local_tracking
+        step = math.hypot(pose.x - self._last_local_pose.x, pose.y - self._last_local_pose.y)
+        self._last_local_pose = pose
+        self._node_travelled.append(self._node_travelled[-1] + step if self._node_travelled else 0.0)
+        graph.add_node(compose(self._tf_map_local, pose))
+        self._node_points.append(node.points)
+        self._node_submaps.append(tuple(submap.index for submap in node.submaps))
+        for submap in node.submaps:
+            if submap.index == graph.num_submaps:
+                graph.add_submap(compose(self._tf_map_local, submap.tf_local_submap))
+                self._tf_local_last_submap = submap.tf_local_submap
+                self._submap_travelled.append(self._node_travelled[-1])
+                self._submap_nodes.append(set())
+                if submap.index == 0:
+                    graph.fix_submap(0)
+            self._submap_nodes[submap.index].add(node.index)
+            graph.add_constraint(
+                ConstraintKind.INTRA_SUBMAP,
+                submap.index,
+                node.index,
+                relative(submap.tf_local_submap, pose),
+                node.information,
+            )
 
-    def options(self, final):
-        p = self.config.pose_adjustment
-        return pose_adjustment.AdjustmentOptions(loss=pose_adjustment.Loss(p.loss), loss_scale=p.loss_scale, max_iterations=p.max_num_final_iterations if final else p.max_num_iterations)
+    def _finish(self, submap: Submap) -> FinishedSubmap:
+        with self._timer.measure("finish submap"):
+            finished = FinishedSubmap(submap.index, submap.grid.finish())
+        self._finished[submap.index] = finished
+        return finished
 
-    def update_frames(self):
-        g = self.graph
-        last = g.num_submaps - 1
-        self.tf_map_local = compose(Pose(*g.submap_poses[last].tolist()), inverse(self.submap_pose_local[last]))
-        # uncertain lengths between submaps
-        m = g.num_submaps
-        t = np.array(self.submap_travelled)
-        i = np.arange(m - 1)
-        k = g.kinds == ConstraintKind.LOOP_CLOSURE
-        b = np.array([s[0] for s in self.node_submaps])[g.index_b[k]]
-        a = g.index_a[k]
-        e = relative_all(g.submap_poses[g.index_a[k]], g.node_poses[g.index_b[k]]) - g.relative_poses[k]
-        ok = (np.hypot(e[:, 0], e[:, 1]) < 0.2)
-        a, b = a[ok], b[ok]
-        wt = np.concatenate((np.maximum(np.diff(t), 1e-3), np.full(len(a), 0.5)))
-        r = np.concatenate((i, a)); c = np.concatenate((i + 1, b))
-        keep = r != c
-        o = np.lexsort((wt[keep], c[keep], r[keep]))
-        r, c, wt = r[keep][o], c[keep][o], wt[keep][o]
-        first = np.r_[True, (np.diff(r) != 0) | (np.diff(c) != 0)]
-        G = coo_matrix((wt[first], (r[first], c[first])), shape=(m, m)).tocsr()
-        self.tie = shortest_path(G, directed=False)
+    def _seek_node(self, node: int) -> None:
+        """Seek a node in all finished submaps near enough."""
+        with self._timer.measure("select pairs"):
+            poses = self.graph.submap_poses[list(self._finished)]
+            offsets = poses[:, :2] - self.graph.node_poses[node, :2]
+            near = np.hypot(offsets[:, 0], offsets[:, 1]) <= self._max_distance
+            for submap, is_near in zip(self._finished.values(), near.tolist(), strict=True):
+                if is_near and (request := self._request(submap.index, node)) is not None:
+                    self.search.submit(submap, [request])
+
+    def _seek_in(self, submap: FinishedSubmap) -> None:
+        """Seek all nodes near enough in a submap that has just been finished."""
+        with self._timer.measure("select pairs"):
+            offsets = self.graph.node_poses[:, :2] - self.graph.submap_poses[submap.index, :2]
+            near = np.flatnonzero(np.hypot(offsets[:, 0], offsets[:, 1]) <= self._max_distance)
+            candidates = (self._request(submap.index, node) for node in near.tolist())
+            requests = [request for request in candidates if request is not None]
+            for first in range(0, len(requests), BATCH):
+                self.search.submit(submap, requests[first : first + BATCH])
+
+    @property
+    def _max_distance(self) -> float:
+        return self._config.constraint_search.max_constraint_distance
+
+    def _request(self, submap: int, node: int) -> SearchRequest | None:
+        """Return the search for a pair, or None where there is nothing to be gained."""
+        points = self._node_points[node]
+        if (
+            submap in self._node_submaps[node]
+            or len(points) < self._config.constraint_search.min_num_points
+        ):
+            return None
+        own = self._node_submaps[node][0]
+        travelled = self._node_travelled[node]
+        length = self._selection.uncertain_length(
+            submap,
+            own,
+            abs(travelled - self._submap_travelled[own]),
+            abs(travelled - self._submap_travelled[submap]),
+        )
+        if not self._selection.is_sampled(submap, node, length):
+            return None
+        estimate = relative(
+            Pose(*self.graph.submap_poses[submap].tolist()), Pose(*self.graph.node_poses[node].tolist())
+        )
+        return SearchRequest(submap, node, points, estimate, *self._selection.window(length))
+
+    def _add_closures(self, closures: list[LoopClosure]) -> None:
+        for closure in closures:
+            self.graph.add_constraint(
+                ConstraintKind.LOOP_CLOSURE,
+                closure.submap,
+                closure.node,
+                closure.tf_submap_node,
+                closure.information,
+                score=closure.score,
+                runner_up=closure.runner_up,
+            )
+
+    def _adjust(self, max_num_iterations: int) -> None:
+        config = self._config.pose_adjustment
+        options = AdjustmentOptions(
+            loss=Loss(config.loss),
+            loss_scale=config.loss_scale,
+            max_iterations=max_num_iterations,
+            relative_tolerance=config.tolerance,
+        )
+        start = perf_counter()
+        self.adjustments.append(adjust(self.graph, options))
+        self.last_adjustment_ms = 1e3 * (perf_counter() - start)
+        newest = Pose(*self.graph.submap_poses[-1].tolist())
+        self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
+        self._selection.update(np.array(self._submap_travelled), self._true_closures())
+
+    def _true_closures(self) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
+        """Return submap and submap of the node of the closures that hold, shape (k, 2)."""
+        graph = self.graph
+        translation_error, rotation_error = constraint_residuals(graph)
+        holds = (
+            (graph.kinds == ConstraintKind.LOOP_CLOSURE)
+            & (translation_error <= TRUE_TRANSLATION_M)
+            & (rotation_error <= TRUE_ROTATION_RAD)
+        )
+        first_submap = np.array([submaps[0] for submaps in self._node_submaps], dtype=np.int64)
+        return np.column_stack((graph.index_a[holds], first_submap[graph.index_b[holds]]))
+
+    def _match_again(self) -> None:
+        """Replace the loop closures by matches from where the nodes stand now."""
+        config, graph = self._config.constraint_search, self.graph
+        closures: list[LoopClosure] = []
+        for index in sorted(self._finished):
+            submap, pose = self._finished[index], graph.submap_poses[index]
+            nodes = refinement.overlapping_nodes(
+                submap, pose, graph.node_poses, self._submap_nodes[index], config.final_every_nth_node
+            )
+            closures += refinement.match_again(
+                submap, pose, nodes, graph.node_poses, self._node_points, config
+            )
+        self.graph = graph.without(graph.kinds == ConstraintKind.LOOP_CLOSURE)
+        self._add_closures(closures)

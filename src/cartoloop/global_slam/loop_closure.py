@@ -3,16 +3,22 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from cartoloop.config import ConstraintSearchConfig, LeastSquaresMatcherConfig
+from cartoloop.config import ConstraintSearchConfig
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, SmoothMap
-from cartoloop.sensor.pose import FloatArray, Pose, relative
+from cartoloop.scan_matching.match_information import match_information
+from cartoloop.sensor.pose import FloatArray, Pose
+
+USUAL_RESIDUAL = 0.4
+"""Root mean square of 1 - M at the points of scans that fit."""
+
+LEVER_M = 5.0
+"""Usual distance of the points, which turns an error of position into one of heading."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +75,7 @@ def search(
     )
     if coarse is None:
         return None
-    fine = refine(smooth_map, request.points, coarse.tf_submap_scan, config.least_squares_matcher)
+    fine = refine(smooth_map, request.points, coarse.tf_submap_scan, config)
     return LoopClosure(
         request.submap,
         request.node,
@@ -81,33 +87,17 @@ def search(
 
 
 def refine(
-    smooth_map: SmoothMap, points: FloatArray, tf_submap_node: Pose, config: LeastSquaresMatcherConfig
+    smooth_map: SmoothMap, points: FloatArray, tf_submap_node: Pose, config: ConstraintSearchConfig
 ) -> LeastSquaresMatch:
-    """Return the match of (CS) nearest to a pose, weakly held to it."""
-    translation, rotation = config.translation_weight**2, config.rotation_weight**2
+    """Return the match of (CS) near a pose, held to it by some pixels."""
+    sigma = config.refinement_sigma_cells * smooth_map.resolution
+    translation, rotation = sigma**-2, (sigma / LEVER_M) ** -2
     return least_squares.match(
         smooth_map,
         points,
         tf_submap_node,
         tf_submap_node,
         np.array((translation, 0.0, 0.0, translation, 0.0, rotation)),
-        config.occupied_space_weight**2 / len(points),
-        config.max_num_iterations,
+        config.least_squares_matcher.occupied_space_weight / USUAL_RESIDUAL**2,
+        config.least_squares_matcher.max_num_iterations,
     )
-
-
-MIN_SIGMA_M = 0.01
-MIN_SIGMA_RAD = math.radians(0.1)
-"""No match is trusted further than this: walls are not that straight, nor scanners that true."""
-
-
-def match_information(match: LeastSquaresMatch) -> FloatArray:
-    """Return the inverse covariance of a match, shape (3, 3), from the curvature of (CS) at it.
-
-    A corridor leaves its long direction open: there the curvature, and so the information, is
-    small. `MIN_SIGMA_M` and `MIN_SIGMA_RAD` add to the covariance, so they bound the certainty.
-    """
-    curvature = match.information / max(match.residual**2, 1e-3)
-    floor = np.diag((MIN_SIGMA_M**2, MIN_SIGMA_M**2, MIN_SIGMA_RAD**2))
-    bounded = np.linalg.inv(np.linalg.inv(curvature + 1e-3 * np.eye(3)) + floor)
-    return 0.5 * (bounded + bounded.T)

@@ -230,6 +230,25 @@ class PoseGraph:
         )
         return first
 
+    def without(self, constraints: NDArray[np.bool_]) -> PoseGraph:
+        """Return a copy that lacks the constraints marked, shape (num_constraints,)."""
+        kept = ~constraints
+        graph = PoseGraph()
+        graph.add_submaps(self.submap_poses)
+        graph.add_nodes(self.node_poses)
+        graph._fixed_submaps = list(self._fixed_submaps)
+        graph._fixed_nodes = list(self._fixed_nodes)
+        graph.add_constraints(
+            self.kinds[kept],
+            self.index_a[kept],
+            self.index_b[kept],
+            self.relative_poses[kept],
+            self.informations[kept],
+            scores=self.scores[kept],
+            runner_ups=self.runner_ups[kept],
+        )
+        return graph
+
     def _check_indices(self, kinds: IntArray, index_a: IntArray, index_b: IntArray) -> None:
         between_nodes = kinds == ConstraintKind.NODE_TO_NODE
         end_a = np.where(between_nodes, self.num_nodes, self.num_submaps)

@@ -27,7 +27,7 @@ from cartoloop.kernels.pose_residuals import LINEAR_SIZE, ROW_SIZE
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_MAX_ZEROS_OF_A_FRONT = 16
+_MAX_ZEROS_OF_A_FRONT = 8
 """Blocks of zeros that merging small fronts may store: 0 to 64 were tried on the public graphs."""
 
 
@@ -45,7 +45,9 @@ class Fronts:
     target: IntArray
     stride: IntArray
     transposed: IntArray
-    stack_size: int
+    depth: IntArray
+    even_size: int
+    odd_size: int
     max_width: int
 
 
@@ -64,7 +66,7 @@ def plan_factorization(row_begin: IntArray, columns: IntArray) -> Fronts:
         order, group_begin, front_begin, parent, _MAX_ZEROS_OF_A_FRONT
     )
     front_begin, rows, parent = cholesky_structure.front_rows(begin, neighbours, order, group_begin)
-    factor_begin, place_in_parent, num_children, stack_size, max_width = (
+    factor_begin, place_in_parent, num_children, depth, even_size, odd_size, max_width = (
         cholesky_structure.plan_fronts(group_begin, front_begin, rows, parent)
     )
     target, stride, transposed = cholesky_structure.place_blocks(
@@ -81,7 +83,9 @@ def plan_factorization(row_begin: IntArray, columns: IntArray) -> Fronts:
         target,
         stride,
         transposed,
-        stack_size,
+        depth,
+        even_size,
+        odd_size,
         max_width,
     )
 
@@ -180,7 +184,8 @@ class ReducedSystem:
         self.weights = np.ones(self.order.size)
         self._factor = _aligned(int(fronts.factor_begin[-1]))
         self._diagonal = np.empty((num_kept, 3))
-        self._stack = _aligned(fronts.stack_size)
+        self._even_stack = _aligned(fronts.even_size)
+        self._odd_stack = _aligned(fronts.odd_size)
         self._waiting = np.empty(fronts.num_children.size, dtype=np.int64)
         self._scratch = np.empty(3 * fronts.max_width)
         self._damping = 0.0
@@ -274,9 +279,11 @@ class ReducedSystem:
             fronts.row_begin,
             fronts.place_in_parent,
             fronts.num_children,
+            fronts.depth,
             fronts.factor_begin,
             self._diagonal,
-            self._stack,
+            self._even_stack,
+            self._odd_stack,
             self._waiting,
             self._factor,
         ):

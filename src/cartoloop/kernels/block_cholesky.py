@@ -3,7 +3,8 @@
 
 Each front (see :mod:`cartoloop.kernels.cholesky_structure`) is a small dense problem: its pivots'
 rows stay in the factor, and what they leave on the later rows, the update, waits on a stack until
-the parent front takes it in. Numbers of vertices run backwards within a front, and only the lower
+the parent front takes it in. There are two stacks, for fronts of even and of odd depth, so that a
+front's own update is not in the way of its children's. Numbers of vertices run backwards within a front, and only the lower
 half of symmetric matrices is kept.
 """
 
@@ -168,9 +169,11 @@ def factor_fronts(
     row_begin: IntArray,
     place_in_parent: IntArray,
     num_children: IntArray,
+    depth: IntArray,
     factor_begin: IntArray,
     diagonal: FloatArray,
-    stack: FloatArray,
+    even_stack: FloatArray,
+    odd_stack: FloatArray,
     waiting: IntArray,
     out_factor: FloatArray,
 ) -> bool:
@@ -179,14 +182,14 @@ def factor_fronts(
     Parameters
     ----------
     order, group_begin, row_begin : int64, see :func:`front_rows`.
-    place_in_parent, num_children, factor_begin : int64, see :func:`plan_fronts`.
+    place_in_parent, num_children, depth, factor_begin : int64, see :func:`plan_fronts`.
     diagonal : float64, shape (n, 3), see :func:`assemble_blocks`.
-    stack : float64, shape (stack_size,), scratch.
+    even_stack, odd_stack : float64, shape (even_size,), (odd_size,), scratch.
     waiting : int64, shape (num_fronts,), scratch.
     out_factor : float64, shape (factor_begin[-1],), from :func:`assemble_blocks`.
     """
-    top = 0
-    depth = 0
+    num_waiting = 0
+    even_top = odd_top = 0
     pivots_diagonal = np.empty(diagonal.size)
     for f in range(num_children.size):
         num_pivots = 3 * (group_begin[f + 1] - group_begin[f])
@@ -196,29 +199,30 @@ def factor_fronts(
         panel = out_factor[factor_begin[f] : factor_begin[f + 1]].reshape(
             (num_pivots, padded(num_pivots + num_rows))
         )
+        even = depth[f] % 2 == 0
+        stack, top = (even_stack, even_top) if even else (odd_stack, odd_top)
+        children, child_top = (odd_stack, odd_top) if even else (even_stack, even_top)
         size = num_rows * padded(num_rows)
         update = stack[top : top + size].reshape((num_rows, padded(num_rows)))
-        update[:] = 0.0
-        base = top
+        for i in range(num_rows):
+            update[i, : i + 1] = 0.0
         for _ in range(num_children[f]):
-            depth -= 1
-            child = waiting[depth]
+            num_waiting -= 1
+            child = waiting[num_waiting]
             n = 3 * (row_begin[child + 1] - row_begin[child])
-            base -= n * padded(n)
+            child_top -= n * padded(n)
             _take_in(
-                stack[base : base + n * padded(n)].reshape((n, padded(n))),
+                children[child_top : child_top + n * padded(n)].reshape((n, padded(n))),
                 place_in_parent[row_begin[child] : row_begin[child + 1]],
                 panel,
                 update,
             )
         if not _eliminate_pivots(panel, pivots_diagonal, update):
             return False
-        if base < top:  # close the gap that the children leave
-            stack[base : base + size] = stack[top : top + size].copy()
-        top = base + size
         if num_rows > 0:
-            waiting[depth] = f
-            depth += 1
+            waiting[num_waiting] = f
+            num_waiting += 1
+        even_top, odd_top = (top + size, child_top) if even else (child_top, top + size)
     return True
 
 

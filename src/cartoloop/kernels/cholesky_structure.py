@@ -188,7 +188,7 @@ def merge_small_fronts(
 @kernel
 def plan_fronts(
     group_begin: IntArray, row_begin: IntArray, rows: IntArray, parent: IntArray
-) -> tuple[IntArray, IntArray, IntArray, int, int]:
+) -> tuple[IntArray, IntArray, IntArray, IntArray, int, int, int]:
     """Return where the numbers of every front go, for fronts in postorder.
 
     Parameters
@@ -200,16 +200,22 @@ def plan_fronts(
     factor_begin : int64, shape (num_fronts + 1,), offset of the pivots' rows in the factor.
     place_in_parent : int64, of every row: its number within the parent.
     num_children : int64, shape (num_fronts,).
-    stack_size : int64, float64 numbers that the updates waiting for their parents need.
+    depth : int64, shape (num_fronts,), 0 of a front without parent.
+    even_size, odd_size : int64, numbers that the updates of fronts of even and odd depth need while
+        they wait for their parents.
     max_width : int64, largest front, in vertices.
     """
     num_fronts = parent.size
     factor_begin = np.zeros(num_fronts + 1, dtype=np.int64)
     place_in_parent = np.zeros(rows.size, dtype=np.int64)
     num_children = np.zeros(num_fronts, dtype=np.int64)
+    depth = np.zeros(num_fronts, dtype=np.int64)
+    for f in range(num_fronts - 1, -1, -1):
+        if parent[f] >= 0:
+            depth[f] = depth[parent[f]] + 1
     waiting = np.zeros(num_fronts, dtype=np.int64)  # room that the children's updates take
-    stack_size = 0
-    in_use = 0
+    most = np.zeros(2, dtype=np.int64)
+    in_use = np.zeros(2, dtype=np.int64)
     max_width = 0
     for f in range(num_fronts):
         num_pivots = group_begin[f + 1] - group_begin[f]
@@ -217,8 +223,10 @@ def plan_fronts(
         max_width = max(max_width, num_pivots + num_rows)
         factor_begin[f + 1] = factor_begin[f] + 3 * num_pivots * padded(3 * (num_pivots + num_rows))
         update = 3 * num_rows * padded(3 * num_rows)
-        stack_size = max(stack_size, in_use + update)
-        in_use += update - waiting[f]
+        side = depth[f] % 2
+        in_use[side] += update
+        most[side] = max(most[side], in_use[side])
+        in_use[1 - side] -= waiting[f]
         above = parent[f]
         if above < 0:
             continue
@@ -234,7 +242,7 @@ def plan_fronts(
             while rows[k] > rows[i]:
                 k += 1
             place_in_parent[i] = k - row_begin[above]
-    return factor_begin, place_in_parent, num_children, stack_size, max_width
+    return factor_begin, place_in_parent, num_children, depth, most[0], most[1], max_width
 
 
 @kernel

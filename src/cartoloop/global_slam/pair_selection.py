@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which pairs of node and finished submap are searched, and in how large a window.
+
+The window need not be 7 m where the graph knows the relative pose to half a metre. What it knows
+is told by the shortest way from the one to the other, along the robot's path and across the loop
+closures found so far: dead reckoning errs in proportion to it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from cartoloop.config import ConstraintSearchConfig
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+CLOSURE_LENGTH_M = 0.5
+"""A loop closure is as good as so much of dead reckoning."""
+
+
+class PairSelection:
+    """Knows how far apart submaps and nodes are along the ways that the graph knows."""
+
+    def __init__(self, config: ConstraintSearchConfig) -> None:
+        self._config = config
+        self._between_submaps: FloatArray = np.zeros((0, 0))
+
+    def update(self, submap_travelled: FloatArray, closures: IntArray) -> None:
+        """Learn of the closures found so far.
+
+        Parameters
+        ----------
+        submap_travelled : shape (m,), how far the robot had come when each submap was begun [m].
+        closures : int64, shape (k, 2): submap, and the submap that the node was inserted into.
+        """
+        m = len(submap_travelled)
+        chain = np.column_stack((np.arange(m - 1), np.arange(1, m)))
+        pairs = np.unique(np.sort(closures[closures[:, 0] != closures[:, 1]], axis=1), axis=0)
+        apart = pairs[:, 1] - pairs[:, 0] > 1
+        edges = np.concatenate((chain, pairs[apart]))
+        lengths = np.concatenate(
+            (
+                np.maximum(np.diff(submap_travelled), 1e-3),
+                np.full(np.count_nonzero(apart), CLOSURE_LENGTH_M),
+            )
+        )
+        ways = coo_matrix((lengths, (edges[:, 0], edges[:, 1])), shape=(m, m)).tocsr()
+        self._between_submaps = dijkstra(
+            ways, directed=False, limit=self._longest_way, min_only=False
+        )
+
+    @property
+    def _longest_way(self) -> float:
+        """Beyond this, windows grow no more [m]."""
+        config = self._config
+        linear = config.linear_search_window - config.min_linear_search_window
+        return linear / max(config.linear_drift, 1e-6) + 1.0
+
+    def uncertain_length(
+        self, submap: int, node_submap: int, node_from_its_submap: float, travelled: float
+    ) -> float:
+        """Return the shortest known way from a submap to a node [m].
+
+        Parameters
+        ----------
+        submap : the finished submap.
+        node_submap : the older submap that the node was inserted into.
+        node_from_its_submap : how far the robot had gone since that was begun [m].
+        travelled : how far it went between beginning the two submaps and the node [m].
+        """
+        known = len(self._between_submaps)
+        if submap >= known or node_submap >= known:
+            return travelled
+        return min(travelled, float(self._between_submaps[submap, node_submap]) + node_from_its_submap)
+
+    def window(self, uncertain_length: float) -> tuple[float, float]:
+        """Return the linear [m] and angular [rad] search window for an uncertain length [m]."""
+        config = self._config
+        linear = config.min_linear_search_window + config.linear_drift * uncertain_length
+        angular_deg = (
+            config.min_angular_search_window_deg + config.angular_drift_deg * uncertain_length
+        )
+        return (
+            min(linear, config.linear_search_window),
+            math.radians(min(angular_deg, config.angular_search_window_deg)),
+        )
+
+    def is_sampled(self, submap: int, node: int, uncertain_length: float) -> bool:
+        """Return whether the pair is among those searched: fewer where more is known."""
+        config = self._config
+        bound = uncertain_length < config.bound_length
+        return (node + submap) % (config.every_nth_bound_node if bound else config.every_nth_node) == 0

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the predicted to the matched pose: least squares first, wider searches when it fits poorly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.config import CorrelativeMatcherConfig, LocalSlamConfig
+from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator, Prediction
+from cartoloop.scan_matching import correlative, least_squares
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch
+from cartoloop.sensor.pose import FloatArray, Pose, compose, relative
+from cartoloop.submaps.submap import Submap
+
+FIRST_RESIDUAL = 0.5
+"""What a match's residual is taken to be usually, until there are matches."""
+
+RESIDUAL_MEMORY = 0.02
+"""Share of a new residual in what counts as usual."""
+
+
+class MatchedScan(NamedTuple):
+    """Where a scan was found.
+
+    Attributes
+    ----------
+    tf_local_tracking : its pose.
+    match : the match to the submap, in the submap's frame.
+    """
+
+    tf_local_tracking: Pose
+    match: LeastSquaresMatch
+
+
+class ScanMatcher:
+    """Matches scans to a submap, knowing how well they usually fit.
+
+    The search widens as needed: least squares from the prediction; if that fits worse than usual,
+    the correlative matcher around it; if that is no better, the same in a wider window around the
+    last pose and where constant velocity would have led, since the odometry may have jumped.
+    """
+
+    def __init__(self, config: LocalSlamConfig) -> None:
+        self._config = config
+        self._window = config.correlative_matcher
+        self._lost_window = CorrelativeMatcherConfig(
+            **self._window.model_dump()
+            | {
+                "linear_search_window": self._window.lost_linear_search_window,
+                "angular_search_window_deg": self._window.lost_angular_search_window_deg,
+            }
+        )
+        self._usual_residual = FIRST_RESIDUAL
+        self.num_correlative = 0
+        self.num_lost = 0
+
+    def match(
+        self,
+        submap: Submap,
+        points: FloatArray,
+        prediction: Prediction,
+        extrapolator: PoseExtrapolator,
+        time: float,
+    ) -> MatchedScan:
+        """Return where in the submap the scan fits best.
+
+        Parameters
+        ----------
+        points : float64, shape (n, 2), tracking frame [m]; n > 0.
+        """
+        prior = relative(submap.tf_local_submap, prediction.tf_local_tracking)
+        pull = self._pull(prediction, extrapolator)
+        best = self._refine(submap, points, prior, prior, pull)
+        if best.residual > self._usual_residual * self._window.poor_residual_ratio:
+            self.num_correlative += 1
+            best = self._search(submap, points, (prior,), self._window, best, pull)
+        if best.residual > self._usual_residual * self._window.lost_residual_ratio:
+            self.num_lost += 1
+            guesses = (extrapolator.at_rest(), extrapolator.at_constant_velocity(time))
+            centres = [relative(submap.tf_local_submap, guess) for guess in guesses]
+            best = self._search(submap, points, centres, self._lost_window, best, None)
+        self._usual_residual += RESIDUAL_MEMORY * (best.residual - self._usual_residual)
+        return MatchedScan(compose(submap.tf_local_submap, best.tf_grid_scan), best)
+
+    def _search(
+        self,
+        submap: Submap,
+        points: FloatArray,
+        centres: Iterable[Pose],
+        window: CorrelativeMatcherConfig,
+        best: LeastSquaresMatch,
+        pull: FloatArray | None,
+    ) -> LeastSquaresMatch:
+        """Return the best of `best` and the matches found in windows around `centres`.
+
+        With a `pull`, matches are held to the windows' centres; without, to what is found there.
+        """
+        for centre in centres:
+            coarse = correlative.match(submap.grid, points, centre, window).tf_grid_scan
+            held_to = coarse if pull is None else centre
+            weight = self._velocity_pull() if pull is None else pull
+            found = self._refine(submap, points, coarse, held_to, weight)
+            if found.residual < best.residual:
+                best = found
+        return best
+
+    def _refine(
+        self, submap: Submap, points: FloatArray, start: Pose, prior: Pose, pull: FloatArray
+    ) -> LeastSquaresMatch:
+        grid, config = submap.grid, self._config.least_squares_matcher
+        return least_squares.match(
+            least_squares.SmoothMap(grid.cells, grid.origin_x, grid.origin_y, grid.resolution),
+            points,
+            start,
+            prior,
+            pull,
+            config.occupied_space_weight / self._usual_residual**2,
+            config.max_num_iterations,
+        )
+
+    def _pull(self, prediction: Prediction, extrapolator: PoseExtrapolator) -> FloatArray:
+        """Return the information of the prediction, upper triangle, shape (6,)."""
+        config, model = self._config.prediction, extrapolator.odometry_model
+        if not prediction.by_odometry:
+            return self._velocity_pull()
+        if not model.is_known:
+            return _information(config.unknown_translation_sigma, config.unknown_rotation_sigma)
+        factor = config.odometry_error_factor
+        return _information(
+            max(factor * model.translation_error, config.min_translation_sigma),
+            max(factor * model.rotation_error, config.min_rotation_sigma),
+        )
+
+    def _velocity_pull(self) -> FloatArray:
+        config = self._config.prediction
+        return _information(config.velocity_translation_sigma, config.velocity_rotation_sigma)
+
+
+def _information(translation_sigma: float, rotation_sigma: float) -> FloatArray:
+    """Return an isotropic information matrix as its upper triangle (xx, xy, xt, yy, yt, tt)."""
+    translation, rotation = 1.0 / translation_sigma**2, 1.0 / rotation_sigma**2
+    return np.array((translation, 0.0, 0.0, translation, 0.0, rotation))
+
+
+def degenerate_direction(match: LeastSquaresMatch) -> tuple[float, float]:
+    """Return the ratio of the weaker to the stronger eigenvalue of a match's translation, and its direction.
+
+    A small ratio tells of a corridor: along the direction [rad, grid axes] the scan says little.
+    """
+    (xx, xy), (_, yy) = match.information[:2, :2].tolist()
+    mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+    ratio = max(mean - half, 0.0) / (mean + half) if mean + half > 0.0 else 0.0
+    return ratio, 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi

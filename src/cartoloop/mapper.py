@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sensor events in, a map out: local SLAM, then global SLAM. Start reading here."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+
+from cartoloop.config import Config
+from cartoloop.global_slam.global_slam import GlobalSlam
+from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.global_slam.trajectory import optimized_trajectory
+from cartoloop.local_slam.local_slam import LocalSlam
+from cartoloop.map_output.report import (
+    AdjustmentSummary,
+    InputSummary,
+    Report,
+    summarize_constraints,
+)
+from cartoloop.map_output.result import Result
+from cartoloop.sensor.events import Imu, LaserScan, Odometry, SensorEvent
+from cartoloop.sensor.pose import FloatArray, Pose, compose
+from cartoloop.stage_timer import StageTimer
+from cartoloop.submaps.finished_grid import FinishedGrid
+
+
+class Mapper:
+    """Builds a map out of sensor events, one by one, in the order they happened.
+
+    >>> mapper = Mapper()
+    >>> for event in cartoloop.read("intel.clf.gz"):
+    ...     mapper.add(event)
+    >>> mapper.finish().save("out")
+    """
+
+    def __init__(self, config: Config | None = None) -> None:
+        self._config = config or Config()
+        self._timer = StageTimer()
+        self._local_slam = LocalSlam(self._config, self._timer)
+        self._global_slam = GlobalSlam(self._config.global_slam, self._timer)
+        self._stamps: list[float] = []
+        self._local_poses: list[Pose] = []
+        self._node_scan_index: list[int] = []
+        self._grids: dict[int, FinishedGrid] = {}
+        self._skipped: Counter[str] = Counter()
+        self._num_scans = 0
+        self._first_time = math.nan
+        self._last_time = -math.inf
+
+    @property
+    def num_scans(self) -> int:
+        """How many scans have been added."""
+        return self._num_scans
+
+    @property
+    def num_nodes(self) -> int:
+        """How many of them became nodes of the pose graph."""
+        return len(self._node_scan_index)
+
+    @property
+    def num_loop_closures(self) -> int:
+        """How many loop closures the pose graph holds."""
+        return self._global_slam.num_loop_closures
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot was at the last scan, in the map as adjusted so far."""
+        local = self._local_poses[-1] if self._local_poses else Pose(0.0, 0.0, 0.0)
+        return compose(self._global_slam.tf_map_local, local)
+
+    def add(self, event: SensorEvent) -> None:
+        """Take in one sensor event. Bad data never raises: it is skipped and counted, with the reason."""
+        if isinstance(event, LaserScan):
+            self._num_scans += 1
+        if reason := self._objection(event):
+            self._skipped[reason] += 1
+            return
+        if isinstance(event, Odometry):
+            self._local_slam.add_odometry(event)
+        elif isinstance(event, Imu):
+            self._local_slam.add_imu(event)
+        else:
+            self._add_scan(event)
+
+    def finish(self) -> Result:
+        """Return the map after the last loops are closed and all is adjusted; nothing can be added after."""
+        try:
+            self._global_slam.finish(self._local_slam.active_submaps)
+        finally:
+            self._global_slam.close()
+        return self.result()
+
+    def result(self) -> Result:
+        """Return the map as it stands, without waiting for searches."""
+        graph = self._global_slam.graph
+        node_scan_index = np.array(self._node_scan_index[: graph.num_nodes], dtype=np.int64)
+        local = np.array(self._local_poses, dtype=np.float64).reshape(-1, 3)
+        trajectory = optimized_trajectory(local, node_scan_index, graph.node_poses)
+        return Result(
+            np.array(self._stamps, dtype=np.float64),
+            trajectory,
+            local,
+            graph,
+            node_scan_index,
+            self._submap_grids(graph),
+            self._config,
+            self._report(graph, trajectory),
+        )
+
+    def _objection(self, event: SensorEvent) -> str | None:
+        """Return why an event cannot be used, or None."""
+        if not math.isfinite(event.time):
+            return "time is not finite"
+        if event.time < self._last_time and not isinstance(event, Imu):
+            return "time runs backwards"
+        if isinstance(event, Odometry):
+            if not all(map(math.isfinite, event.tf_odom_tracking)):
+                return "odometry is not finite"
+        elif isinstance(event, LaserScan) and event.ranges.shape != (event.geometry.num_beams,):
+            return "number of ranges does not match the scanner"
+        return None
+
+    def _add_scan(self, scan: LaserScan) -> None:
+        if self._stamps and scan.time == self._last_time:
+            self._skipped["two scans at one time"] += 1
+            return
+        if not self._stamps:
+            self._first_time = scan.time
+        self._last_time = scan.time
+        result = self._local_slam.add_scan(scan)
+        if not result.was_matched and result.node is None:
+            self._skipped["too few returns to match: pose as predicted"] += 1
+        self._stamps.append(scan.stamp)
+        self._local_poses.append(result.tf_local_tracking)
+        if result.node is not None:
+            self._node_scan_index.append(len(self._stamps) - 1)
+            if result.node.finished is not None:
+                finished = result.node.finished
+                self._grids[finished.index] = finished.grid.finish()
+            self._global_slam.add_node(result.node)
+
+    def _submap_grids(self, graph: PoseGraph) -> list[FinishedGrid]:
+        growing = {s.index: s.grid.finish() for s in self._local_slam.active_submaps}
+        return [self._grids.get(i) or growing[i] for i in range(graph.num_submaps)]
+
+    def _report(self, graph: PoseGraph, trajectory: FloatArray) -> Report:
+        adjustments = self._global_slam.adjustments
+        stages = self._timer.summary()
+        model = self._local_slam.extrapolator.odometry_model
+        steps = np.diff(trajectory[:, :2], axis=0)
+        last_ms = self._global_slam.last_adjustment_ms
+        return Report(
+            input=InputSummary(
+                scans=self._num_scans,
+                duration_s=self._last_time - self._first_time if self._stamps else 0.0,
+                path_length_m=float(np.hypot(steps[:, 0], steps[:, 1]).sum()),
+            ),
+            nodes=graph.num_nodes,
+            submaps=graph.num_submaps,
+            constraints=summarize_constraints(graph, self._global_slam.search.num_searched),
+            adjustment=AdjustmentSummary(
+                runs=len(adjustments),
+                mean_iterations=(
+                    float(np.mean([a.iterations for a in adjustments])) if adjustments else 0.0
+                ),
+                mean_ms=(
+                    1e3 * stages["adjust"].total_s / stages["adjust"].calls if adjustments else 0.0
+                ),
+                last_ms=last_ms,
+            ),
+            stages=stages,
+            skipped=dict(sorted(self._skipped.items())),
+            extra={
+                "odometry": {
+                    "time_offset_s": model.time_offset,
+                    "rotation_scale": model.rotation_scale,
+                    "translation_scale": model.translation_scale,
+                    "lever_m": [model.lever_x, model.lever_y],
+                    "rotation_error_rad": model.rotation_error if model.is_known else None,
+                    "translation_error_m": model.translation_error if model.is_known else None,
+                }
+            },
+        )

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How certain a match is: the covariance of a constraint, from (CS) itself (section V-A)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch
+from cartoloop.sensor.pose import FloatArray
+
+MIN_SIGMA_M = 0.01
+MIN_SIGMA_RAD = math.radians(0.1)
+"""No match is trusted further than this: walls are not that straight, nor scanners that true."""
+
+MIN_RESIDUAL = 0.03
+"""A scan that fits better than this fits by chance."""
+
+OPEN_INFORMATION = 1e-2
+"""What is left along a direction that the scan leaves open [1/m^2], [1/rad^2]."""
+
+
+def match_information(match: LeastSquaresMatch) -> FloatArray:
+    """Return the inverse covariance of a match, shape (3, 3), in the grid's axes.
+
+    A corridor leaves its long direction open: there the curvature of (CS), and so the information,
+    is small. `MIN_SIGMA_M` and `MIN_SIGMA_RAD` add to the covariance, and so bound the certainty.
+    """
+    curvature = match.information / max(match.residual, MIN_RESIDUAL) ** 2
+    floor = np.diag((MIN_SIGMA_M**2, MIN_SIGMA_M**2, MIN_SIGMA_RAD**2))
+    covariance = np.linalg.inv(curvature + OPEN_INFORMATION * np.eye(3)) + floor
+    information = np.linalg.inv(covariance)
+    return 0.5 * (information + information.T)
