@@ -18,6 +18,7 @@ def project_ranges(
     min_range: float,
     max_range: float,
     no_return_range: float,
+    no_return_is_free: bool,
     free_ray_length: float,
     origin_x: float,
     origin_y: float,
@@ -32,8 +33,9 @@ def project_ranges(
     directions : float64, shape (num_beams, 2), unit vectors of the beams, tracking frame.
     min_range, max_range : a return in [min_range, max_range] is a hit [m]; one beyond is no hit,
         but its beam clears free space.
-    no_return_range : a range from here on means that the beam met nothing [m]; inf where such
-        ranges are to be ignored (+inf itself always counts as free, REP 117).
+    no_return_range : ranges from here on are no measurements [m].
+    no_return_is_free : whether such a range means that the beam met nothing; otherwise it says
+        nothing (+inf itself always counts as free, REP 117).
     free_ray_length : free space cleared by a beam without a hit [m]; 0 clears nothing.
     origin_x, origin_y : where the sensor stands, tracking frame [m].
     out_returns, out_misses : float64, shape (num_beams, 2), end points, tracking frame [m].
@@ -52,9 +54,7 @@ def project_ranges(
             out_returns[num_returns, 0] = origin_x + r * directions[k, 0]
             out_returns[num_returns, 1] = origin_y + r * directions[k, 1]
             num_returns += 1
-        elif free_ray_length > 0.0 and (
-            r < no_return_range or r == np.inf or no_return_range < np.inf
-        ):
+        elif free_ray_length > 0.0 and (r < no_return_range or no_return_is_free or r == np.inf):
             length = min(r, free_ray_length)
             out_misses[num_misses, 0] = origin_x + length * directions[k, 0]
             out_misses[num_misses, 1] = origin_y + length * directions[k, 1]

@@ -148,11 +148,16 @@ def mark_ray(
             row += step_row
             order -= SUBPIXELS * length_x
             remaining -= 1
-        else:
+        elif remaining > 1:
             col += step_col
             row += step_row
             order += SUBPIXELS * (length_y - length_x)
             remaining -= 2
+        else:
+            # The ray ends in a corner, which belongs to a pixel beside this one.
+            col = last_col
+            row = last_row
+            remaining = 0
 
 
 @kernel

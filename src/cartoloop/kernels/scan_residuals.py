@@ -38,7 +38,7 @@ def smooth_probability(
     col0 = np.int64(np.floor(col))
     row0 = np.int64(np.floor(row))
     num_rows, num_cols = grid.shape
-    if col0 < -1 or row0 < -1 or col0 > num_cols - 1 or row0 > num_rows - 1:
+    if col0 < -2 or row0 < -2 or col0 > num_cols or row0 > num_rows:
         return unknown, 0.0, 0.0
     u = col - col0
     v = row - row0

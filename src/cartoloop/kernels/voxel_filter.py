@@ -63,7 +63,8 @@ def adaptive_voxel_filter(
     Notes
     -----
     Halves the edge until enough points remain, then bisects between the last two edges, as
-    Cartographer does, to within a tenth of the edge.
+    Cartographer does, to within a tenth of the edge. Points so close together that even a
+    hundredth of `max_length` leaves too few all remain.
     """
     near = np.empty_like(points)
     num_near = 0
@@ -84,6 +85,9 @@ def adaptive_voxel_filter(
         high = low
         low = 0.5 * low
         kept = voxel_filter(near, num_near, low, out_points)
+    if kept < min_num_points:
+        out_points[:num_near] = near[:num_near]
+        return num_near
     while high - low > 0.1 * low:
         middle = 0.5 * (low + high)
         if voxel_filter(near, num_near, middle, out_points) >= min_num_points:

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each kind of range says: a hit, free space, or nothing (REP 117)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cartoloop.kernels.range_projection import project_ranges
+
+MIN_RANGE, MAX_RANGE, NO_RETURN, FREE = 0.5, 10.0, 20.0, 4.0
+AHEAD = np.array([[1.0, 0.0]])
+
+
+def project(
+    ranges,
+    directions=None,
+    no_return=NO_RETURN,
+    no_return_is_free=True,
+    free=FREE,
+    origin=(0.0, 0.0),
+):
+    ranges = np.array(ranges, dtype=np.float64)
+    if directions is None:
+        directions = np.repeat(AHEAD, len(ranges), axis=0)
+    returns, misses = np.empty((len(ranges), 2)), np.empty((len(ranges), 2))
+    num_returns, num_misses = project_ranges(
+        ranges,
+        directions,
+        MIN_RANGE,
+        MAX_RANGE,
+        no_return,
+        no_return_is_free,
+        free,
+        *origin,
+        returns,
+        misses,
+    )
+    return returns[:num_returns], misses[:num_misses]
+
+
+@pytest.mark.parametrize("measured", [MIN_RANGE, 3.0, MAX_RANGE])
+def test_a_range_within_the_limits_is_a_hit(measured):
+    returns, misses = project([measured])
+    assert returns.tolist() == [[measured, 0.0]]
+    assert len(misses) == 0
+
+
+@pytest.mark.parametrize(
+    "said_nothing", [math.nan, -math.inf, -3.0, 0.0, math.nextafter(MIN_RANGE, 0.0)]
+)
+@pytest.mark.parametrize("is_free", [True, False])
+def test_ranges_that_are_no_measurement_say_nothing(said_nothing, is_free):
+    returns, misses = project([said_nothing], no_return_is_free=is_free)
+    assert len(returns) == len(misses) == 0
+
+
+@pytest.mark.parametrize("no_return", [NO_RETURN, math.inf])
+@pytest.mark.parametrize("is_free", [True, False])
+def test_infinity_means_that_the_beam_met_nothing(no_return, is_free):
+    returns, misses = project([math.inf], no_return=no_return, no_return_is_free=is_free)
+    assert len(returns) == 0
+    assert misses.tolist() == [[FREE, 0.0]]
+
+
+@pytest.mark.parametrize("measured", [math.nextafter(MAX_RANGE, 11.0), 15.0])
+@pytest.mark.parametrize("no_return", [NO_RETURN, math.inf])
+@pytest.mark.parametrize("is_free", [True, False])
+def test_a_hit_beyond_the_useful_range_clears_free_space(measured, no_return, is_free):
+    returns, misses = project([measured], no_return=no_return, no_return_is_free=is_free)
+    assert len(returns) == 0
+    assert misses.tolist() == [[FREE, 0.0]]
+
+
+@pytest.mark.parametrize("measured", [NO_RETURN, 81.91])
+def test_the_no_return_value_clears_free_space(measured):
+    returns, misses = project([measured])
+    assert len(returns) == 0
+    assert misses.tolist() == [[FREE, 0.0]]
+
+
+@pytest.mark.parametrize("measured", [NO_RETURN, 81.91])
+def test_the_no_return_value_says_nothing_where_it_does_not_mean_free_space(measured):
+    returns, misses = project([measured], no_return_is_free=False)
+    assert len(returns) == len(misses) == 0
+
+
+def test_a_no_return_value_below_the_useful_range_is_no_hit():
+    returns, misses = project([5.0], no_return=5.0)
+    assert len(returns) == 0
+    assert misses.tolist() == [[FREE, 0.0]]
+
+
+@pytest.mark.parametrize("measured", [15.0, 81.91, math.inf])
+def test_a_free_ray_length_of_zero_clears_nothing(measured):
+    returns, misses = project([measured], free=0.0)
+    assert len(returns) == len(misses) == 0
+
+
+def test_a_free_ray_is_no_longer_than_the_range():
+    _, misses = project([11.0], free=15.0)
+    assert misses.tolist() == [[11.0, 0.0]]
+
+
+def test_beams_start_at_the_sensor_and_keep_their_order():
+    directions = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    returns, misses = project([2.0, math.inf, 1.0, 50.0], directions, origin=(10.0, -5.0))
+    assert returns.tolist() == [[12.0, -5.0], [9.0, -5.0]]
+    assert misses.tolist() == [[10.0, -1.0], [10.0, -9.0]]
+
+
+@settings(deadline=None, max_examples=100)
+@given(ranges=st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=30))
+def test_whatever_the_ranges_all_points_are_within_reach(ranges):
+    returns, misses = project(ranges)
+    assert len(returns) + len(misses) <= len(ranges)
+    assert ((returns[:, 0] >= MIN_RANGE) & (returns[:, 0] <= MAX_RANGE)).all()
+    assert (misses[:, 0] == FREE).all()

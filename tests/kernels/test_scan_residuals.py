@@ -1,0 +1,312 @@
+# SPDX-License-Identifier: Apache-2.0
+"""(CS): the smooth map, its derivatives, the normal equations and their minimum."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import least_squares
+
+from cartoloop.kernels.scan_residuals import (
+    accumulate_match,
+    match_least_squares,
+    smooth_probability,
+    solve_3x3,
+)
+from tests.reference.naive_scan_residuals import (
+    central_differences,
+    naive_errors,
+    naive_smooth_probability,
+)
+
+UNKNOWN = 0.1
+ROWS, COLS = 7, 9
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def random_grid(seed, shape=(ROWS, COLS)):
+    """Probabilities, a third of the cells never observed."""
+    rng = np.random.default_rng(seed)
+    grid = rng.uniform(0.1, 0.9, shape)
+    grid[rng.random(shape) < 0.3] = 0.0
+    return grid.astype(np.float32)
+
+
+# From well outside of the grid on one side to well outside on the other.
+col_places = st.floats(-4.0, COLS + 3.0)
+row_places = st.floats(-4.0, ROWS + 3.0)
+
+
+@settings(deadline=None, max_examples=150)
+@given(seed=seeds, col=col_places, row=row_places)
+def test_the_smooth_map_equals_plain_bicubic_interpolation(seed, col, row):
+    grid = random_grid(seed)
+    expected = naive_smooth_probability(grid, UNKNOWN, col, row)
+    assert smooth_probability(grid, UNKNOWN, col, row)[0] == pytest.approx(expected, abs=1e-12)
+
+
+@settings(deadline=None, max_examples=150)
+@given(seed=seeds, col=col_places, row=row_places)
+def test_the_smooth_map_s_gradient_equals_finite_differences(seed, col, row):
+    grid = random_grid(seed)
+
+    def value(at):
+        return naive_smooth_probability(grid, UNKNOWN, at[0], at[1])
+
+    numeric = central_differences(value, (col, row), 1e-6)
+    assert smooth_probability(grid, UNKNOWN, col, row)[1:] == pytest.approx(numeric, abs=1e-5)
+
+
+@settings(deadline=None, max_examples=100)
+@given(seed=seeds, border=st.integers(-3, COLS + 2), along=row_places, transposed=st.booleans())
+def test_value_and_gradient_are_continuous_across_borders_of_pixels(
+    seed, border, along, transposed
+):
+    grid = random_grid(seed, (COLS, ROWS) if transposed else (ROWS, COLS))
+    places = [(border + off, along) for off in (-1e-9, 0.0, 1e-9)]
+    if transposed:
+        places = [place[::-1] for place in places]
+    before, at, after = (smooth_probability(grid, UNKNOWN, *place) for place in places)
+    assert before == pytest.approx(at, abs=1e-7)
+    assert after == pytest.approx(at, abs=1e-7)
+
+
+def test_the_smooth_map_goes_through_the_centres_of_cells():
+    grid = random_grid(3)
+    for row in range(ROWS):
+        for col in range(COLS):
+            expected = float(grid[row, col]) or UNKNOWN
+            assert smooth_probability(grid, UNKNOWN, col, row)[0] == pytest.approx(expected)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    seed=seeds,
+    num_points=st.integers(1, 12),
+    x=st.floats(-1.0, 1.0),
+    y=st.floats(-1.0, 1.0),
+    theta=st.floats(-7.0, 7.0),
+)
+def test_the_normal_equations_equal_finite_differences(seed, num_points, x, y, theta):
+    grid, origin, resolution = random_grid(seed, (20, 24)), (-1.0, -1.1), 0.1
+    points = np.random.default_rng(seed).uniform(-0.6, 0.6, (num_points, 2))
+
+    def errors(pose):
+        return naive_errors(grid, UNKNOWN, origin, resolution, points, pose)
+
+    system = np.empty(9)
+    total = accumulate_match(grid, UNKNOWN, *origin, resolution, points, x, y, theta, system)
+
+    at = errors((x, y, theta))
+    jacobian = central_differences(errors, (x, y, theta), 1e-7)
+    assert total == pytest.approx(at @ at)
+    normal = (jacobian.T @ jacobian)[np.triu_indices(3)]
+    assert system[:6] == pytest.approx(normal, rel=1e-4, abs=1e-3)
+    assert system[6:] == pytest.approx(jacobian.T @ at, rel=1e-4, abs=1e-3)
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=seeds, damping=st.floats(0.0, 10.0))
+def test_the_damped_equations_are_solved(seed, damping):
+    rng = np.random.default_rng(seed)
+    factor = rng.normal(size=(5, 3)) * (1.0, 10.0, 0.1)
+    normal, right = factor.T @ factor, rng.normal(size=3)
+    step = np.zeros(3)
+    assert solve_3x3(np.append(normal[np.triu_indices(3)], right), damping, step)
+    damped = normal + damping * np.diag(np.diag(normal))
+    assert damped @ step == pytest.approx(-right, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        np.zeros(9),
+        np.array([1.0, 0, 0, 0, 0, 1, 1, 1, 1]),
+        np.array([1.0, 0, 0, 1, 0, 0, 1, 1, 1]),
+        np.array([1.0, 1, 0, 1, 0, 1, 1, 1, 1]),
+        np.full(9, np.nan),
+    ],
+)
+def test_equations_without_a_solution_are_refused(system):
+    assert not solve_3x3(system, 0.0, np.zeros(3))
+
+
+RESOLUTION, WALL_BLUR = 0.05, 0.1
+ROOM = (3.0, 2.0)  # half its length and width [m]
+NO_PRIOR = np.array([1e-6, 0.0, 0.0, 1e-6, 0.0, 1e-6])
+
+
+def map_of(distance):
+    """A map of walls and its origin: probable near the walls, smooth; all known."""
+    cols, rows = (round((half + 0.6) / RESOLUTION) for half in ROOM)
+    x, y = np.meshgrid(np.arange(-cols, cols + 1), np.arange(-rows, rows + 1))
+    d = distance(x * RESOLUTION, y * RESOLUTION)
+    grid = 0.1 + 0.8 * np.exp(-0.5 * (d / WALL_BLUR) ** 2)
+    return grid.astype(np.float32), -cols * RESOLUTION, -rows * RESOLUTION
+
+
+def room():
+    """A rectangular room: its map, and points on its walls in the map's frame."""
+    grid_and_origin = map_of(
+        lambda x, y: np.minimum(np.abs(np.abs(x) - ROOM[0]), np.abs(np.abs(y) - ROOM[1]))
+    )
+    along_x, along_y = np.linspace(-2.7, 2.7, 37), np.linspace(-1.7, 1.7, 25)
+    walls = [(x, side * ROOM[1]) for x in along_x for side in (-1, 1)]
+    walls += [(side * ROOM[0], y) for y in along_y for side in (-1, 1)]
+    return grid_and_origin, np.array(walls)
+
+
+def corridor():
+    """Two walls along x without an end: their map, and points on them."""
+    grid_and_origin = map_of(lambda x, y: np.abs(np.abs(y) - ROOM[1]))
+    walls = [(x, side * ROOM[1]) for x in np.linspace(-2.0, 2.0, 41) for side in (-1, 1)]
+    return grid_and_origin, np.array(walls)
+
+
+def seen_from(pose, points):
+    """Points of the map's frame in the frame of a scan at `pose`."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    shifted = points - pose[:2]
+    return np.column_stack(
+        (cos * shifted[:, 0] + sin * shifted[:, 1], cos * shifted[:, 1] - sin * shifted[:, 0])
+    )
+
+
+def run(map_and_origin, points, start, prior, information=NO_PRIOR, weight=1.0, iterations=200):
+    grid, origin_x, origin_y = map_and_origin
+    found = np.full(11, np.nan)
+    count = match_least_squares(
+        grid,
+        UNKNOWN,
+        origin_x,
+        origin_y,
+        RESOLUTION,
+        points,
+        np.array(start, dtype=np.float64),
+        np.array(prior, dtype=np.float64),
+        np.array(information),
+        weight,
+        iterations,
+        found,
+    )
+    return found, count
+
+
+def total_cost(map_and_origin, points, pose, prior, information, weight):
+    grid, *origin = map_and_origin
+    errors = naive_errors(grid, UNKNOWN, origin, RESOLUTION, points, pose)
+    xx, xy, xt, yy, yt, tt = information
+    full = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
+    off = np.subtract(pose, prior)
+    return weight * errors @ errors + off @ full @ off
+
+
+def random_information(rng):
+    factor = rng.normal(size=(3, 3)) * 3.0
+    return (factor.T @ factor + np.eye(3))[np.triu_indices(3)]
+
+
+def test_known_displacements_in_a_room_are_recovered_far_below_a_pixel():
+    grid, walls = room()
+    rng = np.random.default_rng(0)
+    errors = []
+    for _ in range(20):
+        truth = rng.uniform((-0.3, -0.3, -0.5), (0.3, 0.3, 0.5))
+        start = truth + rng.uniform((-0.08, -0.08, -0.02), (0.08, 0.08, 0.02))
+        measured = seen_from(truth, walls) + rng.normal(scale=0.02, size=walls.shape)
+        found, _ = run(grid, measured, start, start)
+        errors.append(np.abs(found[:3] - truth))
+    assert (np.max(errors, axis=0) < (0.3 * RESOLUTION, 0.3 * RESOLUTION, 5e-3)).all()
+    assert (np.median(errors, axis=0) < (0.1 * RESOLUTION, 0.1 * RESOLUTION, 2e-3)).all()
+
+
+@settings(deadline=None, max_examples=25)
+@given(seed=seeds, iterations=st.integers(1, 12))
+def test_the_cost_never_ends_higher_than_it_began(seed, iterations):
+    rng = np.random.default_rng(seed)
+    grid = (random_grid(seed, (40, 50)), -1.25, -1.0)
+    points = rng.uniform(-1.5, 1.5, (15, 2))
+    start, prior = rng.uniform(-0.5, 0.5, (2, 3))
+    information, weight = random_information(rng), rng.uniform(0.1, 100.0)
+
+    found, count = run(grid, points, start, prior, information, weight, iterations)
+
+    began = total_cost(grid, points, start, prior, information, weight)
+    ended = total_cost(grid, points, found[:3], prior, information, weight)
+    assert ended <= began * (1.0 + 1e-12)
+    assert found[10] == pytest.approx(ended)
+    assert 1 <= count <= iterations
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_minimum_equals_that_of_a_general_solver(seed):
+    rng = np.random.default_rng(seed)
+    grid, walls = room()
+    truth = rng.uniform(-0.2, 0.2, 3)
+    points = seen_from(truth, walls[::3]) + rng.normal(scale=0.01, size=(len(walls[::3]), 2))
+    start = truth + rng.uniform(-0.04, 0.04, 3)
+    prior = truth + rng.uniform(-0.05, 0.05, 3)
+    information, weight = random_information(rng), 2.0
+    pull = np.zeros((3, 3))
+    pull[np.triu_indices(3)] = information
+    pull = np.linalg.cholesky(pull + np.triu(pull, 1).T).T
+
+    def residuals(pose):
+        errors = naive_errors(grid[0], UNKNOWN, grid[1:], RESOLUTION, points, pose)
+        return np.append(math.sqrt(weight) * errors, pull @ (pose - prior))
+
+    expected = least_squares(residuals, start, xtol=1e-10, ftol=1e-12, gtol=1e-10)
+    found, _ = run(grid, points, start, prior, information, weight)
+
+    assert found[10] == pytest.approx(2.0 * expected.cost, rel=5e-3)
+    assert found[10] >= 2.0 * expected.cost * (1.0 - 1e-6)
+    assert found[:2] == pytest.approx(expected.x[:2], abs=5e-3)
+    assert found[2] == pytest.approx(expected.x[2], abs=1e-3)
+
+
+def test_along_a_corridor_the_prior_holds_and_across_the_walls_do():
+    grid, walls = corridor()
+    points = seen_from((0.3, 0.07, 0.02), walls)
+    prior = (0.5, 0.0, 0.0)
+    found, _ = run(grid, points, prior, prior, (1.0, 0.0, 0.0, 1.0, 0.0, 1.0), weight=10.0)
+    assert found[0] == pytest.approx(prior[0], abs=5e-3)
+    assert found[1] == pytest.approx(0.07, abs=5e-3)
+    assert found[2] == pytest.approx(0.02, abs=2e-3)
+
+
+def test_a_strong_prior_outweighs_the_points():
+    grid, walls = room()
+    prior = (0.05, -0.05, 0.02)
+    found, _ = run(grid, walls, (0.0, 0.0, 0.0), prior, (1e8, 0.0, 0.0, 1e8, 0.0, 1e8))
+    assert found[:3] == pytest.approx(prior, abs=1e-4)
+
+
+def test_where_the_map_tells_nothing_the_prior_is_the_match():
+    grid = (np.zeros((10, 10), dtype=np.float32), 0.0, 0.0)
+    prior = (0.2, 0.1, 0.3)
+    found, _ = run(grid, np.ones((5, 2)), (0.0, 0.0, 0.0), prior, (1e2, 0, 0, 1e2, 0, 1e2))
+    assert found[:3] == pytest.approx(prior, abs=1e-2)
+    assert found[3:9] == pytest.approx(np.zeros(6))
+
+
+def test_the_match_tells_the_curvature_and_the_sum_of_squares_at_the_pose_found():
+    grid, walls = room()
+    found, _ = run(grid, walls, (0.03, 0.02, 0.01), (0.0, 0.0, 0.0), weight=5.0)
+    system = np.empty(9)
+    total = accumulate_match(
+        grid[0], UNKNOWN, *grid[1:], RESOLUTION, walls, *found[:3].tolist(), system
+    )
+    assert found[3:9].tolist() == system[:6].tolist()
+    assert found[9] == total
+
+
+def test_one_iteration_looks_at_the_start_only():
+    grid, walls = room()
+    found, count = run(grid, walls, (0.03, 0.02, 0.01), (0.0, 0.0, 0.0), iterations=1)
+    assert count == 1
+    assert found[:3].tolist() == [0.03, 0.02, 0.01]
