@@ -86,9 +86,11 @@ def transform_points(tf_a_b: Pose, points_b: FloatArray) -> FloatArray:
 
 
 def wrap_angles(angles: FloatArray) -> FloatArray:
-    """Return angles [rad] of any shape in (-pi, pi]."""
-    wrapped: FloatArray = np.pi - np.mod(np.pi - angles, 2.0 * np.pi)
-    return wrapped
+    """Return angles [rad] of any shape in (-pi, pi]; those that are so already keep every bit."""
+    wrapped = angles - math.tau * np.rint(angles / math.tau)
+    # Rounding may leave an angle just outside, and -pi stays -pi.
+    wrapped = np.where(wrapped <= -math.pi, wrapped + math.tau, wrapped)
+    return np.where(wrapped > math.pi, wrapped - math.tau, wrapped)
 
 
 def compose_all(tf_a_b: FloatArray, tf_b_c: FloatArray) -> FloatArray:

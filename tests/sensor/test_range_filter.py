@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a raw scan to range data: cropped, thinned, in the tracking frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cartoloop.config import AdaptiveVoxelFilterConfig, SensorConfig
+from cartoloop.sensor.events import LaserScan, ScanGeometry
+from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.range_filter import USEFUL_RANGE, RangeFilter, thin
+
+QUARTER_TURNS = ScanGeometry(
+    angle_min=-math.pi / 2,
+    angle_increment=math.pi / 2,
+    num_beams=3,
+    range_min=0.2,
+    range_max=20.0,
+)
+
+
+def filtered(ranges, geometry=QUARTER_TURNS, **config):
+    scan = LaserScan(0.0, 0.0, np.array(ranges, dtype=np.float64), geometry)
+    return RangeFilter(SensorConfig(**config)).apply(scan)
+
+
+def assert_points(points, expected):
+    assert points == pytest.approx(np.array(expected).reshape(-1, 2), abs=1e-12)
+
+
+def test_beams_look_counter_clockwise_from_the_first_angle():
+    data = filtered([1.0, 2.0, 3.0])
+    assert_points(data.returns, [(0.0, -1.0), (2.0, 0.0), (0.0, 3.0)])
+    assert_points(data.misses, [])
+
+
+def test_a_clockwise_scanner_has_a_negative_increment():
+    clockwise = replace(QUARTER_TURNS, angle_min=math.pi / 2, angle_increment=-math.pi / 2)
+    assert_points(filtered([3.0, 2.0, 1.0], clockwise).returns, [(0, 3), (2, 0), (0, -1)])
+
+
+def test_points_are_in_the_tracking_frame_wherever_the_sensor_sits():
+    mounted = replace(QUARTER_TURNS, tf_tracking_sensor=Pose(0.5, -0.25, math.pi / 2))
+    data = filtered([1.0, math.inf, 3.0], mounted, missing_data_ray_length=2.0)
+    assert_points(data.returns, [(1.5, -0.25), (-2.5, -0.25)])
+    assert_points(data.misses, [(0.5, 1.75)])
+    assert data.tf_tracking_sensor == mounted.tf_tracking_sensor
+
+
+def test_the_scanner_s_own_limits_hold_where_none_are_configured():
+    data = filtered([0.1, 0.2, 20.0])
+    assert_points(data.returns, [(0.2, 0.0)])
+    assert len(data.misses) == 1
+
+
+def test_configured_limits_take_the_place_of_the_scanner_s():
+    data = filtered([0.1, 1.5, 3.0], min_range=0.05, max_range=2.0, missing_data_ray_length=1.0)
+    assert_points(data.returns, [(0.0, -0.1), (1.5, 0.0)])
+    assert_points(data.misses, [(0.0, 1.0)])
+
+
+def test_returns_too_far_to_tell_much_only_clear_free_space():
+    far = replace(QUARTER_TURNS, range_max=80.0)
+    data = filtered([USEFUL_RANGE + 1.0, 5.0, USEFUL_RANGE - 1.0], far)
+    assert len(data.returns) == 2
+    assert len(data.misses) == 1
+
+
+@pytest.mark.parametrize("no_return_is_free", [True, False])
+@pytest.mark.parametrize("measured", [20.0, 81.91])
+def test_ranges_at_the_scanner_s_end_clear_free_space_only_where_they_mean_it(
+    no_return_is_free, measured
+):
+    geometry = replace(QUARTER_TURNS, no_return_is_free=no_return_is_free)
+    data = filtered([1.0, measured, math.inf], geometry, missing_data_ray_length=2.0)
+    assert_points(data.returns, [(0.0, -1.0)])
+    free = [(2.0, 0.0), (0.0, 2.0)] if no_return_is_free else [(0.0, 2.0)]
+    assert_points(data.misses, free)
+
+
+def test_a_ray_length_of_zero_clears_nothing():
+    assert len(filtered([math.inf, 81.91, 1.0], missing_data_ray_length=0.0).misses) == 0
+
+
+@pytest.mark.parametrize("said_nothing", [math.nan, -math.inf, -1.0, 0.0])
+def test_a_scan_that_says_nothing_has_no_points(said_nothing):
+    data = filtered([said_nothing] * 3)
+    assert data.returns.shape == data.misses.shape == (0, 2)
+
+
+def test_returns_and_misses_are_one_a_voxel():
+    close = ScanGeometry(0.0, 1e-4, 100, 0.1, 20.0)
+    ranges = np.where(np.arange(100) < 50, 1.01, math.inf)
+    data = filtered(ranges, close, voxel_filter_size=0.1, missing_data_ray_length=3.03)
+    assert len(data.returns) == len(data.misses) == 1
+    assert_points(data.returns, [(1.01, 0.0)])
+
+
+def test_a_filter_follows_a_change_of_the_scanner():
+    range_filter = RangeFilter(SensorConfig())
+    turned = replace(QUARTER_TURNS, tf_tracking_sensor=Pose(0.0, 0.0, math.pi))
+    ranges = np.array([math.nan, 2.0, math.nan])
+    for geometry, x in ((QUARTER_TURNS, 2.0), (turned, -2.0), (QUARTER_TURNS, 2.0)):
+        assert_points(range_filter.apply(LaserScan(0.0, 0.0, ranges, geometry)).returns, [(x, 0)])
+
+
+def test_the_scan_s_ranges_are_left_alone():
+    ranges = np.array([1.0, math.nan, math.inf])
+    filtered(ranges)
+    assert np.array_equal(ranges, [1.0, math.nan, math.inf], equal_nan=True)
+
+
+def test_thinning_keeps_enough_near_points_and_no_far_ones():
+    points = np.random.default_rng(4).uniform(-10.0, 10.0, (1000, 2))
+    config = AdaptiveVoxelFilterConfig(max_length=5.0, min_num_points=100, max_range=8.0)
+    thinned = thin(points, config)
+    assert 100 <= len(thinned) < 300
+    assert (np.hypot(*thinned.T) <= 8.0).all()
+    assert {tuple(point) for point in thinned} <= {tuple(point) for point in points}
+
+
+def test_thinning_of_no_points_gives_none():
+    assert thin(np.zeros((0, 2)), AdaptiveVoxelFilterConfig()).shape == (0, 2)
