@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The two active submaps: when they begin and end, where they stand, what they receive."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cartoloop.config import SubmapConfig
+from cartoloop.sensor.pose import Pose
+from cartoloop.submaps.probability_grid import ProbabilityGrid
+from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
+from cartoloop.submaps.submap import ActiveSubmaps
+
+RESOLUTION = 0.1
+NO_POINTS = np.zeros((0, 2))
+num_range_data = pytest.mark.parametrize("num_range_data", [1, 2, 5])
+
+
+def config(num_range_data):
+    return SubmapConfig(resolution=RESOLUTION, num_range_data=num_range_data)
+
+
+def drive(num_range_data, num_scans):
+    """Insert scans along a line; return the active submaps and what each insertion did."""
+    active = ActiveSubmaps(config(num_range_data))
+    insertions = []
+    for k in range(num_scans):
+        at = Pose(0.17 * k, -0.09 * k, 0.1 * k)
+        ends = np.array([(at.x + 1.0, at.y), (at.x, at.y + 1.0)])
+        insertions.append(active.insert(at, ends, NO_POINTS))
+    return active, insertions
+
+
+def indices(insertion):
+    return [submap.index for submap in insertion.submaps]
+
+
+@num_range_data
+def test_submaps_are_numbered_in_the_order_they_begin_one_every_so_many_scans(num_range_data):
+    _, insertions = drive(num_range_data, 6 * num_range_data)
+    first_seen = {}
+    for k, insertion in enumerate(insertions):
+        for index in indices(insertion):
+            first_seen.setdefault(index, k)
+    assert first_seen == {n: n * num_range_data for n in range(6)}
+
+
+@num_range_data
+def test_each_submap_receives_twice_as_many_and_is_then_finished(num_range_data):
+    _, insertions = drive(num_range_data, 6 * num_range_data)
+    finished = {
+        insertion.finished.index: k for k, insertion in enumerate(insertions) if insertion.finished
+    }
+    assert finished == {n: (n + 2) * num_range_data - 1 for n in range(5)}
+    for insertion in insertions:
+        if insertion.finished:
+            assert insertion.finished is insertion.submaps[0]
+            assert insertion.finished.num_scans == 2 * num_range_data
+
+
+@num_range_data
+def test_two_submaps_overlap_after_the_first_scans(num_range_data):
+    _, insertions = drive(num_range_data, 6 * num_range_data)
+    for k, insertion in enumerate(insertions):
+        newest = k // num_range_data
+        assert indices(insertion) == ([0] if newest == 0 else [newest - 1, newest])
+
+
+@num_range_data
+def test_the_submap_to_match_against_is_the_older_and_well_filled(num_range_data):
+    active = ActiveSubmaps(config(num_range_data))
+    assert active.matching is None
+    for k in range(5 * num_range_data):
+        active.insert(Pose(0.0, 0.0, 0.0), NO_POINTS, NO_POINTS)
+        assert active.matching is active.submaps[0]
+        assert active.matching.num_scans >= min(k + 1, num_range_data)
+
+
+def test_a_finished_submap_changes_no_more():
+    active, insertions = drive(2, 4)
+    done = insertions[-1].finished
+    before = done.grid.cells.copy()
+    active.insert(Pose(0.0, 0.0, 0.0), np.array([(1.0, 0.0)]), NO_POINTS)
+    assert np.array_equal(done.grid.cells, before)
+    assert done.num_scans == 4
+    assert done not in active.submaps
+
+
+places = st.floats(-50.0, 50.0)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.lists(st.builds(Pose, places, places, places), min_size=2, max_size=5))
+def test_the_lattices_of_all_submaps_coincide(poses):
+    active = ActiveSubmaps(config(1))
+    for pose in poses:
+        for submap in active.insert(pose, NO_POINTS, NO_POINTS).submaps:
+            x, y, theta = submap.tf_local_submap
+            assert theta == 0.0
+            for coordinate in (x, y):
+                cells = coordinate / RESOLUTION
+                assert cells == pytest.approx(round(cells), abs=1e-6)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.builds(Pose, places, places, places))
+def test_a_submap_begins_at_the_grid_point_nearest_to_the_sensor(pose):
+    (submap,) = ActiveSubmaps(config(3)).insert(pose, NO_POINTS, NO_POINTS).submaps
+    half = 0.5 * RESOLUTION + 1e-9
+    assert abs(submap.tf_local_submap.x - pose.x) <= half
+    assert abs(submap.tf_local_submap.y - pose.y) <= half
+
+
+def test_all_submaps_show_the_same_world_at_the_same_place():
+    sensor, config_ = Pose(3.02, -7.41, 0.3), config(1)
+    angles = np.linspace(0.0, math.tau, 90)
+    ends = np.array(sensor[:2]) + 2.0 * np.column_stack((np.cos(angles), np.sin(angles)))
+    active = ActiveSubmaps(config_)
+    active.insert(Pose(0.0, 0.0, 0.0), NO_POINTS, NO_POINTS)  # begins the older elsewhere
+    insertion = active.insert(sensor, ends, NO_POINTS)
+    in_local = ProbabilityGrid(RESOLUTION)
+    insert_cells(in_local, scan_cells(sensor, ends, NO_POINTS, RESOLUTION), config_)
+    expected = in_local.finish()
+
+    assert len(insertion.submaps) == 2
+    for submap in insertion.submaps:
+        shown = submap.grid.finish()
+        assert np.array_equal(shown.cells, expected.cells)
+        assert shown.origin_x + submap.tf_local_submap.x == pytest.approx(expected.origin_x)
+        assert shown.origin_y + submap.tf_local_submap.y == pytest.approx(expected.origin_y)
