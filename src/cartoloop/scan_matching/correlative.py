@@ -14,6 +14,9 @@ from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 from cartoloop.submaps.probability_grid import ProbabilityGrid
 
+REACH = 10.0
+"""Points further away than this do not make the steps of rotation any finer [m]."""
+
 
 class CorrelativeMatch(NamedTuple):
     """The best pose of the window and the mean probability of the points there, in [0, 1]."""
@@ -23,8 +26,8 @@ class CorrelativeMatch(NamedTuple):
 
 
 def rotation_step(points: FloatArray, resolution: float) -> float:
-    """Return delta_theta of eq. (7): the farthest point moves by no more than a pixel [rad]."""
-    farthest = min(float(np.sqrt((points * points).sum(axis=1).max())), 10.0)
+    """Return delta_theta of eq. (7) [rad]: the farthest point in reach moves by a pixel at most."""
+    farthest = min(float(np.sqrt((points * points).sum(axis=1).max())), REACH)
     ratio = resolution / max(farthest, resolution)
     return math.acos(1.0 - 0.5 * ratio * ratio)
 
