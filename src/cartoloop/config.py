@@ -139,16 +139,22 @@ class ConstraintSearchConfig(Section):
         5.0, ge=0, description="W_theta where the relative pose is well known [deg]"
     )
     linear_drift: float = Field(
-        0.05, ge=0, description="growth of W_x and W_y per metre of uncertain way [m/m]"
+        0.02, ge=0, description="growth of W_x and W_y per metre of uncertain way [m/m]"
     )
     angular_drift_deg: float = Field(
-        0.5, ge=0, description="growth of W_theta per metre of uncertain way [deg/m]"
+        0.2, ge=0, description="growth of W_theta per metre of uncertain way [deg/m]"
     )
     bound_length: float = Field(
-        10.0, ge=0, description="pairs with a shorter uncertain way are bound already [m]"
+        25.0, ge=0, description="pairs with a shorter uncertain way are bound already [m]"
     )
     every_nth_node: int = Field(3, ge=1, description="of pairs not bound, search one in so many")
     every_nth_bound_node: int = Field(10, ge=1, description="of bound pairs, one in so many")
+    max_searches_of_bound_pair: int = Field(
+        5, ge=0, description="nodes of one submap sought in another that is bound to it"
+    )
+    max_closures_of_pair: int = Field(
+        5, ge=1, description="closures between two submaps after which no more are sought"
+    )
     min_num_points: int = Field(20, ge=1, description="scans with fewer points are not searched")
     min_score: float = Field(0.55, ge=0, le=1, description="matches below are rejected")
     adaptive_voxel_filter: AdaptiveVoxelFilterConfig = AdaptiveVoxelFilterConfig(

@@ -81,6 +81,8 @@ class GlobalSlam:
         """Take in the loop closures found so far and adjust all poses."""
         with self._timer.measure("wait for searches"):
             closures = self.search.collect()
+        for closure in closures:
+            self._selection.note_found(closure.submap, self._node_submaps[closure.node][0])
         self._add_closures(closures)
         with self._timer.measure("adjust"):
             self._adjust(max_num_iterations)
@@ -180,7 +182,7 @@ class GlobalSlam:
             abs(travelled - self._submap_travelled[own]),
             abs(travelled - self._submap_travelled[submap]),
         )
-        if not self._selection.is_sampled(submap, node, length):
+        if not self._selection.take(submap, node, own, length):
             return None
         estimate = relative(
             Pose(*self.graph.submap_poses[submap].tolist()), Pose(*self.graph.node_poses[node].tolist())

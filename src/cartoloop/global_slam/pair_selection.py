@@ -9,6 +9,7 @@ closures found so far: dead reckoning errs in proportion to it.
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ class PairSelection:
     def __init__(self, config: ConstraintSearchConfig) -> None:
         self._config = config
         self._between_submaps: FloatArray = np.zeros((0, 0))
+        self._num_found: Counter[tuple[int, int]] = Counter()
+        self._num_sought_bound: Counter[tuple[int, int]] = Counter()
 
     def update(self, submap_travelled: FloatArray, closures: IntArray) -> None:
         """Learn of the closures found so far.
@@ -91,8 +94,25 @@ class PairSelection:
             math.radians(min(angular_deg, config.angular_search_window_deg)),
         )
 
-    def is_sampled(self, submap: int, node: int, uncertain_length: float) -> bool:
-        """Return whether the pair is among those searched: fewer where more is known."""
+    def take(self, submap: int, node: int, node_submap: int, uncertain_length: float) -> bool:
+        """Return whether the pair is to be searched, and count it if so.
+
+        Of pairs of submaps that no closure ties yet, every n-th node is sought; of those whose
+        relative pose is known, some, until enough of them are found.
+        """
         config = self._config
-        bound = uncertain_length < config.bound_length
-        return (node + submap) % (config.every_nth_bound_node if bound else config.every_nth_node) == 0
+        pair = (submap, node_submap)
+        if self._num_found[pair] >= config.max_closures_of_pair:
+            return False
+        if uncertain_length < config.bound_length:
+            if (node + submap) % config.every_nth_bound_node:
+                return False
+            if self._num_sought_bound[pair] >= config.max_searches_of_bound_pair:
+                return False
+            self._num_sought_bound[pair] += 1
+            return True
+        return (node + submap) % config.every_nth_node == 0
+
+    def note_found(self, submap: int, node_submap: int) -> None:
+        """Count a closure between a submap and a node inserted into another."""
+        self._num_found[(submap, node_submap)] += 1

@@ -32,7 +32,6 @@ _FIRST_DAMPING = 1e-6
 _MAX_DAMPING = 1e8
 _DAMPING_GROWTH = 10.0
 _GRADUATION = 1.4
-_SMALL_DECREASE = 1e-3
 _VANISHING_COST = 1e-20
 
 
@@ -151,46 +150,29 @@ def _descend(
     tolerance = options.relative_tolerance
     trial = poses.copy()  # vertices that are held are never written
     damping = least_damping = 0.0
-    cost, definite = system.linearize(poses, scale, damping)
-    if not definite:
-        cost = system.cost(poses, scale)
-    initial_cost = cost
+    initial_cost = cost = system.linearize(poses, scale)
     converged = cost <= _VANISHING_COST
     iterations = 0
     while not converged and iterations < options.max_iterations and damping <= _MAX_DAMPING:
         iterations += 1
-        if definite:
-            predicted, definite = system.solve()
+        predicted, definite = system.solve() if system.reduce(damping) else (0.0, False)
         if not definite:
             damping = least_damping = max(_DAMPING_GROWTH * damping, _FIRST_DAMPING)
-            _, definite = system.linearize(poses, scale, damping)
             continue
         system.move(poses, trial)
-        next_damping = damping / _DAMPING_GROWTH
-        if next_damping < max(least_damping, _FIRST_DAMPING):
-            next_damping = least_damping
-        near = predicted <= _SMALL_DECREASE * cost
-        if near:  # perhaps this was the last step: the cost alone is cheaper
-            trial_cost = system.cost(trial, scale)
-        else:
-            trial_cost, definite = system.linearize(trial, scale, next_damping)
-            if not definite:
-                trial_cost = system.cost(trial, scale)
+        trial_cost = system.linearize(trial, scale)
         if not trial_cost < cost:
             converged = predicted <= tolerance * cost
             damping = max(_DAMPING_GROWTH * damping, _FIRST_DAMPING)
-            if not converged:
-                _, definite = system.linearize(poses, scale, damping)
+            system.linearize(poses, scale)
             continue
         decrease = cost - trial_cost
-        # Gauss-Newton's next step gains no more than this one's model was wrong by
-        wrong_by = abs(decrease - predicted) if damping == 0.0 else decrease
-        converged = min(decrease, 10.0 * wrong_by) <= tolerance * cost or trial_cost <= _VANISHING_COST
+        # what the model of an undamped step was wrong by is about what the next one could gain
+        left = abs(decrease - predicted) if damping == 0.0 else decrease
+        converged = min(decrease, left) <= tolerance * trial_cost or trial_cost <= _VANISHING_COST
+        damping = damping / _DAMPING_GROWTH if damping > _FIRST_DAMPING else least_damping
         poses[:] = trial
         cost = trial_cost
-        damping = next_damping
-        if near and not converged:
-            _, definite = system.linearize(poses, scale, damping)
     return _Run(cost, initial_cost, iterations, converged)
 
 
@@ -198,7 +180,7 @@ def _graduate(
     system: ReducedSystem, poses: FloatArray, scale: float, options: AdjustmentOptions
 ) -> _Run:
     """Graduated non-convexity: alternate weights and poses while the loss hardens step by step."""
-    initial_cost = system.cost(poses, scale)
+    initial_cost = system.linearize(poses, scale)
     losses = system.losses.copy()
     robust = losses != NO_LOSS
     system.losses[:] = NO_LOSS
@@ -218,6 +200,6 @@ def _graduate(
             mu *= _GRADUATION
     system.rows[robust, -1] = 1.0
     system.losses[:] = losses
-    cost = system.cost(poses, scale)
+    cost = system.linearize(poses, scale)
     system.weights[robust] = weights
     return _Run(cost, initial_cost, iterations, run.converged)

@@ -98,7 +98,9 @@ def _aligned(size: int) -> FloatArray:
 
 
 class ReducedSystem:
-    """Linearises a pose graph's constraints, solves for a step and applies it; allocates once.
+    """Linearises a pose graph's constraints, solves for a step and takes it; allocates once.
+
+    Call :meth:`linearize`, :meth:`reduce`, :meth:`solve` and :meth:`move` in this order.
 
     Attributes
     ----------
@@ -199,27 +201,16 @@ class ReducedSystem:
         )
         return self._squared
 
-    def cost(self, poses: FloatArray, scale: float) -> float:
-        """Return the cost (eq. SPA) at these poses of all vertices, shape (num_vertices, 3)."""
-        squared = self.squared_residuals(poses)
-        return pose_residuals.total_cost(squared, self.losses, scale, self.weights)
-
-    def linearize(self, poses: FloatArray, scale: float, damping: float) -> tuple[float, bool]:
-        """Build the reduced normal equations at these poses.
+    def linearize(self, poses: FloatArray, scale: float) -> float:
+        """Replace the constraints by their quadratic models at these poses; return the cost (eq. SPA).
 
         Parameters
         ----------
         poses : of all vertices, shape (num_vertices, 3) [m, m, rad].
         scale : of the loss, in units of E.
-        damping : share of the diagonal that is added to it (Marquardt).
-
-        Returns
-        -------
-        cost : at these poses.
-        definite : whether every eliminated node could be factored; if not, damp more.
         """
         schur_complement.rotations_of(poses, self._turning, self._rotations)
-        cost = pose_residuals.linearize_constraints(
+        return pose_residuals.linearize_constraints(
             poses,
             self._rotations,
             self._vertex_a,
@@ -230,6 +221,18 @@ class ReducedSystem:
             self._linear,
             self.weights,
         )
+
+    def reduce(self, damping: float) -> bool:
+        """Build the reduced normal equations of the linearised constraints.
+
+        Parameters
+        ----------
+        damping : share of the diagonal that is added to it (Marquardt).
+
+        Returns
+        -------
+        definite : whether every eliminated node could be factored; if not, damp more.
+        """
         self._blocks.fill(0.0)
         self._gradient.fill(0.0)
         self._damping = damping
@@ -252,10 +255,10 @@ class ReducedSystem:
             self._blocks,
             self._gradient,
         )
-        return cost, definite
+        return definite
 
     def solve(self) -> tuple[float, bool]:
-        """Solve for the step from where the system was last linearised.
+        """Solve the reduced normal equations for the step.
 
         Returns
         -------

@@ -219,16 +219,3 @@ def linearize_constraints(
         out_linear[e, 9] = weight * yt
         out_linear[e, 10] = weight * tt
     return cost
-
-
-@kernel
-def total_cost(
-    squared: FloatArray, losses: IntArray, scale: float, out_weights: FloatArray
-) -> float:
-    """Return half the sum of rho(E^2) (eq. SPA) and write rho' into `out_weights`, all of shape (n,)."""
-    cost = 0.0
-    for e in range(squared.size):
-        rho, weight = robust_loss(losses[e], scale, squared[e])
-        cost += 0.5 * rho
-        out_weights[e] = weight
-    return cost
