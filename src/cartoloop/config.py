@@ -58,6 +58,9 @@ class CorrelativeMatcherConfig(Section):
     lost_residual_ratio: float = Field(
         1.2, ge=0, description="matches this much worse than usual are sought as if lost"
     )
+    lost_improvement: float = Field(
+        0.85, gt=0, le=1, description="what is then found must fit better by this factor"
+    )
     lost_linear_search_window: float = Field(0.3, ge=0, description="window when lost [m]")
     lost_angular_search_window_deg: float = Field(60.0, ge=0, description="window when lost [deg]")
 

@@ -94,7 +94,11 @@ def adjust(graph: PoseGraph, held, loss="none", scale=1.0, max_iterations=200):
             weight = (rho(acting, scale, squared + step) - rho(acting, scale, squared)) / step
             information = weight * graph.informations[i]
             ends = dict(
-                zip((a, b), residual_jacobians(poses[a], poses[b], graph.relative_poses[i]), strict=True)
+                zip(
+                    (a, b),
+                    residual_jacobians(poses[a], poses[b], graph.relative_poses[i]),
+                    strict=True,
+                )
             )
             for v, jacobian in ends.items():
                 if v not in column:

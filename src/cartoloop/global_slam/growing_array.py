@@ -41,6 +41,8 @@ class GrowingArray:
     def _reserve(self, size: int) -> None:
         if size <= len(self._buffer):
             return
-        grown = np.empty((max(size, 2 * len(self._buffer)), *self._buffer.shape[1:]), self._buffer.dtype)
+        grown = np.empty(
+            (max(size, 2 * len(self._buffer)), *self._buffer.shape[1:]), self._buffer.dtype
+        )
         grown[: self._size] = self._buffer[: self._size]
         self._buffer = grown

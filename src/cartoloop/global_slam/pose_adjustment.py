@@ -28,7 +28,8 @@ from cartoloop.sensor.pose import relative_all, wrap_angles
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_FIRST_DAMPING = 1e-6
+_FIRST_DAMPING = 1e-9
+_GOOD_GAIN = 0.5
 _MAX_DAMPING = 1e8
 _DAMPING_GROWTH = 10.0
 _GRADUATION = 1.4
@@ -93,7 +94,10 @@ def adjust(graph: PoseGraph, options: AdjustmentOptions | None = None) -> Adjust
     options = options or AdjustmentOptions()
     scale = DEFAULT_SCALE[options.loss] if options.loss_scale is None else options.loss_scale
     loss_of_kind = np.array(
-        [KERNEL_LOSS[options.loss] if k in options.robust_kinds else NO_LOSS for k in ConstraintKind],
+        [
+            KERNEL_LOSS[options.loss] if k in options.robust_kinds else NO_LOSS
+            for k in ConstraintKind
+        ],
         dtype=np.int64,
     )
     poses = np.concatenate((graph.submap_poses, graph.node_poses))
@@ -150,6 +154,7 @@ def _descend(
     tolerance = options.relative_tolerance
     trial = poses.copy()  # vertices that are held are never written
     damping = least_damping = 0.0
+    growth = _DAMPING_GROWTH
     initial_cost = cost = system.linearize(poses, scale)
     converged = cost <= _VANISHING_COST
     iterations = 0
@@ -163,14 +168,17 @@ def _descend(
         trial_cost = system.linearize(trial, scale)
         if not trial_cost < cost:
             converged = predicted <= tolerance * cost
-            damping = max(_DAMPING_GROWTH * damping, _FIRST_DAMPING)
+            damping = max(growth * damping, _FIRST_DAMPING)
+            growth *= 2.0
             system.linearize(poses, scale)
             continue
         decrease = cost - trial_cost
         # what the model of an undamped step was wrong by is about what the next one could gain
         left = abs(decrease - predicted) if damping == 0.0 else decrease
         converged = min(decrease, left) <= tolerance * trial_cost or trial_cost <= _VANISHING_COST
-        damping = damping / _DAMPING_GROWTH if damping > _FIRST_DAMPING else least_damping
+        if growth == _DAMPING_GROWTH and decrease > _GOOD_GAIN * predicted:
+            damping = damping / _DAMPING_GROWTH if damping > _FIRST_DAMPING else least_damping
+        growth = _DAMPING_GROWTH
         poses[:] = trial
         cost = trial_cost
     return _Run(cost, initial_cost, iterations, converged)

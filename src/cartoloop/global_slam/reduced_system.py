@@ -60,7 +60,8 @@ def plan_factorization(row_begin: IntArray, columns: IntArray) -> Fronts:
     columns : int64, block columns of row k in columns[row_begin[k]:row_begin[k + 1]], all > k.
     """
     begin, neighbours = schur_structure.both_halves(row_begin, columns)
-    order, group_begin = minimum_degree(begin, neighbours)
+    order, group_begin, num_groups = minimum_degree(begin, neighbours)
+    group_begin = group_begin[: num_groups + 1]
     front_begin, _, parent = cholesky_structure.front_rows(begin, neighbours, order, group_begin)
     order, group_begin = cholesky_structure.merge_small_fronts(
         order, group_begin, front_begin, parent, _MAX_ZEROS_OF_A_FRONT
@@ -90,6 +91,29 @@ def plan_factorization(row_begin: IntArray, columns: IntArray) -> Fronts:
     )
 
 
+def constraint_ends(graph: PoseGraph) -> tuple[IntArray, IntArray]:
+    """Return the vertices a and b of every constraint, each of shape (num_constraints,)."""
+    m = graph.num_submaps
+    return (
+        graph.index_a + np.where(graph.kinds == ConstraintKind.NODE_TO_NODE, m, 0),
+        graph.index_b + m,
+    )
+
+
+def held_vertices(graph: PoseGraph, vertex_a: IntArray, vertex_b: IntArray) -> NDArray[np.bool_]:
+    """Return which vertices must stay: the fixed, and the first of each part that has none of these."""
+    m = graph.num_submaps
+    num_vertices = m + graph.num_nodes
+    first = schur_structure.first_vertex_of_component(num_vertices, vertex_a, vertex_b)
+    held = np.zeros(num_vertices, dtype=bool)
+    held[list(graph.fixed_submaps)] = True
+    held[[m + node for node in graph.fixed_nodes]] = True
+    anchored = np.zeros(num_vertices, dtype=bool)
+    anchored[first[held]] = True
+    held[first[~anchored[first]]] = True
+    return held
+
+
 def _aligned(size: int) -> FloatArray:
     """Return an uninitialised array that begins at a cache line: the factorization is twice as fast."""
     numbers = np.empty(size + 7)
@@ -111,9 +135,7 @@ class ReducedSystem:
     """
 
     def __init__(self, graph: PoseGraph, loss_of_kind: IntArray) -> None:
-        m, n = graph.num_submaps, graph.num_nodes
-        vertex_a = graph.index_a + np.where(graph.kinds == ConstraintKind.NODE_TO_NODE, m, 0)
-        vertex_b = graph.index_b + m
+        vertex_a, vertex_b = constraint_ends(graph)
         self._classify(graph, vertex_a, vertex_b)
         begin, order, kept_order = schur_structure.sort_by_node(
             vertex_a, vertex_b, self._eliminated_of_vertex, self._kept_of_vertex, self.nodes.size
@@ -146,19 +168,13 @@ class ReducedSystem:
             self.kept.size, begin, self._node_kept_a, self._kept_a, self._kept_b
         )
         self._fronts = plan_factorization(row_begin, columns)
-        self._allocate(m + n, columns.size)
+        self._allocate(graph.num_submaps + graph.num_nodes, columns.size)
 
     def _classify(self, graph: PoseGraph, vertex_a: IntArray, vertex_b: IntArray) -> None:
         """Decide which vertices are held, kept and eliminated."""
         m = graph.num_submaps
         num_vertices = m + graph.num_nodes
-        first = schur_structure.first_vertex_of_component(num_vertices, vertex_a, vertex_b)
-        held = np.zeros(num_vertices, dtype=bool)
-        held[list(graph.fixed_submaps)] = True
-        held[[m + node for node in graph.fixed_nodes]] = True
-        anchored = np.zeros(num_vertices, dtype=bool)
-        anchored[first[held]] = True
-        held[first[~anchored[first]]] = True
+        held = held_vertices(graph, vertex_a, vertex_b)
         tied = np.zeros(num_vertices, dtype=bool)
         tied[:m] = True
         between_nodes = graph.kinds == ConstraintKind.NODE_TO_NODE

@@ -49,7 +49,8 @@ def assemble_blocks(
     out_factor : float64, shape (factor_begin[-1],).
     out_diagonal : float64, shape (num_kept, 3), of the damped system, by which pivots are judged.
     """
-    out_factor[:] = 0.0
+    for i in range(out_factor.size):
+        out_factor[i] = 0.0
     for k in range(num_kept):
         place, width = target[k], stride[k]
         for r in range(3):
@@ -205,7 +206,8 @@ def factor_fronts(
         size = num_rows * padded(num_rows)
         update = stack[top : top + size].reshape((num_rows, padded(num_rows)))
         for i in range(num_rows):
-            update[i, : i + 1] = 0.0
+            for j in range(i + 1):
+                update[i, j] = 0.0
         for _ in range(num_children[f]):
             num_waiting -= 1
             child = waiting[num_waiting]
@@ -257,7 +259,8 @@ def solve_fronts(
         num_pivots = 3 * (group_begin[f + 1] - group_begin[f])
         width = padded(num_rows + num_pivots)
         place = factor_begin[f + 1]
-        scratch[:num_rows] = 0.0
+        for j in range(num_rows):
+            scratch[j] = 0.0
         for q in range(num_pivots):
             scratch[num_rows + q] = out_solution[order[group_begin[f + 1] - 1 - q // 3], q % 3]
         for q in range(num_pivots - 1, -1, -1):

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """In which order to eliminate the vertices of a sparse symmetric system, so that little fills in.
 
-Approximate minimum degree (Amestoy, Davis, Duff, 1996) on a quotient graph: an eliminated vertex
-lives on as an *element*, the clique of its neighbours, and elements that lie within a newer one are
-absorbed by it. A variable stands for a group of vertices that have become indistinguishable.
+Approximate minimum degree (Amestoy, Davis, Duff, 1996) on a quotient graph. A *variable* stands for
+one vertex, or for several that have become indistinguishable. A variable that is eliminated, the
+pivot, lives on as an *element*: the clique of its neighbours. Elements that lie within a newer one
+are absorbed by it. Each variable keeps a list of its elements, then of its neighbours that no element
+accounts for; the lists only shrink.
+
+What is known of vertex i is row i of the array `state`; elements have the number of their pivot.
 """
 
 from __future__ import annotations
@@ -12,54 +16,217 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.kernels.schur_structure import filled
 
 IntArray = NDArray[np.int64]
 
+# columns of `state`: of a variable
+_WEIGHT = 0  # vertices that it stands for; 0 once it is eliminated or merged with another
+_START = 1  # of its list
+_LENGTH = 2  # of its list
+_NUM_ELEMENTS = 3  # that its list begins with
+_DEGREE = 4  # weight of its neighbours, or a bound on it
+_MARK = 5  # tag of the last set it was put in
+_NEXT = 6  # variable of the same degree, -1 for none
+_PREVIOUS = 7
+_NEXT_MEMBER = 8  # vertex that it stands for, too; -1 for none
+_LAST_MEMBER = 9
+_HASH = 10  # of its list
+_NEXT_ALIKE = 11  # variable of the same hash; -1 for none
+# of an element
+_BEGIN = 12  # of its variables in the pool
+_END = 13
+_SIZE = 14  # weight of its variables, -1 once it is absorbed
+_OUTSIDE = 15  # of that, weight outside the newest element
+_OUTSIDE_TAG = 16  # newest element that this refers to
+_NUM_COLUMNS = 17
+
 
 @kernel
-def _unlink(i: int, degree: IntArray, head: IntArray, following: IntArray, before: IntArray) -> None:
+def _unlink(i: int, state: IntArray, head: IntArray) -> None:
     """Take variable i out of the list of its degree."""
-    if before[i] >= 0:
-        following[before[i]] = following[i]
+    following, previous = state[i, _NEXT], state[i, _PREVIOUS]
+    if previous >= 0:
+        state[previous, _NEXT] = following
     else:
-        head[degree[i]] = following[i]
-    if following[i] >= 0:
-        before[following[i]] = before[i]
+        head[state[i, _DEGREE]] = following
+    if following >= 0:
+        state[following, _PREVIOUS] = previous
 
 
 @kernel
-def _link(i: int, degree: IntArray, head: IntArray, following: IntArray, before: IntArray) -> None:
+def _link(i: int, state: IntArray, head: IntArray) -> None:
     """Put variable i at the front of the list of its degree."""
-    first = head[degree[i]]
-    following[i] = first
-    before[i] = -1
-    if first >= 0:
-        before[first] = i
-    head[degree[i]] = i
+    following = head[state[i, _DEGREE]]
+    state[i, _NEXT] = following
+    state[i, _PREVIOUS] = -1
+    if following >= 0:
+        state[following, _PREVIOUS] = i
+    head[state[i, _DEGREE]] = i
 
 
 @kernel
-def _append_group(i: int, j: int, last_member: IntArray, next_member: IntArray) -> None:
-    """Append the group of variable j to that of variable i."""
-    next_member[last_member[i]] = j
-    last_member[i] = last_member[j]
+def _merge(i: int, j: int, state: IntArray) -> None:
+    """Let variable i stand for the vertices of variable j, too."""
+    state[state[i, _LAST_MEMBER], _NEXT_MEMBER] = j
+    state[i, _LAST_MEMBER] = state[j, _LAST_MEMBER]
+    state[j, _WEIGHT] = 0
 
 
 @kernel
-def _same_neighbours(
-    i: int, j: int, start: IntArray, length: IntArray, lists: IntArray, mark: IntArray, tag: int
-) -> bool:
-    """Return whether the lists of i and j hold the same, those of i being marked with `tag`."""
-    if length[i] != length[j]:
+def _collect(
+    variables: IntArray, first: int, last: int, tag: int, state: IntArray, pool: IntArray, end: int
+) -> int:
+    """Append variables[first:last], if alive and not yet marked with `tag`, to the pool; return its end."""
+    for k in range(first, last):
+        i = variables[k]
+        if state[i, _WEIGHT] > 0 and state[i, _MARK] != tag:
+            state[i, _MARK] = tag
+            pool[end] = i
+            end += 1
+    return end
+
+
+@kernel
+def _form_element(
+    p: int, tag: int, lists: IntArray, state: IntArray, pool: IntArray, end: int
+) -> int:
+    """Put the neighbours of pivot p into the pool, absorb its elements, and return the pool's end."""
+    start, num_elements = state[p, _START], state[p, _NUM_ELEMENTS]
+    state[p, _BEGIN] = end
+    for k in range(start, start + num_elements):
+        e = lists[k]
+        state[e, _SIZE] = -1
+        end = _collect(pool, state[e, _BEGIN], state[e, _END], tag, state, pool, end)
+    return _collect(lists, start + num_elements, start + state[p, _LENGTH], tag, state, pool, end)
+
+
+@kernel
+def _measure_outside(i: int, tag: int, lists: IntArray, state: IntArray) -> None:
+    """Take variable i of the newest element off what its other elements have outside that one."""
+    for k in range(state[i, _START], state[i, _START] + state[i, _NUM_ELEMENTS]):
+        e = lists[k]
+        if state[e, _SIZE] < 0:
+            continue
+        if state[e, _OUTSIDE_TAG] != tag:
+            state[e, _OUTSIDE_TAG] = tag
+            state[e, _OUTSIDE] = state[e, _SIZE]
+        state[e, _OUTSIDE] -= state[i, _WEIGHT]
+
+
+@kernel
+def _shorten_list(i: int, p: int, tag: int, lists: IntArray, state: IntArray) -> bool:
+    """Replace by p, in the list of variable i, all that it accounts for; bound the degree by the rest.
+
+    Returns
+    -------
+    alone : bool, whether p is all that is left: then i can be eliminated together with p.
+    """
+    start = state[i, _START]
+    write = start
+    bound = 0
+    hashed = p
+    for k in range(start, start + state[i, _NUM_ELEMENTS]):
+        e = lists[k]
+        if state[e, _SIZE] < 0:
+            continue
+        if state[e, _OUTSIDE] == 0:
+            state[e, _SIZE] = -1  # it lies within p, though p was not in it
+            continue
+        bound += state[e, _OUTSIDE]
+        hashed += e
+        lists[write] = e
+        write += 1
+    elements_end = write
+    for k in range(start + state[i, _NUM_ELEMENTS], start + state[i, _LENGTH]):
+        j = lists[k]
+        if state[j, _WEIGHT] > 0 and state[j, _MARK] != tag:
+            bound += state[j, _WEIGHT]
+            hashed += j
+            lists[write] = j
+            write += 1
+    if write == start:
+        return True
+    # at least p itself, or an element of p, has made room
+    lists[write] = lists[elements_end]
+    lists[elements_end] = p
+    state[i, _NUM_ELEMENTS] = elements_end + 1 - start
+    state[i, _LENGTH] = write + 1 - start
+    state[i, _DEGREE] = min(state[i, _DEGREE], bound)
+    state[i, _HASH] = hashed % state.shape[0]
+    return False
+
+
+@kernel
+def _same_list(i: int, j: int, tag: int, lists: IntArray, state: IntArray) -> bool:
+    """Return whether j has the same list as i, all in the list of i being marked with `tag`."""
+    if state[i, _LENGTH] != state[j, _LENGTH]:
         return False
-    for k in range(start[j], start[j] + length[j]):
-        if mark[lists[k]] != tag:
+    for k in range(state[j, _START], state[j, _START] + state[j, _LENGTH]):
+        if state[lists[k], _MARK] != tag:
             return False
     return True
 
 
 @kernel
-def minimum_degree(begin: IntArray, neighbours: IntArray) -> tuple[IntArray, IntArray]:
+def _merge_alike(
+    p: int, end: int, tag: int, lists: IntArray, state: IntArray, pool: IntArray, bucket: IntArray
+) -> int:
+    """Merge the variables of element p that have the same lists; return the last tag that was used."""
+    for m in range(state[p, _BEGIN], end):
+        i = pool[m]
+        if state[i, _WEIGHT] > 0:
+            state[i, _NEXT_ALIKE] = bucket[state[i, _HASH]]
+            bucket[state[i, _HASH]] = i
+    for m in range(state[p, _BEGIN], end):
+        if state[pool[m], _WEIGHT] == 0:
+            continue
+        i = bucket[state[pool[m], _HASH]]
+        bucket[state[pool[m], _HASH]] = -1
+        while i >= 0:
+            if state[i, _WEIGHT] > 0 and state[i, _NEXT_ALIKE] >= 0:
+                tag += 1
+                for k in range(state[i, _START], state[i, _START] + state[i, _LENGTH]):
+                    state[lists[k], _MARK] = tag
+                j = state[i, _NEXT_ALIKE]
+                while j >= 0:
+                    if state[j, _WEIGHT] > 0 and _same_list(i, j, tag, lists, state):
+                        state[i, _WEIGHT] += state[j, _WEIGHT]
+                        _merge(i, j, state)
+                    j = state[j, _NEXT_ALIKE]
+            i = state[i, _NEXT_ALIKE]
+    return tag
+
+
+@kernel
+def _begin_state(begin: IntArray, head: IntArray) -> IntArray:
+    """Return the state in which every vertex is a variable, linked in `head` by its degree."""
+    n = begin.size - 1
+    state = np.zeros((n, _NUM_COLUMNS), dtype=np.int64)
+    for i in range(n - 1, -1, -1):
+        state[i, _WEIGHT] = 1
+        state[i, _START] = begin[i]
+        state[i, _LENGTH] = state[i, _DEGREE] = begin[i + 1] - begin[i]
+        state[i, _MARK] = state[i, _OUTSIDE_TAG] = -1
+        state[i, _NEXT_MEMBER] = state[i, _NEXT_ALIKE] = -1
+        state[i, _LAST_MEMBER] = i
+        _link(i, state, head)
+    return state
+
+
+@kernel
+def _with_room(pool: IntArray, end: int, room: int) -> IntArray:
+    """Return the pool, grown if need be, so that `room` numbers fit behind its end."""
+    if end + room <= pool.size:
+        return pool
+    grown = np.empty(2 * pool.size + room, dtype=np.int64)
+    for i in range(end):
+        grown[i] = pool[i]
+    return grown
+
+
+@kernel
+def minimum_degree(begin: IntArray, neighbours: IntArray) -> tuple[IntArray, IntArray, int]:
     """Return an order of elimination, and where in it each group that goes at once begins.
 
     Parameters
@@ -70,178 +237,62 @@ def minimum_degree(begin: IntArray, neighbours: IntArray) -> tuple[IntArray, Int
     Returns
     -------
     order : int64, shape (n,), the vertices in their order of elimination.
-    group_begin : int64, shape (num_groups + 1,), ascending from 0 to n.
+    group_begin : int64, shape (n + 1,), of which the first num_groups + 1 count, from 0 up to n.
+    num_groups : int64.
     """
     n = begin.size - 1
-    lists = neighbours.copy()  # of each variable: its elements, then its variables
-    start = begin[:n].copy()
-    length = begin[1:] - begin[:n]
-    num_elements = np.zeros(n, dtype=np.int64)
-    weight = np.ones(n, dtype=np.int64)  # vertices a variable stands for, 0 once it is gone
-    degree = length.copy()
-    last_member = np.arange(n)
-    next_member = np.full(n, -1, dtype=np.int64)
-    pool = np.empty(neighbours.size + n, dtype=np.int64)  # the variables of each element
-    pool_end = 0
-    element_begin = np.zeros(n, dtype=np.int64)
-    element_end = np.zeros(n, dtype=np.int64)
-    element_weight = np.zeros(n, dtype=np.int64)  # -1 once it is absorbed
-    outside = np.zeros(n, dtype=np.int64)  # weight of an element outside the newest one
-    outside_tag = np.full(n, -1, dtype=np.int64)
-    mark = np.full(n, -1, dtype=np.int64)
-    tag = 0
-    head = np.full(n + 1, -1, dtype=np.int64)
-    following = np.full(n, -1, dtype=np.int64)
-    before = np.full(n, -1, dtype=np.int64)
-    bucket = np.full(n, -1, dtype=np.int64)
-    bucket_next = np.full(n, -1, dtype=np.int64)
-    hashes = np.zeros(n, dtype=np.int64)
+    head = filled(n + 1, -1)
+    bucket = filled(n, -1)
+    state = _begin_state(begin, head)
+    lists = neighbours.copy()
+    pool = np.empty(neighbours.size + n, dtype=np.int64)
+    end = tag = least = eliminated = num_groups = 0
     order = np.empty(n, dtype=np.int64)
     group_begin = np.zeros(n + 1, dtype=np.int64)
-    num_groups = 0
-    eliminated = 0
-    for i in range(n - 1, -1, -1):
-        _link(i, degree, head, following, before)
-    least = 0
     while eliminated < n:
         while head[least] < 0:
             least += 1
         p = head[least]
-        _unlink(p, degree, head, following, before)
-        pivot_weight = weight[p]
-        weight[p] = 0
-
-        # the new element: all variables that p, or an element of p, is next to
+        _unlink(p, state, head)
+        pivot_weight = state[p, _WEIGHT]
+        state[p, _WEIGHT] = 0
         tag += 1
-        room = length[p] - num_elements[p]
-        for k in range(start[p], start[p] + num_elements[p]):
-            room += element_end[lists[k]] - element_begin[lists[k]]
-        if pool_end + room > pool.size:
-            grown = np.empty(2 * pool.size + room, dtype=np.int64)
-            grown[:pool_end] = pool[:pool_end]
-            pool = grown
-        element_begin[p] = pool_end
+        pool = _with_room(pool, end, n)
+        end = _form_element(p, tag, lists, state, pool, end)
         size = 0
-        for k in range(start[p], start[p] + length[p]):
-            if k < start[p] + num_elements[p]:
-                e = lists[k]
-                element_weight[e] = -1
-                for m in range(element_begin[e], element_end[e]):
-                    i = pool[m]
-                    if weight[i] > 0 and mark[i] != tag:
-                        mark[i] = tag
-                        pool[pool_end] = i
-                        pool_end += 1
-                        size += weight[i]
-            else:
-                i = lists[k]
-                if weight[i] > 0 and mark[i] != tag:
-                    mark[i] = tag
-                    pool[pool_end] = i
-                    pool_end += 1
-                    size += weight[i]
-
-        # how much of each neighbouring element lies outside the new one
-        for m in range(element_begin[p], pool_end):
+        for m in range(state[p, _BEGIN], end):
+            _unlink(pool[m], state, head)
+            _measure_outside(pool[m], tag, lists, state)
+            size += state[pool[m], _WEIGHT]
+        for m in range(state[p, _BEGIN], end):
             i = pool[m]
-            _unlink(i, degree, head, following, before)
-            for k in range(start[i], start[i] + num_elements[i]):
-                e = lists[k]
-                if element_weight[e] < 0:
-                    continue
-                if outside_tag[e] != tag:
-                    outside_tag[e] = tag
-                    outside[e] = element_weight[e]
-                outside[e] -= weight[i]
-
-        # shorten the lists of the variables in it, and bound their degrees
-        for m in range(element_begin[p], pool_end):
-            i = pool[m]
-            bound = 0
-            write = start[i]
-            hashed = 0
-            for k in range(start[i], start[i] + num_elements[i]):
-                e = lists[k]
-                if element_weight[e] < 0:
-                    continue
-                if outside[e] == 0:
-                    element_weight[e] = -1  # lies within p, though p was not in it
-                    continue
-                bound += outside[e]
-                hashed += e
-                lists[write] = e
-                write += 1
-            kept_elements = write - start[i]
-            for k in range(start[i] + num_elements[i], start[i] + length[i]):
-                j = lists[k]
-                if weight[j] > 0 and mark[j] != tag:
-                    bound += weight[j]
-                    hashed += j
-                    lists[write] = j
-                    write += 1
-            if write == start[i]:  # nothing but p is left: i goes together with p
-                _append_group(p, i, last_member, next_member)
-                pivot_weight += weight[i]
-                size -= weight[i]
-                weight[i] = 0
-                continue
-            # p takes the place of what it absorbed, at the end of the elements
-            lists[write] = lists[start[i] + kept_elements]
-            lists[start[i] + kept_elements] = p
-            num_elements[i] = kept_elements + 1
-            length[i] = write + 1 - start[i]
-            degree[i] = min(degree[i], bound)
-            hashes[i] = (hashed + p) % n
-
-        # merge variables that have become indistinguishable
-        for m in range(element_begin[p], pool_end):
-            i = pool[m]
-            if weight[i] == 0:
-                continue
-            bucket_next[i] = bucket[hashes[i]]
-            bucket[hashes[i]] = i
-        for m in range(element_begin[p], pool_end):
-            i = bucket[hashes[pool[m]]]
-            if weight[pool[m]] == 0 or i < 0:
-                continue
-            bucket[hashes[i]] = -1
-            while i >= 0:
-                if weight[i] > 0 and bucket_next[i] >= 0:
-                    tag += 1
-                    for k in range(start[i], start[i] + length[i]):
-                        mark[lists[k]] = tag
-                    j = bucket_next[i]
-                    while j >= 0:
-                        if weight[j] > 0 and _same_neighbours(
-                            i, j, start, length, lists, mark, tag
-                        ):
-                            _append_group(i, j, last_member, next_member)
-                            weight[i] += weight[j]
-                            weight[j] = 0
-                        j = bucket_next[j]
-                i = bucket_next[i]
-
-        # put the variables back at their new degrees, and the group of p into the order
+            if _shorten_list(i, p, tag, lists, state):
+                pivot_weight += state[i, _WEIGHT]
+                size -= state[i, _WEIGHT]
+                _merge(p, i, state)
+        tag = _merge_alike(p, end, tag, lists, state, pool, bucket)
         eliminated += pivot_weight
-        write = element_begin[p]
-        for m in range(element_begin[p], pool_end):
+        write = state[p, _BEGIN]
+        for m in range(state[p, _BEGIN], end):
             i = pool[m]
-            if weight[i] == 0:
+            weight = state[i, _WEIGHT]
+            if weight == 0:
                 continue
             pool[write] = i
             write += 1
-            degree[i] = min(degree[i] + size - weight[i], n - eliminated - weight[i])
-            least = min(least, degree[i])
-            _link(i, degree, head, following, before)
-        pool_end = write
-        element_end[p] = pool_end
-        element_weight[p] = size
+            degree = min(state[i, _DEGREE] + size - weight, n - eliminated - weight)
+            state[i, _DEGREE] = degree
+            least = min(least, degree)
+            _link(i, state, head)
+        end = write
+        state[p, _END] = end
+        state[p, _SIZE] = size
         place = group_begin[num_groups]
         member = p
         while member >= 0:
             order[place] = member
             place += 1
-            member = next_member[member]
+            member = state[member, _NEXT_MEMBER]
         num_groups += 1
         group_begin[num_groups] = place
-    return order, group_begin[: num_groups + 1].copy()
+    return order, group_begin, num_groups

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.kernels.schur_structure import filled
 
 IntArray = NDArray[np.int64]
 
@@ -70,16 +71,17 @@ def front_rows(
             front_of[i] = f
     row_begin = np.zeros(num_fronts + 1, dtype=np.int64)
     rows = np.empty(neighbours.size + n, dtype=np.int64)
-    parent = np.full(num_fronts, -1, dtype=np.int64)
-    first_child = np.full(num_fronts, -1, dtype=np.int64)
-    sibling = np.full(num_fronts, -1, dtype=np.int64)
-    seen_by = np.full(n, -1, dtype=np.int64)
+    parent = filled(num_fronts, -1)
+    first_child = filled(num_fronts, -1)
+    sibling = filled(num_fronts, -1)
+    seen_by = filled(n, -1)
     for f in range(num_fronts):
         end = group_begin[f + 1]
         count = row_begin[f]
         if count + n > rows.size:
             grown = np.empty(2 * rows.size + n, dtype=np.int64)
-            grown[:count] = rows[:count]
+            for i in range(count):
+                grown[i] = rows[i]
             rows = grown
         for i in range(group_begin[f], end):
             for k in range(begin[order[i]], begin[order[i] + 1]):
@@ -104,7 +106,16 @@ def front_rows(
             parent[f] = above
             sibling[f] = first_child[above]
             first_child[above] = f
-    return row_begin, rows[: row_begin[num_fronts]].copy(), parent
+    return row_begin, rows[: row_begin[num_fronts]], parent
+
+
+@kernel
+def _append(target: IntArray, place: int, source: IntArray, first: int, last: int) -> int:
+    """Copy source[first:last] to `target` from `place` on; return the place behind it."""
+    for i in range(first, last):
+        target[place] = source[i]
+        place += 1
+    return place
 
 
 @kernel
@@ -127,9 +138,12 @@ def merge_small_fronts(
     order, group_begin : int64, as the parameters.
     """
     num_fronts = parent.size
-    head_of = np.arange(num_fronts)  # the front that a front has joined, upwards
-    num_pivots = group_begin[1:] - group_begin[:-1]
+    head_of = np.empty(num_fronts, dtype=np.int64)  # the front that a front has joined, upwards
+    num_pivots = np.empty(num_fronts, dtype=np.int64)
     zeros = np.zeros(num_fronts, dtype=np.int64)
+    for f in range(num_fronts):
+        head_of[f] = f
+        num_pivots[f] = group_begin[f + 1] - group_begin[f]
     for f in range(num_fronts - 1, -1, -1):
         if parent[f] < 0:
             continue
@@ -141,9 +155,9 @@ def merge_small_fronts(
             num_pivots[above] += num_pivots[f]
             zeros[above] += extra
     # children of each head, linked so that the walk below visits them in ascending order
-    first_child = np.full(num_fronts + 1, -1, dtype=np.int64)
-    sibling = np.full(num_fronts, -1, dtype=np.int64)
-    member = np.full(num_fronts, -1, dtype=np.int64)  # next front of the same group
+    first_child = filled(num_fronts + 1, -1)
+    sibling = filled(num_fronts, -1)
+    member = filled(num_fronts, -1)  # next front of the same group
     for f in range(num_fronts - 1, -1, -1):
         head = head_of[f]
         if head != f:
@@ -153,7 +167,7 @@ def merge_small_fronts(
         above = num_fronts if parent[f] < 0 else head_of[parent[f]]
         sibling[f] = first_child[above]
         first_child[above] = f
-    new_order = np.empty_like(order)
+    new_order = np.empty(order.size, dtype=np.int64)
     new_begin = np.zeros(num_fronts + 1, dtype=np.int64)
     num_groups = 0
     place = 0
@@ -173,16 +187,12 @@ def merge_small_fronts(
             break
         part = member[f]
         while part >= 0:  # members ascend; the head, which is the latest of them, comes last
-            for i in range(group_begin[part], group_begin[part + 1]):
-                new_order[place] = order[i]
-                place += 1
+            place = _append(new_order, place, order, group_begin[part], group_begin[part + 1])
             part = member[part]
-        for i in range(group_begin[f], group_begin[f + 1]):
-            new_order[place] = order[i]
-            place += 1
+        place = _append(new_order, place, order, group_begin[f], group_begin[f + 1])
         num_groups += 1
         new_begin[num_groups] = place
-    return new_order, new_begin[: num_groups + 1].copy()
+    return new_order, new_begin[: num_groups + 1]
 
 
 @kernel

@@ -155,7 +155,9 @@ def squared_residuals(
         )
         tt = factor * rows[e, 8]
         squared = (
-            ex * (xx * ex + 2.0 * (xy * ey + xt * et)) + ey * (yy * ey + 2.0 * yt * et) + tt * et * et
+            ex * (xx * ex + 2.0 * (xy * ey + xt * et))
+            + ey * (yy * ey + 2.0 * yt * et)
+            + tt * et * et
         )
         out_squared[e] = max(squared, 0.0)  # rounding may leave a semidefinite form below it
 

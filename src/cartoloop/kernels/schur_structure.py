@@ -16,11 +16,22 @@ IntArray = NDArray[np.int64]
 
 
 @kernel
+def filled(size: int, value: int) -> IntArray:
+    """Return an int64 array of one value (np.full takes the compiler a while in every kernel)."""
+    array = np.empty(size, dtype=np.int64)
+    for i in range(size):
+        array[i] = value
+    return array
+
+
+@kernel
 def first_vertex_of_component(
     num_vertices: int, vertex_a: IntArray, vertex_b: IntArray
 ) -> IntArray:
     """Return for each vertex the lowest vertex that constraints connect it with, shape (num_vertices,)."""
-    first = np.arange(num_vertices)
+    first = np.empty(num_vertices, dtype=np.int64)
+    for v in range(num_vertices):
+        first[v] = v
     for i in range(vertex_a.size):
         a, b = vertex_a[i], vertex_b[i]
         while first[a] != a:
@@ -165,15 +176,18 @@ def couple_kept_vertices(
             pair_begin[e] = num_pairs - begin[n]
             num_pairs += e - begin[n]
     incident_begin, incident = _by_value(kept_ends, num_kept + 1)
-    lower = np.minimum(kept_a, kept_b)
-    upper = np.maximum(kept_a, kept_b)
+    lower = np.empty(kept_a.size, dtype=np.int64)
+    upper = np.empty(kept_a.size, dtype=np.int64)
+    for e in range(kept_a.size):
+        lower[e] = min(kept_a[e], kept_b[e])
+        upper[e] = max(kept_a[e], kept_b[e])
     direct_begin, direct = _by_value(lower, num_kept + 1)
-    pair_slots = np.full(num_pairs, num_kept, dtype=np.int64)
-    slots = np.full(kept_a.size, num_kept, dtype=np.int64)
+    pair_slots = filled(num_pairs, num_kept)
+    slots = filled(kept_a.size, num_kept)
     row_begin = np.zeros(num_kept + 1, dtype=np.int64)
     columns = np.empty(num_pairs + kept_a.size, dtype=np.int64)
     slot_of = np.empty(num_kept + 1, dtype=np.int64)
-    seen_by = np.full(num_kept + 1, -1, dtype=np.int64)
+    seen_by = filled(num_kept + 1, -1)
     slot_of[num_kept] = num_kept
     count = 0
     for k in range(num_kept):
@@ -199,7 +213,7 @@ def couple_kept_vertices(
                 count += 1
             slots[direct[i]] = slot_of[other]
         row_begin[k + 1] = count
-    return pair_slots, slots, row_begin, columns[:count].copy()
+    return pair_slots, slots, row_begin, columns[:count]
 
 
 @kernel

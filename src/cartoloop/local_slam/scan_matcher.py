@@ -77,34 +77,27 @@ class ScanMatcher:
         best = self._refine(submap, points, prior, prior, pull)
         if best.residual > self._usual_residual * self._window.poor_residual_ratio:
             self.num_correlative += 1
-            best = self._search(submap, points, (prior,), self._window, best, pull)
+            coarse = correlative.match(submap.grid, points, prior, self._window).tf_grid_scan
+            found = self._refine(submap, points, coarse, prior, pull)
+            if found.cost < best.cost:
+                best = found
         if best.residual > self._usual_residual * self._window.lost_residual_ratio:
             self.num_lost += 1
             guesses = (extrapolator.at_rest(), extrapolator.at_constant_velocity(time))
-            centres = [relative(submap.tf_local_submap, guess) for guess in guesses]
-            best = self._search(submap, points, centres, self._lost_window, best, None)
+            best = self._search_as_lost(submap, points, guesses, best)
         self._usual_residual += RESIDUAL_MEMORY * (best.residual - self._usual_residual)
         return MatchedScan(compose(submap.tf_local_submap, best.tf_grid_scan), best)
 
-    def _search(
-        self,
-        submap: Submap,
-        points: FloatArray,
-        centres: Iterable[Pose],
-        window: CorrelativeMatcherConfig,
-        best: LeastSquaresMatch,
-        pull: FloatArray | None,
+    def _search_as_lost(
+        self, submap: Submap, points: FloatArray, guesses: Iterable[Pose], best: LeastSquaresMatch
     ) -> LeastSquaresMatch:
-        """Return the best of `best` and the matches found in windows around `centres`.
-
-        With a `pull`, matches are held to the windows' centres; without, to what is found there.
-        """
-        for centre in centres:
-            coarse = correlative.match(submap.grid, points, centre, window).tf_grid_scan
-            held_to = coarse if pull is None else centre
-            weight = self._velocity_pull() if pull is None else pull
-            found = self._refine(submap, points, coarse, held_to, weight)
-            if found.residual < best.residual:
+        """Return the best match near the guesses, or `best` where none fits much better."""
+        limit = best.residual * self._window.lost_improvement
+        for tf_local_guess in guesses:
+            centre = relative(submap.tf_local_submap, tf_local_guess)
+            coarse = correlative.match(submap.grid, points, centre, self._lost_window).tf_grid_scan
+            found = self._refine(submap, points, coarse, coarse, self._velocity_pull())
+            if found.residual < min(limit, best.residual):
                 best = found
         return best
 

@@ -32,12 +32,14 @@ class LeastSquaresMatch(NamedTuple):
     information : float64, shape (3, 3): J^T J of the points' residuals at it, per unit of variance
         of a residual, in the grid's axes: [1/m^2, 1/(m rad), 1/rad^2].
     residual : root mean square of 1 - M_smooth at the points.
+    cost : what was minimised, with the pull towards the prediction.
     iterations : evaluations of the residuals.
     """
 
     tf_grid_scan: Pose
     information: FloatArray
     residual: float
+    cost: float
     iterations: int
 
 
@@ -75,8 +77,8 @@ def match(
         max_num_iterations,
         found,
     )
-    x, y, theta, xx, xy, xt, yy, yt, tt, squares, _ = found.tolist()
+    x, y, theta, xx, xy, xt, yy, yt, tt, squares, cost = found.tolist()
     information = np.array(((xx, xy, xt), (xy, yy, yt), (xt, yt, tt)))
     return LeastSquaresMatch(
-        Pose(x, y, wrap_angle(theta)), information, math.sqrt(squares / len(points)), iterations
+        Pose(x, y, wrap_angle(theta)), information, math.sqrt(squares / len(points)), cost, iterations
     )
