@@ -69,7 +69,7 @@ class LeastSquaresMatcherConfig(Section):
     """The least-squares matcher (CS), section IV-C."""
 
     occupied_space_weight: float = Field(
-        0.2, gt=0, description="share of the points' information believed: neighbours err alike"
+        0.3, gt=0, description="share of the points' information believed: neighbours err alike"
     )
     max_num_iterations: int = Field(20, ge=1, description="steps at the most")
 
@@ -77,8 +77,14 @@ class LeastSquaresMatcherConfig(Section):
 class PredictionConfig(Section):
     """How far the prediction is trusted, as standard deviations of the pull towards it."""
 
-    odometry_error_factor: float = Field(
-        5.0, gt=0, description="odometry errs by its typical error, as measured, times this"
+    translation_error_factor: float = Field(
+        2.0, gt=0, description="odometry errs by its typical distance error, as measured, times this"
+    )
+    rotation_error_factor: float = Field(
+        4.0, gt=0, description="and by its typical rotation error times this"
+    )
+    failure_scale: float = Field(
+        4.0, gt=0, description="from so many standard deviations on the pull wanes"
     )
     min_translation_sigma: float = Field(0.01, gt=0, description="but by no less than this [m]")
     min_rotation_sigma: float = Field(0.005, gt=0, description="and this [rad]")

@@ -197,6 +197,7 @@ def match_least_squares(
     start: FloatArray,
     prior: FloatArray,
     prior_information: FloatArray,
+    prior_scale: float,
     point_weight: float,
     max_num_iterations: int,
     out_match: FloatArray,
@@ -209,6 +210,7 @@ def match_least_squares(
     start : float64, shape (3,), pose to start from; its angle within pi of the prior's, not wrapped.
     prior : float64, shape (3,), the predicted pose.
     prior_information : float64, shape (6,), upper triangle of its information matrix.
+    prior_scale : from so many standard deviations on the pull wanes: predictions fail now and then.
     point_weight : factor of the sum of squares of the points.
     max_num_iterations : evaluations at the most.
     out_match : float64, shape (11,): pose, upper triangle of J^T J of the points alone at it
@@ -216,7 +218,8 @@ def match_least_squares(
 
     Notes
     -----
-    Minimises ``point_weight * sum (1 - M)^2 + d^T information d`` with d = pose - prior; damped
+    Minimises ``point_weight * sum (1 - M)^2 + s^2 log(1 + d^T information d / s^2)`` with d = pose - prior
+    and s the scale (Cauchy's loss); damped
     Gauss-Newton (Levenberg and Marquardt), analytic derivatives.
     """
     pose_x = start[0]
@@ -243,7 +246,9 @@ def match_least_squares(
         pull_x = prior_information[0] * dx + prior_information[1] * dy + prior_information[2] * dt
         pull_y = prior_information[1] * dx + prior_information[3] * dy + prior_information[4] * dt
         pull_t = prior_information[2] * dx + prior_information[4] * dy + prior_information[5] * dt
-        cost = point_weight * squares + dx * pull_x + dy * pull_y + dt * pull_t
+        distance = (dx * pull_x + dy * pull_y + dt * pull_t) / prior_scale**2
+        trust = 1.0 / (1.0 + distance)
+        cost = point_weight * squares + prior_scale**2 * math.log1p(distance)
         if cost < best_cost:
             damping = max(0.3 * damping, MIN_DAMPING)
             pose_x = try_x
@@ -253,10 +258,10 @@ def match_least_squares(
             out_match[3:9] = points_system[0:6]
             out_match[9] = squares
             for k in range(6):
-                system[k] = point_weight * points_system[k] + prior_information[k]
-            system[6] = point_weight * points_system[6] + pull_x
-            system[7] = point_weight * points_system[7] + pull_y
-            system[8] = point_weight * points_system[8] + pull_t
+                system[k] = point_weight * points_system[k] + trust * prior_information[k]
+            system[6] = point_weight * points_system[6] + trust * pull_x
+            system[7] = point_weight * points_system[7] + trust * pull_y
+            system[8] = point_weight * points_system[8] + trust * pull_t
         else:
             damping *= 4.0
         if not solve_3x3(system, damping, step):

@@ -113,6 +113,7 @@ class ScanMatcher:
             pull,
             config.occupied_space_weight / self._usual_residual**2,
             config.max_num_iterations,
+            self._config.prediction.failure_scale,
         )
 
     def _pull(self, prediction: Prediction, extrapolator: PoseExtrapolator) -> FloatArray:
@@ -122,10 +123,9 @@ class ScanMatcher:
             return self._velocity_pull()
         if not model.is_known:
             return _information(config.unknown_translation_sigma, config.unknown_rotation_sigma)
-        factor = config.odometry_error_factor
         return _information(
-            max(factor * model.translation_error, config.min_translation_sigma),
-            max(factor * model.rotation_error, config.min_rotation_sigma),
+            max(config.translation_error_factor * model.translation_error, config.min_translation_sigma),
+            max(config.rotation_error_factor * model.rotation_error, config.min_rotation_sigma),
         )
 
     def _velocity_pull(self) -> FloatArray:

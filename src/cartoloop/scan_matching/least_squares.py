@@ -14,6 +14,10 @@ from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 
 
+TRUSTED = 1e3
+"""Scale of a pull that does not wane."""
+
+
 class SmoothMap(NamedTuple):
     """The probabilities that M_smooth interpolates: 0 where never observed; centre of cell (0, 0) and edge [m]."""
 
@@ -51,6 +55,7 @@ def match(
     prior_information: FloatArray,
     point_weight: float,
     max_num_iterations: int,
+    prior_scale: float = TRUSTED,
 ) -> LeastSquaresMatch:
     """Return the pose that minimises ``point_weight * sum (1 - M)^2`` plus the pull towards `prior`.
 
@@ -60,6 +65,7 @@ def match(
     start, prior : tf_grid_scan to start from, and as predicted.
     prior_information : float64, shape (6,), upper triangle of the prediction's information matrix
         (xx, xy, xt, yy, yt, tt), in the grid's axes.
+    prior_scale : from so many standard deviations on the pull towards the prediction wanes.
     """
     near_start = prior.theta + wrap_angle(start.theta - prior.theta)
     found = np.empty(11)
@@ -73,6 +79,7 @@ def match(
         np.array((start.x, start.y, near_start)),
         np.array(prior),
         prior_information,
+        prior_scale,
         point_weight,
         max_num_iterations,
         found,
