@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
 
 import numpy as np
 
@@ -11,10 +11,10 @@ from cartoloop.config import Config
 from cartoloop.local_slam.local_slam import LocalSlam
 from cartoloop.sensor.events import LaserScan, Odometry
 from cartoloop.sensor.pose import compose_all, relative_all
-from cartoloop.simulation import LIDARS, FloorPlan, World, simulate
+from cartoloop.simulation import FloorPlan, Lidar, World, simulate
 from cartoloop.stage_timer import StageTimer
 
-LIDAR = replace(LIDARS["sick-180"], range_max=20.0)
+LIDAR = Lidar(num_beams=541, angle_min=math.radians(-135.0), angle_increment=math.radians(0.5))
 
 
 def furnished_room():

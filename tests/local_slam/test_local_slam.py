@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Local SLAM on short simulated drives: true poses, nodes, and scans that show nothing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cartoloop.config import Config
+from cartoloop.local_slam.local_slam import MIN_RETURNS
+from cartoloop.sensor.events import Imu, LaserScan, Odometry
+from cartoloop.simulation import OdometryModel
+from tests.local_slam.small_world import errors, record, run
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return record()
+
+
+@pytest.fixture(scope="module")
+def mapped(recording):
+    return run(recording.events())
+
+
+def with_scans_changed(recording, change, first=0.0, last=math.inf):
+    """The events, the ranges of scans between two times after the start passed through `change`."""
+    for event in recording.events():
+        elapsed = event.time - recording.stamps[0]
+        if isinstance(event, LaserScan) and first <= elapsed <= last:
+            yield replace(event, ranges=change(event.ranges.copy()))
+        else:
+            yield event
+
+
+def all_set_to(value):
+    return lambda ranges: np.full_like(ranges, value)
+
+
+def test_every_scan_is_within_a_few_centimetres_of_the_truth(recording, mapped):
+    distance, angle = errors(mapped[0], recording.true_poses)
+    assert len(distance) == len(recording.stamps)
+    assert distance.max() < 0.05
+    assert math.degrees(angle.max()) < 1.0
+
+
+def test_every_scan_is_within_a_few_centimetres_without_odometry(recording):
+    poses, _, _ = run(recording.events(with_odometry=False))
+    distance, angle = errors(poses, recording.true_poses)
+    assert distance.max() < 0.05
+    assert math.degrees(angle.max()) < 1.0
+
+
+def test_odometry_that_is_late_and_ill_calibrated_does_no_harm():
+    bad = OdometryModel(rotation_scale=1.15, translation_scale=0.93, time_offset=0.15)
+    recording = record(bad)
+    poses, _, slam = run(recording.events())
+    distance, angle = errors(poses, recording.true_poses)
+    assert distance.max() < 0.08
+    assert math.degrees(angle.max()) < 1.5
+    assert slam.extrapolator.odometry_model.rotation_scale == pytest.approx(1 / 1.15, rel=0.05)
+
+
+def test_odometry_switched_off_is_as_good_as_not_there(recording):
+    config = Config(local_slam={"use_odometry": False})
+    switched_off, _, _ = run(recording.events(), config)
+    absent, _, _ = run(recording.events(with_odometry=False))
+    assert np.array_equal(switched_off, absent)
+
+
+def test_the_same_events_give_the_same_bits(recording, mapped):
+    again, _, _ = run(recording.events())
+    assert np.array_equal(again, mapped[0])
+
+
+def test_nodes_are_numbered_and_tell_of_their_scans(recording, mapped):
+    _, results, _ = mapped
+    nodes = [(scan, result.node) for scan, result in enumerate(results) if result.node]
+    assert [node.index for _, node in nodes] == list(range(len(nodes)))
+    assert 20 < len(nodes) <= len(results)
+    for scan, node in nodes:
+        assert node.tf_local_tracking == results[scan].tf_local_tracking
+        assert node.time == recording.stamps[scan]
+        assert 1 <= len(node.submaps) <= 2
+        assert len(node.points) >= MIN_RETURNS
+        assert np.linalg.eigvalsh(node.information).min() > 0.0
+
+
+def test_submaps_begin_and_end_with_nodes(recording):
+    config = Config(local_slam={"submaps": {"num_range_data": 10}})
+    _, results, slam = run(recording.events(), config)
+    nodes = [result.node for result in results if result.node]
+    finished = [node.finished.index for node in nodes if node.finished]
+    seen = sorted({submap.index for node in nodes for submap in node.submaps})
+    assert seen == list(range(len(seen)))
+    assert finished == seen[: len(finished)]
+    assert len(finished) == len(nodes) // 10 - 1
+    assert [submap.index for submap in slam.active_submaps] == seen[len(finished) :]
+
+
+def test_the_walls_of_the_map_are_where_the_walls_are(recording, mapped):
+    """Cells that are surely occupied lie on walls, give or take a pixel."""
+    _, _, slam = mapped
+    start = recording.true_poses[0]
+    submap = slam.active_submaps[0]
+    rows, cols = np.nonzero(submap.grid.cells > 0.8)
+    r = submap.grid.resolution
+    x = submap.tf_local_submap.x + submap.grid.origin_x + r * cols
+    y = submap.tf_local_submap.y + submap.grid.origin_y + r * rows
+    cos, sin = math.cos(start[2]), math.sin(start[2])
+    x, y = start[0] + cos * x - sin * y, start[1] + sin * x + cos * y
+    outer = np.min(np.abs([x - 0.06, x - 8.94, y - 0.06, y - 6.94]), axis=0) < 1.5 * r
+    cupboard = (np.abs(y - 3.25) < 0.9) & (x < 0.75)
+    box = (np.abs(x - 7.25) < 0.9) & (y > 6.15)
+    pillars = (np.hypot(x - 4.5, y - 3.5) < 0.4) | (np.hypot(x - 2.0, y - 5.8) < 0.5)
+    assert len(x) > 200
+    assert (outer | cupboard | box | pillars).mean() > 0.99
+
+
+@pytest.mark.parametrize("value", [81.91, math.inf, math.nan, 0.0, -1.0])
+def test_scans_without_returns_are_bridged_by_odometry(recording, value):
+    events = with_scans_changed(recording, all_set_to(value), 8.0, 9.0)
+    poses, results, _ = run(events)
+    blind = [k for k, result in enumerate(results) if not result.was_matched]
+    assert blind[0] == 0  # the first scan has nothing to be matched to
+    assert len(blind) == 1 + 6
+    assert all(results[k].node is None for k in blind[1:])
+    distance, _ = errors(poses, recording.true_poses)
+    assert distance.max() < 0.1
+
+
+def test_a_recording_that_begins_blind_begins_to_map_when_it_sees(recording):
+    poses, results, _ = run(with_scans_changed(recording, all_set_to(math.nan), 0.0, 1.0))
+    assert [result.node is not None for result in results[:7]] == [False] * 6 + [True]
+    distance, _ = errors(poses[6:], recording.true_poses[6:])
+    assert distance.max() < 0.06
+
+
+def test_a_recording_that_never_sees_has_poses_but_no_nodes(recording):
+    poses, results, slam = run(with_scans_changed(recording, all_set_to(math.inf)))
+    assert len(poses) == len(recording.stamps)
+    assert not any(result.node or result.was_matched for result in results)
+    assert slam.active_submaps == ()
+
+
+def test_a_scan_with_a_handful_of_returns_is_not_matched(recording):
+    def blinded(ranges):
+        ranges[MIN_RETURNS - 1 :] = math.nan
+        return ranges
+
+    _, results, _ = run(with_scans_changed(recording, blinded, 8.0, 9.0))
+    assert sum(not result.was_matched for result in results) == 1 + 6
+
+
+def test_beams_that_drop_out_here_and_there_do_no_harm(recording):
+    rng = np.random.default_rng(8)
+
+    def thinned(ranges):
+        ranges[rng.random(len(ranges)) < 0.3] = math.nan
+        return ranges
+
+    poses, _, _ = run(with_scans_changed(recording, thinned))
+    distance, _ = errors(poses, recording.true_poses)
+    assert distance.max() < 0.06
+
+
+def test_a_jump_of_the_odometry_is_survived(recording):
+    def jumping():
+        for event in recording.events():
+            if isinstance(event, Odometry) and event.time - recording.stamps[0] > 10.0:
+                x, y, theta = event.tf_odom_tracking
+                moved = event.tf_odom_tracking._replace(x=x + 3.0, y=y - 2.0, theta=theta)
+                yield replace(event, tf_odom_tracking=moved)
+            else:
+                yield event
+
+    poses, _, _ = run(jumping())
+    distance, _ = errors(poses, recording.true_poses)
+    assert distance.max() < 0.1
+
+
+def test_odometry_that_stops_coming_is_survived(recording):
+    events = (
+        event
+        for event in recording.events()
+        if not isinstance(event, Odometry) or event.time - recording.stamps[0] < 12.0
+    )
+    poses, _, _ = run(events)
+    distance, _ = errors(poses, recording.true_poses)
+    assert distance.max() < 0.1
+
+
+def test_a_robot_that_never_moves_stays_where_it_is(recording):
+    scans = [event for event in recording.events() if isinstance(event, LaserScan)]
+    rng = np.random.default_rng(9)
+    still = [
+        replace(scan, ranges=scans[0].ranges + rng.normal(scale=0.01, size=scans[0].ranges.shape))
+        for scan in scans
+    ]
+    poses, results, slam = run(still)
+    assert np.abs(poses[:, :2]).max() < 0.02
+    assert np.abs(poses[:, 2]).max() < 0.005
+    assert not slam.extrapolator.odometry_model.is_known
+    assert sum(result.node is not None for result in results) < 8
+
+
+def test_inertial_readings_change_nothing_yet(recording, mapped):
+    def with_imu():
+        for event in recording.events():
+            yield Imu(event.stamp, event.time, (0.0, 0.0, 9.81), (0.0, 0.0, 0.1))
+            yield event
+
+    assert np.array_equal(run(with_imu())[0], mapped[0])
+
+
+def test_no_scan_at_all_is_no_error():
+    poses, results, slam = run([])
+    assert poses.shape == (0, 3)
+    assert results == []
+    assert slam.active_submaps == ()

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The odometry's clock offset, scales and lever arm are found from the motion itself."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cartoloop.local_slam.odometry_calibration import (
+    MAX_SCALE,
+    MIN_SCALE,
+    OdometryCalibration,
+    OdometryModel,
+    estimate,
+)
+from cartoloop.local_slam.odometry_track import OdometryTrack
+from cartoloop.sensor.pose import (
+    Pose,
+    compose,
+    compose_all,
+    inverse,
+    relative,
+    relative_all,
+    wrap_angles,
+)
+
+PERIOD, FINE = 0.2, 0.01
+UNKNOWN = OdometryModel()
+
+
+def winding_way(duration=120.0, before=3.0):
+    """Where a robot is that drives on, now to the left, now to the right: times, poses."""
+    times = np.arange(-before, duration + before, FINE)
+    speed = 0.6 + 0.3 * np.sin(0.31 * times)
+    turn_rate = 0.7 * np.sin(0.83 * times) + 0.4 * np.sin(0.29 * times + 1.0)
+    theta = np.cumsum(turn_rate) * FINE
+    return times, np.column_stack(
+        (np.cumsum(speed * np.cos(theta)) * FINE, np.cumsum(speed * np.sin(theta)) * FINE, theta)
+    )
+
+
+def at(times, way):
+    """The poses of a way at other times."""
+    return np.column_stack([np.interp(times, way[0], way[1][:, k]) for k in range(3)])
+
+
+def reported_by(model, way):
+    """What odometry tells on that way whose errors `model` makes good, at the scans' stamps."""
+    fine_times, poses = way
+    reporting_point = compose_all(poses, np.array((-model.lever_x, -model.lever_y, 0.0)))
+    steps = relative_all(reporting_point[:-1], reporting_point[1:])
+    steps /= (model.translation_scale, model.translation_scale, model.rotation_scale)
+    heading = np.concatenate(([0.0], np.cumsum(steps[:, 2])))
+    cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])
+    x = np.concatenate(([0.0], np.cumsum(cos * steps[:, 0] - sin * steps[:, 1])))
+    y = np.concatenate(([0.0], np.cumsum(sin * steps[:, 0] + cos * steps[:, 1])))
+    stamps = np.arange(0.0, fine_times[-1] - 2.0, PERIOD)
+    odometry = at(stamps + model.time_offset, (fine_times, np.column_stack((x, y, heading))))
+    odometry[:, 2] = wrap_angles(odometry[:, 2])
+    return stamps, odometry
+
+
+def matched(stamps, way, noise=(0.005, 0.002), seed=4):
+    """The scans' poses as matched: the truth and some noise."""
+    rng = np.random.default_rng(seed)
+    poses = at(stamps, way)
+    poses += rng.normal(size=poses.shape) * (noise[0], noise[0], noise[1])
+    poses[:, 2] = wrap_angles(poses[:, 2])
+    return poses
+
+
+def calibrated(model, **kwargs):
+    way = winding_way()
+    stamps, odometry = reported_by(model, way)
+    return estimate(stamps, matched(stamps, way, **kwargs), stamps, odometry, UNKNOWN)
+
+
+@pytest.mark.parametrize("offset", [-0.25, 0.0, 0.14, 0.64])
+def test_the_offset_of_the_clock_is_found(offset):
+    found = calibrated(OdometryModel(time_offset=offset))
+    assert found.time_offset == pytest.approx(offset, abs=0.02)
+
+
+@pytest.mark.parametrize("scale", [0.82, 1.0, 1.2])
+def test_the_scale_of_rotation_is_found(scale):
+    found = calibrated(OdometryModel(rotation_scale=scale, time_offset=0.1))
+    assert found.rotation_scale == pytest.approx(scale, rel=0.02)
+
+
+@pytest.mark.parametrize("scale", [0.9, 1.0, 1.1])
+def test_the_scale_of_distance_is_found(scale):
+    found = calibrated(OdometryModel(translation_scale=scale, time_offset=0.1))
+    assert found.translation_scale == pytest.approx(scale, rel=0.01)
+
+
+@pytest.mark.parametrize("lever", [(0.0, 0.0), (0.3, 0.0), (-0.1, 0.2)])
+def test_the_lever_arm_is_found(lever):
+    found = calibrated(OdometryModel(lever_x=lever[0], lever_y=lever[1]))
+    assert (found.lever_x, found.lever_y) == pytest.approx(lever, abs=0.02)
+
+
+def test_all_together_predict_the_motion_to_the_noise():
+    true = OdometryModel(0.2, 0.9, 1.05, 0.15, -0.05)
+    found = calibrated(true)
+    assert found.is_known
+    assert found.rotation_error < 0.006
+    assert found.translation_error < 0.012
+
+
+def test_the_errors_tell_what_the_odometry_is_worth():
+    good, bad = (calibrated(UNKNOWN, noise=noise) for noise in ((0.002, 0.001), (0.02, 0.01)))
+    assert good.translation_error < 0.3 * bad.translation_error
+    assert good.rotation_error < 0.3 * bad.rotation_error
+
+
+def test_now_and_then_a_false_match_does_no_harm():
+    way = winding_way()
+    stamps, odometry = reported_by(OdometryModel(0.1, 0.9, 1.05), way)
+    poses = matched(stamps, way)
+    poses[10::40] += np.random.default_rng(1).normal(scale=0.5, size=poses[10::40].shape)
+    found = estimate(stamps, poses, stamps, odometry, UNKNOWN)
+    assert found.time_offset == pytest.approx(0.1, abs=0.03)
+    assert found.rotation_scale == pytest.approx(0.9, rel=0.02)
+    assert found.translation_scale == pytest.approx(1.05, rel=0.02)
+
+
+def test_a_robot_that_does_not_move_teaches_nothing():
+    stamps = np.arange(0.0, 60.0, PERIOD)
+    noise = np.random.default_rng(2).normal(scale=1e-3, size=(len(stamps), 3))
+    before = OdometryModel(0.1, 0.95, 1.0, 0.0, 0.0, 0.01, 0.01)
+    assert estimate(stamps, noise, stamps, np.zeros_like(noise), before) is before
+
+
+def test_a_robot_that_only_drives_straight_on_teaches_nothing():
+    stamps = np.arange(0.0, 60.0, PERIOD)
+    poses = np.column_stack((0.5 * stamps, 0.0 * stamps, 0.0 * stamps))
+    assert estimate(stamps, poses, stamps, poses, UNKNOWN) is UNKNOWN
+
+
+def test_odometry_that_stands_still_while_the_robot_turns_is_not_believed():
+    way = winding_way()
+    stamps = np.arange(0.0, 100.0, PERIOD)
+    frozen = np.zeros((len(stamps), 3))
+    assert estimate(stamps, matched(stamps, way), stamps, frozen, UNKNOWN) is UNKNOWN
+
+
+def test_no_odometry_at_all_teaches_nothing():
+    stamps = np.arange(0.0, 10.0, PERIOD)
+    poses = matched(stamps, winding_way())
+    for count in (0, 1):
+        odometry = np.zeros((count, 3))
+        assert estimate(stamps, poses, np.zeros(count), odometry, UNKNOWN) is UNKNOWN
+
+
+def test_scales_stay_within_what_is_plausible():
+    found = calibrated(OdometryModel(rotation_scale=2.5, translation_scale=3.0))
+    for scale in (found.rotation_scale, found.translation_scale):
+        assert MIN_SCALE <= scale <= MAX_SCALE
+
+
+def test_the_model_is_estimated_while_scans_come_in():
+    true = OdometryModel(0.1, 0.9, 1.05)
+    way = winding_way()
+    stamps, odometry = reported_by(true, way)
+    calibration, track = OdometryCalibration(), OdometryTrack()
+    for stamp, scan, reading in zip(
+        stamps.tolist(), matched(stamps, way).tolist(), odometry.tolist(), strict=True
+    ):
+        track.add(stamp, Pose(*reading))
+        calibration.add(stamp, Pose(*scan), track)
+        if stamp < 2.0:
+            assert not calibration.model.is_known
+    assert calibration.model.time_offset == pytest.approx(0.1, abs=0.03)
+    assert calibration.model.rotation_scale == pytest.approx(0.9, rel=0.02)
+    assert calibration.model.translation_scale == pytest.approx(1.05, rel=0.02)
+
+
+def test_the_model_at_first_takes_the_odometry_as_it_is():
+    step = Pose(0.3, -0.1, 0.4)
+    assert UNKNOWN.predict(step) == pytest.approx(step)
+    assert not UNKNOWN.is_known
+
+
+coordinate = st.floats(-2.0, 2.0)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    lever=st.tuples(coordinate, coordinate),
+    start=st.builds(Pose, coordinate, coordinate, st.floats(-3.0, 3.0)),
+    step=st.builds(Pose, coordinate, coordinate, st.floats(-3.0, 3.0)),
+)
+def test_a_lever_arm_moves_the_tracking_frame_as_a_rigid_body(lever, start, step):
+    """The reporting point carries the tracking frame at a fixed place."""
+    tf_report_tracking = Pose(*lever, 0.0)
+    tracking = compose(start, tf_report_tracking)
+    moved = compose(compose(start, step), tf_report_tracking)
+    predicted = OdometryModel(lever_x=lever[0], lever_y=lever[1]).predict(step)
+    assert predicted == pytest.approx(relative(tracking, moved), abs=1e-9)
+    back = compose(inverse(tracking), moved)
+    assert math.hypot(predicted.x - back.x, predicted.y - back.y) < 1e-9

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Odometry between, at, before and beyond its readings."""
+
+from __future__ import annotations
+
+import pytest
+
+from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S, OdometryTrack
+from cartoloop.sensor.pose import Pose
+
+
+def track(*readings):
+    track = OdometryTrack()
+    for time, x, theta in readings:
+        track.add(time, Pose(x, 2.0 * x, theta))
+    return track
+
+
+def test_a_track_without_readings_reaches_nowhere():
+    assert OdometryTrack().at(0.0) is None
+    times, poses = OdometryTrack().arrays()
+    assert times.shape == (0,)
+    assert poses.shape == (0, 3)
+
+
+def test_readings_are_returned_as_they_are():
+    readings = track((1.0, 0.0, 0.0), (1.2, 0.5, 0.1), (1.4, 0.7, -0.1))
+    for time, x, theta in ((1.0, 0.0, 0.0), (1.2, 0.5, 0.1), (1.4, 0.7, -0.1)):
+        assert readings.at(time) == pytest.approx(Pose(x, 2.0 * x, theta))
+
+
+def test_between_readings_the_motion_is_straight():
+    readings = track((1.0, 0.0, 0.0), (2.0, 1.0, 0.4))
+    assert readings.at(1.25) == pytest.approx(Pose(0.25, 0.5, 0.1))
+
+
+def test_turns_across_the_half_turn_are_short():
+    readings = track((1.0, 0.0, 3.1), (2.0, 0.0, -3.1))
+    assert abs(readings.at(1.5).theta) > 3.1
+
+
+def test_before_the_first_reading_nothing_is_known():
+    readings = track((1.0, 0.0, 0.0), (2.0, 1.0, 0.0))
+    assert readings.at(0.999) is None
+
+
+def test_shortly_beyond_the_last_reading_the_motion_goes_on():
+    readings = track((1.0, 0.0, 0.0), (1.5, 1.0, 0.2))
+    assert readings.at(1.75) == pytest.approx(Pose(1.5, 3.0, 0.3))
+
+
+def test_further_on_it_is_held():
+    readings = track((1.0, 0.0, 0.0), (1.5, 1.0, 0.2))
+    at_limit = readings.at(1.5 + MAX_EXTRAPOLATION_S)
+    assert readings.at(100.0) == pytest.approx(at_limit)
+
+
+def test_one_reading_is_held():
+    assert track((1.0, 0.5, 0.1)).at(1.3) == pytest.approx(Pose(0.5, 1.0, 0.1))
+
+
+def test_a_speed_told_by_readings_far_apart_is_not_believed():
+    readings = track((1.0, 0.0, 0.0), (11.0, 10.0, 0.0))
+    assert readings.at(11.4) == pytest.approx(Pose(10.0, 20.0, 0.0))
+
+
+def test_of_readings_at_one_time_the_last_holds():
+    readings = track((1.0, 0.0, 0.0), (2.0, 1.0, 0.0), (2.0, 3.0, 0.0))
+    assert len(readings) == 2
+    assert readings.at(2.0).x == 3.0
+
+
+def test_readings_older_than_the_last_are_ignored():
+    readings = track((1.0, 0.0, 0.0), (2.0, 1.0, 0.0), (1.5, 77.0, 0.0), (3.0, 2.0, 0.0))
+    assert readings.arrays()[0].tolist() == [1.0, 2.0, 3.0]
+    assert readings.at(1.5).x == pytest.approx(0.5)

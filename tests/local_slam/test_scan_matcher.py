@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a prediction, good or bad, to the matched pose."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cartoloop.config import LocalSlamConfig
+from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator, Prediction
+from cartoloop.local_slam.scan_matcher import ScanMatcher, degenerate_direction
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch
+from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
+from cartoloop.submaps.submap import ActiveSubmaps
+
+CONFIG = LocalSlamConfig()
+TRUTH = Pose(0.4, -0.3, 0.5)
+
+
+def walls(seed):
+    """Noisy points on the walls of a room that looks different from everywhere."""
+    rng = np.random.default_rng(seed)
+    corners = [(-3.0, -2.0), (3.5, -2.0), (3.5, 1.0), (1.5, 1.0), (1.5, 2.5), (-3.0, 2.5)]
+    sides = zip(corners, corners[1:] + corners[:1], strict=True)
+    points = [np.linspace(a, b, int(math.dist(a, b) / 0.06), endpoint=False) for a, b in sides]
+    return np.concatenate(points) + rng.normal(scale=0.01, size=(sum(map(len, points)), 2))
+
+
+@pytest.fixture(scope="module")
+def submap():
+    active = ActiveSubmaps(CONFIG.submaps)
+    nowhere = np.zeros((0, 2))
+    for seed in range(20):
+        active.insert(Pose(0.37, -0.21, 0.0), walls(seed), nowhere)
+    return active.matching
+
+
+def points(truth=TRUTH):
+    return transform_points(inverse(truth), walls(99))
+
+
+def matched(submap, prediction, last=TRUTH, by_odometry=True, matcher=None):
+    """The pose found for a scan at TRUTH; `last` is where the robot was a moment before."""
+    extrapolator = PoseExtrapolator(use_odometry=True)
+    extrapolator.add_pose(0.0, last)
+    matcher = matcher or ScanMatcher(CONFIG)
+    return matcher.match(submap, points(), Prediction(prediction, by_odometry), extrapolator, 0.2)
+
+
+def assert_near(found, truth, distance=0.03, angle=0.02):
+    assert math.hypot(found.x - truth.x, found.y - truth.y) < distance
+    assert abs(wrap_angle(found.theta - truth.theta)) < angle
+
+
+def off(x, y, theta):
+    return Pose(TRUTH.x + x, TRUTH.y + y, TRUTH.theta + theta)
+
+
+@pytest.mark.parametrize("by_odometry", [True, False])
+@pytest.mark.parametrize("error", [(0, 0, 0), (0.04, -0.03, 0.02), (-0.06, 0.05, -0.03)])
+def test_a_good_prediction_is_refined(submap, error, by_odometry):
+    found = matched(submap, off(*error), by_odometry=by_odometry)
+    assert_near(found.tf_local_tracking, TRUTH)
+
+
+def test_the_pose_is_in_the_local_frame_and_the_match_in_the_submap_s(submap):
+    assert submap.tf_local_submap != Pose(0.0, 0.0, 0.0)
+    found = matched(submap, TRUTH)
+    in_local = compose(submap.tf_local_submap, found.match.tf_grid_scan)
+    assert found.tf_local_tracking == pytest.approx(in_local)
+
+
+@pytest.mark.parametrize("jump", [(5.0, 3.0, 0.0), (-20.0, 0.0, 1.5), (0.0, 0.0, 1.0)])
+def test_after_a_jump_of_the_odometry_the_robot_is_found_near_its_last_pose(submap, jump):
+    matcher = ScanMatcher(CONFIG)
+    for _ in range(30):  # until it knows how well scans fit
+        matched(submap, TRUTH, matcher=matcher)
+    before = matcher.num_lost
+    last = Pose(TRUTH.x - 0.1, TRUTH.y + 0.1, TRUTH.theta - 0.1)
+    found = matched(submap, off(*jump), last, matcher=matcher)
+    assert_near(found.tf_local_tracking, TRUTH)
+    assert matcher.num_lost == before + 1
+
+
+def test_scans_that_fit_as_usual_need_no_wider_search(submap):
+    matcher = ScanMatcher(CONFIG)
+    for _ in range(60):
+        matched(submap, TRUTH, matcher=matcher)
+    settled = matcher.num_correlative
+    for _ in range(20):
+        matched(submap, off(0.01, -0.01, 0.005), matcher=matcher)
+    assert matcher.num_correlative == settled
+    assert matcher.num_lost == 0
+
+
+def test_the_same_scans_give_the_same_pose(submap):
+    first, second = (matched(submap, off(0.05, 0.02, -0.02)) for _ in range(2))
+    assert first.tf_local_tracking == second.tf_local_tracking
+
+
+def match_of(information):
+    """A match with this information, whatever else it tells."""
+    fields = dict.fromkeys(LeastSquaresMatch._fields, 0.0)
+    return LeastSquaresMatch(**fields | {"information": np.array(information, dtype=np.float64)})
+
+
+@pytest.mark.parametrize("along", [0.0, 0.4, math.pi / 2, 2.8])
+def test_a_corridor_s_direction_is_the_one_that_the_scan_leaves_open(along):
+    ahead = np.array((math.cos(along), math.sin(along)))
+    across = np.array((-math.sin(along), math.cos(along)))
+    information = np.eye(3)
+    information[:2, :2] = 4.0 * np.outer(ahead, ahead) + 100.0 * np.outer(across, across)
+    ratio, direction = degenerate_direction(match_of(information))
+    assert ratio == pytest.approx(0.04)
+    assert abs(math.remainder(direction - along, math.pi)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_room_is_open_in_no_direction():
+    assert degenerate_direction(match_of(np.eye(3)))[0] == pytest.approx(1.0)
+
+
+def test_a_match_that_saw_nothing_is_open_in_every_direction():
+    assert degenerate_direction(match_of(np.zeros((3, 3))))[0] == 0.0
