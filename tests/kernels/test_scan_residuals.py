@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize
 
 from cartoloop.kernels.scan_residuals import (
     accumulate_match,
@@ -138,6 +138,7 @@ def test_equations_without_a_solution_are_refused(system):
 
 RESOLUTION, WALL_BLUR = 0.05, 0.1
 ROOM = (3.0, 2.0)  # half its length and width [m]
+TRUSTED = 1e6
 NO_PRIOR = np.array([1e-6, 0.0, 0.0, 1e-6, 0.0, 1e-6])
 
 
@@ -177,7 +178,16 @@ def seen_from(pose, points):
     )
 
 
-def run(map_and_origin, points, start, prior, information=NO_PRIOR, weight=1.0, iterations=200):
+def run(
+    map_and_origin,
+    points,
+    start,
+    prior,
+    information=NO_PRIOR,
+    weight=1.0,
+    iterations=200,
+    prior_scale=TRUSTED,
+):
     grid, origin_x, origin_y = map_and_origin
     found = np.full(11, np.nan)
     count = match_least_squares(
@@ -190,6 +200,7 @@ def run(map_and_origin, points, start, prior, information=NO_PRIOR, weight=1.0, 
         np.array(start, dtype=np.float64),
         np.array(prior, dtype=np.float64),
         np.array(information),
+        prior_scale,
         weight,
         iterations,
         found,
@@ -197,13 +208,14 @@ def run(map_and_origin, points, start, prior, information=NO_PRIOR, weight=1.0, 
     return found, count
 
 
-def total_cost(map_and_origin, points, pose, prior, information, weight):
+def total_cost(map_and_origin, points, pose, prior, information, weight, prior_scale=TRUSTED):
     grid, *origin = map_and_origin
     errors = naive_errors(grid, UNKNOWN, origin, RESOLUTION, points, pose)
     xx, xy, xt, yy, yt, tt = information
     full = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
     off = np.subtract(pose, prior)
-    return weight * errors @ errors + off @ full @ off
+    pull = prior_scale**2 * math.log1p(off @ full @ off / prior_scale**2)
+    return weight * errors @ errors + pull
 
 
 def random_information(rng):
@@ -226,18 +238,18 @@ def test_known_displacements_in_a_room_are_recovered_far_below_a_pixel():
 
 
 @settings(deadline=None, max_examples=25)
-@given(seed=seeds, iterations=st.integers(1, 12))
-def test_the_cost_never_ends_higher_than_it_began(seed, iterations):
+@given(seed=seeds, iterations=st.integers(1, 12), scale=st.sampled_from((0.5, 2.0, 10.0, TRUSTED)))
+def test_the_cost_never_ends_higher_than_it_began(seed, iterations, scale):
     rng = np.random.default_rng(seed)
     grid = (random_grid(seed, (40, 50)), -1.25, -1.0)
     points = rng.uniform(-1.5, 1.5, (15, 2))
     start, prior = rng.uniform(-0.5, 0.5, (2, 3))
     information, weight = random_information(rng), rng.uniform(0.1, 100.0)
 
-    found, count = run(grid, points, start, prior, information, weight, iterations)
+    found, count = run(grid, points, start, prior, information, weight, iterations, scale)
 
-    began = total_cost(grid, points, start, prior, information, weight)
-    ended = total_cost(grid, points, found[:3], prior, information, weight)
+    began = total_cost(grid, points, start, prior, information, weight, scale)
+    ended = total_cost(grid, points, found[:3], prior, information, weight, scale)
     assert ended <= began * (1.0 + 1e-12)
     assert found[10] == pytest.approx(ended)
     assert 1 <= count <= iterations
@@ -267,6 +279,39 @@ def test_the_minimum_equals_that_of_a_general_solver(seed):
     assert found[10] >= 2.0 * expected.cost * (1.0 - 1e-6)
     assert found[:2] == pytest.approx(expected.x[:2], abs=5e-3)
     assert found[2] == pytest.approx(expected.x[2], abs=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_minimum_equals_that_of_a_general_solver_where_the_pull_wanes(seed):
+    rng = np.random.default_rng(seed)
+    grid, walls = room()
+    truth = rng.uniform(-0.2, 0.2, 3)
+    points = seen_from(truth, walls[::3]) + rng.normal(scale=0.01, size=(len(walls[::3]), 2))
+    start, prior = truth + rng.uniform(-0.03, 0.03, 3), truth + rng.uniform(-0.05, 0.05, 3)
+    information, weight, scale = (1e4, 0.0, 0.0, 1e4, 0.0, 1e4), 2.0, 2.0
+
+    def cost(pose):
+        return total_cost(grid, points, pose, prior, information, weight, scale)
+
+    expected = minimize(cost, start, method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-9})
+    found, _ = run(grid, points, start, prior, information, weight, prior_scale=scale)
+
+    assert found[10] == pytest.approx(expected.fun, rel=5e-3)
+    assert found[:2] == pytest.approx(expected.x[:2], abs=5e-3)
+    assert found[2] == pytest.approx(expected.x[2], abs=1e-3)
+
+
+def test_a_prediction_that_failed_is_let_go_where_the_pull_wanes():
+    grid, walls = room()
+    rng = np.random.default_rng(3)
+    points = walls + rng.normal(scale=0.01, size=walls.shape)
+    wrong, information = (0.5, -0.4, 0.0), (1e4, 0.0, 0.0, 1e4, 0.0, 1e4)
+    held, _ = run(grid, points, (0.0, 0.0, 0.0), wrong, information, weight=5.0)
+    released, _ = run(
+        grid, points, (0.0, 0.0, 0.0), wrong, information, weight=5.0, prior_scale=2.0
+    )
+    assert math.hypot(*held[:2]) > 0.2
+    assert math.hypot(*released[:2]) < 0.02
 
 
 def test_along_a_corridor_the_prior_holds_and_across_the_walls_do():

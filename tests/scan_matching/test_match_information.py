@@ -15,12 +15,13 @@ from cartoloop.scan_matching.match_information import (
     MIN_SIGMA_RAD,
     match_information,
 )
-from cartoloop.sensor.pose import IDENTITY
 
 
 def information(curvature, residual=0.3):
-    match = LeastSquaresMatch(IDENTITY, np.array(curvature, dtype=np.float64), residual, 5)
-    return match_information(match)
+    fields = dict.fromkeys(LeastSquaresMatch._fields, 0.0)
+    fields["information"] = np.array(curvature, dtype=np.float64)
+    fields["residual"] = residual
+    return match_information(LeastSquaresMatch(**fields))
 
 
 def random_curvature(seed, scale):
