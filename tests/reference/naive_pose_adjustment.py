@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sparse pose adjustment as slowly and as plainly as it can be written: dense, numeric derivatives."""
+"""Sparse pose adjustment as plainly as it can be written: dense, with numeric derivatives."""
 
 from __future__ import annotations
 

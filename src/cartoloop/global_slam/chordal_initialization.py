@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A start for pose adjustment from the constraints alone, when the poses at hand are too far off.
 
-Chordal relaxation (Carlone et al., "Initialization techniques for 3D SLAM", 2015), which in the plane
-is two linear systems in complex numbers: headings r = exp(i theta) that come nearest to
-r_b = r_a exp(i theta_ab), their length of one left aside; then, headings given, positions t nearest to
-t_b = t_a + r_a t_ab. Both are solved whatever the start, so that no local minimum is in the way.
+Chordal relaxation (Carlone et al., "Initialization techniques for 3D SLAM", 2015), which in the
+plane is two linear systems in complex numbers: headings r = exp(i theta) that come nearest to
+r_b = r_a exp(i theta_ab), their length of one left aside; then, headings given, positions t nearest
+to t_b = t_a + r_a t_ab. Both are solved whatever the start: no local minimum is in the way.
 """
 
 from __future__ import annotations

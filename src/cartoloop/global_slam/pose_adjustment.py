@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sparse pose adjustment: the poses that agree best with all constraints (section V-A, eq. SPA, 4, 5).
+"""Sparse pose adjustment: the poses that agree best with all constraints (section V-A, eq. SPA).
 
-Levenberg-Marquardt that begins as plain Gauss-Newton, undamped, and damps only where a step fails to
-lower the cost or the system cannot be factored.
+Levenberg-Marquardt that begins as plain Gauss-Newton, undamped, and damps only where a step fails
+to lower the cost or the system cannot be factored.
 """
 
 from __future__ import annotations

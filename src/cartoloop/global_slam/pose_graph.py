@@ -100,7 +100,7 @@ class PoseGraph:
 
     @property
     def informations(self) -> FloatArray:
-        """Sigma^-1 of eq. (4) in the frame of a, shape (num_constraints, 3, 3) [1/m^2, 1/(m rad), 1/rad^2]."""
+        """Sigma^-1 of eq. (4), frame of a, (num_constraints, 3, 3) [1/m^2, 1/(m rad), 1/rad^2]."""
         return self._informations.view
 
     @property
@@ -110,7 +110,7 @@ class PoseGraph:
 
     @property
     def runner_ups(self) -> FloatArray:
-        """Score of the best match elsewhere in the search window; NaN where nothing was searched."""
+        """Score of the best match elsewhere in the window; NaN where nothing was searched."""
         return self._runner_ups.view
 
     @property

@@ -101,7 +101,7 @@ def constraint_ends(graph: PoseGraph) -> tuple[IntArray, IntArray]:
 
 
 def held_vertices(graph: PoseGraph, vertex_a: IntArray, vertex_b: IntArray) -> NDArray[np.bool_]:
-    """Return which vertices must stay: the fixed, and the first of each part that has none of these."""
+    """Return which vertices must stay: the fixed, and the first of each part without any."""
     m = graph.num_submaps
     num_vertices = m + graph.num_nodes
     first = schur_structure.first_vertex_of_component(num_vertices, vertex_a, vertex_b)
@@ -115,7 +115,7 @@ def held_vertices(graph: PoseGraph, vertex_a: IntArray, vertex_b: IntArray) -> N
 
 
 def _aligned(size: int) -> FloatArray:
-    """Return an uninitialised array that begins at a cache line: the factorization is twice as fast."""
+    """Return an uninitialised array that begins a cache line: factorization is twice as fast."""
     numbers = np.empty(size + 7)
     first = -(numbers.ctypes.data // 8) % 8
     return numbers[first : first + size]
@@ -210,7 +210,7 @@ class ReducedSystem:
         self._node_decrease = 0.0
 
     def squared_residuals(self, poses: FloatArray) -> FloatArray:
-        """Return E^2 (eq. 4) of each of our constraints at these poses; valid until the next call."""
+        """Return E^2 (eq. 4) of each of our constraints; valid until the next call."""
         schur_complement.rotations_of(poses, self._turning, self._rotations)
         pose_residuals.squared_residuals(
             poses, self._rotations, self._vertex_a, self._vertex_b, self.rows, self._squared
@@ -218,7 +218,7 @@ class ReducedSystem:
         return self._squared
 
     def linearize(self, poses: FloatArray, scale: float) -> float:
-        """Replace the constraints by their quadratic models at these poses; return the cost (eq. SPA).
+        """Replace the constraints by quadratic models at these poses; return the cost (eq. SPA).
 
         Parameters
         ----------
@@ -321,7 +321,7 @@ class ReducedSystem:
         return decrease + self._node_decrease, True
 
     def move(self, poses: FloatArray, out_poses: FloatArray) -> None:
-        """Write the poses after the step into `out_poses`; vertices that are held keep theirs there."""
+        """Write the poses after the step into `out_poses`, save those of vertices that are held."""
         schur_complement.move_vertices(
             poses,
             self.kept,

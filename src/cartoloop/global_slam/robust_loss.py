@@ -66,8 +66,8 @@ def initial_convexity(squared: FloatArray, scale: float) -> float:
 def truncated_weights(squared: FloatArray, scale: float, mu: float) -> FloatArray:
     """Return the weights in [0, 1] of graduated non-convexity for truncated least squares.
 
-    Yang et al., "Graduated Non-Convexity for Robust Spatial Perception" (2020), eq. 14; `squared` is
-    E^2, shape (n,), and `mu` grows from near 0 (convex) to infinity (truncated).
+    Yang et al., "Graduated Non-Convexity for Robust Spatial Perception" (2020), eq. 14; `squared`
+    is E^2, shape (n,), and `mu` grows from near 0 (convex) to infinity (truncated).
     """
     limit = scale * scale
     partial = scale * np.sqrt(mu * (mu + 1.0) / np.maximum(squared, np.finfo(float).tiny)) - mu

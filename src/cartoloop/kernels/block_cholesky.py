@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Multifrontal Cholesky factorization of a sparse symmetric system of 3 x 3 blocks, and its solution.
+"""Multifrontal Cholesky factorization of a sparse system of 3 x 3 blocks, and its solution.
 
 Each front (see :mod:`cartoloop.kernels.cholesky_structure`) is a small dense problem: its pivots'
 rows stay in the factor, and what they leave on the later rows, the update, waits on a stack until
 the parent front takes it in. There are two stacks, for fronts of even and of odd depth, so that a
-front's own update is not in the way of its children's. Numbers of vertices run backwards within a front, and only the lower
-half of symmetric matrices is kept.
+front's own update is not in the way of its children's. Numbers of vertices run backwards within a
+front, and only the lower half of symmetric matrices is kept.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def assemble_blocks(
 def _subtract_pivots(
     target: FloatArray, row: int, size: int, panel: FloatArray, low: int, high: int, column: int
 ) -> None:
-    """Subtract pivots' rows low to high - 1, each times its number at `column`, from a row of `target`."""
+    """Subtract from a row of `target` rows low to high - 1 of `panel`, times theirs at `column`."""
     while low + _GROUP <= high:
         a0, a1, a2 = panel[low, column], panel[low + 1, column], panel[low + 2, column]
         a3, a4, a5 = panel[low + 3, column], panel[low + 4, column], panel[low + 5, column]

@@ -4,8 +4,8 @@
 Approximate minimum degree (Amestoy, Davis, Duff, 1996) on a quotient graph. A *variable* stands for
 one vertex, or for several that have become indistinguishable. A variable that is eliminated, the
 pivot, lives on as an *element*: the clique of its neighbours. Elements that lie within a newer one
-are absorbed by it. Each variable keeps a list of its elements, then of its neighbours that no element
-accounts for; the lists only shrink.
+are absorbed by it. Each variable keeps a list of its elements, then of its neighbours that no
+element accounts for; the lists only shrink.
 
 What is known of vertex i is row i of the array `state`; elements have the number of their pivot.
 """
@@ -77,7 +77,7 @@ def _merge(i: int, j: int, state: IntArray) -> None:
 def _collect(
     variables: IntArray, first: int, last: int, tag: int, state: IntArray, pool: IntArray, end: int
 ) -> int:
-    """Append variables[first:last], if alive and not yet marked with `tag`, to the pool; return its end."""
+    """Append variables[first:last], if alive and not yet marked, to the pool; return its end."""
     for k in range(first, last):
         i = variables[k]
         if state[i, _WEIGHT] > 0 and state[i, _MARK] != tag:
@@ -91,7 +91,7 @@ def _collect(
 def _form_element(
     p: int, tag: int, lists: IntArray, state: IntArray, pool: IntArray, end: int
 ) -> int:
-    """Put the neighbours of pivot p into the pool, absorb its elements, and return the pool's end."""
+    """Put the neighbours of pivot p into the pool, absorb its elements, return the pool's end."""
     start, num_elements = state[p, _START], state[p, _NUM_ELEMENTS]
     state[p, _BEGIN] = end
     for k in range(start, start + num_elements):
@@ -116,7 +116,7 @@ def _measure_outside(i: int, tag: int, lists: IntArray, state: IntArray) -> None
 
 @kernel
 def _shorten_list(i: int, p: int, tag: int, lists: IntArray, state: IntArray) -> bool:
-    """Replace by p, in the list of variable i, all that it accounts for; bound the degree by the rest.
+    """Replace by p, in the list of i, all that it accounts for; bound the degree by the rest.
 
     Returns
     -------
@@ -172,7 +172,7 @@ def _same_list(i: int, j: int, tag: int, lists: IntArray, state: IntArray) -> bo
 def _merge_alike(
     p: int, end: int, tag: int, lists: IntArray, state: IntArray, pool: IntArray, bucket: IntArray
 ) -> int:
-    """Merge the variables of element p that have the same lists; return the last tag that was used."""
+    """Merge the variables of element p that have the same lists; return the last tag used."""
     for m in range(state[p, _BEGIN], end):
         i = pool[m]
         if state[i, _WEIGHT] > 0:

@@ -4,9 +4,9 @@
 A front belongs to a group of vertices (its pivots) that are eliminated together; its rows are the
 later vertices that they are coupled with then, by the system or by what earlier fronts leave.
 
-Within a front the vertices are numbered backwards, the last to be eliminated first: rows, then pivots.
-All loops over the lower half of a symmetric matrix then begin at column 0, which is what the compiler
-needs to turn them into vector instructions.
+Within a front the vertices are numbered backwards, the last to be eliminated first: rows, then
+pivots. All loops over the lower half of a symmetric matrix then begin at column 0, which is what
+the compiler needs to turn them into vector instructions.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ IntArray = NDArray[np.int64]
 
 @kernel
 def padded(size: int) -> int:
-    """Return the length of a stored row of `size` numbers: whole cache lines, so that each begins one."""
+    """Return the stored length of a row of `size` numbers: whole cache lines."""
     return (size + 7) // 8 * 8
 
 

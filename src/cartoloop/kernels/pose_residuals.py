@@ -84,7 +84,9 @@ def turned_residual(
     measured_y: float,
     measured_theta: float,
 ) -> tuple[float, float, float]:
-    """Return e' of the module's notes, the residual in the map frame [m, m, rad], angle in [-pi, pi).
+    """Return e' of the module's notes, the residual in the map frame [m, m, rad].
+
+    Its angle is in [-pi, pi).
 
     Parameters
     ----------

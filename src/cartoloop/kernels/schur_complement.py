@@ -35,7 +35,7 @@ _PIVOT_TOLERANCE = 1e-13
 
 @kernel
 def rotations_of(poses: FloatArray, vertices: IntArray, out_rotations: FloatArray) -> None:
-    """Write cosine and sine of the angles of `vertices` into their rows of `out_rotations` (n, 2)."""
+    """Write cosine and sine of the angles of `vertices` into rows of `out_rotations` (n, 2)."""
     for i in range(vertices.size):
         v = vertices[i]
         out_rotations[v, 0] = math.cos(poses[v, 2])
@@ -106,8 +106,9 @@ def add_kept_constraints(
 def _factor_node(
     xx: float, xy: float, xt: float, yy: float, yt: float, tt: float, damping: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Return the Cholesky factor of a damped 3 x 3 block: 1 / l_00, l_10, l_20, 1 / l_11, l_21, 1 / l_22.
+    """Return the Cholesky factor of a damped 3 x 3 block.
 
+    These are 1 / l_00, l_10, l_20, 1 / l_11, l_21, 1 / l_22.
     `damping` is the share of the diagonal that is added to it. Where a pivot vanishes, the last
     number returned is 0.
     """
@@ -141,7 +142,7 @@ def eliminate_nodes(
     out_gradient: FloatArray,
     out_factors: FloatArray,
 ) -> tuple[float, bool]:
-    """Add what the nodes leave on the kept vertices to `out_blocks` and `out_gradient`; see the module.
+    """Add what the nodes leave on the kept vertices to `out_blocks` and `out_gradient`.
 
     Parameters
     ----------
@@ -248,7 +249,7 @@ def move_vertices(
     factors: FloatArray,
     out_poses: FloatArray,
 ) -> None:
-    """Write the poses after a step into `out_poses`: kept vertices by theirs, nodes by what follows.
+    """Write the poses after a step into `out_poses`; nodes take the step that follows.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What hangs on what in a pose graph: components, constraints by node, blocks of the reduced system.
+"""What hangs on what in a pose graph: components, constraints by node, blocks to solve for.
 
 All of it depends on which vertices the constraints tie together, not on any pose or measurement.
 """
@@ -28,7 +28,7 @@ def filled(size: int, value: int) -> IntArray:
 def first_vertex_of_component(
     num_vertices: int, vertex_a: IntArray, vertex_b: IntArray
 ) -> IntArray:
-    """Return for each vertex the lowest vertex that constraints connect it with, shape (num_vertices,)."""
+    """Return for each vertex the lowest one that constraints connect it with, (num_vertices,)."""
     first = np.empty(num_vertices, dtype=np.int64)
     for v in range(num_vertices):
         first[v] = v
@@ -218,7 +218,7 @@ def couple_kept_vertices(
 
 @kernel
 def _by_value(values: IntArray, num_values: int) -> tuple[IntArray, IntArray]:
-    """Return where each of 0 to num_values - 1 begins in a stable sort of `values`, and the sort."""
+    """Return where 0 to num_values - 1 begin in a stable sort of `values`, and the sort."""
     begin = np.zeros(num_values + 1, dtype=np.int64)
     for i in range(values.size):
         begin[values[i] + 1] += 1

@@ -1,0 +1,347 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sparse pose adjustment (eq. SPA): optimal, robust, reproducible, and at ease with odd graphs."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cartoloop.global_slam.chordal_initialization import initialize_from_constraints
+from cartoloop.global_slam.pose_adjustment import (
+    AdjustmentOptions,
+    adjust,
+    constraint_residuals,
+)
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.global_slam.reduced_system import ReducedSystem
+from cartoloop.global_slam.robust_loss import DEFAULT_SCALE, Loss
+from cartoloop.sensor.pose import compose_all, wrap_angles
+from tests.global_slam.bipartite_graph import all_poses, walk
+from tests.reference import naive_pose_adjustment as naive
+
+M_ESTIMATORS = [Loss.NONE, Loss.HUBER, Loss.CAUCHY, Loss.DYNAMIC_COVARIANCE_SCALING]
+SKEWED = np.array([[900.0, 200.0, 50.0], [200.0, 300.0, -80.0], [50.0, -80.0, 2000.0]])
+EXACT = {"noise": (0.0, 0.0), "drift": (0.3, 0.05)}
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def to_the_end(loss=Loss.HUBER, **options):
+    return AdjustmentOptions(loss=loss, relative_tolerance=1e-12, max_iterations=200, **options)
+
+
+def position_errors(graph, expected):
+    return np.hypot(*(graph.node_poses - expected)[:, :2].T)
+
+
+@given(seeds, st.sampled_from(M_ESTIMATORS), st.integers(0, 2), st.integers(0, 6), st.booleans())
+@settings(deadline=None, max_examples=25)
+def test_the_result_is_that_of_a_slow_dense_solver(seed, loss, num_false, num_odometry, skewed):
+    information = SKEWED if skewed else np.diag([500.0, 500.0, 1600.0])
+    graph = walk(
+        12,
+        3,
+        6,
+        seed=seed,
+        num_false=num_false,
+        num_odometry=num_odometry,
+        information=information,
+    ).graph
+    poses, cost = naive.adjust(graph, {0}, loss, DEFAULT_SCALE[loss])
+    before = naive.cost(graph, all_poses(graph), loss, DEFAULT_SCALE[loss])
+    result = adjust(graph, to_the_end(loss))
+    assert result.initial_cost == pytest.approx(before, rel=1e-9)
+    assert result.cost == pytest.approx(
+        naive.cost(graph, all_poses(graph), loss, DEFAULT_SCALE[loss]), rel=1e-9
+    )
+    if loss in (Loss.NONE, Loss.HUBER):  # the others may rest in different local minima
+        assert result.cost <= cost * (1.0 + 1e-6) + 1e-9
+    if abs(result.cost - cost) <= 1e-9 * cost:
+        difference = all_poses(graph) - poses
+        difference[:, 2] = wrap_angles(difference[:, 2])
+        np.testing.assert_allclose(difference, 0.0, atol=1e-4)
+
+
+@given(seeds, st.integers(0, 8), st.floats(0.0, 1.0))
+@settings(deadline=None, max_examples=25)
+def test_one_step_is_that_of_the_dense_normal_equations(seed, num_odometry, damping):
+    graph = walk(15, 4, 10, seed=seed, num_odometry=num_odometry, information=SKEWED).graph
+    poses, m = all_poses(graph), graph.num_submaps
+    system = ReducedSystem(graph, np.zeros(3, dtype=np.int64))
+    cost = system.linearize(poses, 1.0)
+    assert system.reduce(0.0)
+    decrease, definite = system.solve()
+    assert definite
+    stepped = poses.copy()
+    system.move(poses, stepped)
+
+    hessian, gradient = np.zeros((poses.size, poses.size)), np.zeros(poses.size)
+    for i in range(graph.num_constraints):
+        a = graph.index_a[i] + (m if graph.kinds[i] == ConstraintKind.NODE_TO_NODE else 0)
+        b = m + graph.index_b[i]
+        jacobian = np.zeros((3, poses.size))
+        measured = graph.relative_poses[i]
+        jacobian[:, 3 * a : 3 * a + 3], jacobian[:, 3 * b : 3 * b + 3] = naive.residual_jacobians(
+            poses[a], poses[b], measured
+        )
+        hessian += jacobian.T @ graph.informations[i] @ jacobian
+        gradient += (
+            jacobian.T @ graph.informations[i] @ naive.residual(poses[a], poses[b], measured)
+        )
+    expected = np.linalg.solve(hessian[3:, 3:], -gradient[3:])
+    np.testing.assert_allclose((stepped - poses).ravel()[3:], expected, rtol=1e-4, atol=1e-5)
+    np.testing.assert_array_equal(stepped[0], poses[0])
+    assert decrease == pytest.approx(-0.5 * gradient[3:] @ expected, rel=1e-5)
+    assert cost == pytest.approx(naive.cost(graph, poses), rel=1e-9)
+
+
+@pytest.mark.parametrize("num_odometry", [0, 30])
+@pytest.mark.parametrize("loss", list(Loss))
+def test_a_consistent_graph_that_was_perturbed_is_recovered(loss, num_odometry):
+    graph, submaps, nodes = walk(120, 8, 60, **EXACT, seed=4)
+    rng = np.random.default_rng(1)
+    graph.node_poses[:] += rng.normal(0.0, (0.2, 0.2, 0.05), graph.node_poses.shape)
+    result = adjust(graph, to_the_end(loss))
+    assert result.converged
+    assert result.cost < 1e-12
+    np.testing.assert_allclose(graph.submap_poses[:, :2], submaps[:, :2], atol=1e-6)
+    np.testing.assert_allclose(graph.node_poses[:, :2], nodes[:, :2], atol=1e-6)
+    np.testing.assert_allclose(wrap_angles(graph.node_poses[:, 2] - nodes[:, 2]), 0.0, atol=1e-6)
+
+
+def test_the_default_tolerance_ends_within_a_millionth_of_the_least_cost():
+    for seed in range(5):
+        quick, exact = (walk(600, 30, 400, seed=seed).graph for _ in range(2))
+        result = adjust(quick)
+        assert result.converged
+        assert result.cost <= adjust(exact, to_the_end()).cost * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("loss", list(Loss))
+def test_the_same_graph_gives_the_same_bytes(loss):
+    outcomes = []
+    for _ in range(2):
+        graph = walk(200, 10, 60, seed=2, num_false=8, num_odometry=50).graph
+        result = adjust(graph, AdjustmentOptions(loss=loss))
+        outcomes.append((all_poses(graph).tobytes(), result.weights.tobytes(), result.cost))
+    assert outcomes[0] == outcomes[1]
+
+
+def test_a_second_adjustment_finds_nothing_to_do():
+    graph = walk(200, 10, 60, seed=2).graph
+    first = adjust(graph, to_the_end())
+    poses = all_poses(graph)
+    second = adjust(graph, AdjustmentOptions())
+    assert second.iterations <= 1
+    assert second.cost == pytest.approx(first.cost, rel=1e-9)
+    np.testing.assert_allclose(all_poses(graph), poses, atol=1e-7)
+
+
+@pytest.mark.parametrize("loss", [loss for loss in Loss if loss is not Loss.NONE])
+def test_robust_losses_reduce_the_effect_of_false_closures(loss):
+    def error_with(chosen):
+        graph, _, nodes = walk(300, 15, 60, seed=5, num_false=12)
+        result = adjust(graph, to_the_end(chosen))
+        return position_errors(graph, nodes).mean(), result, graph
+
+    bent, _, _ = error_with(Loss.NONE)
+    error, result, graph = error_with(loss)
+    # Huber's pull never fades: false closures bend the map less, but do bend it
+    assert error < (0.8 if loss is Loss.HUBER else 0.2) * bent
+    closures = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)
+    assert result.weights[closures[:12]].max() < result.weights[closures[12:]].min()
+    np.testing.assert_array_equal(result.weights[graph.kinds == ConstraintKind.INTRA_SUBMAP], 1.0)
+
+
+def test_graduated_non_convexity_tells_the_false_closures_from_the_true():
+    graph, _, nodes = walk(300, 15, 60, seed=5, num_false=12)
+    result = adjust(graph, to_the_end(Loss.GRADUATED_NON_CONVEXITY))
+    closures = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)
+    np.testing.assert_array_equal(result.weights[closures[:12]], 0.0)
+    np.testing.assert_array_equal(result.weights[closures[12:]], 1.0)
+    assert result.cost == pytest.approx(
+        naive.cost(graph, all_poses(graph), "truncated", 4.0), rel=1e-9
+    )
+    assert position_errors(graph, nodes).mean() < 0.1
+
+
+def test_the_loss_acts_on_the_kinds_it_is_told_to():
+    graph = walk(60, 6, 20, seed=1, num_false=4).graph
+    result = adjust(graph, AdjustmentOptions(robust_kinds=()))
+    np.testing.assert_array_equal(result.weights, 1.0)
+
+
+def test_the_first_submap_stays_unless_others_are_fixed():
+    graph = walk(60, 6, 20, seed=1).graph
+    first = graph.submap_poses[0].copy()
+    adjust(graph)
+    np.testing.assert_array_equal(graph.submap_poses[0], first)
+
+    graph = walk(60, 6, 20, seed=1).graph
+    graph.fix_submap(3)
+    graph.fix_node(50)
+    before = graph.submap_poses.copy(), graph.node_poses.copy()
+    adjust(graph)
+    np.testing.assert_array_equal(graph.submap_poses[3], before[0][3])
+    np.testing.assert_array_equal(graph.node_poses[50], before[1][50])
+    assert not np.array_equal(graph.submap_poses[0], before[0][0])
+
+
+def test_moving_the_gauge_moves_the_whole_map_with_it():
+    tf_new_old = np.array([3.0, -7.0, 2.0])
+    here, there = (walk(100, 8, 40, seed=6, num_odometry=20).graph for _ in range(2))
+    there.submap_poses[:] = compose_all(tf_new_old, there.submap_poses)
+    there.node_poses[:] = compose_all(tf_new_old, there.node_poses)
+    assert adjust(here, to_the_end()).cost == pytest.approx(adjust(there, to_the_end()).cost)
+    moved = compose_all(tf_new_old, all_poses(here))
+    difference = all_poses(there) - moved
+    difference[:, 2] = wrap_angles(difference[:, 2])
+    np.testing.assert_allclose(difference, 0.0, atol=1e-6)
+
+
+def test_the_order_of_constraints_does_not_matter():
+    graph = walk(100, 8, 40, seed=3, num_false=4, num_odometry=20).graph
+    shuffled = PoseGraph()
+    shuffled.add_submaps(graph.submap_poses)
+    shuffled.add_nodes(graph.node_poses)
+    order = np.random.default_rng(0).permutation(graph.num_constraints)
+    shuffled.add_constraints(
+        graph.kinds[order],
+        graph.index_a[order],
+        graph.index_b[order],
+        graph.relative_poses[order],
+        graph.informations[order],
+    )
+    result, other = adjust(graph, to_the_end()), adjust(shuffled, to_the_end())
+    np.testing.assert_allclose(other.weights, result.weights[order], rtol=1e-5)
+    np.testing.assert_allclose(all_poses(shuffled), all_poses(graph), atol=1e-6)
+
+
+def test_an_empty_graph_is_left_alone():
+    result = adjust(PoseGraph())
+    assert result.converged
+    assert (result.cost, result.iterations, result.weights.size) == (0.0, 0, 0)
+
+
+def test_without_constraints_nothing_moves():
+    graph = PoseGraph()
+    graph.add_submaps(np.ones((2, 3)))
+    graph.add_nodes(np.full((3, 3), 2.0))
+    before = all_poses(graph)
+    assert adjust(graph).converged
+    np.testing.assert_array_equal(all_poses(graph), before)
+
+
+@pytest.mark.parametrize("loss", list(Loss))
+def test_one_submap_draws_its_nodes_to_where_they_were_seen(loss):
+    graph = PoseGraph()
+    graph.add_submap((1.0, 2.0, 0.5))
+    graph.add_nodes(np.zeros((3, 3)))
+    seen = np.array([[1.0, 0.0, 0.1], [2.0, 0.0, 0.2], [3.0, 1.0, -3.0]])
+    graph.add_constraints(
+        ConstraintKind.INTRA_SUBMAP, [0, 0, 0], [0, 1, 2], seen, np.tile(SKEWED, (3, 1, 1))
+    )
+    assert adjust(graph, to_the_end(loss)).converged
+    expected = compose_all(graph.submap_poses[0], seen)
+    np.testing.assert_allclose(graph.node_poses, expected, atol=1e-8)
+
+
+def test_parts_that_are_not_connected_are_each_held_at_their_first_submap():
+    left, right = walk(40, 4, 15, seed=1), walk(40, 4, 15, seed=2)
+    graph = PoseGraph()
+    for part in (left.graph, right.graph):
+        first_submap, first_node = graph.num_submaps, graph.num_nodes
+        graph.add_submaps(part.submap_poses)
+        graph.add_nodes(part.node_poses)
+        graph.add_constraints(
+            part.kinds,
+            part.index_a + first_submap,
+            part.index_b + first_node,
+            part.relative_poses,
+            part.informations,
+        )
+    lonely = graph.add_node((9.0, 9.0, 1.0))
+    expected = adjust(left.graph, to_the_end()).cost + adjust(right.graph, to_the_end()).cost
+    result = adjust(graph, to_the_end())
+    assert result.cost == pytest.approx(expected, rel=1e-9)
+    np.testing.assert_allclose(graph.node_poses[:40], left.graph.node_poses, atol=1e-7)
+    np.testing.assert_allclose(graph.node_poses[40:80], right.graph.node_poses, atol=1e-7)
+    np.testing.assert_array_equal(graph.node_poses[lonely], (9.0, 9.0, 1.0))
+
+
+@pytest.mark.parametrize("unknown", [0, 2])
+def test_a_direction_that_nothing_measures_stays_finite_and_put(unknown):
+    information = np.diag([500.0, 500.0, 1600.0])
+    information[unknown, unknown] = 0.0
+    graph = PoseGraph()
+    graph.add_submaps(np.zeros((2, 3)))
+    graph.add_nodes(np.zeros((2, 3)))
+    graph.add_constraints(
+        ConstraintKind.INTRA_SUBMAP,
+        [0, 0, 1],
+        [0, 1, 1],
+        np.tile([1.0, 2.0, 0.0], (3, 1)),
+        np.tile(information, (3, 1, 1)),
+    )
+    result = adjust(graph)
+    assert np.isfinite(all_poses(graph)).all()
+    assert result.cost < 1e-9
+    assert np.abs(graph.node_poses[:, unknown]).max() < 1e-6
+
+
+def test_one_submap_that_saw_a_node_twice_counts_both():
+    graph = PoseGraph()
+    graph.add_submaps([(0.0, 0.0, 0.0), (1.0, 1.0, 0.3)])
+    graph.add_node((0.5, 0.5, 0.0))
+    seen = [(1.0, 0.0, 0.1), (0.5, 0.5, 0.1), (0.7, 0.5, 0.3), (0.2, 0.1, -0.2)]
+    graph.add_constraints(
+        ConstraintKind.INTRA_SUBMAP, [1, 0, 1, 0], [0, 0, 0, 0], seen, np.tile(SKEWED, (4, 1, 1))
+    )
+    _, cost = naive.adjust(graph, {0})
+    assert adjust(graph, to_the_end()).cost == pytest.approx(cost, rel=1e-9)
+
+
+def test_too_few_iterations_are_admitted():
+    graph = walk(200, 10, 60, seed=2, drift=(0.3, 0.05)).graph
+    result = adjust(graph, AdjustmentOptions(max_iterations=1))
+    assert not result.converged
+    assert result.iterations == 1
+    assert result.cost < result.initial_cost
+
+
+def test_residuals_tell_by_how_much_each_constraint_is_violated():
+    graph = PoseGraph()
+    graph.add_submap((1.0, 0.0, np.pi / 2.0))
+    graph.add_nodes([(1.0, 2.0, np.pi), (1.0, 3.0, -np.pi)])
+    graph.add_constraint(ConstraintKind.LOOP_CLOSURE, 0, 0, (2.3, 0.4, 1.5), np.eye(3))
+    graph.add_constraint(ConstraintKind.NODE_TO_NODE, 0, 1, (0.0, -1.0, 0.25), np.eye(3))
+    translation, rotation = constraint_residuals(graph)
+    np.testing.assert_allclose(translation, (0.5, 0.0), atol=1e-12)
+    np.testing.assert_allclose(rotation, (np.pi / 2.0 - 1.5, 0.25), atol=1e-12)
+    for none in constraint_residuals(PoseGraph()):
+        assert none.size == 0
+
+
+def test_residuals_of_a_graph_without_submaps():
+    graph = PoseGraph()
+    graph.add_nodes([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
+    graph.add_constraint(ConstraintKind.NODE_TO_NODE, 0, 1, (1.5, 0.0, 0.0), np.eye(3))
+    np.testing.assert_allclose(constraint_residuals(graph)[0], 0.5)
+
+
+@pytest.mark.parametrize("num_odometry", [0, 20])
+def test_a_chordal_start_needs_no_poses_at_all(num_odometry):
+    graph, submaps, nodes = walk(120, 8, 60, **EXACT, seed=4, num_odometry=num_odometry)
+    rng = np.random.default_rng(0)
+    graph.submap_poses[1:] = rng.normal(0.0, 30.0, graph.submap_poses[1:].shape)
+    graph.node_poses[:] = rng.normal(0.0, 30.0, graph.node_poses.shape)
+    initialize_from_constraints(graph)
+    np.testing.assert_allclose(graph.submap_poses[:, :2], submaps[:, :2], atol=0.2)
+    np.testing.assert_allclose(graph.node_poses[:, :2], nodes[:, :2], atol=0.2)
+    np.testing.assert_allclose(wrap_angles(graph.node_poses[:, 2] - nodes[:, 2]), 0.0, atol=0.05)
+
+
+def test_a_chordal_start_of_an_empty_graph_is_empty():
+    graph = PoseGraph()
+    initialize_from_constraints(graph)
+    assert graph.num_nodes == 0
