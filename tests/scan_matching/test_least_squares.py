@@ -70,17 +70,14 @@ def test_headings_either_side_of_the_half_turn_are_neighbours(room, start, prior
 
 
 @pytest.mark.parametrize(("start", "prior"), [(3.13, -3.13), (-3.13, 3.13)])
-def test_a_prior_beyond_the_half_turn_pulls_the_shorter_way(room, start, prior):
-    found = match(
-        room,
-        scan_at(Pose(0, 0, math.pi)),
-        Pose(0, 0, start),
-        Pose(0, 0, prior),
-        STRONG,
-        1.0,
-        MAX_ITERATIONS,
+def test_the_pull_across_the_half_turn_is_that_of_the_shorter_way(room, start, prior):
+    points, pull = scan_at(Pose(0, 0, math.pi)), 1e4 * WEAK
+    apart, together = (
+        match(room, points, Pose(0, 0, start), Pose(0, 0, held_to), pull, 1.0, 1)
+        for held_to in (prior, start)
     )
-    assert wrap_angle(found.tf_grid_scan.theta - prior) == pytest.approx(0.0, abs=1e-3)
+    turn = wrap_angle(start - prior)
+    assert apart.cost - together.cost == pytest.approx(1e4 * turn**2, rel=1e-3)
 
 
 def test_the_residual_is_the_root_mean_square_of_what_the_points_lack(room):
