@@ -1,277 +1,329 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Algorithm 3 of the paper: depth-first branch and bound for (BBS), exact.
+"""Branch and bound, algorithm 3 of the paper, in rotations as well as in translations; exact.
 
-A tree node is (sum, column, row, rotation, height, is_group): it stands for the translations of
-the box of 2^height x 2^height cells that begins at (column, row), eq. (11), for one rotation, or,
-where it is a group, for a run of neighbouring rotations. Neighbouring rotations move no point by
-more than some cells, eq. (7), so grids whose boxes have that much slack bound all of them at once.
-Sums of cell values are whole numbers: no rounding, and the same in any order.
+A node of the search tree is a block of 2^h x 2^h translations, eq. (11), for a *group* of
+neighbouring rotations rather than for a single one; see :mod:`cartoloop.kernels.node_bounds` for
+what bounds it. Translations are counted from the window's first one in cells, rotations likewise in
+steps of eq. (7).
+
+A node's *key* orders the search and decides ties: its bound first, then nearness to the estimate
+(the squared distance in steps), so that of equal scores the nearest to the estimate wins, and of
+equally near ones the first in rotation, row, column. The key of a node is never below that of its
+candidates.
 """
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.kernels.node_bounds import (
+    BLOCK,
+    COL,
+    FIRST_GROUP,
+    GROUP,
+    KEY,
+    REST,
+    ROTATION,
+    ROW,
+    ByteArray,
+    CellArray,
+    FloatArray,
+    IntArray,
+    place_points,
+    score_children,
+)
 
-FloatArray = NDArray[np.float64]
-CellArray = NDArray[np.int32]
-IntArray = NDArray[np.int64]
-
-_SUM, _COL, _ROW, _ROTATION, _HEIGHT, _IS_GROUP = 0, 1, 2, 3, 4, 5
-_FIELDS = 6
-_BLOCK = 32
+_POINTS = 40  # in a block, at most: partial sums are looked at after each block
+_LANES = 8  # of a vector register
+_CHILDREN = 8  # four translations, two halves of the rotations
+_NEAR = 28  # bits of a key that tell how near the estimate
 
 
 @kernel
-def rotated_cells(
+def distance_from_zero(first: int, size: int) -> int:
+    """Return the least absolute value among the whole numbers first ... first + size - 1."""
+    return max(first, -(first + size - 1), 0)
+
+
+@kernel
+def node_key(
+    bound: int, col: int, row: int, rotation: int, block: int, group: int, window: IntArray
+) -> int:
+    """Return the key of a node: an upper bound of the keys of its candidates."""
+    x = distance_from_zero(col - window[0], block)
+    y = distance_from_zero(row - window[1], block)
+    turn = distance_from_zero(rotation - window[2], group)
+    far = (1 << _NEAR) - 1
+    return (bound << _NEAR) + far - min(x * x + y * y + turn * turn, far)
+
+
+@kernel
+def order_by_key(nodes: IntArray, first: int, count: int) -> IntArray:
+    """Return the indices of `count` nodes from `first` on, the largest key first (Shell's sort)."""
+    order = np.arange(first, first + count)
+    gap = 1
+    while gap < count // 3:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for i in range(gap, count):
+            moving = order[i]
+            j = i
+            while j >= gap and nodes[order[j - gap], KEY] < nodes[moving, KEY]:
+                order[j] = order[j - gap]
+                j -= gap
+            order[j] = moving
+        gap //= 3
+    return order
+
+
+@kernel
+def most_promising(nodes: IntArray, first: int, count: int, least_key: int) -> int:
+    """Return which of `count` nodes has the largest key, -1 if none reaches `least_key` or 0."""
+    found, largest = -1, max(least_key, 0)
+    for k in range(first, first + count):
+        if nodes[k, KEY] >= largest:
+            found, largest = k, nodes[k, KEY]
+    return found
+
+
+@kernel
+def farthest_from(value: int, first: int, size: int) -> int:
+    """Return the largest distance of the whole numbers first ... first + size - 1 from a value."""
+    return max(abs(first - value), abs(first + size - 1 - value))
+
+
+@kernel
+def is_near(near: IntArray, col: int, row: int, rotation: int, block: int, group: int) -> bool:
+    """Return whether all candidates of a node are near, see :func:`descend`."""
+    x, y = farthest_from(near[COL], col, block), farthest_from(near[ROW], row, block)
+    turn = farthest_from(near[ROTATION], rotation, group)
+    return bool(x * x + y * y <= near[4] and turn <= near[5])
+
+
+@kernel
+def comes_first(key: int, col: int, row: int, rotation: int, best: IntArray) -> bool:
+    """Return whether a candidate beats the best one; on equal keys, whether it comes first."""
+    if key != best[KEY]:
+        return bool(key > best[KEY])
+    if rotation != best[ROTATION]:
+        return bool(rotation < best[ROTATION])
+    if row != best[ROW]:
+        return bool(row < best[ROW])
+    return bool(col < best[COL])
+
+
+@kernel
+def explore(
+    cells: ByteArray,
+    heights: IntArray,
+    boxes: CellArray,
     points: FloatArray,
-    x: float,
-    y: float,
-    theta: float,
-    origin_x: float,
-    origin_y: float,
-    resolution: float,
-    offset: int,
-    out_cells: CellArray,
-) -> None:
-    """Write the cells of the points at a pose, plus `offset`, into `out_cells`.
+    frame: FloatArray,
+    window: IntArray,
+    cols: CellArray,
+    rows: CellArray,
+    grids: CellArray,
+    is_placed: NDArray[np.bool_],
+    index: CellArray,
+    sums: IntArray,
+    nodes: IntArray,
+    num_tiles: int,
+    order: IntArray,
+    min_sum: int,
+    near: IntArray,
+    best: IntArray,
+) -> int:
+    """Cover the window by nodes, or find the best candidate under them by depth-first search.
+
+    One function does both, and in one piece: what they share is run too often to be called.
 
     Parameters
     ----------
-    points : float64, shape (n, 2), scan frame [m].
-    x, y, theta : pose in the grid's frame.
-    origin_x, origin_y, resolution : centre of cell (0, 0) and pixel edge [m].
-    out_cells : int32, shape (2, n): columns, rows.
+    cells, heights, boxes, points, frame, window : see :func:`search`.
+    cols, rows, grids, is_placed : where the points are, for each group of rotations of each height
+        as :func:`place_points` writes it, and whether that has been done.
+    index, sums : see :func:`score_children`.
+    nodes : int64, shape (n, REST + num_blocks + 1): _CHILDREN rows for each height but the top one,
+        one for the root, then the nodes that cover the window.
+    num_tiles : the nodes that cover the window come in tiles of 2 x 2; 0: find the best candidate.
+    order : indices of the nodes to descend from, the largest key first.
+    min_sum : what a candidate must reach.
+    near : int64, (0, column, row, rotation, squared distance [cells], rotations): candidates within
+        both are not sought; the distance is negative if all are.
+    best : int64, shape (4,): key, column, row, rotation; the key is -1 if there is none.
+
+    Returns
+    -------
+    How many nodes cover the window.
     """
-    c = math.cos(theta)
-    s = math.sin(theta)
-    for k in range(points.shape[0]):
-        px = x + c * points[k, 0] - s * points[k, 1]
-        py = y + s * points[k, 0] + c * points[k, 1]
-        out_cells[0, k] = np.int32(np.floor((px - origin_x) / resolution + 0.5)) + offset
-        out_cells[1, k] = np.int32(np.floor((py - origin_y) / resolution + 0.5)) + offset
-
-
-@kernel
-def bounded_sum(level: NDArray[np.uint8], cells: CellArray, col: int, row: int, floor: int) -> int:
-    """Return the sum of a grid's values at the cells moved by (col, row); less than `floor` if below it.
-
-    Parameters
-    ----------
-    level : uint8, shape (num_rows, num_cols), with a border of zeros: cells outside count as 0.
-    cells : int32, shape (2, n).
-    floor : sums below it are of no interest: the count may end early, with any value below it.
-    """
-    num_rows, num_cols = level.shape
-    last_col = num_cols - 1
-    last_row = num_rows - 1
-    num_points = cells.shape[1]
-    total = 0
-    first = 0
-    while first < num_points:
-        end = min(first + _BLOCK, num_points)
-        for k in range(first, end):
-            c = min(max(cells[0, k] + col, 0), last_col)
-            r = min(max(cells[1, k] + row, 0), last_row)
-            total += level[r, c]
-        if total + 255 * (num_points - end) < floor:
-            return -1
-        first = end
-    return total
-
-
-@kernel
-def is_better(
-    total: int, col: int, row: int, rotation: int, best: IntArray, centre_rotation: int
-) -> bool:
-    """Return whether a leaf beats the best one: by its sum, and among equals by being less of a change.
-
-    `best` : int64, (sum, column, row, rotation). Of equal sums the one with less rotation wins,
-    then the nearer one, then the one with the lower rotation, row and column.
-    """
-    if total != best[_SUM]:
-        return total > best[_SUM]
-    turn = abs(rotation - centre_rotation)
-    best_turn = abs(best[_ROTATION] - centre_rotation)
-    if turn != best_turn:
-        return turn < best_turn
-    distance = col * col + row * row
-    best_distance = best[_COL] * best[_COL] + best[_ROW] * best[_ROW]
-    if distance != best_distance:
-        return distance < best_distance
-    if rotation != best[_ROTATION]:
-        return rotation < best[_ROTATION]
-    if row != best[_ROW]:
-        return row < best[_ROW]
-    return col < best[_COL]
-
-
-@kernel
-def push_sorted(stack: IntArray, base: int, top: int, node: IntArray) -> int:
-    """Insert a node above `base` so that the largest sum is on top; return the new top."""
-    place = top
-    while place > base and stack[place - 1, _SUM] > node[_SUM]:
-        stack[place] = stack[place - 1]
-        place -= 1
-    stack[place] = node
-    return top + 1
+    top = heights.shape[0] - 1
+    root = top * _CHILDREN
+    edge = 2 * heights[top, BLOCK]
+    tile_cols, tile_rows = 2 * window[0] // edge + 1, 2 * window[1] // edge + 1
+    waiting = np.zeros(top + 1, dtype=np.int64)
+    num_places = cols.size // is_placed.size
+    last = sums.shape[0] - 1
+    least, least_key = min_sum, -1
+    height, cursor, end = top, 0, root + 1
+    while True:
+        if num_tiles > 0:  # the next four nodes that cover the window, children of the root
+            if cursor == num_tiles:
+                return int(end - root - 1)
+            parent, child_height, step = root, top, edge // 2
+            nodes[root, COL] = cursor % tile_cols * edge
+            nodes[root, ROW] = cursor // tile_cols % tile_rows * edge
+            begin_group = cursor // (tile_cols * tile_rows)
+            end_group = begin_group + 1
+            cursor += 1
+        else:
+            if height == top:
+                if cursor == order.size or nodes[order[cursor], KEY] < least_key:
+                    return 0
+                parent = order[cursor]
+                cursor += 1
+            else:
+                parent = most_promising(nodes, height * _CHILDREN, int(waiting[height]), least_key)
+                if parent < 0:
+                    height += 1
+                    continue
+            key, col, row = nodes[parent, KEY], nodes[parent, COL], nodes[parent, ROW]
+            group = nodes[parent, ROTATION]
+            if height < top:
+                nodes[parent, KEY] = -1
+            block, size = heights[height, BLOCK], heights[height, GROUP]
+            if near[4] >= 0 and is_near(near, col, row, group * size, block, size):
+                continue
+            if height == 0:
+                if comes_first(key, col, row, group, best):
+                    best[KEY], best[COL], best[ROW], best[ROTATION] = key, col, row, group
+                    least, least_key = max(min_sum, key >> _NEAR), key
+                continue
+            child_height = height - 1
+            step = heights[child_height, BLOCK] if heights[child_height, BLOCK] < block else 0
+            split = size // heights[child_height, GROUP]
+            begin_group = group * split
+            num_groups = heights[height, FIRST_GROUP] - heights[child_height, FIRST_GROUP]
+            end_group = min(begin_group + split, num_groups)
+            end = child_height * _CHILDREN
+        block, size = heights[child_height, BLOCK], heights[child_height, GROUP]
+        num_children = 4 if step > 0 else 1
+        first_col, first_row = nodes[parent, COL], nodes[parent, ROW]
+        for group in range(begin_group, end_group):
+            number = heights[child_height, FIRST_GROUP] + group
+            if not is_placed[number]:
+                is_placed[number] = True
+                place_points(
+                    heights, boxes, points, frame, window, child_height, group,
+                    number * num_places, cols, rows, grids,
+                )  # fmt: skip
+            if not score_children(
+                cells, heights, child_height, cols, rows, grids, number * num_places,
+                points.shape[0], first_col - window[0], first_row - window[1], step,
+                nodes, parent, least, index, sums,
+            ):  # fmt: skip
+                continue
+            for child in range(num_children):
+                bound = sums[last, child]
+                col, row = first_col + step * (child & 1), first_row + step * (child >> 1)
+                if bound < least or col > 2 * window[0] or row > 2 * window[1]:
+                    continue
+                key = node_key(bound, col, row, group * size, block, size, window)
+                if key < least_key:
+                    continue
+                nodes[end, KEY], nodes[end, COL], nodes[end, ROW], nodes[end, ROTATION] = (
+                    key,
+                    col,
+                    row,
+                    group,
+                )
+                nodes[end, REST] = bound
+                for i in range(last + 1):
+                    nodes[end, REST + i + 1] = bound - sums[i, child]
+                end += 1
+        if num_tiles == 0:
+            height = child_height
+            waiting[height] = end - height * _CHILDREN
 
 
 @kernel
 def search(
-    levels: NDArray[np.uint8],
-    slack_levels: NDArray[np.uint8],
-    padding: int,
+    cells: ByteArray,
+    heights: IntArray,
+    boxes: CellArray,
     points: FloatArray,
-    estimate: FloatArray,
-    origin_x: float,
-    origin_y: float,
-    resolution: float,
-    half_width: int,
-    half_num_rotations: int,
-    rotation_step: float,
-    half_group: int,
-    split_height: int,
-    top_height: int,
+    frame: FloatArray,
+    window: IntArray,
     min_sum: int,
-    excluded: IntArray,
-    out_best: IntArray,
-) -> int:
-    """Write the best leaf of the search window into `out_best`; return how many tree nodes were scored.
+    away: IntArray,
+    out_matches: IntArray,
+) -> None:
+    """Write the best candidate of a window, and the best one away from it, into `out_matches`.
 
     Parameters
     ----------
-    levels, slack_levels, padding : as :func:`precomputation_grid.build_pyramid` writes them.
+    cells : uint8, shape (n,): grids of maxima, see :mod:`cartoloop.kernels.precomputation_grid`.
+    heights : int64, shape (num_heights, 8): of the nodes of each height, from single candidates to
+        the tree's top: edge of the block of translations [cells], rotations in a group, and of the
+        grids the binary logarithm of their stride [cells], margin, last column, last row, length of
+        a row; the last column is filled in here. From one height to the next blocks and groups
+        stay or double, except that the first group is of up to four rotations.
+    boxes : int32, shape (num_heights, num_moves): where in `cells` the first cell of the grid is
+        whose boxes are large enough for the block if a point moves by so many cells.
     points : float64, shape (n, 2), scan frame [m]; n > 0.
-    estimate : float64, shape (3,), centre of the window, pose in the grid's frame.
-    origin_x, origin_y, resolution : centre of the grid's first cell and pixel edge [m].
-    half_width, half_num_rotations, rotation_step : w_x = w_y, w_theta of eq. (8), delta of eq. (7).
-    half_group : a group is a rotation and so many to each side; within it no point moves by more
-        than the slack of `slack_levels`.
-    split_height : groups are split into single rotations at this height.
-    top_height : h0 of eq. (13).
-    min_sum : leaves with a smaller sum are not wanted.
-    excluded : int64, shape (5,): column, row, rotation, and how many cells and rotations around
-        them leaves are not wanted; a negative number of cells excludes nothing.
-    out_best : int64, shape (4,): sum, column, row [cells from the estimate], rotation [0 is the
-        first]; the sum is `min_sum` - 1 where there is none.
+    frame : float64, (x, y, theta of the estimate, origin_x, origin_y, resolution, rotation step).
+    window : int64, (w_x, w_y, w_theta) of eq. (8).
+    min_sum : sum of cell values that a candidate must reach.
+    away : int64, (squared distance [cells], rotations, depth): what counts as away from the best;
+        how far its sum may be below the best one's, negative if it is not sought.
+    out_matches : int64, shape (2, 4): sum, column, row, rotation, from the window's first candidate
+        on; the sum is -1 where there is none.
     """
     num_points = points.shape[0]
-    num_rotations = 2 * half_num_rotations + 1
-    cells = np.empty((num_rotations, 2, num_points), dtype=np.int32)
-    is_rotated = np.zeros(num_rotations, dtype=np.bool_)
-    grouped = top_height >= split_height and half_group > 0
-    group_size = 2 * half_group + 1 if grouped else 1
-    num_groups = (num_rotations + group_size - 1) // group_size
-    top_step = 1 << top_height
-    num_top = 2 * half_width // top_step + 1
-    stack = np.empty(
-        (num_groups * num_top * num_top + 4 * (top_height + 1) + group_size + 4, _FIELDS), np.int64
-    )
-    top = 0
-    num_scored = 0
-    node = np.empty(_FIELDS, dtype=np.int64)
-    out_best[_SUM] = min_sum - 1
-    out_best[1:] = -(1 << 30)
-    initial = np.empty((num_groups * num_top * num_top, _FIELDS), dtype=np.int64)
-    num_initial = 0
-    for group in range(num_groups):
-        rotation = min(group * group_size + group_size // 2, num_rotations - 1)
-        rotated_cells(
-            points, estimate[0], estimate[1], estimate[2] + (rotation - half_num_rotations) * rotation_step,
-            origin_x, origin_y, resolution, padding, cells[rotation],
+    # Up to _POINTS, in whole vector registers; not a constant, as short constant loops are
+    # unrolled, which keeps them from becoming vector instructions.
+    num_blocks = (num_points + _POINTS - 1) // _POINTS
+    size = (num_points // num_blocks // _LANES + 1) * _LANES
+    num_blocks = (num_points + size - 1) // size
+    num_groups = 0
+    for height in range(heights.shape[0]):
+        heights[height, FIRST_GROUP] = num_groups
+        num_groups += (2 * window[2] + heights[height, GROUP]) // heights[height, GROUP]
+    num_places = num_groups * num_blocks * size
+    cols, rows = np.empty(num_places, dtype=np.int32), np.empty(num_places, dtype=np.int32)
+    grids = np.empty(num_places, dtype=np.int32)
+    is_placed = np.zeros(num_groups, dtype=np.bool_)
+    index = np.empty(size, dtype=np.int32)
+    sums = np.zeros((num_blocks, 4), dtype=np.int64)
+    top = heights.shape[0] - 1
+    edge = 2 * heights[top, BLOCK]
+    num_tiles = (2 * window[0] // edge + 1) * (2 * window[1] // edge + 1)
+    num_tiles *= num_groups - heights[top, FIRST_GROUP]
+    root = top * _CHILDREN
+    nodes = np.empty((root + 1 + 4 * num_tiles, REST + num_blocks + 1), dtype=np.int64)
+    for i in range(num_blocks + 1):
+        nodes[root, REST + i] = 255 * max(num_points - i * size, 0)
+    near = np.full(6, -1, dtype=np.int64)
+    best = np.full(4, -1, dtype=np.int64)
+    order = np.zeros(0, dtype=np.int64)
+    count = 0
+    for match in range(-1, 2):
+        count += explore(
+            cells, heights, boxes, points, frame, window, cols, rows, grids, is_placed, index, sums,
+            nodes, num_tiles if match < 0 else 0, order, min_sum, near, best,
         )  # fmt: skip
-        is_rotated[rotation] = True
-        level = slack_levels[top_height] if grouped else levels[top_height]
-        for i in range(num_top):
-            for j in range(num_top):
-                col = -half_width + j * top_step
-                row = -half_width + i * top_step
-                total = bounded_sum(level, cells[rotation], col, row, min_sum)
-                num_scored += 1
-                if total >= min_sum:
-                    initial[num_initial, _SUM] = total
-                    initial[num_initial, _COL] = col
-                    initial[num_initial, _ROW] = row
-                    initial[num_initial, _ROTATION] = rotation
-                    initial[num_initial, _HEIGHT] = top_height
-                    initial[num_initial, _IS_GROUP] = 1 if grouped else 0
-                    num_initial += 1
-    order = np.argsort(initial[:num_initial, _SUM], kind="mergesort")
-    for k in range(num_initial):
-        stack[top] = initial[order[k]]
-        top += 1
-    while top > 0:
-        top -= 1
-        total = stack[top, _SUM]
-        col = stack[top, _COL]
-        row = stack[top, _ROW]
-        rotation = stack[top, _ROTATION]
-        height = stack[top, _HEIGHT]
-        is_group = stack[top, _IS_GROUP] == 1
-        floor = max(out_best[_SUM], min_sum)
-        if total < floor:
+        if match < 0:
+            order = order_by_key(nodes, root + 1, count)
             continue
-        if excluded[3] >= 0 and not is_group:
-            size = 1 << height
-            if (
-                abs(rotation - excluded[2]) <= excluded[4]
-                and col >= excluded[0] - excluded[3]
-                and row >= excluded[1] - excluded[3]
-                and col + size - 1 <= excluded[0] + excluded[3]
-                and row + size - 1 <= excluded[1] + excluded[3]
-            ):
-                continue
-        if height == 0 and not is_group:
-            if is_better(total, col, row, rotation, out_best, half_num_rotations):
-                out_best[_SUM] = total
-                out_best[_COL] = col
-                out_best[_ROW] = row
-                out_best[_ROTATION] = rotation
-            continue
-        base = top
-        if is_group and height == split_height:
-            first = (rotation // group_size) * group_size
-            last = min(first + group_size, num_rotations)
-            for single in range(first, last):
-                if not is_rotated[single]:
-                    theta = estimate[2] + (single - half_num_rotations) * rotation_step
-                    rotated_cells(
-                        points, estimate[0], estimate[1], theta,
-                        origin_x, origin_y, resolution, padding, cells[single],
-                    )  # fmt: skip
-                    is_rotated[single] = True
-                bound = bounded_sum(levels[height], cells[single], col, row, floor)
-                num_scored += 1
-                if bound >= floor:
-                    node[_SUM] = bound
-                    node[_COL] = col
-                    node[_ROW] = row
-                    node[_ROTATION] = single
-                    node[_HEIGHT] = height
-                    node[_IS_GROUP] = 0
-                    top = push_sorted(stack, base, top, node)
-            continue
-        half = 1 << (height - 1)
-        level = slack_levels[height - 1] if is_group else levels[height - 1]
-        for i in range(2):
-            for j in range(2):
-                child_col = col + j * half
-                child_row = row + i * half
-                if child_col > half_width or child_row > half_width:
-                    continue
-                bound = bounded_sum(level, cells[rotation], child_col, child_row, floor)
-                num_scored += 1
-                if bound >= floor:
-                    node[_SUM] = bound
-                    node[_COL] = child_col
-                    node[_ROW] = child_row
-                    node[_ROTATION] = rotation
-                    node[_HEIGHT] = height - 1
-                    node[_IS_GROUP] = 1 if is_group else 0
-                    top = push_sorted(stack, base, top, node)
-    return num_scored
+        out_matches[match, 0] = best[KEY] >> _NEAR
+        for k in range(1, 4):
+            out_matches[match, k] = best[k]
+        for k in range(4):
+            near[k] = best[k]
+        near[4], near[5] = away[0], away[1]
+        if best[KEY] < 0 or away[2] < 0:
+            out_matches[1, 0] = -1
+            return
+        min_sum = max(min_sum, out_matches[0, 0] - away[2])
+        best[KEY] = -1

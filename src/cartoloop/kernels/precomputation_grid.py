@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The precomputed grids of branch and bound, eq. (17): maxima over boxes of pixels."""
+"""The precomputed grids of branch and bound, eq. (17): maxima over boxes of cells.
+
+A grid of maxima is kept row after row in one dimension, with a margin of zeros around it that is
+wider than its boxes. Running over the end of a row then leads into the margin of the next row, and
+a whole grid can be treated as one long row, which compilers turn into vector instructions.
+"""
 
 from __future__ import annotations
 
@@ -8,77 +13,75 @@ from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
 
-
-@kernel
-def shifted_maximum(
-    grid: NDArray[np.uint8], shift_low: int, shift_high: int, out_grid: NDArray[np.uint8]
-) -> None:
-    """Write the maximum of the four cells that lie at both shifts, in both axes, into `out_grid`.
-
-    ``out[y, x] = max(grid[y + sy, x + sx])`` over sx, sy in {shift_low, shift_high}; cells outside
-    count as 0. Where `grid` holds maxima over boxes of s cells from the cell on, and
-    ``shift_high - shift_low <= s``, the result holds maxima over boxes of s + shift_high - shift_low
-    cells, from shift_low on.
-
-    Parameters
-    ----------
-    grid, out_grid : uint8, shape (num_rows, num_cols).
-    shift_low, shift_high : in cells; shift_low <= 0 <= shift_high.
-
-    Notes
-    -----
-    Two passes, O(n), on whole rows so that the compiler turns them into vector instructions.
-    """
-    num_rows, num_cols = grid.shape
-    along = np.zeros((num_rows, num_cols), dtype=np.uint8)
-    for row in range(num_rows):
-        for col in range(num_cols - shift_high):
-            along[row, col] = grid[row, col + shift_high]
-        for col in range(-shift_low, num_cols):
-            along[row, col] = max(along[row, col], grid[row, col + shift_low])
-    for row in range(num_rows):
-        if row + shift_high < num_rows:
-            out_grid[row, :] = along[row + shift_high, :]
-        else:
-            out_grid[row, :] = 0
-        if row + shift_low >= 0:
-            for col in range(num_cols):
-                out_grid[row, col] = max(out_grid[row, col], along[row + shift_low, col])
+ByteArray = NDArray[np.uint8]
 
 
 @kernel
-def build_pyramid(
-    cells: NDArray[np.uint8],
-    padding: int,
-    slack: int,
-    out_levels: NDArray[np.uint8],
-    out_slack_levels: NDArray[np.uint8],
-) -> None:
-    """Write the precomputed grids of a grid, plain and with slack, into the `out_` arrays.
+def halve(cells: ByteArray, out_cells: ByteArray) -> None:
+    """Write the maximum of each 2 x 2 block of cells into `out_cells`.
 
     Parameters
     ----------
     cells : uint8, shape (num_rows, num_cols).
-    padding : ``out[h, row + padding, col + padding]`` belongs to ``cells[row, col]``.
-    slack : how much larger the boxes with slack are on each side, in cells.
-    out_levels : uint8, shape (heights, num_rows + 2 padding, num_cols + 2 padding): at height h the
-        maximum over the box of 2^h x 2^h cells that begins at the cell, eq. (17).
-    out_slack_levels : like `out_levels`, the boxes larger by `slack` on each side; meaningful from
-        the height h with 2^h >= 2 slack on, zero below.
+    out_cells : uint8, shape (ceil(num_rows / 2), ceil(num_cols / 2)).
+    """
+    num_rows, num_cols = cells.shape
+    for row in range(out_cells.shape[0]):
+        upper = cells[2 * row]
+        lower = cells[min(2 * row + 1, num_rows - 1)]
+        for col in range(num_cols // 2):
+            left = max(upper[2 * col], lower[2 * col])
+            right = max(upper[2 * col + 1], lower[2 * col + 1])
+            out_cells[row, col] = max(left, right)
+        if num_cols % 2 == 1:
+            out_cells[row, num_cols // 2] = max(upper[num_cols - 1], lower[num_cols - 1])
+
+
+@kernel
+def surround(cells: ByteArray, margin: int, row_length: int, out_grid: ByteArray) -> None:
+    """Write the cells and the zeros around them into `out_grid`.
+
+    Parameters
+    ----------
+    cells : uint8, shape (num_rows, num_cols).
+    margin : zeros before the first column and the first row.
+    row_length : of a row with its margins; at least margin + num_cols.
+    out_grid : uint8, shape (n,); cell (row, col) goes to
+        (row + margin) * row_length + col + margin.
+    """
+    for k in range(out_grid.size):
+        out_grid[k] = 0
+    for row in range(cells.shape[0]):
+        target = out_grid[(row + margin) * row_length + margin :]
+        for col in range(cells.shape[1]):
+            target[col] = cells[row, col]
+
+
+@kernel
+def widen_boxes(boxes: ByteArray, growth: int, row_length: int, out_boxes: ByteArray) -> None:
+    """Write the maxima over boxes that are wider and higher by `growth` into `out_boxes`.
+
+    Parameters
+    ----------
+    boxes : uint8, shape (n,): at each cell the maximum of the box of size x size cells that begins
+        there; rows of `row_length`, margins of zeros wider than size + growth before and after.
+    growth : cells, at most the size of the boxes.
+    row_length : cells.
+    out_boxes : uint8, shape (n,).
 
     Notes
     -----
-    Each level is made of the one below it, as the paper does; since the boxes are powers of two,
-    the maximum of two of them, shifted, takes the place of the paper's deque. O(n) per level.
+    The wider box is the union of four boxes, so that each level of the pyramid is made of the one
+    below it with three comparisons a cell, where the paper keeps a deque. O(n).
     """
-    num_rows, num_cols = cells.shape
-    out_levels[0] = 0
-    for row in range(num_rows):
-        out_levels[0, row + padding, padding : padding + num_cols] = cells[row]
-    for height in range(1, out_levels.shape[0]):
-        shifted_maximum(out_levels[height - 1], 0, 1 << (height - 1), out_levels[height])
-    for height in range(out_levels.shape[0]):
-        if (1 << height) >= 2 * slack:
-            shifted_maximum(out_levels[height], -slack, slack, out_slack_levels[height])
-        else:
-            out_slack_levels[height] = 0
+    n = boxes.size
+    up = growth * row_length
+    # Slices, not offsets, so that the compiler sees four plain arrays.
+    right, above, corner = boxes[growth:], boxes[up:], boxes[up + growth :]
+    for k in range(n - up - growth):
+        out_boxes[k] = max(boxes[k], right[k], above[k], corner[k])
+    # The last rows, above which there is nothing.
+    for k in range(max(n - up - growth, 0), n - growth):
+        out_boxes[k] = max(boxes[k], right[k])
+    for k in range(max(n - growth, 0), n):
+        out_boxes[k] = boxes[k]

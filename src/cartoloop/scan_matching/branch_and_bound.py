@@ -10,21 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.kernels.branch_and_bound import search
-from cartoloop.kernels.precomputation_grid import build_pyramid
+from cartoloop.kernels.node_bounds import scan_range
+from cartoloop.scan_matching.precomputation_grid import MAX_MOVE, STRIDES, PrecomputationGrids
 from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
-from cartoloop.submaps.finished_grid import FinishedGrid, mean_probability, mean_value
+from cartoloop.submaps.finished_grid import (
+    PROBABILITY_STEP,
+    FinishedGrid,
+    mean_probability,
+    mean_value,
+)
 
-MAX_HEIGHT = 6
-"""Height h0 of the search tree's first nodes, eq. (13): boxes of 64 x 64 pixels."""
+MEAN_MOVE = 1.0
+"""By so many blocks the points move on average within a group of rotations.
 
-SLACK_CELLS = 3
-"""By so many pixels the points may move within a group of rotations that is bounded at once."""
+Larger groups are fewer, but bounded less tightly; this is near the flat optimum.
+"""
 
-SPLIT_HEIGHT = 3
-"""Groups are split into single rotations where the boxes are of 8 x 8 pixels."""
+MAX_TURN = 1.0
+"""A group turns by no more than this [rad]: the boxes around long arcs would be loose."""
 
-PADDING = (1 << MAX_HEIGHT) + SLACK_CELLS
-"""Border of the precomputed grids: a box that begins so far outside still sees no cell."""
+MAX_TOP_BLOCKS = 5
+"""The tree's first nodes, eq. (13), are at most so many a side, if the largest blocks allow it."""
+
+ROUNDING = 1e-9
+"""So much more than a whole number of steps is taken for rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +44,7 @@ class BranchAndBoundMatch:
     ----------
     tf_submap_scan : where the scan fits best.
     score : mean probability of its points there, in [0, 1]; never observed pixels count as 0.097.
-    runner_up : score of the best match elsewhere in the window; 0 where none reaches the threshold.
+    runner_up : score of the best match elsewhere in the window; 0 where none is good enough.
     """
 
     tf_submap_scan: Pose
@@ -45,35 +54,51 @@ class BranchAndBoundMatch:
 
 @dataclass(frozen=True, slots=True)
 class SearchWindow:
-    """The finite set W-bar of eq. (9): whole numbers of pixels and rotation steps around an estimate.
+    """The finite set W-bar of eq. (9): numbers of pixels and rotation steps around an estimate.
 
     Attributes
     ----------
-    half_width : w_x = w_y.
-    half_num_rotations : w_theta.
+    num_cols, num_rows, num_rotations : w_x, w_y, w_theta of eq. (8): how many to each side.
     rotation_step : delta_theta of eq. (7) [rad].
     """
 
-    half_width: int
-    half_num_rotations: int
+    num_cols: int
+    num_rows: int
+    num_rotations: int
     rotation_step: float
 
 
-def search_window(
-    points: FloatArray, resolution: float, linear_window: float, angular_window: float
-) -> SearchWindow:
-    """Return the search window for some points, eq. (6) to (8).
+@dataclass(frozen=True, slots=True)
+class RunnerUp:
+    """What counts as a match elsewhere, and when it matters.
 
-    Parameters
+    Attributes
     ----------
-    points : float64, shape (n, 2), scan frame [m]; n > 0.
-    linear_window, angular_window : how far to each side [m], [rad].
+    distance, angle : a match elsewhere is farther from the best one than this [m], or turned by
+        more [rad].
+    margin : it is sought down to so much below the best score, but not below the score threshold;
+        negative: not at all. To know that there is none takes as long as to know that nothing
+        matches.
     """
-    farthest = max(math.sqrt(float((points * points).sum(axis=1).max())), resolution)
-    step = math.acos(1.0 - 0.5 * (resolution / farthest) ** 2)
-    return SearchWindow(
-        math.ceil(linear_window / resolution), math.ceil(angular_window / step), step
-    )
+
+    distance: float = 0.5
+    angle: float = math.radians(10.0)
+    margin: float = 1.0
+
+
+RUNNER_UP = RunnerUp()
+"""What a match's `runner_up` is if nothing else is asked for."""
+
+NO_RUNNER_UP = RunnerUp(margin=-1.0)
+"""For :meth:`SubmapMatcher.match`: do not seek a runner-up, it is 0."""
+
+
+def rotation_step(max_range: float, resolution: float) -> float:
+    """Return delta_theta of eq. (7) [rad]: points up to a range [m] move by at most a pixel.
+
+    Points within half a pixel of the scan's origin never move by more, so they count as that far.
+    """
+    return math.acos(1.0 - 0.5 * (resolution / max(max_range, 0.5 * resolution)) ** 2)
 
 
 class SubmapMatcher:
@@ -82,20 +107,21 @@ class SubmapMatcher:
     Parameters
     ----------
     grid : the submap's grid; its precomputed grids are made here, in O(n).
+
+    Notes
+    -----
+    The precomputed grids take about 20 bytes a pixel: where memory is short, drop the matcher and
+    keep the grid.
     """
 
     def __init__(self, grid: FinishedGrid) -> None:
         self._grid = grid
-        num_rows, num_cols = grid.cells.shape
-        shape = (MAX_HEIGHT + 1, num_rows + 2 * PADDING, num_cols + 2 * PADDING)
-        self._levels: NDArray[np.uint8] = np.empty(shape, dtype=np.uint8)
-        self._slack_levels: NDArray[np.uint8] = np.empty(shape, dtype=np.uint8)
-        build_pyramid(grid.cells, PADDING, SLACK_CELLS, self._levels, self._slack_levels)
+        self._grids = PrecomputationGrids(grid.cells)
 
     @property
     def memory_bytes(self) -> int:
         """Size of the precomputed grids."""
-        return self._levels.nbytes + self._slack_levels.nbytes
+        return self._grids.cells.nbytes
 
     def match(
         self,
@@ -105,83 +131,139 @@ class SubmapMatcher:
         linear_window: float,
         angular_window: float,
         min_score: float,
-        runner_up_distance: float = 0.5,
-        runner_up_angle: float = math.radians(10.0),
+        max_range: float = math.inf,
+        runner_up: RunnerUp = RUNNER_UP,
     ) -> BranchAndBoundMatch | None:
         """Return the best match in a window, or None where none reaches `min_score`.
 
-        Of equal scores the one with less rotation wins, then the nearer one.
+        The same as exhaustive search, algorithm 1. Of equal scores the one nearest to the estimate
+        wins, in steps of pixels and rotations.
 
         Parameters
         ----------
-        points : float64, shape (n, 2), scan frame [m].
+        points : float64, shape (n, 2), scan frame [m]; finite.
         tf_submap_scan : estimate, the window's centre.
         linear_window, angular_window : W_x = W_y and W_theta of eq. (8) [m], [rad].
         min_score : score threshold, in [0, 1].
-        runner_up_distance, runner_up_angle : a match elsewhere differs by more than this in x, y
-            or heading [m], [rad].
+        max_range : d_max of eq. (6) counts as no more than this [m]; farther points then move by
+            more than a pixel from one rotation to the next.
+        runner_up : what the match's `runner_up` is to be.
         """
-        if len(points) == 0 or self._grid.cells.size == 0:
-            return None
-        window = search_window(points, self._grid.resolution, linear_window, angular_window)
-        min_sum = max(math.ceil(mean_value(min_score) * len(points) - 1e-6), 0)
-        best = self._search(points, tf_submap_scan, window, min_sum, np.array((0, 0, 0, -1, 0)))
-        if best[0] < min_sum:
-            return None
-        around = np.array(
-            (
-                *best[1:],
-                math.floor(runner_up_distance / self._grid.resolution),
-                math.floor(runner_up_angle / window.rotation_step),
-            )
+        half_width = _num_steps(linear_window, self._grid.resolution)
+        return self._search(
+            points,
+            tf_submap_scan,
+            (half_width, half_width),
+            angular_window,
+            min_score,
+            max_range,
+            runner_up,
         )
-        second = self._search(points, tf_submap_scan, window, min_sum, around)
-        total, col, row, rotation = best.tolist()
-        turn = (rotation - window.half_num_rotations) * window.rotation_step
-        return BranchAndBoundMatch(
-            Pose(
-                tf_submap_scan.x + col * self._grid.resolution,
-                tf_submap_scan.y + row * self._grid.resolution,
-                wrap_angle(tf_submap_scan.theta + turn),
-            ),
-            mean_probability(total / len(points)),
-            mean_probability(float(second[0]) / len(points)) if second[0] >= min_sum else 0.0,
+
+    def match_full_submap(
+        self, points: FloatArray, *, min_score: float, max_range: float = math.inf
+    ) -> BranchAndBoundMatch | None:
+        """Return the best match at any rotation, the scan's origin anywhere in the grid, or None.
+
+        Parameters are those of :meth:`match`; there is no runner-up. Of equal scores the one
+        nearest to the grid's centre wins.
+        """
+        half_height, half_width = (size // 2 for size in self._grid.cells.shape)
+        centre = Pose(
+            self._grid.origin_x + half_width * self._grid.resolution,
+            self._grid.origin_y + half_height * self._grid.resolution,
+            0.0,
+        )
+        return self._search(
+            points, centre, (half_width, half_height), math.pi, min_score, max_range, NO_RUNNER_UP
         )
 
     def _search(
         self,
         points: FloatArray,
-        tf_submap_scan: Pose,
-        window: SearchWindow,
-        min_sum: int,
-        excluded: NDArray[np.int64],
-    ) -> NDArray[np.int64]:
-        """Return the best leaf that is not excluded: sum, column, row, rotation."""
-        best = np.empty(4, dtype=np.int64)
-        search(
-            self._levels,
-            self._slack_levels,
-            PADDING,
-            points,
-            np.array(tf_submap_scan),
-            self._grid.origin_x,
-            self._grid.origin_y,
-            self._grid.resolution,
-            window.half_width,
-            window.half_num_rotations,
-            window.rotation_step,
-            # (7) bounds the movement in r per step at d_max; one rotation less than the slack, so
-            # that rounding cannot carry a point across one more border.
-            SLACK_CELLS - 1,
-            SPLIT_HEIGHT,
-            _top_height(window.half_width),
-            min_sum,
-            excluded,
-            best,
+        estimate: Pose,
+        half_size: tuple[int, int],
+        angular_window: float,
+        min_score: float,
+        max_range: float,
+        runner_up: RunnerUp,
+    ) -> BranchAndBoundMatch | None:
+        """Return the match in a window of so many pixels to each side of the estimate."""
+        if len(points) == 0 or self._grid.cells.size == 0:
+            return None
+        resolution = self._grid.resolution
+        mean_distance, farthest = scan_range(points)
+        step = rotation_step(min(farthest, max_range), resolution)
+        window = SearchWindow(*half_size, _num_steps(angular_window, step), step)
+        levels, heights = search_tree(window, mean_distance / resolution, farthest / resolution)
+        min_sum = max(math.ceil(mean_value(min_score) * len(points) - 1e-6), 0)
+        away = (
+            math.floor((runner_up.distance / resolution) ** 2 + ROUNDING),
+            math.floor(runner_up.angle / step + ROUNDING),
+            math.ceil(runner_up.margin / PROBABILITY_STEP * len(points)),
         )
-        return best
+        frame = (*estimate, self._grid.origin_x, self._grid.origin_y, resolution, step)
+        matches = np.empty((2, 4), dtype=np.int64)
+        search(
+            self._grids.cells,
+            np.column_stack(
+                (heights, self._grids.heights[levels], np.zeros(len(levels), dtype=np.int64))
+            ),
+            self._grids.boxes[levels],
+            np.ascontiguousarray(points, dtype=np.float64),
+            np.array(frame, dtype=np.float64),
+            np.array((*half_size, window.num_rotations), dtype=np.int64),
+            min_sum,
+            np.array(away, dtype=np.int64),
+            matches,
+        )
+        (total, col, row, rotation), (second, *_) = matches.tolist()
+        if total < 0:
+            return None
+        return BranchAndBoundMatch(
+            Pose(
+                estimate.x + (col - window.num_cols) * resolution,
+                estimate.y + (row - window.num_rows) * resolution,
+                wrap_angle(estimate.theta + (rotation - window.num_rotations) * step),
+            ),
+            mean_probability(total / len(points)),
+            mean_probability(second / len(points)) if second >= 0 else 0.0,
+        )
 
 
-def _top_height(half_width: int) -> int:
-    """Return h0: the height at which about two boxes a side cover the window, MAX_HEIGHT at the most."""
-    return min(max((2 * half_width + 1).bit_length() - 2, 0), MAX_HEIGHT)
+def search_tree(
+    window: SearchWindow, mean_cells: float, farthest_cells: float
+) -> tuple[list[int], NDArray[np.int64]]:
+    """Return what the tree's nodes stand for at each height, from single candidates to the top.
+
+    Parameters
+    ----------
+    mean_cells, farthest_cells : mean and largest distance of the points from the scan's origin
+        [cells].
+
+    Returns
+    -------
+    Binary logarithms of the blocks' edges (which grids bound them), and int64, shape
+    (num_heights, 2): the blocks' edges [cells] and the number of rotations in a group.
+    """
+    move = 2.0 * math.sin(0.5 * window.rotation_step)  # in a step, of a point at a distance of one
+    most = MAX_MOVE / max(farthest_cells * move, ROUNDING) + ROUNDING
+    per_cell = min(MEAN_MOVE / max(mean_cells * move, ROUNDING), most)
+    turn = 1.0 + MAX_TURN / window.rotation_step
+    levels, blocks, groups = [0], [1], [1]
+    first_group = int(min(per_cell + 0.5, most, turn))
+    if first_group > 1:
+        levels, blocks, groups = [0, 0], [1, 1], [1, first_group]
+        per_cell = first_group
+    widest = 2 * max(window.num_cols, window.num_rows) + 1
+    while widest > MAX_TOP_BLOCKS * blocks[-1] and levels[-1] + 1 < len(STRIDES):
+        levels.append(levels[-1] + 1)
+        blocks.append(2 * blocks[-1])
+        fits = 2 * groups[-1] <= min(per_cell * blocks[-1], turn)
+        groups.append(2 * groups[-1] if fits else groups[-1])
+    return levels, np.array((blocks, groups), dtype=np.int64).T
+
+
+def _num_steps(window: float, step: float) -> int:
+    """Return how many steps to each side cover a window, eq. (8)."""
+    return math.ceil(window / step - ROUNDING)

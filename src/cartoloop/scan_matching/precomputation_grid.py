@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The precomputed grids of one finished submap, eq. (17): maxima over a pyramid of boxes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.kernels.precomputation_grid import halve, surround, widen_boxes
+
+STRIDES = (1, 1, 1, 2, 4, 8)
+"""For blocks of 1, 2, 4, ... translations: the stride of the grids that bound them [cells].
+
+A grid with a stride holds only every so many-th box, grown so that it holds the ones left out:
+much smaller, and nearly as tight where the boxes are large.
+"""
+
+MAX_MOVE = 4
+"""So many blocks at the most may a point move within a group of rotations."""
+
+_FINE = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 22)
+_COARSE = (5, 6, 7, 8, 9, 10, 12, 14, 17, 20, 22)
+BOXES = {1: _FINE, 2: _COARSE, 4: _COARSE, 8: _COARSE}
+"""By stride, the edges of the boxes [strides]."""
+
+LARGEST_STEP = 4
+"""From a box to that of a neighbouring node [strides]."""
+
+MARGIN = _FINE[-1] + LARGEST_STEP
+"""Zeros before the first column and row [strides]: boxes from there on, or a step on, are empty."""
+
+_END_MARGIN = LARGEST_STEP + 1
+
+
+@dataclass(frozen=True, slots=True)
+class GridLayout:
+    """How the grids of one stride lie in memory, one after the other.
+
+    Attributes
+    ----------
+    stride : from one box to the next [cells].
+    num_rows, num_cols : of the boxes that begin within the submap's grid.
+    first : where the first grid begins.
+    """
+
+    stride: int
+    num_rows: int
+    num_cols: int
+    first: int
+
+    @property
+    def row_length(self) -> int:
+        """Of a row with its margins."""
+        return MARGIN + self.num_cols + _END_MARGIN
+
+    @property
+    def grid_size(self) -> int:
+        """Bytes of one grid with its margins."""
+        return (MARGIN + self.num_rows + _END_MARGIN) * self.row_length
+
+    @property
+    def end(self) -> int:
+        """Past the last grid."""
+        return self.first + len(BOXES[self.stride]) * self.grid_size
+
+    def box_table(self, block: int) -> NDArray[np.int64]:
+        """Return where the grid's first cell is, for blocks of an edge, by how far a point moves.
+
+        The grid is the one with the smallest boxes that hold the block and the move, wherever
+        within its stride the box begins.
+        """
+        edges = np.array(BOXES[self.stride])
+        moves = np.arange(MAX_MOVE * (1 << (len(STRIDES) - 1)) + 3)
+        number = np.searchsorted((edges - 1) * self.stride + 1, block + moves)
+        start: NDArray[np.int64] = np.minimum(number, len(edges) - 1) * self.grid_size
+        return start + self.first + MARGIN * (self.row_length + 1)
+
+
+class PrecomputationGrids:
+    """Maxima over boxes of a submap's cells.
+
+    Parameters
+    ----------
+    cells : uint8, shape (num_rows, num_cols), not empty.
+
+    Attributes
+    ----------
+    cells : uint8, all grids in one.
+    layouts : by stride.
+    heights : int64, shape (len(STRIDES), 5), for blocks of 1, 2, 4, ... translations: binary
+        logarithm of the stride, margin, last column and row, length of a row.
+    boxes : int32, shape (len(STRIDES), num_moves), see :meth:`GridLayout.box_table`.
+    """
+
+    def __init__(self, cells: NDArray[np.uint8]) -> None:
+        self.layouts: dict[int, GridLayout] = {}
+        end = 0
+        for stride in BOXES:
+            num_rows, num_cols = (-(-size // stride) for size in cells.shape)
+            self.layouts[stride] = GridLayout(stride, num_rows, num_cols, end)
+            end = self.layouts[stride].end
+        self.cells: NDArray[np.uint8] = np.empty(end, dtype=np.uint8)
+        cells = np.ascontiguousarray(cells)
+        for layout in self.layouts.values():
+            if layout.stride > 1:
+                halved = np.empty(
+                    ((cells.shape[0] + 1) // 2, (cells.shape[1] + 1) // 2), dtype=np.uint8
+                )
+                halve(cells, halved)
+                cells = halved
+            self._fill(layout, cells)
+        layouts = [self.layouts[stride] for stride in STRIDES]
+        self.heights = np.array(
+            [
+                (x.stride.bit_length() - 1, MARGIN, x.num_cols, x.num_rows, x.row_length)
+                for x in layouts
+            ]
+        )
+        tables = [layout.box_table(1 << height) for height, layout in enumerate(layouts)]
+        self.boxes: NDArray[np.int32] = np.array(tables, dtype=np.int32)
+
+    def grid(self, stride: int, edge: int) -> NDArray[np.uint8]:
+        """Return the grid of boxes of `edge` strides, with its margins: ``[row + MARGIN, ...]``."""
+        layout = self.layouts[stride]
+        first = layout.first + BOXES[stride].index(edge) * layout.grid_size
+        return self.cells[first : first + layout.grid_size].reshape(-1, layout.row_length)
+
+    def _fill(self, layout: GridLayout, cells: NDArray[np.uint8]) -> None:
+        """Compute the grids of one stride from the maxima of the blocks of its size."""
+        narrow, narrow_edge = np.empty(layout.grid_size, dtype=np.uint8), 1
+        surround(cells, MARGIN, layout.row_length, narrow)
+        for number, edge in enumerate(BOXES[layout.stride]):
+            while edge > 2 * narrow_edge:
+                wider = np.empty_like(narrow)
+                widen_boxes(narrow, narrow_edge, layout.row_length, wider)
+                narrow, narrow_edge = wider, 2 * narrow_edge
+            first = layout.first + number * layout.grid_size
+            grid = self.cells[first : first + layout.grid_size]
+            widen_boxes(narrow, edge - narrow_edge, layout.row_length, grid)
+            narrow, narrow_edge = grid, edge
