@@ -115,7 +115,7 @@ class SubmapConfig(Section):
 
     resolution: float = Field(0.05, gt=0, description="edge of a pixel, r [m]")
     num_range_data: int = Field(
-        45, ge=1, description="scans until the next submap starts; each receives twice as many"
+        90, ge=1, description="scans until the next submap starts; each receives twice as many"
     )
     hit_probability: float = Field(0.6, gt=0.5, lt=1, description="p_hit of eq. (3)")
     miss_probability: float = Field(0.45, gt=0, lt=0.5, description="p_miss of eq. (3)")
@@ -177,7 +177,7 @@ class ConstraintSearchConfig(Section):
         2, ge=0, description="in the end, match again from the optimised poses so many times"
     )
     final_every_nth_node: int = Field(
-        5, ge=1, description="in the end, match one in so many of the nodes that overlap a submap"
+        3, ge=1, description="in the end, match one in so many of the nodes that overlap a submap"
     )
     max_refined_residual: float = Field(
         0.55, gt=0, description="in the end, matches with a larger residual are rejected"
@@ -195,7 +195,10 @@ class PoseAdjustmentConfig(Section):
     ] = Field(
         "huber", description="loss of loop closures: rho of (SPA)"
     )
-    loss_scale: float = Field(1.0, gt=0, description="whitened residual where the loss bends")
+    loss_scale: float = Field(3.0, gt=0, description="whitened residual where the loss bends")
+    intra_submap_weight: float = Field(
+        0.7, gt=0, description="share of the information of matches while mapping: submaps bend"
+    )
     max_num_iterations: int = Field(50, ge=1, description="steps at the most, while mapping")
     max_num_final_iterations: int = Field(200, ge=1, description="steps at the most, in the end")
     tolerance: float = Field(1e-6, gt=0, description="relative decrease of the cost that ends it")

@@ -133,7 +133,7 @@ class GlobalSlam:
                 submap.index,
                 node.index,
                 relative(submap.tf_local_submap, pose),
-                node.information,
+                self._config.pose_adjustment.intra_submap_weight * node.information,
             )
 
     def _finish(self, submap: Submap) -> FinishedSubmap:
