@@ -78,7 +78,9 @@ class PredictionConfig(Section):
     """How far the prediction is trusted, as standard deviations of the pull towards it."""
 
     translation_error_factor: float = Field(
-        2.0, gt=0, description="odometry errs by its typical distance error, as measured, times this"
+        2.0,
+        gt=0,
+        description="odometry errs by its typical distance error, as measured, times this",
     )
     rotation_error_factor: float = Field(
         4.0, gt=0, description="and by its typical rotation error times this"
@@ -183,7 +185,9 @@ class ConstraintSearchConfig(Section):
         0.55, gt=0, description="in the end, matches with a larger residual are rejected"
     )
     max_refinement: float = Field(
-        0.3, gt=0, description="in the end, matches further from where they should be are rejected [m]"
+        0.3,
+        gt=0,
+        description="in the end, matches further from where they should be are rejected [m]",
     )
 
 
@@ -192,9 +196,7 @@ class PoseAdjustmentConfig(Section):
 
     loss: Literal[
         "none", "huber", "cauchy", "dynamic_covariance_scaling", "graduated_non_convexity"
-    ] = Field(
-        "huber", description="loss of loop closures: rho of (SPA)"
-    )
+    ] = Field("huber", description="loss of loop closures: rho of (SPA)")
     loss_scale: float = Field(3.0, gt=0, description="whitened residual where the loss bends")
     intra_submap_weight: float = Field(
         0.7, gt=0, description="share of the information of matches while mapping: submaps bend"

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import numpy as np
-from cartoloop.submaps.finished_grid import FinishedGrid
 
 from cartoloop.config import Config
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.map_output.report import Report
 from cartoloop.map_output.result import Result
+from cartoloop.submaps.finished_grid import FinishedGrid
 
 
 def small_result(config=None, **report):

@@ -115,7 +115,9 @@ class GlobalSlam:
         pose = node.tf_local_tracking
         step = math.hypot(pose.x - self._last_local_pose.x, pose.y - self._last_local_pose.y)
         self._last_local_pose = pose
-        self._node_travelled.append(self._node_travelled[-1] + step if self._node_travelled else 0.0)
+        self._node_travelled.append(
+            self._node_travelled[-1] + step if self._node_travelled else 0.0
+        )
         graph.add_node(compose(self._tf_map_local, pose))
         self._node_points.append(node.points)
         self._node_submaps.append(tuple(submap.index for submap in node.submaps))
@@ -185,7 +187,8 @@ class GlobalSlam:
         if not self._selection.take(submap, node, own, length):
             return None
         estimate = relative(
-            Pose(*self.graph.submap_poses[submap].tolist()), Pose(*self.graph.node_poses[node].tolist())
+            Pose(*self.graph.submap_poses[submap].tolist()),
+            Pose(*self.graph.node_poses[node].tolist()),
         )
         return SearchRequest(submap, node, points, estimate, *self._selection.window(length))
 
@@ -235,7 +238,11 @@ class GlobalSlam:
         for index in sorted(self._finished):
             submap, pose = self._finished[index], graph.submap_poses[index]
             nodes = refinement.overlapping_nodes(
-                submap, pose, graph.node_poses, self._submap_nodes[index], config.final_every_nth_node
+                submap,
+                pose,
+                graph.node_poses,
+                self._submap_nodes[index],
+                config.final_every_nth_node,
             )
             closures += refinement.match_again(
                 submap, pose, nodes, graph.node_poses, self._node_points, config

@@ -63,7 +63,10 @@ class LoopClosure:
 
 
 def search(
-    matcher: SubmapMatcher, smooth_map: SmoothMap, request: SearchRequest, config: ConstraintSearchConfig
+    matcher: SubmapMatcher,
+    smooth_map: SmoothMap,
+    request: SearchRequest,
+    config: ConstraintSearchConfig,
 ) -> LoopClosure | None:
     """Return the loop closure sought, or None where the node does not fit well enough."""
     coarse = matcher.match(

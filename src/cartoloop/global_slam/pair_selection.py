@@ -80,7 +80,9 @@ class PairSelection:
         known = len(self._between_submaps)
         if submap >= known or node_submap >= known:
             return travelled
-        return min(travelled, float(self._between_submaps[submap, node_submap]) + node_from_its_submap)
+        return min(
+            travelled, float(self._between_submaps[submap, node_submap]) + node_from_its_submap
+        )
 
     def window(self, uncertain_length: float) -> tuple[float, float]:
         """Return the linear [m] and angular [rad] search window for an uncertain length [m]."""

@@ -23,7 +23,11 @@ if TYPE_CHECKING:
 
 
 def overlapping_nodes(
-    submap: FinishedSubmap, tf_map_submap: FloatArray, node_poses: FloatArray, inserted: set[int], every: int
+    submap: FinishedSubmap,
+    tf_map_submap: FloatArray,
+    node_poses: FloatArray,
+    inserted: set[int],
+    every: int,
 ) -> list[int]:
     """Return nodes that stand within a submap's grid and were not inserted into it, one in `every`."""
     grid = submap.grid

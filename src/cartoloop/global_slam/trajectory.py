@@ -34,7 +34,9 @@ def optimized_trajectory(
     first, last = node_scan_index[before], node_scan_index[after]
     by_before = compose_all(node_poses[before], relative_all(local[first], local))
     by_after = compose_all(node_poses[after], relative_all(local[last], local))
-    share = np.where(last > first, (scans - first) / np.maximum(last - first, 1), 0.0)[:, np.newaxis]
+    share = np.where(last > first, (scans - first) / np.maximum(last - first, 1), 0.0)[
+        :, np.newaxis
+    ]
     difference = by_after - by_before
     difference[:, 2] = wrap_angles(difference[:, 2])
     trajectory = by_before + share * difference

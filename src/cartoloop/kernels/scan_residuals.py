@@ -238,7 +238,16 @@ def match_least_squares(
     while iterations < max_num_iterations:
         iterations += 1
         squares = accumulate_match(
-            grid, unknown, origin_x, origin_y, resolution, points, try_x, try_y, try_t, points_system
+            grid,
+            unknown,
+            origin_x,
+            origin_y,
+            resolution,
+            points,
+            try_x,
+            try_y,
+            try_t,
+            points_system,
         )
         dx = try_x - prior[0]
         dy = try_y - prior[1]

@@ -48,7 +48,11 @@ def voxel_filter(points: FloatArray, num_points: int, edge: float, out_points: F
 
 @kernel
 def adaptive_voxel_filter(
-    points: FloatArray, max_length: float, min_num_points: int, max_range: float, out_points: FloatArray
+    points: FloatArray,
+    max_length: float,
+    min_num_points: int,
+    max_range: float,
+    out_points: FloatArray,
 ) -> int:
     """Write the points of the coarsest voxel filter that keeps enough into `out_points`; return how many.
 

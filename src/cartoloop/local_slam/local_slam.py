@@ -80,14 +80,16 @@ class LocalSlam:
         submap = self._active.matching
         if submap is not None and len(points) >= MIN_RETURNS:
             with self._timer.measure("match"):
-                found = self._matcher.match(submap, points, prediction, self.extrapolator, scan.time)
+                found = self._matcher.match(
+                    submap, points, prediction, self.extrapolator, scan.time
+                )
         tf_local_tracking = found.tf_local_tracking if found else prediction.tf_local_tracking
         with self._timer.measure("predict"):
             self.extrapolator.add_pose(scan.time, tf_local_tracking)
         node = None
-        if (found or (submap is None and len(points) >= MIN_RETURNS)) and self._motion_filter.is_new(
-            scan.time, tf_local_tracking
-        ):
+        if (
+            found or (submap is None and len(points) >= MIN_RETURNS)
+        ) and self._motion_filter.is_new(scan.time, tf_local_tracking):
             information = match_information(found.match) if found else FIRST_INFORMATION
             with self._timer.measure("insert"):
                 node = self._insert(scan.time, data, tf_local_tracking, information)

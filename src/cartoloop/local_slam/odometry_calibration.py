@@ -119,7 +119,9 @@ def estimate(
     turns = steps[turning, 2]
     costs = np.array(
         [
-            np.abs(turns - np.diff(np.interp(times - offset, odometry_times, heading))[turning]).mean()
+            np.abs(
+                turns - np.diff(np.interp(times - offset, odometry_times, heading))[turning]
+            ).mean()
             for offset in OFFSETS_S
         ]
     )

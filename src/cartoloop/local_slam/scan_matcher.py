@@ -124,7 +124,10 @@ class ScanMatcher:
         if not model.is_known:
             return _information(config.unknown_translation_sigma, config.unknown_rotation_sigma)
         return _information(
-            max(config.translation_error_factor * model.translation_error, config.min_translation_sigma),
+            max(
+                config.translation_error_factor * model.translation_error,
+                config.min_translation_sigma,
+            ),
             max(config.rotation_error_factor * model.rotation_error, config.min_rotation_sigma),
         )
 

@@ -13,7 +13,6 @@ from cartoloop.kernels.scan_residuals import match_least_squares
 from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 
-
 TRUSTED = 1e3
 """Scale of a pull that does not wane."""
 
@@ -87,5 +86,9 @@ def match(
     x, y, theta, xx, xy, xt, yy, yt, tt, squares, cost = found.tolist()
     information = np.array(((xx, xy, xt), (xy, yy, yt), (xt, yt, tt)))
     return LeastSquaresMatch(
-        Pose(x, y, wrap_angle(theta)), information, math.sqrt(squares / len(points)), cost, iterations
+        Pose(x, y, wrap_angle(theta)),
+        information,
+        math.sqrt(squares / len(points)),
+        cost,
+        iterations,
     )

@@ -45,7 +45,10 @@ class ProbabilityGrid:
         num_rows, num_cols = self.cells.shape
         if num_rows == 0:
             self.first_col, self.first_row = first_col - GROWTH_CELLS, first_row - GROWTH_CELLS
-            shape = (last_row - self.first_row + GROWTH_CELLS, last_col - self.first_col + GROWTH_CELLS)
+            shape = (
+                last_row - self.first_row + GROWTH_CELLS,
+                last_col - self.first_col + GROWTH_CELLS,
+            )
             self.cells = np.zeros(shape, dtype=np.float32)
             return
         left = _growth(self.first_col - first_col)

@@ -53,7 +53,15 @@ def scan_cells(
     marks = np.zeros((num_rows, num_cols), dtype=np.uint8)
     cells = np.empty((num_rows * num_cols, 2), dtype=np.int32)
     num_hits, num_cells = ray_casting.scan_cells(
-        tf_grid_sensor.x, tf_grid_sensor.y, returns, misses, resolution, marks, first_col, first_row, cells
+        tf_grid_sensor.x,
+        tf_grid_sensor.y,
+        returns,
+        misses,
+        resolution,
+        marks,
+        first_col,
+        first_row,
+        cells,
     )
     return ScanCells(cells[:num_cells], num_hits)
 

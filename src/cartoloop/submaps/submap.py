@@ -69,7 +69,9 @@ class ActiveSubmaps:
         """The active submaps, the older first."""
         return tuple(self._submaps)
 
-    def insert(self, tf_local_sensor: Pose, returns_local: FloatArray, misses_local: FloatArray) -> Insertion:
+    def insert(
+        self, tf_local_sensor: Pose, returns_local: FloatArray, misses_local: FloatArray
+    ) -> Insertion:
         """Insert a scan into the active submaps, starting and finishing submaps as they fill.
 
         Parameters
@@ -94,7 +96,9 @@ class ActiveSubmaps:
     def _start_submap(self, tf_local_sensor: Pose) -> None:
         r = self._config.resolution
         origin = Pose(
-            math.floor(tf_local_sensor.x / r + 0.5) * r, math.floor(tf_local_sensor.y / r + 0.5) * r, 0.0
+            math.floor(tf_local_sensor.x / r + 0.5) * r,
+            math.floor(tf_local_sensor.y / r + 0.5) * r,
+            0.0,
         )
         self._submaps.append(Submap(self._num_created, origin, ProbabilityGrid(r)))
         self._num_created += 1
