@@ -23,10 +23,15 @@ class ScanCells(NamedTuple):
     ----------
     cells : int32, shape (n, 2), lattice (column, row), each once, hits first.
     num_hits : how many of them are hits.
+    first_col, first_row, last_col, last_row : lattice box that holds them all.
     """
 
     cells: NDArray[np.int32]
     num_hits: int
+    first_col: int
+    first_row: int
+    last_col: int
+    last_row: int
 
 
 def scan_cells(
@@ -44,14 +49,13 @@ def scan_cells(
     low_y = high_y = tf_grid_sensor.y
     for ends in (returns, misses):
         if len(ends):
-            (min_x, min_y), (max_x, max_y) = ends.min(axis=0), ends.max(axis=0)
-            low_x, low_y = min(low_x, min_x), min(low_y, min_y)
-            high_x, high_y = max(high_x, max_x), max(high_y, max_y)
+            x, y = ends[:, 0], ends[:, 1]
+            low_x, high_x = min(low_x, float(x.min())), max(high_x, float(x.max()))
+            low_y, high_y = min(low_y, float(y.min())), max(high_y, float(y.max()))
     first_col, first_row = math.floor(low_x / resolution) - 1, math.floor(low_y / resolution) - 1
-    num_cols = math.floor(high_x / resolution) + 3 - first_col
-    num_rows = math.floor(high_y / resolution) + 3 - first_row
-    marks = np.zeros((num_rows, num_cols), dtype=np.uint8)
-    cells = np.empty((num_rows * num_cols, 2), dtype=np.int32)
+    last_col, last_row = math.floor(high_x / resolution) + 1, math.floor(high_y / resolution) + 1
+    marks = np.zeros((last_row - first_row + 1, last_col - first_col + 1), dtype=np.uint8)
+    cells = np.empty((marks.size, 2), dtype=np.int32)
     num_hits, num_cells = ray_casting.scan_cells(
         tf_grid_sensor.x,
         tf_grid_sensor.y,
@@ -63,19 +67,29 @@ def scan_cells(
         first_row,
         cells,
     )
-    return ScanCells(cells[:num_cells], num_hits)
+    return ScanCells(cells[:num_cells], num_hits, first_col, first_row, last_col, last_row)
 
 
-def insert_cells(grid: ProbabilityGrid, cells: ScanCells, config: SubmapConfig) -> None:
-    """Update the grid's probabilities by a scan's hits and misses."""
+def insert_cells(
+    grid: ProbabilityGrid, cells: ScanCells, config: SubmapConfig, origin: tuple[int, int] = (0, 0)
+) -> None:
+    """Update the grid's probabilities by a scan's hits and misses.
+
+    Parameters
+    ----------
+    cells : in the lattice of a frame that may differ from the grid's by whole cells.
+    origin : lattice coordinates of the grid's frame in it.
+    """
     if len(cells.cells) == 0:
         return
-    first, last = cells.cells.min(axis=0), cells.cells.max(axis=0)
-    grid.cover(int(first[0]), int(first[1]), int(last[0]), int(last[1]))
+    col, row = origin
+    grid.cover(
+        cells.first_col - col, cells.first_row - row, cells.last_col - col, cells.last_row - row
+    )
     ray_casting.update_cells(
         grid.cells,
-        grid.first_col,
-        grid.first_row,
+        grid.first_col + col,
+        grid.first_row + row,
         cells.cells,
         cells.num_hits,
         len(cells.cells),

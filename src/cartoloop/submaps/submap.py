@@ -6,12 +6,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from cartoloop.config import SubmapConfig
 from cartoloop.sensor.pose import FloatArray, Pose
 from cartoloop.submaps.probability_grid import ProbabilityGrid
-from cartoloop.submaps.range_data_inserter import ScanCells, insert_cells, scan_cells
+from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
 
 
 @dataclass(slots=True)
@@ -85,7 +83,7 @@ class ActiveSubmaps:
             self._start_submap(tf_local_sensor)
         cells = scan_cells(tf_local_sensor, returns_local, misses_local, config.resolution)
         for submap in self._submaps:
-            insert_cells(submap.grid, self._relative_to(submap, cells), config)
+            insert_cells(submap.grid, cells, config, self._lattice_origin(submap))
             submap.num_scans += 1
         inserted = tuple(self._submaps)
         finished = None
@@ -103,7 +101,7 @@ class ActiveSubmaps:
         self._submaps.append(Submap(self._num_created, origin, ProbabilityGrid(r)))
         self._num_created += 1
 
-    def _relative_to(self, submap: Submap, cells: ScanCells) -> ScanCells:
+    def _lattice_origin(self, submap: Submap) -> tuple[int, int]:
+        """Return the submap's origin as lattice coordinates of the local frame."""
         r = self._config.resolution
-        origin = (round(submap.tf_local_submap.x / r), round(submap.tf_local_submap.y / r))
-        return ScanCells(cells.cells - np.array(origin, dtype=np.int32), cells.num_hits)
+        return round(submap.tf_local_submap.x / r), round(submap.tf_local_submap.y / r)
