@@ -20,6 +20,8 @@ import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_config: Any = numba.config  # its attributes are made at run time
+
 
 def _user_cache_folder() -> Path:
     """Return the folder for cached data that the operating system gives the user."""
@@ -39,7 +41,7 @@ def kernel_cache_folder() -> Path:
     for source in sorted(Path(__file__).parent.joinpath("kernels").glob("*.py")):
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
-    bounds_check = "-checked" if numba.config.BOUNDSCHECK else ""
+    bounds_check = "-checked" if _config.BOUNDSCHECK else ""
     return _user_cache_folder() / "kernels" / (digest.hexdigest()[:16] + bounds_check)
 
 
@@ -49,10 +51,10 @@ def kernel(function: F) -> F:
     No typed signatures (they compile at import), no fast-math (results must not depend on the
     compiler's mood), no parallel loops (threads belong to the caller).
     """
-    previous = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(kernel_cache_folder())
+    previous = _config.CACHE_DIR
+    _config.CACHE_DIR = str(kernel_cache_folder())
     try:
         compiled = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     finally:
-        numba.config.CACHE_DIR = previous
+        _config.CACHE_DIR = previous
     return cast(F, compiled)

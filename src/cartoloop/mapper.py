@@ -25,6 +25,8 @@ from cartoloop.sensor.pose import FloatArray, Pose, compose
 from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.finished_grid import FinishedGrid
 
+__all__ = ["Mapper", "Result"]
+
 
 class Mapper:
     """Builds a map out of sensor events, one by one, in the order they happened.
@@ -71,7 +73,7 @@ class Mapper:
         return compose(self._global_slam.tf_map_local, local)
 
     def add(self, event: SensorEvent) -> None:
-        """Take in one sensor event. Bad data never raises: it is skipped and counted, with the reason."""
+        """Take in one sensor event. Bad data never raises: it is skipped, and counted by reason."""
         if isinstance(event, LaserScan):
             self._num_scans += 1
         if reason := self._objection(event):
@@ -85,7 +87,7 @@ class Mapper:
             self._add_scan(event)
 
     def finish(self) -> Result:
-        """Return the map after the last loops are closed and all is adjusted; nothing can be added after."""
+        """Close the last loops, adjust all and return the map; nothing can be added after."""
         try:
             self._global_slam.finish(self._local_slam.active_submaps)
         finally:

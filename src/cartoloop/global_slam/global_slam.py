@@ -66,7 +66,7 @@ class GlobalSlam:
         return int(np.count_nonzero(self.graph.kinds == ConstraintKind.LOOP_CLOSURE))
 
     def add_node(self, node: Node) -> None:
-        """Add a scan that was inserted, have it sought where it may close a loop, adjust when due."""
+        """Add a scan that was inserted; seek it where it may close a loop; adjust when due."""
         self._add_to_graph(node)
         every = self._config.optimize_every_n_nodes
         if every == 0:

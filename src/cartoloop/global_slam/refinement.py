@@ -29,7 +29,7 @@ def overlapping_nodes(
     inserted: set[int],
     every: int,
 ) -> list[int]:
-    """Return nodes that stand within a submap's grid and were not inserted into it, one in `every`."""
+    """Return one in `every` of the nodes that stand within a submap's grid, but are not in it."""
     grid = submap.grid
     seen = relative_all(tf_map_submap, node_poses)
     height, width = grid.cells.shape

@@ -22,7 +22,7 @@ def window_sums(
     half_width: int,
     out_sums: NDArray[np.float32],
 ) -> None:
-    """Write the sum of probabilities at the points, for each translation by whole cells, into `out_sums`.
+    """Write the sum of probabilities at the points, for each shift by whole cells, into `out_sums`.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ def project_ranges(
     out_returns: FloatArray,
     out_misses: FloatArray,
 ) -> tuple[int, int]:
-    """Write the end points of a scan's beams into `out_returns` and `out_misses`; return how many of each.
+    """Write the ends of a scan's beams into `out_returns` and `out_misses`; return their numbers.
 
     Parameters
     ----------

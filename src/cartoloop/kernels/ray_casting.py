@@ -35,7 +35,7 @@ def scan_cells(
     first_row: int,
     out_cells: CellArray,
 ) -> tuple[int, int]:
-    """Write the hit cells, then the miss cells of a scan into `out_cells`; return the number of hits and of all.
+    """Write the hits, then the misses of a scan into `out_cells`; return how many hits and cells.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def scan_cells(
     returns : float64, shape (n, 2), ends of rays that hit something, grid frame [m].
     misses : float64, shape (k, 2), ends of rays that did not, grid frame [m].
     resolution : pixel edge r [m].
-    marks : uint8, shape (num_rows, num_cols), all zero, covering origin and ends; zero again on return.
+    marks : uint8, shape (num_rows, num_cols), covers origin and ends; zero before and after.
     first_col, first_row : lattice coordinates of ``marks[0, 0]``.
     out_cells : int32, shape (>= num_rows * num_cols, 2), lattice (column, row), each cell once.
 
@@ -63,8 +63,8 @@ def scan_cells(
             num_cells += 1
     num_hits = num_cells
     shift = 0.5
-    start_x = np.int64(np.floor((origin_x / resolution + shift - first_col) * SUBPIXELS))
-    start_y = np.int64(np.floor((origin_y / resolution + shift - first_row) * SUBPIXELS))
+    start_x = int(np.floor((origin_x / resolution + shift - first_col) * SUBPIXELS))
+    start_y = int(np.floor((origin_y / resolution + shift - first_row) * SUBPIXELS))
     for ray in range(returns.shape[0] + misses.shape[0]):
         if ray < returns.shape[0]:
             end_x = returns[ray, 0]
@@ -75,8 +75,8 @@ def scan_cells(
         num_cells = mark_ray(
             start_x,
             start_y,
-            np.int64(np.floor((end_x / resolution + shift - first_col) * SUBPIXELS)),
-            np.int64(np.floor((end_y / resolution + shift - first_row) * SUBPIXELS)),
+            int(np.floor((end_x / resolution + shift - first_col) * SUBPIXELS)),
+            int(np.floor((end_y / resolution + shift - first_row) * SUBPIXELS)),
             marks,
             out_cells,
             num_cells,
@@ -177,7 +177,8 @@ def update_cells(
 
     Parameters
     ----------
-    grid : float32, shape (num_rows, num_cols), probabilities; 0 where never observed. Changed in place.
+    grid : float32, shape (num_rows, num_cols), probabilities, 0 where never observed; changed in
+        place.
     first_col, first_row : lattice coordinates of ``grid[0, 0]``.
     cells : int32, shape (>= num_cells, 2), lattice (column, row); the first `num_hits` are hits.
     """
@@ -186,7 +187,7 @@ def update_cells(
     for k in range(num_cells):
         row = cells[k, 1] - first_row
         col = cells[k, 0] - first_col
-        p = np.float64(grid[row, col])
+        p: float = np.float64(grid[row, col])
         if p == 0.0:
             p = hit_probability if k < num_hits else miss_probability
         else:

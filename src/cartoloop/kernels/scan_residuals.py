@@ -13,7 +13,7 @@ from cartoloop._jit import kernel
 FloatArray = NDArray[np.float64]
 
 MIN_DAMPING = 0.7
-"""On the ridge of a wall the cost curves up to twice as much as J^T J tells: less damped steps overshoot."""
+"""On the ridge of a wall the cost curves up to twice as much as J^T J tells: steps overshoot."""
 
 SMALL_DECREASE = 1e-5
 """The search ends when a step promises to lower the cost by no more than this share of it."""
@@ -57,13 +57,13 @@ def smooth_probability(
     inside = col0 >= 1 and row0 >= 1 and col0 + 2 < num_cols and row0 + 2 < num_rows
     for i in range(4):
         r = row0 - 1 + i
+        p0 = p1 = p2 = p3 = 0.0
         if inside:
             p0 = np.float64(grid[r, col0 - 1])
             p1 = np.float64(grid[r, col0])
             p2 = np.float64(grid[r, col0 + 1])
             p3 = np.float64(grid[r, col0 + 2])
         else:
-            p0 = p1 = p2 = p3 = 0.0
             if 0 <= r < num_rows:
                 if 0 <= col0 - 1 < num_cols:
                     p0 = np.float64(grid[r, col0 - 1])
@@ -159,7 +159,7 @@ def accumulate_match(
 
 @kernel
 def solve_3x3(system: FloatArray, damping: float, out_step: FloatArray) -> bool:
-    """Write the solution of the damped normal equations into `out_step`; return whether there is one.
+    """Write the solution of the damped normal equations into `out_step`; return if there is one.
 
     `system` as :func:`accumulate_match` leaves it; the diagonal is scaled by 1 + `damping`.
     """
@@ -202,12 +202,12 @@ def match_least_squares(
     max_num_iterations: int,
     out_match: FloatArray,
 ) -> int:
-    """Write the pose that minimises (CS) plus the pull towards `prior` into `out_match`; return the iterations.
+    """Write the minimum of (CS) plus the pull towards `prior` into `out_match`; return iterations.
 
     Parameters
     ----------
     grid, unknown, origin_x, origin_y, resolution, points : as :func:`accumulate_match`.
-    start : float64, shape (3,), pose to start from; its angle within pi of the prior's, not wrapped.
+    start : float64, shape (3,), pose to start from; angle within pi of the prior's, not wrapped.
     prior : float64, shape (3,), the predicted pose.
     prior_information : float64, shape (6,), upper triangle of its information matrix.
     prior_scale : from so many standard deviations on the pull wanes: predictions fail now and then.
@@ -218,9 +218,9 @@ def match_least_squares(
 
     Notes
     -----
-    Minimises ``point_weight * sum (1 - M)^2 + s^2 log(1 + d^T information d / s^2)`` with d = pose - prior
-    and s the scale (Cauchy's loss); damped
-    Gauss-Newton (Levenberg and Marquardt), analytic derivatives.
+    Minimises ``point_weight * sum (1 - M)^2 + s^2 log(1 + d^T information d / s^2)``, with d =
+    pose - prior and s the scale (Cauchy's loss); damped Gauss-Newton (Levenberg and Marquardt),
+    analytic derivatives.
     """
     pose_x = start[0]
     pose_y = start[1]
@@ -275,7 +275,7 @@ def match_least_squares(
             damping *= 4.0
         if not solve_3x3(system, damping, step):
             break
-        # The decrease of the cost that the damped model promises; half the gradient is `system[6:9]`.
+        # The decrease of the cost that the damped model promises; half the gradient: `system[6:9]`.
         predicted = -(step[0] * system[6] + step[1] * system[7] + step[2] * system[8])
         predicted += damping * (
             system[0] * step[0] ** 2 + system[3] * step[1] ** 2 + system[5] * step[2] ** 2

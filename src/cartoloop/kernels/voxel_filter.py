@@ -14,7 +14,7 @@ IntArray = NDArray[np.int64]
 
 @kernel
 def voxel_filter(points: FloatArray, num_points: int, edge: float, out_points: FloatArray) -> int:
-    """Write the first point of each occupied cell into `out_points`, in their order; return how many.
+    """Write the first point of each occupied cell into `out_points`, in order; return how many.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def adaptive_voxel_filter(
     max_range: float,
     out_points: FloatArray,
 ) -> int:
-    """Write the points of the coarsest voxel filter that keeps enough into `out_points`; return how many.
+    """Write what the coarsest filter keeps that keeps enough into `out_points`; return how many.
 
     Parameters
     ----------

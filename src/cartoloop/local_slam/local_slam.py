@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Local SLAM (section IV): each scan is matched to the older active submap and inserted into both."""
+"""Local SLAM (section IV): match each scan to the older active submap, insert it into both."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from cartoloop.sensor.pose import Pose, wrap_angle
 
 
 class MotionFilter:
-    """Lets a scan pass when time, distance or rotation since the last that passed is large enough."""
+    """Lets a scan pass if time, distance or rotation since the last one passed is large enough."""
 
     def __init__(self, config: MotionFilterConfig) -> None:
         self._config = config

@@ -16,7 +16,7 @@ import numpy as np
 from cartoloop.local_slam.odometry_track import OdometryTrack
 from cartoloop.sensor.pose import FloatArray, Pose, relative_all
 
-OFFSETS_S = np.arange(-20, 61) * 0.02
+OFFSETS_S: FloatArray = np.arange(-20.0, 61.0) * 0.02
 """Clock offsets tried [s]; positive: the odometry is newer than the scan of the same stamp."""
 
 MIN_TURN_RAD = 0.02
@@ -100,7 +100,7 @@ def estimate(
     odometry_poses: FloatArray,
     previous: OdometryModel,
 ) -> OdometryModel:
-    """Return the model that explains the motion between scans best; `previous` where too little moves.
+    """Return the model that explains the motion between scans best; `previous` if too little moves.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def _refined_minimum(grid: FloatArray, costs: FloatArray, best: int) -> float:
 
 
 def _robust_scale(reported: FloatArray, true: FloatArray) -> float:
-    """Return the factor from reported to true motion, from the half of the steps that agree best."""
+    """Return the factor from reported to true motion, by the half of the steps that agree best."""
     scale = 1.0
     for _ in range(5):
         error = np.abs(true - scale * reported)

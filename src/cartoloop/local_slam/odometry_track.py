@@ -24,7 +24,7 @@ class OdometryTrack:
         return len(self._times)
 
     def add(self, time: float, tf_odom_tracking: Pose) -> None:
-        """Add a reading; of several at one time the last one holds, older ones than the last are ignored."""
+        """Add a reading; of several at one time the last holds, older ones are ignored."""
         if self._times and time <= self._times[-1]:
             if time == self._times[-1]:
                 self._poses[-1] = tf_odom_tracking

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the predicted to the matched pose: least squares first, wider searches when it fits poorly."""
+"""From the predicted to the matched pose: least squares, then wider searches if it fits poorly."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def _information(translation_sigma: float, rotation_sigma: float) -> FloatArray:
 
 
 def degenerate_direction(match: LeastSquaresMatch) -> tuple[float, float]:
-    """Return the ratio of the weaker to the stronger eigenvalue of a match's translation, and its direction.
+    """Return the ratio of the eigenvalues of a match's translation, and the weaker's direction.
 
     A small ratio tells of a corridor: along the direction [rad, grid axes] the scan says little.
     """

@@ -18,7 +18,7 @@ TRUSTED = 1e3
 
 
 class SmoothMap(NamedTuple):
-    """The probabilities that M_smooth interpolates: 0 where never observed; centre of cell (0, 0) and edge [m]."""
+    """What M_smooth interpolates: probabilities, 0: never observed; centre of cell (0, 0), edge."""
 
     cells: NDArray[np.float32]
     origin_x: float
@@ -56,7 +56,7 @@ def match(
     max_num_iterations: int,
     prior_scale: float = TRUSTED,
 ) -> LeastSquaresMatch:
-    """Return the pose that minimises ``point_weight * sum (1 - M)^2`` plus the pull towards `prior`.
+    """Return the minimum of ``point_weight * sum (1 - M)^2`` plus the pull towards `prior`.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ class LaserScan:
     ----------
     stamp : as recorded [s]; the scan's name.
     time : repaired, never running backwards [s].
-    ranges : float64, shape (geometry.num_beams,) [m]; may hold inf, NaN, negative or over-long values.
+    ranges : float64, shape (geometry.num_beams,) [m]; may be inf, NaN, negative or overlong.
     geometry : shared among all scans of a sensor.
     """
 

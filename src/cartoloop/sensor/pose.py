@@ -69,7 +69,7 @@ def relative(tf_a_b: Pose, tf_a_c: Pose) -> Pose:
 
 
 def interpolate(tf_a_b: Pose, tf_a_c: Pose, fraction: float) -> Pose:
-    """Return the pose a `fraction` of the way from b to c, straight in x, y and the shorter way in theta."""
+    """Return the pose a `fraction` of the way from b to c, straight in x, y, shorter in theta."""
     turn = wrap_angle(tf_a_c.theta - tf_a_b.theta)
     return Pose(
         tf_a_b.x + fraction * (tf_a_c.x - tf_a_b.x),

@@ -69,7 +69,7 @@ class RangeFilter:
 
 
 def thin(points: FloatArray, config: AdaptiveVoxelFilterConfig) -> FloatArray:
-    """Return the points, shape (n, 2) [m], thinned by the coarsest voxel filter that keeps enough."""
+    """Return the points, shape (n, 2) [m], after the coarsest voxel filter that keeps enough."""
     thinned = np.empty_like(points)
     kept = adaptive_voxel_filter(
         points, config.max_length, config.min_num_points, config.max_range, thinned

@@ -23,7 +23,7 @@ class FinishedGrid:
     Attributes
     ----------
     cells : uint8, shape (num_rows, num_cols): 0 where never observed, otherwise v in 1..255 for
-        the probability ``MIN_PROBABILITY + (v - 1) * PROBABILITY_STEP``. Rows along y, columns along x.
+        the probability ``MIN_PROBABILITY + (v - 1) * PROBABILITY_STEP``. Rows: y, columns: x.
     origin_x, origin_y : centre of ``cells[0, 0]`` [m, submap frame].
     resolution : pixel edge r [m].
     """
@@ -41,7 +41,7 @@ class FinishedGrid:
 
 
 def quantize_probabilities(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Return cell values for probabilities within the clamping interval; 0 (never observed) stays 0."""
+    """Return cell values for probabilities within the clamping interval, 0 for never observed."""
     values = np.rint((probabilities - MIN_PROBABILITY) / PROBABILITY_STEP) + 1.0
     return np.where(probabilities > 0.0, values, 0.0).astype(np.uint8)
 
@@ -52,5 +52,5 @@ def mean_probability(mean_value: float) -> float:
 
 
 def mean_value(score: float) -> float:
-    """Return the mean of cell values that a score stands for: the inverse of :func:`mean_probability`."""
+    """Return the mean cell value that a score stands for: inverse of :func:`mean_probability`."""
     return (score - MIN_PROBABILITY) / PROBABILITY_STEP + 1.0
