@@ -15,8 +15,8 @@ ROOM = 4.0  # half its edge [m]
 
 GEOMETRY = cartoloop.ScanGeometry(
     angle_min=math.radians(-135.0),
-    angle_increment=math.radians(1.0),
-    num_beams=271,
+    angle_increment=math.radians(0.5),
+    num_beams=541,
     range_min=0.1,
     range_max=30.0,
 )

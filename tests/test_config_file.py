@@ -57,7 +57,7 @@ def test_the_rest_of_a_section_keeps_the_defaults_of_its_place(tmp_path):
         ("sensor.max_range=none", None),
         ("local_slam.use_odometry=false", False),
         ("global_slam.pose_adjustment.loss=cauchy", "cauchy"),
-        ('global_slam.pose_adjustment.loss="gnc"', "gnc"),
+        ('global_slam.pose_adjustment.loss="huber"', "huber"),
         ("local_slam.submaps.num_range_data=7", 7),
     ],
 )
