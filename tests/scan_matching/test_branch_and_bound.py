@@ -10,15 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cartoloop.kernels.node_bounds import place_points, scan_range, score_children
+from cartoloop.kernels.search_tree import grow_tree
 from cartoloop.scan_matching.branch_and_bound import (
     NO_RUNNER_UP,
     RunnerUp,
-    SearchWindow,
     SubmapMatcher,
     rotation_step,
-    search_tree,
 )
-from cartoloop.scan_matching.precomputation_grid import STRIDES, PrecomputationGrids
+from cartoloop.scan_matching.precomputation_grid import MAX_MOVE, STRIDES, PrecomputationGrids
 from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.submaps.finished_grid import FinishedGrid
 from tests.reference.naive_branch_and_bound import (
@@ -65,6 +64,22 @@ def scan_from(walls, pose):
     cos, sin = math.cos(pose.theta), math.sin(pose.theta)
     centred = walls - np.array((pose.x, pose.y))
     return centred @ np.array(((cos, -sin), (sin, cos)))
+
+
+def tree_for(grids, half_widths, step, mean_cells, farthest_cells):
+    """What nodes stand for at each height, and which grids bound them."""
+    heights = np.zeros((len(STRIDES) + 1, 8), dtype=np.int64)
+    boxes = np.zeros((len(STRIDES) + 1, grids.boxes.shape[1]), dtype=np.int32)
+    num_heights = grow_tree(
+        grids.heights,
+        grids.boxes,
+        np.array(half_widths),
+        step,
+        np.array((mean_cells, farthest_cells, MAX_MOVE)),
+        heights,
+        boxes,
+    )
+    return heights[:num_heights], boxes[:num_heights]
 
 
 def naive_window(grid, points, estimate, linear_window, angular_window, max_range=math.inf):
@@ -170,14 +185,13 @@ def test_every_node_bounds_its_leaves(seed, half_turns):
     grid, points = random_grid(rng), random_scan(rng)
     mean_distance, farthest = scan_range(points)
     step = rotation_step(farthest, RESOLUTION)
-    window = SearchWindow(40, 40, half_turns, step)
     estimate = Pose(grid.origin_x + rng.uniform(-1, 3), grid.origin_y + rng.uniform(-1, 3), 0.7)
-    levels, tree = search_tree(window, mean_distance / RESOLUTION, farthest / RESOLUTION)
     grids = PrecomputationGrids(grid.cells)
-    heights = np.column_stack((tree, grids.heights[levels], np.zeros(len(levels), dtype=np.int64)))
-    boxes = grids.boxes[levels]
-    frame = np.array((*estimate, grid.origin_x, grid.origin_y, RESOLUTION, step))
     half_widths = np.array((40, 40, half_turns))
+    heights, boxes = tree_for(
+        grids, half_widths, step, mean_distance / RESOLUTION, farthest / RESOLUTION
+    )
+    frame = np.array((*estimate, grid.origin_x, grid.origin_y, RESOLUTION, step))
     places = [np.zeros(64, dtype=np.int32) for _ in range(3)]
 
     def sums_of(height, group, col, row):
@@ -193,7 +207,7 @@ def test_every_node_bounds_its_leaves(seed, half_turns):
         return sums[0]
 
     for height in range(1, len(heights)):
-        block, size = (int(value) for value in tree[height])
+        block, size = (int(value) for value in heights[height, :2])
         group = int(rng.integers(0, 2 * half_turns // size + 1))
         col, row = (int(value) for value in rng.integers(-40, 40, 2))
         bounds = sums_of(height, group, col, row)
@@ -214,13 +228,55 @@ def test_the_rotation_step_is_that_of_the_paper():
     assert 2.0 * 5.0 * math.sin(rotation_step(5.0, RESOLUTION) / 2.0) == pytest.approx(RESOLUTION)
 
 
+@settings(deadline=None, max_examples=60)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    half_turns=st.integers(0, 40),
+    far=st.sampled_from((0.02, 0.8, 5.0, 30.0)),
+)
+def test_no_point_leaves_its_box_while_a_group_turns(seed, half_turns, far):
+    rng = np.random.default_rng(seed)
+    points = random_scan(rng) * far
+    # Points along the axes, too: there arcs bulge beyond both of their ends.
+    points = np.concatenate((points, far * np.array(((1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)))))
+    mean_distance, farthest = scan_range(points)
+    step = rotation_step(farthest, RESOLUTION)
+    grids = PrecomputationGrids(np.zeros((5, 7), dtype=np.uint8))
+    half_widths = np.array((40, 40, half_turns))
+    heights, boxes = tree_for(
+        grids, half_widths, step, mean_distance / RESOLUTION, farthest / RESOLUTION
+    )
+    # Tells how far points move, where the matcher has the grid that is large enough for it.
+    moves = np.tile(np.arange(boxes.shape[1], dtype=np.int32), (len(heights), 1))
+    frame = np.array((*rng.uniform(-3, 3, 3), *rng.uniform(-3, 3, 2), RESOLUTION, step))
+
+    def place(height, group):
+        places = np.zeros((3, len(points)), dtype=np.int32)
+        place_points(heights, moves, points, frame, half_widths, height, group, 0, *places)
+        return places
+
+    for height in range(1, len(heights)):
+        block, size = (int(value) for value in heights[height, :2])
+        group = int(rng.integers(0, 2 * half_turns // size + 1))
+        first_cols, first_rows, moved = place(height, group)
+        assert moved.max() <= MAX_MOVE * block + 2
+        for rotation in range(group * size, min((group + 1) * size, 2 * half_turns + 1)):
+            cols, rows, _ = place(0, rotation)
+            assert ((cols >= first_cols) & (cols <= first_cols + moved)).all()
+            assert ((rows >= first_rows) & (rows <= first_rows + moved)).all()
+
+
 def test_tree_grows_with_the_window():
-    small, _ = search_tree(SearchWindow(10, 10, 40, 0.003), 120.0, 300.0)
-    large, heights = search_tree(SearchWindow(140, 140, 200, 0.003), 120.0, 300.0)
+    grids = PrecomputationGrids(np.zeros((5, 7), dtype=np.uint8))
+    small, _ = tree_for(grids, (10, 10, 40), 0.003, 120.0, 300.0)
+    large, boxes = tree_for(grids, (140, 140, 200), 0.003, 120.0, 300.0)
     assert len(small) < len(large)
-    assert max(large) == len(STRIDES) - 1
-    assert heights[0].tolist() == [1, 1]
-    assert (np.diff(heights, axis=0) >= 0).all()
+    assert large[0, :2].tolist() == [1, 1]
+    assert (np.diff(large[:, :2], axis=0) >= 0).all()
+    # The top is of the largest blocks, bounded by the grids made for them.
+    assert large[-1, 0] == 1 << (len(STRIDES) - 1)
+    assert large[-1, 2:7].tolist() == grids.heights[-1].tolist()
+    assert boxes[-1].tolist() == grids.boxes[-1].tolist()
 
 
 def test_finds_the_pose_in_a_large_window():
@@ -338,6 +394,37 @@ def test_two_threads_find_the_same():
     assert None not in alone
 
 
-def test_memory_is_that_of_the_precomputed_grids():
-    grid, _ = room()
-    assert SubmapMatcher(grid).memory_bytes > grid.cells.nbytes
+def test_memory_is_that_of_the_precomputed_grids_from_the_first_search_until_released():
+    grid, walls = room()
+    matcher = SubmapMatcher(grid)
+    truth = Pose(2.4, 1.9, 0.4)
+
+    def find():
+        return matcher.match(
+            scan_from(walls, truth), truth, linear_window=0.5, angular_window=0.1, min_score=0.5
+        )
+
+    assert matcher.memory_bytes == 0
+    first = find()
+    assert first is not None
+    assert matcher.memory_bytes == PrecomputationGrids(grid.cells).cells.nbytes
+    matcher.release()
+    assert matcher.memory_bytes == 0
+    assert find() == first
+    assert matcher.memory_bytes > 0
+
+
+def test_grids_may_be_released_while_threads_search():
+    grid, walls = room()
+    matcher = SubmapMatcher(grid)
+    points, estimate = scan_from(walls, Pose(2.4, 1.9, 0.4)), Pose(2.3, 2.0, 0.4)
+
+    def find(number):
+        if number % 3 == 0:
+            matcher.release()
+        return matcher.match(points, estimate, linear_window=0.5, angular_window=0.1, min_score=0.5)
+
+    alone = find(1)
+    assert alone is not None
+    with ThreadPoolExecutor(2) as threads:
+        assert list(threads.map(find, range(30))) == [alone] * 30

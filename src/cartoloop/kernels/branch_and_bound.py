@@ -27,6 +27,7 @@ from cartoloop.kernels.node_bounds import (
     REST,
     ROTATION,
     ROW,
+    STEP,
     ByteArray,
     CellArray,
     FloatArray,
@@ -34,6 +35,7 @@ from cartoloop.kernels.node_bounds import (
     place_points,
     score_children,
 )
+from cartoloop.kernels.search_tree import grow_tree
 
 _POINTS = 40  # in a block, at most: partial sums are looked at after each block
 _LANES = 8  # of a vector register
@@ -141,7 +143,14 @@ def explore(
 
     Parameters
     ----------
-    cells, heights, boxes, points, frame, window : see :func:`search`.
+    cells, points, frame, window : see :func:`search`.
+    heights : int64, shape (num_heights, 8): of the nodes of each height, from single candidates to
+        the tree's top: edge of the block of translations [cells], rotations in a group, and of the
+        grids the binary logarithm of their stride [cells], margin, last column, last row, length of
+        a row; number of groups at lower heights. From one height to the next blocks and groups
+        stay or double, except that the first group is of up to four rotations.
+    boxes : int32, shape (num_heights, num_moves): where in `cells` the first cell of the grid is
+        whose boxes are large enough for the block if a point moves by so many cells.
     cols, rows, grids, is_placed : where the points are, for each group of rotations of each height
         as :func:`place_points` writes it, and whether that has been done.
     index, sums : see :func:`score_children`.
@@ -250,11 +259,12 @@ def explore(
 @kernel
 def search(
     cells: ByteArray,
-    heights: IntArray,
-    boxes: CellArray,
+    levels: IntArray,
+    level_boxes: CellArray,
     points: FloatArray,
     frame: FloatArray,
     window: IntArray,
+    extent: FloatArray,
     min_sum: int,
     away: IntArray,
     out_matches: IntArray,
@@ -264,13 +274,8 @@ def search(
     Parameters
     ----------
     cells : uint8, shape (n,): grids of maxima, see :mod:`cartoloop.kernels.precomputation_grid`.
-    heights : int64, shape (num_heights, 8): of the nodes of each height, from single candidates to
-        the tree's top: edge of the block of translations [cells], rotations in a group, and of the
-        grids the binary logarithm of their stride [cells], margin, last column, last row, length of
-        a row; the last column is filled in here. From one height to the next blocks and groups
-        stay or double, except that the first group is of up to four rotations.
-    boxes : int32, shape (num_heights, num_moves): where in `cells` the first cell of the grid is
-        whose boxes are large enough for the block if a point moves by so many cells.
+    levels, level_boxes, extent : where these grids are, how far the points reach: `levels`, `boxes`
+        and `extent` of :func:`grow_tree`.
     points : float64, shape (n, 2), scan frame [m]; n > 0.
     frame : float64, (x, y, theta of the estimate, origin_x, origin_y, resolution, rotation step).
     window : int64, (w_x, w_y, w_theta) of eq. (8).
@@ -280,6 +285,10 @@ def search(
     out_matches : int64, shape (2, 4): sum, column, row, rotation, from the window's first candidate
         on; the sum is -1 where there is none.
     """
+    heights = np.empty((levels.shape[0] + 1, FIRST_GROUP + 1), dtype=np.int64)
+    boxes = np.empty((levels.shape[0] + 1, level_boxes.shape[1]), dtype=np.int32)
+    num_heights = grow_tree(levels, level_boxes, window, frame[STEP], extent, heights, boxes)
+    heights = heights[:num_heights]
     num_points = points.shape[0]
     # Up to _POINTS, in whole vector registers; not a constant, as short constant loops are
     # unrolled, which keeps them from becoming vector instructions.

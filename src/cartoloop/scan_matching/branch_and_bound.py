@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from threading import Lock
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop.kernels.branch_and_bound import search
 from cartoloop.kernels.node_bounds import scan_range
-from cartoloop.scan_matching.precomputation_grid import MAX_MOVE, STRIDES, PrecomputationGrids
+from cartoloop.scan_matching.precomputation_grid import MAX_MOVE, PrecomputationGrids
 from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
 from cartoloop.submaps.finished_grid import (
     PROBABILITY_STEP,
@@ -19,18 +19,6 @@ from cartoloop.submaps.finished_grid import (
     mean_probability,
     mean_value,
 )
-
-MEAN_MOVE = 1.0
-"""By so many blocks the points move on average within a group of rotations.
-
-Larger groups are fewer, but bounded less tightly; this is near the flat optimum.
-"""
-
-MAX_TURN = 1.0
-"""A group turns by no more than this [rad]: the boxes around long arcs would be loose."""
-
-MAX_TOP_BLOCKS = 5
-"""The tree's first nodes, eq. (13), are at most so many a side, if the largest blocks allow it."""
 
 ROUNDING = 1e-9
 """So much more than a whole number of steps is taken for rounding."""
@@ -50,22 +38,6 @@ class BranchAndBoundMatch:
     tf_submap_scan: Pose
     score: float
     runner_up: float
-
-
-@dataclass(frozen=True, slots=True)
-class SearchWindow:
-    """The finite set W-bar of eq. (9): numbers of pixels and rotation steps around an estimate.
-
-    Attributes
-    ----------
-    num_cols, num_rows, num_rotations : w_x, w_y, w_theta of eq. (8): how many to each side.
-    rotation_step : delta_theta of eq. (7) [rad].
-    """
-
-    num_cols: int
-    num_rows: int
-    num_rotations: int
-    rotation_step: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,22 +78,31 @@ class SubmapMatcher:
 
     Parameters
     ----------
-    grid : the submap's grid; its precomputed grids are made here, in O(n).
+    grid : the submap's grid.
 
     Notes
     -----
-    The precomputed grids take about 20 bytes a pixel: where memory is short, drop the matcher and
-    keep the grid.
+    The precomputed grids take about 20 bytes a pixel. They are made by the first search, in O(n),
+    and kept until :meth:`release`.
     """
 
     def __init__(self, grid: FinishedGrid) -> None:
         self._grid = grid
-        self._grids = PrecomputationGrids(grid.cells)
+        self._grids: PrecomputationGrids | None = None
+        self._building = Lock()
 
     @property
     def memory_bytes(self) -> int:
-        """Size of the precomputed grids."""
-        return self._grids.cells.nbytes
+        """Size of the precomputed grids that are kept, 0 if there are none."""
+        grids = self._grids
+        return 0 if grids is None else grids.cells.nbytes
+
+    def release(self) -> None:
+        """Forget the precomputed grids; the next search makes them anew and finds the same.
+
+        Searches under way keep theirs until they are done.
+        """
+        self._grids = None
 
     def match(
         self,
@@ -178,6 +159,16 @@ class SubmapMatcher:
             points, centre, (half_width, half_height), math.pi, min_score, max_range, NO_RUNNER_UP
         )
 
+    def _precomputed(self) -> PrecomputationGrids:
+        """Return the precomputed grids; threads that need them at once make them only once."""
+        grids = self._grids
+        if grids is None:
+            with self._building:
+                grids = self._grids
+                if grids is None:
+                    grids = self._grids = PrecomputationGrids(self._grid.cells)
+        return grids
+
     def _search(
         self,
         points: FloatArray,
@@ -191,12 +182,11 @@ class SubmapMatcher:
         """Return the match in a window of so many pixels to each side of the estimate."""
         if len(points) == 0 or self._grid.cells.size == 0:
             return None
-        resolution = self._grid.resolution
+        grids, resolution = self._precomputed(), self._grid.resolution
         mean_distance, farthest = scan_range(points)
         step = rotation_step(min(farthest, max_range), resolution)
-        window = SearchWindow(*half_size, _num_steps(angular_window, step), step)
-        levels, heights = search_tree(window, mean_distance / resolution, farthest / resolution)
-        min_sum = max(math.ceil(mean_value(min_score) * len(points) - 1e-6), 0)
+        num_cols, num_rows = half_size
+        num_rotations = _num_steps(angular_window, step)
         away = (
             math.floor((runner_up.distance / resolution) ** 2 + ROUNDING),
             math.floor(runner_up.angle / step + ROUNDING),
@@ -205,15 +195,14 @@ class SubmapMatcher:
         frame = (*estimate, self._grid.origin_x, self._grid.origin_y, resolution, step)
         matches = np.empty((2, 4), dtype=np.int64)
         search(
-            self._grids.cells,
-            np.column_stack(
-                (heights, self._grids.heights[levels], np.zeros(len(levels), dtype=np.int64))
-            ),
-            self._grids.boxes[levels],
+            grids.cells,
+            grids.heights,
+            grids.boxes,
             np.ascontiguousarray(points, dtype=np.float64),
             np.array(frame, dtype=np.float64),
-            np.array((*half_size, window.num_rotations), dtype=np.int64),
-            min_sum,
+            np.array((num_cols, num_rows, num_rotations), dtype=np.int64),
+            np.array((mean_distance / resolution, farthest / resolution, MAX_MOVE)),
+            max(math.ceil(mean_value(min_score) * len(points) - 1e-6), 0),
             np.array(away, dtype=np.int64),
             matches,
         )
@@ -222,46 +211,13 @@ class SubmapMatcher:
             return None
         return BranchAndBoundMatch(
             Pose(
-                estimate.x + (col - window.num_cols) * resolution,
-                estimate.y + (row - window.num_rows) * resolution,
-                wrap_angle(estimate.theta + (rotation - window.num_rotations) * step),
+                estimate.x + (col - num_cols) * resolution,
+                estimate.y + (row - num_rows) * resolution,
+                wrap_angle(estimate.theta + (rotation - num_rotations) * step),
             ),
             mean_probability(total / len(points)),
             mean_probability(second / len(points)) if second >= 0 else 0.0,
         )
-
-
-def search_tree(
-    window: SearchWindow, mean_cells: float, farthest_cells: float
-) -> tuple[list[int], NDArray[np.int64]]:
-    """Return what the tree's nodes stand for at each height, from single candidates to the top.
-
-    Parameters
-    ----------
-    mean_cells, farthest_cells : mean and largest distance of the points from the scan's origin
-        [cells].
-
-    Returns
-    -------
-    Binary logarithms of the blocks' edges (which grids bound them), and int64, shape
-    (num_heights, 2): the blocks' edges [cells] and the number of rotations in a group.
-    """
-    move = 2.0 * math.sin(0.5 * window.rotation_step)  # in a step, of a point at a distance of one
-    most = MAX_MOVE / max(farthest_cells * move, ROUNDING) + ROUNDING
-    per_cell = min(MEAN_MOVE / max(mean_cells * move, ROUNDING), most)
-    turn = 1.0 + MAX_TURN / window.rotation_step
-    levels, blocks, groups = [0], [1], [1]
-    first_group = int(min(per_cell + 0.5, most, turn))
-    if first_group > 1:
-        levels, blocks, groups = [0, 0], [1, 1], [1, first_group]
-        per_cell = first_group
-    widest = 2 * max(window.num_cols, window.num_rows) + 1
-    while widest > MAX_TOP_BLOCKS * blocks[-1] and levels[-1] + 1 < len(STRIDES):
-        levels.append(levels[-1] + 1)
-        blocks.append(2 * blocks[-1])
-        fits = 2 * groups[-1] <= min(per_cell * blocks[-1], turn)
-        groups.append(2 * groups[-1] if fits else groups[-1])
-    return levels, np.array((blocks, groups), dtype=np.int64).T
 
 
 def _num_steps(window: float, step: float) -> int:
