@@ -88,10 +88,16 @@ class PredictionConfig(Section):
     failure_scale: float = Field(
         4.0, gt=0, description="from so many standard deviations on the pull wanes"
     )
+    spurious_information: float = Field(
+        0.25,
+        ge=0,
+        le=1,
+        description="share of a scan's certainty across a corridor that is noise along it",
+    )
     min_translation_sigma: float = Field(0.01, gt=0, description="but by no less than this [m]")
     min_rotation_sigma: float = Field(0.005, gt=0, description="and this [rad]")
     unknown_translation_sigma: float = Field(
-        0.1, gt=0, description="error of odometry not yet measured [m]"
+        0.02, gt=0, description="error of odometry not yet measured [m]"
     )
     unknown_rotation_sigma: float = Field(
         0.1, gt=0, description="error of odometry not yet measured [rad]"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.config import CorrelativeMatcherConfig, LocalSlamConfig
+from cartoloop.config import CorrelativeMatcherConfig, LocalSlamConfig, PredictionConfig
 from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator, Prediction
 from cartoloop.scan_matching import correlative, least_squares
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
@@ -74,6 +74,7 @@ class ScanMatcher:
         """
         prior = relative(submap.tf_local_submap, prediction.tf_local_tracking)
         pull = self._pull(prediction, extrapolator)
+        is_lost = False
         best = self._refine(submap, points, prior, prior, pull)
         if best.residual > self._usual_residual * self._window.poor_residual_ratio:
             self.num_correlative += 1
@@ -84,8 +85,14 @@ class ScanMatcher:
         if best.residual > self._usual_residual * self._window.lost_residual_ratio:
             self.num_lost += 1
             guesses = (extrapolator.at_rest(), extrapolator.at_constant_velocity(time))
-            best = self._search_as_lost(submap, points, guesses, best)
+            found = self._search_as_lost(submap, points, guesses, best)
+            is_lost = found is not best
+            best = found
+        weight = self._config.least_squares_matcher.occupied_space_weight / self._usual_residual**2
         self._usual_residual += RESIDUAL_MEMORY * (best.residual - self._usual_residual)
+        if prediction.by_odometry and not is_lost:
+            held = hold_open_direction(best, prior, pull, weight, self._config.prediction)
+            best = best._replace(tf_grid_scan=held)
         return MatchedScan(compose(submap.tf_local_submap, best.tf_grid_scan), best)
 
     def _search_as_lost(
@@ -140,6 +147,40 @@ def _information(translation_sigma: float, rotation_sigma: float) -> FloatArray:
     """Return an isotropic information matrix as its upper triangle (xx, xy, xt, yy, yt, tt)."""
     translation, rotation = 1.0 / translation_sigma**2, 1.0 / rotation_sigma**2
     return np.array((translation, 0.0, 0.0, translation, 0.0, rotation))
+
+
+def hold_open_direction(
+    match: LeastSquaresMatch,
+    prior: Pose,
+    pull: FloatArray,
+    point_weight: float,
+    config: PredictionConfig,
+) -> Pose:
+    """Return the pose of a match, brought back to the prediction along a direction that it leaves open.
+
+    Along a featureless corridor the pixels' noise still gives (CS) a curvature, a share of that
+    across it, which ties the scan to where the map happens to be rough. That share is no
+    information. What is left of the curvature is weighed anew against the prediction.
+
+    Parameters
+    ----------
+    prior, pull : the prediction and its information, upper triangle, shape (6,).
+    point_weight : factor of the points' information.
+    """
+    ratio, direction = degenerate_direction(match)
+    if not 0.0 < ratio < 1.0:
+        return match.tf_grid_scan
+    (xx, xy), (_, yy) = match.information[:2, :2].tolist()
+    strong = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
+    seeming = point_weight * ratio * strong
+    true = point_weight * max(ratio - config.spurious_information, 0.0) * strong
+    cos, sin = math.cos(direction), math.sin(direction)
+    pose = match.tf_grid_scan
+    along = cos * (pose.x - prior.x) + sin * (pose.y - prior.y)
+    trust = float(pull[0]) / (1.0 + along * along * float(pull[0]) / config.failure_scale**2)
+    kept = true / (true + trust) * (seeming + trust) / seeming
+    back = (min(kept, 1.0) - 1.0) * along
+    return Pose(pose.x + back * cos, pose.y + back * sin, pose.theta)
 
 
 def degenerate_direction(match: LeastSquaresMatch) -> tuple[float, float]:
