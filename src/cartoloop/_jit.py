@@ -11,12 +11,16 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
+from time import perf_counter
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import event
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -58,3 +62,51 @@ def kernel(function: F) -> F:
     finally:
         _config.CACHE_DIR = previous
     return cast(F, compiled)
+
+
+class CompileWatch(event.Listener):
+    """Knows whether kernels are compiled, and how long this thread has waited for it.
+
+    Attributes
+    ----------
+    seconds : time that the thread which made the watch has spent compiling [s].
+    """
+
+    def __init__(self, on_first: Callable[[], None]) -> None:
+        self.seconds = 0.0
+        self._on_first: Callable[[], None] | None = on_first
+        self._thread = threading.get_ident()
+        self._depth = 0
+        self._start = 0.0
+
+    def on_start(self, event: event.Event) -> None:
+        """Note that a compilation begins; they nest, where kernels call others."""
+        if self._on_first is not None:
+            on_first, self._on_first = self._on_first, None
+            on_first()
+        if threading.get_ident() == self._thread:
+            if self._depth == 0:
+                self._start = perf_counter()
+            self._depth += 1
+
+    def on_end(self, event: event.Event) -> None:
+        """Note that a compilation ends."""
+        if threading.get_ident() == self._thread:
+            self._depth -= 1
+            if self._depth == 0:
+                self.seconds += perf_counter() - self._start
+
+
+@contextmanager
+def watch_compilation(on_first: Callable[[], None]) -> Iterator[CompileWatch]:
+    """Yield a watch over the compiler while the body runs.
+
+    Parameters
+    ----------
+    on_first : called, in whichever thread it is, when a kernel has to be compiled for the first
+        time; never if all are in the cache.
+    """
+    watch = CompileWatch(on_first)
+    install: Any = event.install_listener
+    with install("numba:compile", watch):
+        yield watch

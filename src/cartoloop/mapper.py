@@ -91,8 +91,12 @@ class Mapper:
         try:
             self._global_slam.finish(self._local_slam.active_submaps)
         finally:
-            self._global_slam.close()
+            self.close()
         return self.result()
+
+    def close(self) -> None:
+        """End the background threads and drop their searches; only `result` may follow."""
+        self._global_slam.close()
 
     def result(self) -> Result:
         """Return the map as it stands, without waiting for searches."""
@@ -161,7 +165,9 @@ class Mapper:
             ),
             nodes=graph.num_nodes,
             submaps=graph.num_submaps,
-            constraints=summarize_constraints(graph, self._global_slam.search.num_searched),
+            constraints=summarize_constraints(
+                graph, self._global_slam.search.num_searched, self._global_slam.found
+            ),
             adjustment=AdjustmentSummary(
                 runs=len(adjustments),
                 mean_iterations=(

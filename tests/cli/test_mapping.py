@@ -71,6 +71,9 @@ class StandIn:
             self.at_finish()
         return self.result()
 
+    def close(self):
+        self.closed = True
+
 
 @pytest.fixture
 def mapper(monkeypatch):

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,9 +14,10 @@ import typer
 
 from cartoloop.cli.progress import format_duration, progress
 from cartoloop.cli.stop_signals import StopRequest, stop_signals
-from cartoloop.errors import Interrupted
+from cartoloop.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
+    from cartoloop._jit import CompileWatch
     from cartoloop.config_file import LoadedConfig
     from cartoloop.map_output.picture import Layer
     from cartoloop.map_output.report import Report
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
     from cartoloop.mapper import Mapper
     from cartoloop.readers import Log
 
-COMPILE_TIME_S = 60
+COMPILE_TIME_S = 30
 """About how long compiling all kernels takes."""
 
 _MAX_PROBLEMS_SHOWN = 5
@@ -43,34 +45,50 @@ def map_recording(log: Log, loaded: LoadedConfig, out: Path, layers: Collection[
 
     start = time.perf_counter()
     prepare_folder(out)
-    _tell_of_compilation()
 
     from cartoloop.mapper import Mapper
 
-    with stop_signals() as stop:
+    with stop_signals() as stop, compilation_told() as compiler:
         try:
-            result, failure = _run(Mapper(loaded.config), log, stop)
+            result, failure = _run(Mapper(loaded.config), log, stop, compiler)
             typer.echo(f"writing {out}", err=True)
-            report = _completed(result.report, log, time.perf_counter() - start)
+            report = _completed(result, log, time.perf_counter() - start)
             save(replace(result, report=report), out, layers=layers, origins=loaded.origins)
         except KeyboardInterrupt as interrupt:
             raise Interrupted(f"stopped at once; files in {out} may be missing") from interrupt
-    report = _completed(result.report, log, time.perf_counter() - start)
+    report = _completed(result, log, time.perf_counter() - start)
     save_report(report, out)
     _tell_problems(log)
+    if report.nodes == 0:
+        typer.echo(f"warning: {log.name}: no scan shows enough to be mapped", err=True)
     typer.echo(_summary(report, out))
     if failure is not None:
         typer.echo(f"what was mapped before the failure is in {out}", err=True)
         raise failure
     if stop.made:
         raise Interrupted(f"stopped after {len(result.stamps)} scans; the map of these is in {out}")
+    if lost := next((p.message for p in log.problems if p.severity == "error"), None):
+        raise InputError(f"the map in {out} is of a part of the recording: {lost}")
     return replace(result, report=report)
 
 
-def _run(mapper: Mapper, log: Log, stop: StopRequest) -> tuple[Result, Exception | None]:
+@contextmanager
+def compilation_told() -> Iterator[CompileWatch]:
+    """Yield a watch over the compiler, which tells the user once if kernels must be compiled."""
+    from cartoloop._jit import watch_compilation
+
+    with watch_compilation(
+        lambda: typer.echo(f"compiling kernels, once: about {COMPILE_TIME_S} s", err=True)
+    ) as watch:
+        yield watch
+
+
+def _run(
+    mapper: Mapper, log: Log, stop: StopRequest, compiler: CompileWatch
+) -> tuple[Result, Exception | None]:
     """Return the result of the log, or of what was mapped until a stop or a failure, and that."""
     try:
-        _add_all(mapper, log, stop)
+        _add_all(mapper, log, stop, compiler)
         if not stop.made:
             with stop.at_once():
                 return mapper.finish(), None
@@ -80,12 +98,14 @@ def _run(mapper: Mapper, log: Log, stop: StopRequest) -> tuple[Result, Exception
         if mapper.num_scans == 0:
             raise
         return mapper.result(), failure
+    finally:
+        mapper.close()
     return mapper.result(), None
 
 
-def _add_all(mapper: Mapper, log: Log, stop: StopRequest) -> None:
+def _add_all(mapper: Mapper, log: Log, stop: StopRequest, compiler: CompileWatch) -> None:
     first_time = None
-    with progress(log.num_scans) as shown:
+    with progress(log.num_scans, paused_s=lambda: compiler.seconds) as shown:
         for event in log:
             if stop.made:
                 return
@@ -94,16 +114,12 @@ def _add_all(mapper: Mapper, log: Log, stop: StopRequest) -> None:
             shown.update(mapper.num_scans, event.time - first_time, mapper.num_loop_closures)
 
 
-def _tell_of_compilation() -> None:
-    from cartoloop._jit import kernel_cache_folder
-
-    if not any(kernel_cache_folder().rglob("*.nbi")):
-        typer.echo(f"compiling kernels (once, about {COMPILE_TIME_S} s)", err=True)
-
-
-def _completed(report: Report, log: Log, wall_s: float) -> Report:
+def _completed(result: Result, log: Log, wall_s: float) -> Report:
     """Return the report with what only the command knows: names, times, what the reader skipped."""
+    from cartoloop.config_file import config_hash
     from cartoloop.map_output.report import peak_memory_mb
+
+    report = result.report
 
     skipped = dict(report.skipped)
     for reason, count in log.skipped.items():
@@ -119,6 +135,7 @@ def _completed(report: Report, log: Log, wall_s: float) -> Report:
         peak_memory_mb=peak_memory_mb(),
         real_time_factor=report.input.duration_s / wall_s,
         skipped=skipped,
+        config_hash=config_hash(result.config),
         extra=extra,
     )
 
@@ -133,9 +150,12 @@ def _tell_problems(log: Log) -> None:
 
 def _summary(report: Report, out: Path) -> str:
     constraints = report.constraints
-    closures = f"{constraints.loop_closure} of {constraints.searched} pairs searched"
+    closures = f"{constraints.found} in {constraints.searched} pairs searched"
     if constraints.precision is not None:
-        closures += f", {100.0 * constraints.precision:.1f}% agree with the map"
+        closures += (
+            f", {constraints.loop_closure} when matched again in the end: "
+            f"{100.0 * constraints.precision:.1f}% agree with the map"
+        )
     skipped = ", ".join(f"{count} {reason}" for reason, count in sorted(report.skipped.items()))
     return "\n".join(
         (

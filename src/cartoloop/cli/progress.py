@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 from typing import Protocol, TextIO
@@ -28,12 +28,16 @@ class Progress:
     num_scans : how many scans there are to do.
     display : where it is shown.
     period : time between two displays [s].
+    paused_s : tells how long the run has been held up by what tells nothing of its rate [s].
     """
 
-    def __init__(self, num_scans: int, display: Display, period: float) -> None:
+    def __init__(
+        self, num_scans: int, display: Display, period: float, paused_s: Callable[[], float]
+    ) -> None:
         self._num_scans = num_scans
         self._display = display
         self._period = period
+        self._paused_s = paused_s
         self._start = perf_counter()
         self._next = self._start + period
 
@@ -50,7 +54,7 @@ class Progress:
         if now < self._next:
             return
         self._next = now + self._period
-        elapsed = now - self._start
+        elapsed = max(now - self._start - self._paused_s(), 1e-3)
         rate = num_scans / elapsed
         left = max(0, self._num_scans - num_scans) / rate if num_scans else 0.0
         self._display.show(
@@ -73,11 +77,16 @@ class _Lines:
 
 
 @contextmanager
-def progress(num_scans: int, stream: TextIO | None = None) -> Iterator[Progress]:
-    """Yield the progress of a run over so many scans, shown on the stream (standard error)."""
+def progress(
+    num_scans: int, stream: TextIO | None = None, *, paused_s: Callable[[], float] = float
+) -> Iterator[Progress]:
+    """Yield the progress of a run over so many scans, shown on the stream (standard error).
+
+    `paused_s` tells how long the run has been held up by what tells nothing of its rate [s].
+    """
     stream = stream or sys.stderr
     if not stream.isatty():
-        yield Progress(num_scans, _Lines(num_scans, stream), _LINE_PERIOD_S)
+        yield Progress(num_scans, _Lines(num_scans, stream), _LINE_PERIOD_S, paused_s)
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
@@ -91,7 +100,7 @@ def progress(num_scans: int, stream: TextIO | None = None) -> Iterator[Progress]
             def show(self, num_scans: int, status: str) -> None:
                 bar.update(task, completed=num_scans, status=status)
 
-        yield Progress(num_scans, _Bar(), _BAR_PERIOD_S)
+        yield Progress(num_scans, _Bar(), _BAR_PERIOD_S, paused_s)
 
 
 def format_duration(seconds: float) -> str:

@@ -42,6 +42,7 @@ class GlobalSlam:
         self._timer = timer
         self.graph = PoseGraph()
         self.search = ConstraintSearch(config.constraint_search, config.num_threads)
+        self.found: list[LoopClosure] = []
         self.adjustments: list[AdjustmentResult] = []
         self.last_adjustment_ms = 0.0
         self._selection = PairSelection(config.constraint_search)
@@ -79,8 +80,12 @@ class GlobalSlam:
 
     def adjust(self, max_num_iterations: int) -> None:
         """Take in the loop closures found so far and adjust all poses."""
+        num_timed = len(self.search.durations)
         with self._timer.measure("wait for searches"):
             closures = self.search.collect()
+        for duration in self.search.durations[num_timed:]:
+            self._timer.record("search", duration)
+        self.found += closures
         for closure in closures:
             self._selection.note_found(closure.submap, self._node_submaps[closure.node][0])
         self._add_closures(closures)

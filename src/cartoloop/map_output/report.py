@@ -5,15 +5,20 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import cartoloop
 from cartoloop.global_slam.pose_adjustment import constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.sensor.pose import FloatArray, relative_all, wrap_angles
 from cartoloop.stage_timer import StageSummary
+
+if TYPE_CHECKING:
+    from cartoloop.global_slam.loop_closure import LoopClosure
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +46,20 @@ class ConstraintSummary:
     Attributes
     ----------
     intra_submap : constraints of scans to the submaps they were inserted into.
-    loop_closure : accepted loop closures.
+    loop_closure : loop closures in the graph.
     searched : pairs of scan and finished submap that were searched.
     precision : share of the loop closures within 20 cm and 1 degree of the optimised poses
         (table IV), None where there are no loop closures.
+    found : closures that the searches found; in the end, matches made anew take their place.
+    found_precision : the same share of these.
     """
 
     intra_submap: int = 0
     loop_closure: int = 0
     searched: int = 0
     precision: float | None = None
+    found: int = 0
+    found_precision: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,24 +111,41 @@ class Report:
         return json.dumps(keys | extra, indent=2, allow_nan=False) + "\n"
 
 
-def summarize_constraints(graph: PoseGraph, searched: int) -> ConstraintSummary:
+def summarize_constraints(
+    graph: PoseGraph, searched: int, found: Sequence[LoopClosure] = ()
+) -> ConstraintSummary:
     """Return the counts of a graph's constraints, and how many closures agree with its poses.
 
     Parameters
     ----------
     graph : with optimised poses.
     searched : pairs of scan and finished submap that were searched.
+    found : what the searches found.
     """
     closures = graph.kinds == ConstraintKind.LOOP_CLOSURE
-    num_closures = int(np.count_nonzero(closures))
     translation, rotation = constraint_residuals(graph)
-    good = closures & (translation <= 0.2) & (rotation <= np.radians(1.0))  # table IV
+    expected = relative_all(
+        graph.submap_poses[[closure.submap for closure in found]],
+        graph.node_poses[[closure.node for closure in found]],
+    )
+    poses = [closure.tf_submap_node for closure in found]
+    errors = np.array(poses, dtype=np.float64).reshape(-1, 3) - expected
     return ConstraintSummary(
         intra_submap=int(np.count_nonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)),
-        loop_closure=num_closures,
+        loop_closure=int(np.count_nonzero(closures)),
         searched=searched,
-        precision=int(np.count_nonzero(good)) / num_closures if num_closures else None,
+        precision=_precision(translation[closures], rotation[closures]),
+        found=len(found),
+        found_precision=_precision(
+            np.hypot(errors[:, 0], errors[:, 1]), np.abs(wrap_angles(errors[:, 2]))
+        ),
     )
+
+
+def _precision(translation_error: FloatArray, rotation_error: FloatArray) -> float | None:
+    """Return the share of closures violated by no more than 20 cm and 1 degree (table IV)."""
+    good = (translation_error <= 0.2) & (rotation_error <= np.radians(1.0))
+    return float(np.mean(good)) if len(good) else None
 
 
 def peak_memory_mb() -> float:
