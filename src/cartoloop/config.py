@@ -56,7 +56,7 @@ class CorrelativeMatcherConfig(Section):
         1.05, ge=0, description="matches this much worse than usual are sought again; 0: all are"
     )
     lost_residual_ratio: float = Field(
-        1.2, ge=0, description="matches this much worse than usual are sought as if lost"
+        1.3, ge=0, description="matches this much worse than usual are sought as if lost"
     )
     lost_improvement: float = Field(
         0.85, gt=0, le=1, description="what is then found must fit better by this factor"
@@ -186,6 +186,9 @@ class ConstraintSearchConfig(Section):
     )
     final_every_nth_node: int = Field(
         3, ge=1, description="in the end, match one in so many of the nodes that overlap a submap"
+    )
+    max_start_residual: float = Field(
+        0.65, gt=0, description="in the end, scans that fit worse where they stand are not matched"
     )
     max_refined_residual: float = Field(
         0.55, gt=0, description="in the end, matches with a larger residual are rejected"

@@ -4,15 +4,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from time import perf_counter
+from typing import TypeVar
 
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest, search
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.least_squares import SmoothMap
 from cartoloop.submaps.finished_grid import FinishedGrid
+
+Item = TypeVar("Item")
+Answer = TypeVar("Answer")
 
 MAX_THREADS = 4
 """More threads than this have nothing to do."""
@@ -62,6 +66,10 @@ class ConstraintSearch:
             found += closures
             self.durations.append(duration)
         return found
+
+    def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> list[Answer]:
+        """Run a task on each of the items in the background threads; answers in their order."""
+        return list(self._threads.map(task, items))
 
     @property
     def backlog(self) -> int:

@@ -239,8 +239,8 @@ class GlobalSlam:
     def _match_again(self) -> None:
         """Replace the loop closures by matches from where the nodes stand now."""
         config, graph = self._config.constraint_search, self.graph
-        closures: list[LoopClosure] = []
-        for index in sorted(self._finished):
+
+        def match_submap(index: int) -> list[LoopClosure]:
             submap, pose = self._finished[index], graph.submap_poses[index]
             nodes = refinement.overlapping_nodes(
                 submap,
@@ -249,8 +249,11 @@ class GlobalSlam:
                 self._submap_nodes[index],
                 config.final_every_nth_node,
             )
-            closures += refinement.match_again(
+            return refinement.match_again(
                 submap, pose, nodes, graph.node_poses, self._node_points, config
             )
+
+        found = self.search.map(match_submap, sorted(self._finished))
         self.graph = graph.without(graph.kinds == ConstraintKind.LOOP_CLOSURE)
-        self._add_closures(closures)
+        for closures in found:
+            self._add_closures(closures)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,11 @@ import numpy as np
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
-from cartoloop.scan_matching.least_squares import LeastSquaresMatch, SmoothMap
+from cartoloop.scan_matching.least_squares import (
+    LeastSquaresMatch,
+    LeastSquaresMatches,
+    SmoothMap,
+)
 from cartoloop.scan_matching.match_information import match_information
 from cartoloop.sensor.pose import FloatArray, Pose
 
@@ -93,14 +98,37 @@ def refine(
     smooth_map: SmoothMap, points: FloatArray, tf_submap_node: Pose, config: ConstraintSearchConfig
 ) -> LeastSquaresMatch:
     """Return the match of (CS) near a pose, held to it by some pixels."""
-    sigma = config.refinement_sigma_cells * smooth_map.resolution
-    translation, rotation = sigma**-2, (sigma / LEVER_M) ** -2
     return least_squares.match(
         smooth_map,
         points,
         tf_submap_node,
         tf_submap_node,
-        np.array((translation, 0.0, 0.0, translation, 0.0, rotation)),
+        _pull(smooth_map, config),
         config.least_squares_matcher.occupied_space_weight / USUAL_RESIDUAL**2,
         config.least_squares_matcher.max_num_iterations,
     )
+
+
+def refine_all(
+    smooth_map: SmoothMap,
+    points: Sequence[FloatArray],
+    tf_submap_node: FloatArray,
+    config: ConstraintSearchConfig,
+) -> LeastSquaresMatches:
+    """Return the matches of (CS) near the poses of nodes, shape (n, 3), as :func:`refine` does."""
+    return least_squares.match_all(
+        smooth_map,
+        points,
+        tf_submap_node,
+        _pull(smooth_map, config),
+        config.least_squares_matcher.occupied_space_weight / USUAL_RESIDUAL**2,
+        config.least_squares_matcher.max_num_iterations,
+        config.max_start_residual,
+    )
+
+
+def _pull(smooth_map: SmoothMap, config: ConstraintSearchConfig) -> FloatArray:
+    """Return the information of the pull towards the start, upper triangle, shape (6,)."""
+    sigma = config.refinement_sigma_cells * smooth_map.resolution
+    translation, rotation = sigma**-2, (sigma / LEVER_M) ** -2
+    return np.array((translation, 0.0, 0.0, translation, 0.0, rotation))

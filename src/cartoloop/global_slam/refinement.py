@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cartoloop.config import ConstraintSearchConfig
-from cartoloop.global_slam.loop_closure import LoopClosure, refine
-from cartoloop.scan_matching.match_information import match_information
-from cartoloop.sensor.pose import FloatArray, Pose, relative, relative_all, wrap_angle
+from cartoloop.global_slam.loop_closure import LEVER_M, LoopClosure, refine_all
+from cartoloop.scan_matching.match_information import match_informations
+from cartoloop.sensor.pose import FloatArray, Pose, relative_all
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.constraint_search import FinishedSubmap
@@ -52,6 +52,9 @@ def match_again(
 ) -> list[LoopClosure]:
     """Return the nodes that fit the submap near where they stand.
 
+    Their score is 1 less the root mean square of 1 - M_smooth at the points: no more than the mean
+    probability. No runner-up is sought.
+
     Parameters
     ----------
     tf_map_submap : shape (3,).
@@ -59,21 +62,26 @@ def match_again(
     node_poses : shape (n, 3), of all nodes.
     points : of all nodes.
     """
-    found = []
-    origin = Pose(*tf_map_submap.tolist())
-    for node in nodes:
-        if len(points[node]) < config.min_num_points:
-            continue
-        estimate = relative(origin, Pose(*node_poses[node].tolist()))
-        match = refine(submap.smooth_map, points[node], estimate, config)
-        pose = match.tf_grid_scan
-        score = 1.0 - match.residual
-        if (
-            match.residual <= config.max_refined_residual
-            and math.hypot(pose.x - estimate.x, pose.y - estimate.y) <= config.max_refinement
-            and abs(wrap_angle(pose.theta - estimate.theta)) <= config.max_refinement / 5.0
-        ):
-            found.append(
-                LoopClosure(submap.index, node, pose, match_information(match), score, math.nan)
-            )
-    return found
+    nodes = [node for node in nodes if len(points[node]) >= config.min_num_points]
+    if not nodes:
+        return []
+    estimates = relative_all(tf_map_submap, node_poses[nodes])
+    matches = refine_all(submap.smooth_map, [points[node] for node in nodes], estimates, config)
+    moved = matches.tf_grid_scan - estimates
+    fits = (
+        (matches.residual <= config.max_refined_residual)
+        & (np.hypot(moved[:, 0], moved[:, 1]) <= config.max_refinement)
+        & (np.abs(moved[:, 2]) <= config.max_refinement / LEVER_M)
+    )
+    informations = match_informations(matches.information, matches.residual)
+    return [
+        LoopClosure(
+            submap.index,
+            nodes[i],
+            Pose(*matches.tf_grid_scan[i].tolist()),
+            informations[i],
+            1.0 - float(matches.residual[i]),
+            math.nan,
+        )
+        for i in np.flatnonzero(fits).tolist()
+    ]

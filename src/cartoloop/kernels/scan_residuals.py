@@ -290,3 +290,72 @@ def match_least_squares(
     out_match[2] = pose_t
     out_match[10] = best_cost
     return iterations
+
+
+@kernel
+def match_all_least_squares(
+    grid: NDArray[np.float32],
+    unknown: float,
+    origin_x: float,
+    origin_y: float,
+    resolution: float,
+    points: FloatArray,
+    first_points: NDArray[np.int64],
+    starts: FloatArray,
+    prior_information: FloatArray,
+    prior_scale: float,
+    point_weight: float,
+    max_num_iterations: int,
+    max_start_residual: float,
+    out_matches: FloatArray,
+) -> None:
+    """Write the matches of many scans to one grid into `out_matches`.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2), the points of all scans, one scan after the other [m].
+    first_points : int64, shape (k + 1,): scan i has the points from ``first_points[i]`` on.
+    starts : float64, shape (k, 3), poses to start from, and that the matches are held to.
+    max_start_residual : a scan whose root mean square of 1 - M_smooth is larger where it starts is
+        left there, its sum of squares infinite.
+    out_matches : float64, shape (k, 11), each as :func:`match_least_squares` leaves it.
+
+    Notes
+    -----
+    All other parameters as in :func:`match_least_squares`.
+    """
+    system = np.empty(9)
+    for i in range(starts.shape[0]):
+        scan = points[first_points[i] : first_points[i + 1]]
+        squares = accumulate_match(
+            grid,
+            unknown,
+            origin_x,
+            origin_y,
+            resolution,
+            scan,
+            starts[i, 0],
+            starts[i, 1],
+            starts[i, 2],
+            system,
+        )
+        if squares > max_start_residual**2 * scan.shape[0]:
+            out_matches[i, :3] = starts[i]
+            out_matches[i, 3:9] = system[:6]
+            out_matches[i, 9:] = np.inf
+            continue
+        match_least_squares(
+            grid,
+            unknown,
+            origin_x,
+            origin_y,
+            resolution,
+            scan,
+            starts[i],
+            starts[i],
+            prior_information,
+            prior_scale,
+            point_weight,
+            max_num_iterations,
+            out_matches[i],
+        )

@@ -156,7 +156,7 @@ def hold_open_direction(
     point_weight: float,
     config: PredictionConfig,
 ) -> Pose:
-    """Return the pose of a match, brought back to the prediction along a direction that it leaves open.
+    """Return the pose of a match, held to the prediction along a direction that it leaves open.
 
     Along a featureless corridor the pixels' noise still gives (CS) a curvature, a share of that
     across it, which ties the scan to where the map happens to be rough. That share is no

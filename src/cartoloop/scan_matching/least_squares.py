@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.kernels.scan_residuals import match_least_squares
+from cartoloop.kernels.scan_residuals import match_all_least_squares, match_least_squares
 from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 
@@ -91,4 +92,64 @@ def match(
         math.sqrt(squares / len(points)),
         cost,
         iterations,
+    )
+
+
+class LeastSquaresMatches(NamedTuple):
+    """Where many scans fit best in one grid.
+
+    Attributes
+    ----------
+    tf_grid_scan : float64, shape (n, 3), angles not wrapped.
+    information : float64, shape (n, 3, 3), as in :class:`LeastSquaresMatch`.
+    residual : float64, shape (n,), root mean square of 1 - M_smooth at the points.
+    """
+
+    tf_grid_scan: FloatArray
+    information: FloatArray
+    residual: FloatArray
+
+
+_UPPER_TRIANGLE = np.array(((3, 4, 5), (4, 6, 7), (5, 7, 8)))
+
+
+def match_all(
+    smooth_map: SmoothMap,
+    points: Sequence[FloatArray],
+    starts: FloatArray,
+    prior_information: FloatArray,
+    point_weight: float,
+    max_num_iterations: int,
+    max_start_residual: float,
+) -> LeastSquaresMatches:
+    """Return the matches of many scans to one grid, each held to where it starts.
+
+    Parameters
+    ----------
+    points : of each scan, float64, shape (k, 2) [m]; k > 0.
+    starts : float64, shape (n, 3), tf_grid_scan of each.
+    prior_information : float64, shape (6,), of the pull towards the start.
+    max_start_residual : scans that fit worse than this where they start are not matched; their
+        residual is infinite.
+    """
+    num_points = np.array([len(scan) for scan in points], dtype=np.int64)
+    found = np.empty((len(points), 11))
+    match_all_least_squares(
+        smooth_map.cells,
+        MIN_PROBABILITY,
+        smooth_map.origin_x,
+        smooth_map.origin_y,
+        smooth_map.resolution,
+        np.concatenate(points) if points else np.zeros((0, 2)),
+        np.concatenate((np.zeros(1, dtype=np.int64), np.cumsum(num_points))),
+        starts,
+        prior_information,
+        TRUSTED,
+        point_weight,
+        max_num_iterations,
+        max_start_residual,
+        found,
+    )
+    return LeastSquaresMatches(
+        found[:, :3], found[:, _UPPER_TRIANGLE], np.sqrt(found[:, 9] / num_points)
     )

@@ -22,13 +22,26 @@ OPEN_INFORMATION = 1e-2
 
 
 def match_information(match: LeastSquaresMatch) -> FloatArray:
-    """Return the inverse covariance of a match, shape (3, 3), in the grid's axes.
+    """Return the inverse covariance of a match, shape (3, 3), in the grid's axes."""
+    information: FloatArray = match_informations(
+        match.information[np.newaxis], np.array((match.residual,))
+    )[0]
+    return information
+
+
+def match_informations(curvatures: FloatArray, residuals: FloatArray) -> FloatArray:
+    """Return the inverse covariances of matches, shape (n, 3, 3), in the grid's axes.
 
     A corridor leaves its long direction open: there the curvature of (CS), and so the information,
     is small. `MIN_SIGMA_M` and `MIN_SIGMA_RAD` add to the covariance, and so bound the certainty.
+
+    Parameters
+    ----------
+    curvatures : J^T J of the points' residuals, shape (n, 3, 3).
+    residuals : root mean square of the points' residuals, shape (n,).
     """
-    curvature = match.information / max(match.residual, MIN_RESIDUAL) ** 2
+    variances = np.maximum(residuals, MIN_RESIDUAL) ** 2
+    seen = curvatures / variances[:, np.newaxis, np.newaxis] + OPEN_INFORMATION * np.eye(3)
     floor = np.diag((MIN_SIGMA_M**2, MIN_SIGMA_M**2, MIN_SIGMA_RAD**2))
-    covariance = np.linalg.inv(curvature + OPEN_INFORMATION * np.eye(3)) + floor
-    information = np.linalg.inv(covariance)
-    return 0.5 * (information + information.T)
+    information = np.linalg.inv(np.linalg.inv(seen) + floor)
+    return 0.5 * (information + information.transpose(0, 2, 1))
