@@ -185,10 +185,10 @@ class ConstraintSearchConfig(Section):
         2, ge=0, description="in the end, match again from the optimised poses so many times"
     )
     final_every_nth_node: int = Field(
-        3, ge=1, description="in the end, match one in so many of the nodes that overlap a submap"
+        2, ge=1, description="in the end, match one in so many of the nodes that overlap a submap"
     )
     max_start_residual: float = Field(
-        0.65, gt=0, description="in the end, scans that fit worse where they stand are not matched"
+        0.75, gt=0, description="in the end, scans that fit worse where they stand are not matched"
     )
     max_refined_residual: float = Field(
         0.55, gt=0, description="in the end, matches with a larger residual are rejected"
