@@ -49,6 +49,7 @@ def map_recording(log: Log, loaded: LoadedConfig, out: Path, layers: Collection[
     from cartoloop.mapper import Mapper
 
     with stop_signals() as stop, compilation_told() as compiler:
+        typer.echo(f"mapping {log.num_scans} scans", err=True)
         try:
             result, failure = _run(Mapper(loaded.config), log, stop, compiler)
             typer.echo(f"writing {out}", err=True)

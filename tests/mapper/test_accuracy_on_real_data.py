@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Accuracy on a real recording; skipped where it is absent."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+import cartoloop
+from cartoloop.evaluation.relations import evaluate_relations, read_relations
+from cartoloop.evaluation.trajectories import read_tum
+
+DATA = Path(os.environ.get("CARTOLOOP_DATA", Path(__file__).parents[2] / "../shared/data"))
+
+
+def test_mit_csail_is_mapped_as_exactly_as_the_paper_does(tmp_path):
+    log, relations = (DATA / f"radish/mit-csail.{end}" for end in ("clf.gz", "relations"))
+    if not (log.exists() and relations.exists()):
+        pytest.skip(f"{log} is absent: set CARTOLOOP_DATA to the folder of the recordings")
+
+    mapper = cartoloop.Mapper()
+    for event in cartoloop.read(log):
+        mapper.add(event)
+    result = mapper.finish()
+    result.save(tmp_path)
+    error = evaluate_relations(
+        read_tum(tmp_path / "trajectory.tum"), read_relations(relations), tolerance=5e-3
+    )
+
+    assert error.num_relations == 1172
+    assert error.num_missing == 0
+    assert error.absolute_translational.mean <= 0.0319
+    assert error.absolute_rotational_deg.mean <= 0.353
+    assert result.report.constraints.precision >= 0.95

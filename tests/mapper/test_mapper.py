@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The mapper on a simulated ring, and events that cannot be used."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from cartoloop import Config, Imu, Mapper, Odometry, Pose
+from cartoloop.evaluation.trajectories import absolute_trajectory_error
+from cartoloop.sensor.events import LaserScan
+from cartoloop.simulation import office, ring, simulate
+
+
+@pytest.fixture(scope="module")
+def recording():
+    """Twice round a ring of corridors of 24 m, with odometry that slips and drifts."""
+    return simulate(ring(), seed=1)
+
+
+def map_events(events, **global_slam):
+    mapper = Mapper(Config.model_validate({"global_slam": global_slam}))
+    for event in events:
+        mapper.add(event)
+    return mapper.finish()
+
+
+def mean_error(result, recording):
+    return float(absolute_trajectory_error(result.trajectory, recording.true_poses).mean())
+
+
+def test_closing_loops_halves_the_error_at_least(recording):
+    closed = map_events(recording.events())
+    drifted = map_events(recording.events(), optimize_every_n_nodes=0)
+
+    assert mean_error(closed, recording) < 0.10
+    assert mean_error(closed, recording) < 0.5 * mean_error(drifted, recording)
+    assert closed.report.constraints.precision > 0.95
+    assert drifted.report.constraints.loop_closure == 0
+    assert drifted.report.adjustment.runs == 0
+    assert np.allclose(drifted.trajectory, drifted.local_trajectory, atol=1e-9)
+
+
+def test_every_scan_gets_a_pose_and_every_node_its_place(recording):
+    result = map_events(islice(recording.events(), 600))
+
+    assert np.array_equal(result.stamps, recording.stamps[:300])
+    assert result.trajectory.shape == result.local_trajectory.shape == (300, 3)
+    assert len(result.node_scan_index) == result.graph.num_nodes == result.report.nodes
+    assert len(result.submap_grids) == result.graph.num_submaps
+    at_nodes = result.trajectory[result.node_scan_index]
+    assert np.allclose(at_nodes, result.graph.node_poses, atol=1e-12)
+
+
+def test_where_there_is_something_to_see_the_scans_are_enough_without_odometry():
+    recording = simulate(office(), seed=1, duration=60.0)
+
+    result = map_events(recording.events(with_odometry=False))
+
+    assert result.report.input.path_length_m > 30.0
+    assert absolute_trajectory_error(result.trajectory, recording.true_poses).max() < 0.15
+
+
+def test_events_that_cannot_be_used_are_skipped_and_counted(recording):
+    good = list(islice(recording.events(), 200))
+    scan = next(event for event in good if isinstance(event, LaserScan))
+    bad = [
+        replace(scan, time=math.nan),
+        replace(scan, time=math.inf),
+        replace(scan, time=good[100].time - 5.0),
+        replace(scan, time=good[101].time),
+        replace(scan, time=good[101].time, ranges=scan.ranges[:-1]),
+        Odometry(math.nan, math.nan, Pose(0.0, 0.0, 0.0)),
+        Odometry(good[101].time, good[101].time, Pose(math.nan, 0.0, 0.0)),
+        Odometry(good[101].time, good[101].time, Pose(0.0, 0.0, math.inf)),
+    ]
+
+    expected = map_events(good)
+    result = map_events([*good[:102], *bad, *good[102:]])
+
+    assert result.report.skipped == {
+        "number of ranges does not match the scanner": 1,
+        "odometry is not finite": 2,
+        "time is not finite": 3,
+        "time runs backwards": 1,
+        "two scans at one time": 1,
+    }
+    assert result.report.input.scans == 105
+    assert np.array_equal(result.trajectory, expected.trajectory)
+
+
+def test_inertial_readings_are_taken_without_complaint(recording):
+    mapper = Mapper()
+    for event in islice(recording.events(), 20):
+        mapper.add(Imu(event.time, event.time, np.array((0.0, 0.0, 9.8)), np.zeros(3)))
+        mapper.add(event)
+
+    assert mapper.finish().report.skipped == {}
+
+
+def test_the_map_can_be_had_in_the_middle_and_mapping_goes_on(recording):
+    events = list(islice(recording.events(), 400))
+    mapper = Mapper()
+    for event in events[:200]:
+        mapper.add(event)
+    middle = mapper.result()
+    snapshot = middle.trajectory.copy()
+    for event in events[200:]:
+        mapper.add(event)
+    end = mapper.finish()
+
+    assert len(middle.trajectory) == 100
+    assert len(middle.submap_grids) == middle.report.submaps
+    assert np.array_equal(middle.trajectory, snapshot)
+    assert np.array_equal(end.trajectory, map_events(events).trajectory)
+
+
+def test_counters_and_pose_follow_the_events(recording):
+    mapper = Mapper()
+    assert mapper.pose == Pose(0.0, 0.0, 0.0)
+    for event in islice(recording.events(), 400):
+        mapper.add(event)
+
+    assert mapper.num_scans == 200
+    assert 50 < mapper.num_nodes <= 200
+    truth = np.linalg.norm(recording.true_poses[199, :2] - recording.true_poses[0, :2])
+    assert math.hypot(mapper.pose.x, mapper.pose.y) == pytest.approx(truth, abs=0.2)
+    mapper.close()
+
+
+@pytest.mark.parametrize("ask", [Mapper.result, Mapper.finish])
+def test_without_events_there_is_an_empty_result(ask, tmp_path):
+    result = ask(Mapper())
+
+    assert result.trajectory.shape == (0, 3)
+    assert result.submap_grids == []
+    assert result.report.input.scans == 0
+    assert result.report.constraints.precision is None
+    result.save(tmp_path)
+    assert (tmp_path / "map.png").exists()
+
+
+def test_finish_can_follow_result_and_close_can_follow_finish(recording):
+    mapper = Mapper()
+    for event in islice(recording.events(), 100):
+        mapper.add(event)
+    mapper.result()
+    first = mapper.finish()
+    mapper.close()
+
+    assert np.array_equal(mapper.result().trajectory, first.trajectory)
