@@ -45,7 +45,6 @@ class Mapper:
         self._stamps: list[float] = []
         self._local_poses: list[Pose] = []
         self._node_scan_index: list[int] = []
-        self._grids: dict[int, FinishedGrid] = {}
         self._skipped: Counter[str] = Counter()
         self._num_scans = 0
         self._first_time = math.nan
@@ -142,14 +141,14 @@ class Mapper:
         self._local_poses.append(result.tf_local_tracking)
         if result.node is not None:
             self._node_scan_index.append(len(self._stamps) - 1)
-            if result.node.finished is not None:
-                finished = result.node.finished
-                self._grids[finished.index] = finished.grid.finish()
             self._global_slam.add_node(result.node)
 
     def _submap_grids(self, graph: PoseGraph) -> list[FinishedGrid]:
-        growing = {s.index: s.grid.finish() for s in self._local_slam.active_submaps}
-        return [self._grids.get(i) or growing[i] for i in range(graph.num_submaps)]
+        grids = self._global_slam.finished_grids()
+        for submap in self._local_slam.active_submaps:
+            if submap.index not in grids:
+                grids[submap.index] = submap.grid.finish()
+        return [grids[index] for index in range(graph.num_submaps)]
 
     def _report(self, graph: PoseGraph, trajectory: FloatArray) -> Report:
         adjustments = self._global_slam.adjustments

@@ -10,10 +10,8 @@ from time import perf_counter
 from typing import TypeVar
 
 from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.finished_submap import FinishedSubmap, release_least_recent
 from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest, search
-from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
-from cartoloop.scan_matching.least_squares import SmoothMap
-from cartoloop.submaps.finished_grid import FinishedGrid
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -21,20 +19,8 @@ Answer = TypeVar("Answer")
 MAX_THREADS = 4
 """More threads than this have nothing to do."""
 
-
-def smooth_map(grid: FinishedGrid) -> SmoothMap:
-    """Return a finished grid as the least-squares matcher wants it."""
-    return SmoothMap(grid.probabilities(), grid.origin_x, grid.origin_y, grid.resolution)
-
-
-class FinishedSubmap:
-    """A submap that takes part in loop closure: its grid, and what is precomputed of it."""
-
-    def __init__(self, index: int, grid: FinishedGrid) -> None:
-        self.index = index
-        self.grid = grid
-        self.matcher = SubmapMatcher(grid)
-        self.smooth_map = smooth_map(grid)
+PRECOMPUTED_BYTES = 96 * 2**20
+"""Precomputed grids kept between two rounds of searches."""
 
 
 class ConstraintSearch:
@@ -48,6 +34,8 @@ class ConstraintSearch:
         num_threads = num_threads or min(os.cpu_count() or 1, MAX_THREADS)
         self._threads = ThreadPoolExecutor(num_threads, thread_name_prefix="loop-closure")
         self._pending: list[Future[tuple[list[LoopClosure], float]]] = []
+        self._searched: dict[int, FinishedSubmap] = {}
+        self._round = 1
         self.num_searched = 0
         self.durations: list[float] = []
 
@@ -55,6 +43,8 @@ class ConstraintSearch:
         """Have nodes sought in one submap; returns at once."""
         if requests:
             self.num_searched += len(requests)
+            submap.last_used = self._round
+            self._searched[submap.index] = submap
             self._pending.append(self._threads.submit(self._run, submap, tuple(requests)))
 
     def collect(self) -> list[LoopClosure]:
@@ -65,6 +55,8 @@ class ConstraintSearch:
             closures, duration = future.result()
             found += closures
             self.durations.append(duration)
+        release_least_recent(self._searched.values(), PRECOMPUTED_BYTES)
+        self._round += 1
         return found
 
     def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> list[Answer]:

@@ -11,7 +11,8 @@ import numpy as np
 
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
-from cartoloop.global_slam.constraint_search import ConstraintSearch, FinishedSubmap
+from cartoloop.global_slam.constraint_search import ConstraintSearch
+from cartoloop.global_slam.finished_submap import FinishedSubmap
 from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_adjustment import (
@@ -24,6 +25,7 @@ from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.global_slam.robust_loss import Loss
 from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose, compose, inverse, relative
 from cartoloop.stage_timer import StageTimer
+from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import Submap
 
@@ -69,12 +71,13 @@ class GlobalSlam:
     def add_node(self, node: Node) -> None:
         """Add a scan that was inserted; seek it where it may close a loop; adjust when due."""
         self._add_to_graph(node)
+        finished = None if node.finished is None else self._finish(node.finished)
         every = self._config.optimize_every_n_nodes
         if every == 0:
             return
         self._seek_node(node.index)
-        if node.finished is not None:
-            self._seek_in(self._finish(node.finished))
+        if finished is not None:
+            self._seek_in(finished)
         if self.graph.num_nodes % every == 0:
             self.adjust(self._config.pose_adjustment.max_num_iterations)
 
@@ -110,6 +113,10 @@ class GlobalSlam:
                 self._match_again()
             with self._timer.measure("adjust"):
                 self._adjust(iterations)
+
+    def finished_grids(self) -> dict[int, FinishedGrid]:
+        """Return the grids of the finished submaps by their index."""
+        return {index: submap.grid for index, submap in self._finished.items()}
 
     def close(self) -> None:
         """End the background threads."""
@@ -249,11 +256,13 @@ class GlobalSlam:
                 self._submap_nodes[index],
                 config.final_every_nth_node,
             )
-            return refinement.match_again(
+            found = refinement.match_again(
                 submap, pose, nodes, graph.node_poses, self._node_points, config
             )
+            submap.release()
+            return found
 
-        found = self.search.map(match_submap, sorted(self._finished))
+        matched = self.search.map(match_submap, sorted(self._finished))
         self.graph = graph.without(graph.kinds == ConstraintKind.LOOP_CLOSURE)
-        for closures in found:
+        for closures in matched:
             self._add_closures(closures)

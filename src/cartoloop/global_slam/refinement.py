@@ -9,17 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.finished_submap import FinishedSubmap
 from cartoloop.global_slam.loop_closure import LEVER_M, LoopClosure, refine_all
 from cartoloop.scan_matching.match_information import match_informations
 from cartoloop.sensor.pose import FloatArray, Pose, relative_all
-
-if TYPE_CHECKING:
-    from cartoloop.global_slam.constraint_search import FinishedSubmap
 
 
 def overlapping_nodes(

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A submap that takes part in loop closure, and what is computed of it to be searched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from threading import Lock
+
+from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
+from cartoloop.scan_matching.least_squares import SmoothMap
+from cartoloop.submaps.finished_grid import FinishedGrid
+
+
+class FinishedSubmap:
+    """The grid of a finished submap; its precomputed grids come when needed and go when not.
+
+    Attributes
+    ----------
+    index : its index in the pose graph.
+    grid : what is known of it.
+    matcher : branch and bound in it.
+    last_used : number of the round of searches that it was last searched in.
+    """
+
+    def __init__(self, index: int, grid: FinishedGrid) -> None:
+        self.index = index
+        self.grid = grid
+        self.matcher = SubmapMatcher(grid)
+        self.last_used = 0
+        self._smooth_map: SmoothMap | None = None
+        self._lock = Lock()
+
+    @property
+    def smooth_map(self) -> SmoothMap:
+        """The grid as the least-squares matcher wants it, made at the first use."""
+        with self._lock:
+            if self._smooth_map is None:
+                grid = self.grid
+                self._smooth_map = SmoothMap(
+                    grid.probabilities(), grid.origin_x, grid.origin_y, grid.resolution
+                )
+            return self._smooth_map
+
+    @property
+    def memory_bytes(self) -> int:
+        """Size of what :meth:`release` would drop."""
+        smooth_map = self._smooth_map
+        return self.matcher.memory_bytes + (0 if smooth_map is None else smooth_map.cells.nbytes)
+
+    def release(self) -> None:
+        """Drop all but the grid; it is made anew at the next use."""
+        self.matcher.release()
+        with self._lock:
+            self._smooth_map = None
+
+
+def release_least_recent(submaps: Iterable[FinishedSubmap], budget_bytes: int) -> None:
+    """Release the submaps that were not searched for longest, until the rest keeps to the budget."""
+    holding = sorted(
+        (submap for submap in submaps if submap.memory_bytes),
+        key=lambda submap: submap.last_used,
+        reverse=True,
+    )
+    total = 0
+    for submap in holding:
+        total += submap.memory_bytes
+        if total > budget_bytes:
+            submap.release()
