@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the documents say of the code is so."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from cartoloop.config import Config
+from cartoloop.config_file import config_toml
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTS = ("README.md", "ARCHITECTURE.md", "docs/algorithm.md")
+PLACE = re.compile(r"`([\w/]+\.py)`(?::((?:,?\s+`\w+`)+))?")
+
+
+def source(path):
+    return next(p for p in (ROOT / "src/cartoloop" / path, ROOT / path) if p.exists())
+
+
+@pytest.mark.parametrize("document", DOCUMENTS[1:])
+def test_files_and_names_in_documents_exist(document):
+    places = PLACE.findall((ROOT / document).read_text())
+
+    assert len(places) > 15
+    for path, names in places:
+        text = source(path).read_text()
+        for name in re.findall(r"\w+", names):
+            assert re.search(rf"^ *(def|class) {name}\b", text, re.MULTILINE), (path, name)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_links_in_documents_lead_somewhere(document):
+    path = ROOT / document
+    links = re.findall(r"\]\(([^)#]+)\)", path.read_text())
+    for link in links:
+        if not link.startswith("https://"):
+            assert (path.parent / link).exists(), link
+
+
+def test_parameters_in_documents_exist():
+    def keys(tree):
+        for key, value in tree.items():
+            yield key
+            if isinstance(value, dict):
+                yield from keys(value)
+
+    known = set(keys(Config().model_dump()))
+    text = (ROOT / "docs/algorithm.md").read_text()
+    named = set(re.findall(r"`([a-z]+_[a-z_]+)`", text)) - set(re.findall(r"def (\w+)", all_code()))
+
+    assert named - known - {"found_precision", "loop_closure"} == set()
+    assert tomllib.loads(config_toml(Config()))
+
+
+def all_code():
+    return "\n".join(path.read_text() for path in (ROOT / "src/cartoloop").rglob("*.py"))
