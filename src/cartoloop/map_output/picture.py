@@ -84,12 +84,15 @@ def draw_map(
 
 def _shaded(probability: NDArray[np.float32]) -> Image.Image:
     """Return floors bright, walls dark and the rest as background, the more certain the clearer."""
-    known = np.where(probability < 0.0, 0.5, probability)
-    floor = np.clip((0.5 - known) / 0.3, 0.0, 1.0)[..., np.newaxis]
-    wall = np.clip((known - 0.5) / 0.25, 0.0, 1.0)[..., np.newaxis]
-    ground = np.array(BACKGROUND, dtype=np.float32)
-    colours = ground + floor * (np.array(_FLOOR) - ground) + wall * (np.array(_WALL) - ground)
-    return Image.fromarray(np.rint(colours[::-1]).astype(np.uint8))
+    # A table of colours, for a map may have tens of millions of pixels.
+    levels = np.linspace(0.0, 1.0, 256)[:, np.newaxis]
+    floor = np.clip((0.5 - levels) / 0.3, 0.0, 1.0)
+    wall = np.clip((levels - 0.5) / 0.25, 0.0, 1.0)
+    ground = np.array(BACKGROUND, dtype=np.float64)
+    table = ground + floor * (np.array(_FLOOR) - ground) + wall * (np.array(_WALL) - ground)
+    table = np.concatenate((np.rint(table), ground[np.newaxis])).astype(np.uint8)
+    level = np.where(probability < 0.0, np.float32(256.0), probability * np.float32(255.0))
+    return Image.fromarray(table[np.rint(level).astype(np.int16)[::-1]])
 
 
 def _zoom(longest_edge: int) -> float:
