@@ -174,6 +174,9 @@ class ConstraintSearchConfig(Section):
     )
     min_num_points: int = Field(20, ge=1, description="scans with fewer points are not searched")
     min_score: float = Field(0.55, ge=0, le=1, description="matches below are rejected")
+    min_score_ratio: float = Field(
+        0.85, ge=0, le=1, description="or below this share of the score of the submap's own scans"
+    )
     adaptive_voxel_filter: AdaptiveVoxelFilterConfig = AdaptiveVoxelFilterConfig(
         max_length=0.9, min_num_points=100
     )

@@ -76,5 +76,5 @@ class ConstraintSearch:
         self, submap: FinishedSubmap, requests: tuple[SearchRequest, ...]
     ) -> tuple[list[LoopClosure], float]:
         start = perf_counter()
-        results = (search(submap.matcher, submap.smooth_map, r, self._config) for r in requests)
+        results = (search(submap, request, self._config) for request in requests)
         return [closure for closure in results if closure is not None], perf_counter() - start

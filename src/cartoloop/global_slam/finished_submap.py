@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from threading import Lock
+
+import numpy as np
 
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.least_squares import SmoothMap
-from cartoloop.submaps.finished_grid import FinishedGrid
+from cartoloop.sensor.pose import FloatArray, Pose, transform_points
+from cartoloop.submaps.finished_grid import FinishedGrid, mean_probability
 
 
 class FinishedSubmap:
@@ -18,13 +21,16 @@ class FinishedSubmap:
     ----------
     index : its index in the pose graph.
     grid : what is known of it.
+    own_score : mean probability that the scans it is made of find in it, in [0, 1]: where scans
+        are sparse or noisy, not even they fit well.
     matcher : branch and bound in it.
     last_used : number of the round of searches that it was last searched in.
     """
 
-    def __init__(self, index: int, grid: FinishedGrid) -> None:
+    def __init__(self, index: int, grid: FinishedGrid, own_score: float) -> None:
         self.index = index
         self.grid = grid
+        self.own_score = own_score
         self.matcher = SubmapMatcher(grid)
         self.last_used = 0
         self._smooth_map: SmoothMap | None = None
@@ -55,7 +61,7 @@ class FinishedSubmap:
 
 
 def release_least_recent(submaps: Iterable[FinishedSubmap], budget_bytes: int) -> None:
-    """Release the submaps that were not searched for longest, until the rest keeps to the budget."""
+    """Release the submaps not searched for longest, until the rest keeps to the budget."""
     holding = sorted(
         (submap for submap in submaps if submap.memory_bytes),
         key=lambda submap: submap.last_used,
@@ -66,3 +72,29 @@ def release_least_recent(submaps: Iterable[FinishedSubmap], budget_bytes: int) -
         total += submap.memory_bytes
         if total > budget_bytes:
             submap.release()
+
+
+def mean_score(
+    grid: FinishedGrid, points: Sequence[FloatArray], tf_submap_node: FloatArray
+) -> float:
+    """Return the mean probability at the points of nodes; never observed pixels count as p_min.
+
+    Parameters
+    ----------
+    points : of each node, float64, shape (k, 2) [m].
+    tf_submap_node : float64, shape (n, 3).
+    """
+    placed = [
+        transform_points(Pose(*pose), scan)
+        for pose, scan in zip(tf_submap_node.tolist(), points, strict=True)
+    ]
+    if not placed or grid.cells.size == 0:
+        return 0.0
+    ends = np.concatenate(placed)
+    col = np.floor((ends[:, 0] - grid.origin_x) / grid.resolution + 0.5).astype(np.int64)
+    row = np.floor((ends[:, 1] - grid.origin_y) / grid.resolution + 0.5).astype(np.int64)
+    num_rows, num_cols = grid.cells.shape
+    inside = (col >= 0) & (row >= 0) & (col < num_cols) & (row < num_rows)
+    values = np.maximum(grid.cells[row[inside], col[inside]], 1)
+    outside = len(ends) - len(values)
+    return mean_probability((float(values.sum(dtype=np.int64)) + outside) / len(ends))

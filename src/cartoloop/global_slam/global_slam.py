@@ -12,7 +12,7 @@ import numpy as np
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.constraint_search import ConstraintSearch
-from cartoloop.global_slam.finished_submap import FinishedSubmap
+from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
 from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_adjustment import (
@@ -152,7 +152,14 @@ class GlobalSlam:
 
     def _finish(self, submap: Submap) -> FinishedSubmap:
         with self._timer.measure("finish submap"):
-            finished = FinishedSubmap(submap.index, submap.grid.finish())
+            grid = submap.grid.finish()
+            own = np.flatnonzero(
+                (self.graph.index_a == submap.index)
+                & (self.graph.kinds == ConstraintKind.INTRA_SUBMAP)
+            )
+            points = [self._node_points[node] for node in self.graph.index_b[own].tolist()]
+            own_score = mean_score(grid, points, self.graph.relative_poses[own])
+            finished = FinishedSubmap(submap.index, grid, own_score)
         self._finished[submap.index] = finished
         return finished
 

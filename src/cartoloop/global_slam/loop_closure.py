@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.finished_submap import FinishedSubmap
 from cartoloop.scan_matching import least_squares
-from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.least_squares import (
     LeastSquaresMatch,
     LeastSquaresMatches,
@@ -68,22 +68,19 @@ class LoopClosure:
 
 
 def search(
-    matcher: SubmapMatcher,
-    smooth_map: SmoothMap,
-    request: SearchRequest,
-    config: ConstraintSearchConfig,
+    submap: FinishedSubmap, request: SearchRequest, config: ConstraintSearchConfig
 ) -> LoopClosure | None:
     """Return the loop closure sought, or None where the node does not fit well enough."""
-    coarse = matcher.match(
+    coarse = submap.matcher.match(
         request.points,
         request.tf_submap_node,
         linear_window=request.linear_window,
         angular_window=request.angular_window,
-        min_score=config.min_score,
+        min_score=min(config.min_score, config.min_score_ratio * submap.own_score),
     )
     if coarse is None:
         return None
-    fine = refine(smooth_map, request.points, coarse.tf_submap_scan, config)
+    fine = refine(submap.smooth_map, request.points, coarse.tf_submap_scan, config)
     return LoopClosure(
         request.submap,
         request.node,

@@ -65,8 +65,11 @@ def match_again(
     estimates = relative_all(tf_map_submap, node_poses[nodes])
     matches = refine_all(submap.smooth_map, [points[node] for node in nodes], estimates, config)
     moved = matches.tf_grid_scan - estimates
+    # Where not even its own scans fit a submap well, no more is asked of others.
+    sparse = max(config.min_score - config.min_score_ratio * submap.own_score, 0.0)
+    max_residual = config.max_refined_residual + sparse
     fits = (
-        (matches.residual <= config.max_refined_residual)
+        (matches.residual <= max_residual)
         & (np.hypot(moved[:, 0], moved[:, 1]) <= config.max_refinement)
         & (np.abs(moved[:, 2]) <= config.max_refinement / LEVER_M)
     )
