@@ -125,6 +125,9 @@ class SubmapConfig(Section):
     num_range_data: int = Field(
         90, ge=1, description="scans until the next submap starts; each receives twice as many"
     )
+    max_travel: float = Field(
+        25.0, gt=0, description="or metres until then, where scans are sparse: drift is bounded [m]"
+    )
     hit_probability: float = Field(0.6, gt=0.5, lt=1, description="p_hit of eq. (3)")
     miss_probability: float = Field(0.45, gt=0, lt=0.5, description="p_miss of eq. (3)")
 
@@ -164,7 +167,7 @@ class ConstraintSearchConfig(Section):
     bound_length: float = Field(
         25.0, ge=0, description="pairs with a shorter uncertain way are bound already [m]"
     )
-    every_nth_node: int = Field(3, ge=1, description="of pairs not bound, search one in so many")
+    every_nth_node: int = Field(2, ge=1, description="of pairs not bound, search one in so many")
     every_nth_bound_node: int = Field(10, ge=1, description="of bound pairs, one in so many")
     max_searches_of_bound_pair: int = Field(
         5, ge=0, description="nodes of one submap sought in another that is bound to it"

@@ -23,12 +23,14 @@ class Submap:
         of all submaps coincide.
     grid : in the submap's frame.
     num_scans : how many scans have been inserted.
+    travelled : how far the sensor has gone between the first and the last of them [m].
     """
 
     index: int
     tf_local_submap: Pose
     grid: ProbabilityGrid
     num_scans: int = 0
+    travelled: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,14 +50,16 @@ class Insertion:
 class ActiveSubmaps:
     """The two overlapping submaps that scans are inserted into; the older one is matched against.
 
-    A new submap starts every `num_range_data` scans; each receives twice as many, so that the one
-    that is matched against always holds at least `num_range_data` scans after the start.
+    A new submap starts every `num_range_data` scans, or every `max_travel` metres where scans are
+    sparse; each lasts twice as long, so that the one that is matched against is always half full
+    after the start.
     """
 
     def __init__(self, config: SubmapConfig) -> None:
         self._config = config
         self._submaps: list[Submap] = []
         self._num_created = 0
+        self._last_position: tuple[float, float] | None = None
 
     @property
     def matching(self) -> Submap | None:
@@ -79,17 +83,28 @@ class ActiveSubmaps:
             not hit something [m, local frame].
         """
         config = self._config
-        if not self._submaps or self._submaps[-1].num_scans >= config.num_range_data:
+        if not self._submaps or self._is_half_full(self._submaps[-1]):
             self._start_submap(tf_local_sensor)
         cells = scan_cells(tf_local_sensor, returns_local, misses_local, config.resolution)
+        step = 0.0
+        if self._last_position is not None:
+            x, y = self._last_position
+            step = math.hypot(tf_local_sensor.x - x, tf_local_sensor.y - y)
+        self._last_position = (tf_local_sensor.x, tf_local_sensor.y)
         for submap in self._submaps:
+            submap.travelled += step if submap.num_scans else 0.0
             insert_cells(submap.grid, cells, config, self._lattice_origin(submap))
             submap.num_scans += 1
         inserted = tuple(self._submaps)
         finished = None
-        if self._submaps[0].num_scans >= 2 * config.num_range_data:
+        if len(self._submaps) == 2 and self._is_half_full(self._submaps[1]):
             finished = self._submaps.pop(0)
         return Insertion(inserted, finished)
+
+    def _is_half_full(self, submap: Submap) -> bool:
+        """Return whether it is time for the next submap to start."""
+        config = self._config
+        return submap.num_scans >= config.num_range_data or submap.travelled >= config.max_travel
 
     def _start_submap(self, tf_local_sensor: Pose) -> None:
         r = self._config.resolution
