@@ -165,7 +165,10 @@ class Mapper:
             nodes=graph.num_nodes,
             submaps=graph.num_submaps,
             constraints=summarize_constraints(
-                graph, self._global_slam.search.num_searched, self._global_slam.found
+                graph,
+                self._global_slam.search.num_searched,
+                self._global_slam.found,
+                self._global_slam.num_rejected,
             ),
             adjustment=AdjustmentSummary(
                 runs=len(adjustments),

@@ -116,7 +116,7 @@ def test_the_report_has_its_keys_and_further_ones(tmp_path):
     }  # fmt: skip
     assert saved["constraints"] == {
         "intra_submap": 1, "loop_closure": 1, "searched": 2, "precision": 1.0,
-        "found": 4, "found_precision": 0.75,
+        "rejected": 0, "found": 4, "found_precision": 0.75,
     }  # fmt: skip
     assert set(saved["adjustment"]) == {"runs", "mean_iterations", "mean_ms", "last_ms"}
     assert set(saved["stages"]["match"]) == {"calls", "total_s", "median_ms", "p99_ms"}

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
@@ -47,6 +48,7 @@ class GlobalSlam:
         self.found: list[LoopClosure] = []
         self.adjustments: list[AdjustmentResult] = []
         self.last_adjustment_ms = 0.0
+        self.num_rejected = 0
         self._selection = PairSelection(config.constraint_search)
         self._finished: dict[int, FinishedSubmap] = {}
         self._node_points: list[FloatArray] = []
@@ -113,6 +115,8 @@ class GlobalSlam:
                 self._match_again()
             with self._timer.measure("adjust"):
                 self._adjust(iterations)
+        with self._timer.measure("adjust"):
+            self._reject_false_closures(iterations)
 
     def finished_grids(self) -> dict[int, FinishedGrid]:
         """Return the grids of the finished submaps by their index."""
@@ -238,17 +242,25 @@ class GlobalSlam:
         self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
         self._selection.update(np.array(self._submap_travelled), self._true_closures())
 
-    def _true_closures(self) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
+    def _true_closures(self) -> NDArray[np.int64]:
         """Return submap and submap of the node of the closures that hold, shape (k, 2)."""
         graph = self.graph
-        translation_error, rotation_error = constraint_residuals(graph)
-        holds = (
-            (graph.kinds == ConstraintKind.LOOP_CLOSURE)
-            & (translation_error <= TRUE_TRANSLATION_M)
-            & (rotation_error <= TRUE_ROTATION_RAD)
-        )
+        holds = (graph.kinds == ConstraintKind.LOOP_CLOSURE) & ~self._is_violated()
         first_submap = np.array([submaps[0] for submaps in self._node_submaps], dtype=np.int64)
         return np.column_stack((graph.index_a[holds], first_submap[graph.index_b[holds]]))
+
+    def _is_violated(self) -> NDArray[np.bool_]:
+        """Return which constraints are violated by so much that they must be false."""
+        translation_error, rotation_error = constraint_residuals(self.graph)
+        return (translation_error > TRUE_TRANSLATION_M) | (rotation_error > TRUE_ROTATION_RAD)
+
+    def _reject_false_closures(self, max_num_iterations: int) -> None:
+        """Drop the loop closures that the rest contradicts, and adjust without them."""
+        is_false = (self.graph.kinds == ConstraintKind.LOOP_CLOSURE) & self._is_violated()
+        if is_false.any():
+            self.num_rejected = int(np.count_nonzero(is_false))
+            self.graph = self.graph.without(is_false)
+            self._adjust(max_num_iterations)
 
     def _match_again(self) -> None:
         """Replace the loop closures by matches from where the nodes stand now."""

@@ -48,8 +48,9 @@ class ConstraintSummary:
     intra_submap : constraints of scans to the submaps they were inserted into.
     loop_closure : loop closures in the graph.
     searched : pairs of scan and finished submap that were searched.
-    precision : share of the loop closures within 20 cm and 1 degree of the optimised poses
-        (table IV), None where there are no loop closures.
+    precision : share of the loop closures, those rejected in the end among them, within 20 cm and
+        1 degree of the optimised poses (table IV), None where there are no loop closures.
+    rejected : loop closures taken out of the graph in the end, because the rest contradicted them.
     found : closures that the searches found; in the end, matches made anew take their place.
     found_precision : the same share of these.
     """
@@ -58,6 +59,7 @@ class ConstraintSummary:
     loop_closure: int = 0
     searched: int = 0
     precision: float | None = None
+    rejected: int = 0
     found: int = 0
     found_precision: float | None = None
 
@@ -112,7 +114,7 @@ class Report:
 
 
 def summarize_constraints(
-    graph: PoseGraph, searched: int, found: Sequence[LoopClosure] = ()
+    graph: PoseGraph, searched: int, found: Sequence[LoopClosure] = (), rejected: int = 0
 ) -> ConstraintSummary:
     """Return the counts of a graph's constraints, and how many closures agree with its poses.
 
@@ -121,6 +123,7 @@ def summarize_constraints(
     graph : with optimised poses.
     searched : pairs of scan and finished submap that were searched.
     found : what the searches found.
+    rejected : loop closures taken out of the graph.
     """
     closures = graph.kinds == ConstraintKind.LOOP_CLOSURE
     translation, rotation = constraint_residuals(graph)
@@ -134,7 +137,8 @@ def summarize_constraints(
         intra_submap=int(np.count_nonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)),
         loop_closure=int(np.count_nonzero(closures)),
         searched=searched,
-        precision=_precision(translation[closures], rotation[closures]),
+        precision=_precision(translation[closures], rotation[closures], rejected),
+        rejected=rejected,
         found=len(found),
         found_precision=_precision(
             np.hypot(errors[:, 0], errors[:, 1]), np.abs(wrap_angles(errors[:, 2]))
@@ -142,10 +146,13 @@ def summarize_constraints(
     )
 
 
-def _precision(translation_error: FloatArray, rotation_error: FloatArray) -> float | None:
+def _precision(
+    translation_error: FloatArray, rotation_error: FloatArray, rejected: int = 0
+) -> float | None:
     """Return the share of closures violated by no more than 20 cm and 1 degree (table IV)."""
     good = (translation_error <= 0.2) & (rotation_error <= np.radians(1.0))
-    return float(np.mean(good)) if len(good) else None
+    total = len(good) + rejected
+    return float(np.count_nonzero(good)) / total if total else None
 
 
 def peak_memory_mb() -> float:
