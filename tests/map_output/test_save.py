@@ -101,7 +101,7 @@ def test_the_report_has_its_keys_and_further_ones(tmp_path):
         real_time_factor=4.0,
         nodes=2,
         submaps=1,
-        constraints=ConstraintSummary(1, 1, 2, 1.0, 4, 0.75),
+        constraints=ConstraintSummary(1, 1, 2, 1.0, 0, 4, 0.75),
         adjustment=AdjustmentSummary(1, 3.0, 2.0, 2.0),
         stages=timer.summary(),
         skipped={"no returns": 1},
