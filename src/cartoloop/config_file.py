@@ -158,7 +158,10 @@ def _check(key: str, value: object, known: Mapping[str, object], where: str) -> 
 
 
 def _nearest(key: str, known: Mapping[str, object]) -> str:
-    """Return the known key that is most alike, in all and in its last part."""
+    """Return the known key that is most alike: the parent, or by the whole and its last part."""
+
+    if (parent := key.rpartition(".")[0]) in known:
+        return parent
 
     def likeness(other: str) -> float:
         leaf, other_leaf = key.rpartition(".")[2], other.rpartition(".")[2]
