@@ -187,6 +187,7 @@ class Mapper:
                     "time_offset_s": model.time_offset,
                     "rotation_scale": model.rotation_scale,
                     "translation_scale": model.translation_scale,
+                    "yaw_rad": model.yaw,
                     "lever_m": [model.lever_x, model.lever_y],
                     "rotation_error_rad": model.rotation_error if model.is_known else None,
                     "translation_error_m": model.translation_error if model.is_known else None,

@@ -2,8 +2,10 @@
 """How the odometry relates to the scans: offset of its clock, scale of its rotation and distance.
 
 Odometry stored with a scan is often newer than the scan (0.14 to 0.64 s in the Radish logs) and
-its rotation off by 5 to 20%. Both show when the motion between scans as matched is laid against
-the motion that the odometry reports, and are estimated again and again while mapping.
+its rotation off by 5 to 20%. Scanners look askew by up to a degree, so that each prediction lies to
+the side of the truth; matches that heed it a little bend long corridors. All this shows when the
+motion between scans as matched is laid against the motion that the odometry reports, and is
+estimated again and again while mapping.
 """
 
 from __future__ import annotations
@@ -40,6 +42,7 @@ class OdometryModel:
     ----------
     time_offset : odometry of a stamp shows the robot this much later than the scan of it [s].
     rotation_scale, translation_scale : true motion over reported motion.
+    yaw : the direction that odometry calls forward, as seen from the tracking frame [rad].
     lever_x, lever_y : the tracking frame as seen from the point whose motion is reported [m].
     rotation_error, translation_error : median error of a step after all that [rad], [m]; NaN
         before anything is known.
@@ -48,6 +51,7 @@ class OdometryModel:
     time_offset: float = 0.0
     rotation_scale: float = 1.0
     translation_scale: float = 1.0
+    yaw: float = 0.0
     lever_x: float = 0.0
     lever_y: float = 0.0
     rotation_error: float = math.nan
@@ -62,9 +66,11 @@ class OdometryModel:
         """Return the motion of the tracking frame for a motion that the odometry reports."""
         theta = self.rotation_scale * reported.theta
         cos, sin = math.cos(theta) - 1.0, math.sin(theta)
+        along = self.translation_scale * math.cos(self.yaw)
+        across = self.translation_scale * math.sin(self.yaw)
         return Pose(
-            self.translation_scale * reported.x + cos * self.lever_x - sin * self.lever_y,
-            self.translation_scale * reported.y + sin * self.lever_x + cos * self.lever_y,
+            along * reported.x - across * reported.y + cos * self.lever_x - sin * self.lever_y,
+            across * reported.x + along * reported.y + sin * self.lever_x + cos * self.lever_y,
             theta,
         )
 
@@ -134,8 +140,9 @@ def estimate(
     reported = relative_all(at_scans[:-1], at_scans[1:])
     rotation_scale = _robust_scale(reported[turning, 2], turns)
     moving = known & (turning | (np.hypot(reported[:, 0], reported[:, 1]) > MIN_MOVE_M))
-    scale, lever_x, lever_y = _scale_and_lever(reported[moving], steps[moving])
-    model = OdometryModel(offset, rotation_scale, scale, lever_x, lever_y)
+    model = OdometryModel(
+        offset, rotation_scale, *_scale_yaw_and_lever(reported[moving], steps[moving])
+    )
     predicted = np.array([model.predict(Pose(*step)) for step in reported[moving].tolist()])
     errors = np.abs(predicted - steps[moving])
     return replace(
@@ -168,17 +175,20 @@ def _robust_scale(reported: FloatArray, true: FloatArray) -> float:
     return min(max(scale, MIN_SCALE), MAX_SCALE)
 
 
-def _scale_and_lever(reported: FloatArray, true: FloatArray) -> tuple[float, float, float]:
-    """Return scale of the distance and lever arm (x, y) [m], by reweighted least squares.
+def _scale_yaw_and_lever(
+    reported: FloatArray, true: FloatArray
+) -> tuple[float, float, float, float]:
+    """Return scale of the distance, yaw [rad], lever arm (x, y) [m], by reweighted least squares.
 
-    With s the scale, R the rotation of a step and l the lever arm, the step is s t + (R - 1) l.
+    With s the scale, Y the rotation by the yaw, R that of a step and l the lever arm, the step is
+    s Y t + (R - 1) l, linear in s cos(yaw), s sin(yaw) and l.
     """
     cos, sin = np.cos(true[:, 2]) - 1.0, np.sin(true[:, 2])
-    rows_x = np.column_stack((reported[:, 0], cos, -sin))
-    rows_y = np.column_stack((reported[:, 1], sin, cos))
+    rows_x = np.column_stack((reported[:, 0], -reported[:, 1], cos, -sin))
+    rows_y = np.column_stack((reported[:, 1], reported[:, 0], sin, cos))
     # A lever arm of half a metre is a lot: without turns, the equations alone leave it open.
-    held = np.diag((1e-3, 0.02, 0.02))
-    solution = np.array((1.0, 0.0, 0.0))
+    held = np.diag((1e-3, 1e-3, 0.02, 0.02))
+    solution = np.array((1.0, 0.0, 0.0, 0.0))
     for _ in range(8):
         error = np.hypot(rows_x @ solution - true[:, 0], rows_y @ solution - true[:, 1])
         typical = max(float(np.median(error)), 1e-4)
@@ -187,5 +197,6 @@ def _scale_and_lever(reported: FloatArray, true: FloatArray) -> tuple[float, flo
         right = rows_x.T @ (weight * true[:, 0]) + rows_y.T @ (weight * true[:, 1])
         right[0] += held[0, 0]
         solution = np.linalg.solve(normal, right)
-    scale, lever_x, lever_y = solution.tolist()
-    return min(max(scale, MIN_SCALE), MAX_SCALE), lever_x, lever_y
+    along, across, lever_x, lever_y = solution.tolist()
+    scale = min(max(math.hypot(along, across), MIN_SCALE), MAX_SCALE)
+    return scale, math.atan2(across, along), lever_x, lever_y
