@@ -159,7 +159,6 @@ def _check(key: str, value: object, known: Mapping[str, object], where: str) -> 
 
 def _nearest(key: str, known: Mapping[str, object]) -> str:
     """Return the known key that is most alike: the parent, or by the whole and its last part."""
-
     if (parent := key.rpartition(".")[0]) in known:
         return parent
 
