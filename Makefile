@@ -9,7 +9,7 @@ PYTHON ?= python3
 OUT ?= cartoloop-demo
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
-SOURCES := src tests examples
+SOURCES := src tests examples benchmarks
 
 .PHONY: demo test check clean
 

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# ruff: noqa: T201 - it prints a table
 """Map the Radish logs of the paper with the defaults and print the table of docs/results.md.
 
 Run: python benchmarks/radish.py [LOG ...]     (finds the recordings through CARTOLOOP_DATA)

@@ -53,7 +53,8 @@ def reported_by(model, way):
     fine_times, poses = way
     reporting_point = compose_all(poses, np.array((-model.lever_x, -model.lever_y, 0.0)))
     steps = relative_all(reporting_point[:-1], reporting_point[1:])
-    steps = compose_all(np.array((0.0, 0.0, -model.yaw)), steps) + (0.0, 0.0, model.yaw)
+    steps = compose_all(np.array((0.0, 0.0, -model.yaw)), steps)
+    steps[:, 2] += model.yaw
     steps /= (model.translation_scale, model.translation_scale, model.rotation_scale)
     heading = np.concatenate(([0.0], np.cumsum(steps[:, 2])))
     cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])
