@@ -188,3 +188,12 @@ def test_the_hash_tells_what_matters_to_the_result():
 def test_every_parameter_tells_its_meaning():
     for line in config_toml(Config()).splitlines():
         assert "None" not in line
+
+
+def test_a_pose_survives_writing_and_reading(tmp_path):
+    written = tmp_path / "config.toml"
+    given = load_config(settings=["sensor.laser_pose=[-0.04, 0, 0.1]"]).config
+    written.write_text(config_toml(given))
+
+    assert given.sensor.laser_pose == (-0.04, 0.0, 0.1)
+    assert load_config(written).config == given

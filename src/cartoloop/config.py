@@ -25,6 +25,9 @@ class SensorConfig(Section):
 
     min_range: float | None = Field(None, ge=0, description="shorter returns are dropped [m]")
     max_range: float | None = Field(None, gt=0, description="longer returns become misses [m]")
+    laser_pose: tuple[float, float, float] | None = Field(
+        None, description="where the scanner sits on the robot: x, y [m], yaw [rad]"
+    )
     missing_data_ray_length: float = Field(
         5.0, ge=0, description="free space cleared along a beam without a return [m]"
     )

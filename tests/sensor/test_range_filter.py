@@ -125,3 +125,13 @@ def test_thinning_keeps_enough_near_points_and_no_far_ones():
 
 def test_thinning_of_no_points_gives_none():
     assert thin(np.zeros((0, 2)), AdaptiveVoxelFilterConfig()).shape == (0, 2)
+
+
+def test_a_configured_mounting_takes_the_place_of_the_recorded_one():
+    geometry = ScanGeometry(0.0, math.pi / 2, 2, 0.1, 20.0, True, Pose(9.0, 9.0, 9.0))
+    scan = LaserScan(0.0, 0.0, np.array([1.0, 2.0]), geometry)
+
+    data = RangeFilter(SensorConfig(laser_pose=(0.5, 0.0, math.pi / 2))).apply(scan)
+
+    assert data.tf_tracking_sensor == Pose(0.5, 0.0, math.pi / 2)
+    np.testing.assert_allclose(data.returns, [[0.5, 1.0], [-1.5, 0.0]], atol=1e-12)

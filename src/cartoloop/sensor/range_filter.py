@@ -43,9 +43,12 @@ class RangeFilter:
     def apply(self, scan: LaserScan) -> RangeData:
         """Return the scan's beams, cropped to the useful ranges, one return per voxel."""
         config, geometry = self._config, scan.geometry
+        mounting = (
+            geometry.tf_tracking_sensor if config.laser_pose is None else Pose(*config.laser_pose)
+        )
         if geometry is not self._geometry:
             self._geometry = geometry
-            angles = geometry.angles + geometry.tf_tracking_sensor.theta
+            angles = geometry.angles + mounting.theta
             self._directions = np.column_stack((np.cos(angles), np.sin(angles)))
         returns = np.empty((geometry.num_beams, 2))
         misses = np.empty((geometry.num_beams, 2))
@@ -57,15 +60,15 @@ class RangeFilter:
             geometry.range_max,
             geometry.no_return_is_free,
             config.missing_data_ray_length,
-            geometry.tf_tracking_sensor.x,
-            geometry.tf_tracking_sensor.y,
+            mounting.x,
+            mounting.y,
             returns,
             misses,
         )
         edge = config.voxel_filter_size
         num_returns = voxel_filter(returns, num_returns, edge, returns)
         num_misses = voxel_filter(misses, num_misses, edge, misses)
-        return RangeData(geometry.tf_tracking_sensor, returns[:num_returns], misses[:num_misses])
+        return RangeData(mounting, returns[:num_returns], misses[:num_misses])
 
 
 def thin(points: FloatArray, config: AdaptiveVoxelFilterConfig) -> FloatArray:
