@@ -11,6 +11,7 @@ import pytest
 
 from cartoloop.config import Config
 from cartoloop.config_file import config_toml
+from cartoloop.simulation import corridor, simulate
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = ("README.md", "ARCHITECTURE.md", "docs/algorithm.md")
@@ -37,7 +38,7 @@ def test_links_in_documents_lead_somewhere(document):
     path = ROOT / document
     links = re.findall(r"\]\(([^)#]+)\)", path.read_text())
     for link in links:
-        if not link.startswith("https://"):
+        if not link.startswith("http"):
             assert (path.parent / link).exists(), link
 
 
@@ -58,3 +59,14 @@ def test_parameters_in_documents_exist():
 
 def all_code():
     return "\n".join(path.read_text() for path in (ROOT / "src/cartoloop").rglob("*.py"))
+
+
+def test_the_program_in_the_readme_runs(tmp_path, monkeypatch, capsys):
+    program = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[1]
+    simulate(corridor(), seed=1, duration=10.0).write_carmen(tmp_path / "intel.clf.gz")
+    monkeypatch.chdir(tmp_path)
+
+    exec(program, {})
+
+    assert "loops closed" in capsys.readouterr().out
+    assert (tmp_path / "intel" / "map.png").exists()

@@ -91,6 +91,7 @@ def _run(
     try:
         _add_all(mapper, log, stop, compiler)
         if not stop.made:
+            typer.echo("closing the last loops", err=True)
             with stop.at_once():
                 return mapper.finish(), None
     except KeyboardInterrupt:
