@@ -44,6 +44,17 @@ def test_without_a_terminal_there_is_a_line_every_few_seconds(clock):
     ]
 
 
+def test_time_spent_otherwise_does_not_count(clock):
+    stream = io.StringIO()
+    with progress(1000, stream, paused_s=lambda: 20.0) as shown:
+        clock.now = 1030.0
+        shown.update(500, 100.0, 0)
+
+    assert stream.getvalue() == (
+        "500 of 1000 scans, 50/s, 10.0x real time, 10 s left, 0 closures\n"
+    )
+
+
 def test_on_a_terminal_there_is_a_bar(clock):
     stream = Terminal()
     with progress(1000, stream) as shown:

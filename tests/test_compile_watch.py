@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Users are told when kernels are compiled, and kernels are compiled once."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+PROGRAM = """
+import numpy as np
+from cartoloop._jit import watch_compilation
+from cartoloop.kernels.voxel_filter import voxel_filter
+
+points = np.zeros((3, 2))
+with watch_compilation(lambda: print("told")) as watch:
+    for _ in range(2):
+        voxel_filter(points, 3, 0.1, points)
+print(watch.seconds > 0.0)
+"""
+
+
+def test_compilation_is_told_once_and_timed_and_not_repeated(tmp_path):
+    def run():
+        return subprocess.run(
+            [sys.executable, "-c", PROGRAM],
+            env=os.environ | {"CARTOLOOP_CACHE_DIR": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.split()
+
+    assert run() == ["told", "True"]
+    assert run() == ["False"]
