@@ -93,6 +93,17 @@ def test_optional_parts_of_a_robotlaser_line_are_told_by_counting_from_the_end(
     assert scan.geometry.tf_tracking_sensor == pytest.approx((0.25, -0.05, 0.1), abs=1e-6)
 
 
+def test_an_empty_remission_block_is_no_coordinate_even_where_that_puts_laser_and_robot_nearer(
+    tmp_path,
+):
+    robot = Pose(1.0, 0.0, 0.0)
+    laser = compose(robot, Pose(0.25, -0.05, 0.1))
+    path = tmp_path / "one.clf"
+    path.write_text(robotlaser([1.0], laser, robot, None, remissions=[], turn_axis=False) + "\n")
+    odometry, _ = read(path)
+    assert odometry.tf_odom_tracking == robot
+
+
 def test_simple_door_is_public():
     assert cartoloop.read is read
 

@@ -124,7 +124,10 @@ def _pose_start(tokens: list[bytes], tail: int, end: int, wanted: tuple[int, ...
         if end - after in wanted:
             blocked = after
     if plain and blocked >= 0:
-        # "0" may be an empty remission block or the laser's x: the laser sits near the robot.
+        # "0" may be an empty remission block or the laser's x. Beside coordinates with decimals it
+        # is a count; otherwise, the laser sits near the robot.
+        if any(b"." in token for token in tokens[tail + 1 : tail + 7]):
+            return blocked
         return min((blocked, tail), key=lambda start: _laser_offset(tokens, start))
     return tail if plain else blocked
 
