@@ -7,6 +7,7 @@ import time
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -75,13 +76,17 @@ def map_recording(log: Log, loaded: LoadedConfig, out: Path, layers: Collection[
 
 @contextmanager
 def compilation_told() -> Iterator[CompileWatch]:
-    """Yield a watch over the compiler, which tells the user once if kernels must be compiled."""
+    """Yield a watch over the compiler, which tells the user if kernels must be compiled."""
     from cartoloop._jit import watch_compilation
 
-    with watch_compilation(
-        lambda: typer.echo(f"compiling kernels, once: about {COMPILE_TIME_S} s", err=True)
-    ) as watch:
+    with watch_compilation(_tell_of_compilation) as watch:
         yield watch
+
+
+@cache
+def _tell_of_compilation() -> None:
+    """Tell the user, the first time that this is called."""
+    typer.echo(f"compiling kernels, once: about {COMPILE_TIME_S} s", err=True)
 
 
 def _run(
