@@ -162,10 +162,10 @@ class ConstraintSearchConfig(Section):
         5.0, ge=0, description="W_theta where the relative pose is well known [deg]"
     )
     linear_drift: float = Field(
-        0.02, ge=0, description="growth of W_x and W_y per metre of uncertain way [m/m]"
+        0.05, ge=0, description="growth of W_x and W_y per metre of uncertain way [m/m]"
     )
     angular_drift_deg: float = Field(
-        0.2, ge=0, description="growth of W_theta per metre of uncertain way [deg/m]"
+        0.5, ge=0, description="growth of W_theta per metre of uncertain way [deg/m]"
     )
     bound_length: float = Field(
         25.0, ge=0, description="pairs with a shorter uncertain way are bound already [m]"

@@ -145,9 +145,24 @@ def test_a_robot_that_does_not_move_teaches_nothing():
     assert estimate(stamps, noise, stamps, np.zeros_like(noise), before) is before
 
 
-def test_a_robot_that_only_drives_straight_on_teaches_nothing():
+def test_straight_driving_tells_scale_and_yaw_but_neither_clock_nor_rotation():
     stamps = np.arange(0.0, 60.0, PERIOD)
-    poses = np.column_stack((0.5 * stamps, 0.0 * stamps, 0.0 * stamps))
+    reported = np.column_stack((0.5 * stamps, 0.0 * stamps, 0.0 * stamps))
+    yaw, scale = 0.02, 1.05
+    true = np.column_stack(
+        (scale * math.cos(yaw) * 0.5 * stamps, scale * math.sin(yaw) * 0.5 * stamps, 0.0 * stamps)
+    )
+
+    model = estimate(stamps, true, stamps, reported, UNKNOWN)
+
+    assert (model.time_offset, model.rotation_scale) == (0.0, 1.0)
+    assert model.translation_scale == pytest.approx(scale, abs=1e-3)
+    assert model.yaw == pytest.approx(yaw, abs=1e-3)
+
+
+def test_a_robot_that_stands_teaches_nothing():
+    stamps = np.arange(0.0, 60.0, PERIOD)
+    poses = np.zeros((len(stamps), 3))
     assert estimate(stamps, poses, stamps, poses, UNKNOWN) is UNKNOWN
 
 

@@ -14,6 +14,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cartoloop.local_slam.odometry_track import OdometryTrack
 from cartoloop.sensor.pose import FloatArray, Pose, relative_all
@@ -24,8 +25,8 @@ OFFSETS_S: FloatArray = np.arange(-20.0, 61.0) * 0.02
 MIN_TURN_RAD = 0.02
 """Steps that turn by less tell nothing of the offset."""
 
-MIN_TURNS = 25
-"""How many turning steps are needed before anything is estimated."""
+MIN_STEPS = 25
+"""How many turning steps tell the clock offset, how many steps in motion the rest."""
 
 MIN_MOVE_M = 0.02
 """Steps shorter than this, and without a turn, tell nothing of the distance's scale."""
@@ -120,26 +121,21 @@ def estimate(
     span = (times >= odometry_times[0]) & (times <= odometry_times[-1])
     known = span[:-1] & span[1:]
     turning = (np.abs(steps[:, 2]) > MIN_TURN_RAD) & known
-    if np.count_nonzero(turning) < MIN_TURNS:
-        return previous
-    turns = steps[turning, 2]
-    costs = np.array(
-        [
-            np.abs(
-                turns - np.diff(np.interp(times - offset, odometry_times, heading))[turning]
-            ).mean()
-            for offset in OFFSETS_S
-        ]
-    )
-    best = int(np.argmin(costs))
-    if costs[best] > 0.9 * np.abs(turns).mean():
-        return previous
-    offset = _refined_minimum(OFFSETS_S, costs, best)
+    offset, rotation_scale = previous.time_offset, previous.rotation_scale
+    turns_enough = np.count_nonzero(turning) >= MIN_STEPS
+    if turns_enough:
+        found = _clock_offset(times, steps[:, 2], turning, odometry_times, heading)
+        if found is None:
+            return previous
+        offset = found
     columns = (odometry_poses[:, 0], odometry_poses[:, 1], heading)
     at_scans = np.column_stack([np.interp(times - offset, odometry_times, c) for c in columns])
     reported = relative_all(at_scans[:-1], at_scans[1:])
-    rotation_scale = _robust_scale(reported[turning, 2], turns)
+    if turns_enough:
+        rotation_scale = _robust_scale(reported[turning, 2], steps[turning, 2])
     moving = known & (turning | (np.hypot(reported[:, 0], reported[:, 1]) > MIN_MOVE_M))
+    if np.count_nonzero(moving) < MIN_STEPS:
+        return previous
     model = OdometryModel(
         offset, rotation_scale, *_scale_yaw_and_lever(reported[moving], steps[moving])
     )
@@ -150,6 +146,35 @@ def estimate(
         rotation_error=float(np.median(errors[:, 2])),
         translation_error=float(np.median(np.hypot(errors[:, 0], errors[:, 1]))),
     )
+
+
+def _clock_offset(
+    times: FloatArray,
+    turns: FloatArray,
+    turning: NDArray[np.bool_],
+    odometry_times: FloatArray,
+    heading: FloatArray,
+) -> float | None:
+    """Return the offset [s] at which the odometry turns when the scans do; None if at none it does.
+
+    Parameters
+    ----------
+    times : of the scans, shape (n,).
+    turns, turning : rotation of each step between them [rad], and whether it is one to go by.
+    odometry_times, heading : of the odometry, shape (k,), heading unwrapped [rad].
+    """
+    costs = np.array(
+        [
+            np.abs(turns - np.diff(np.interp(times - offset, odometry_times, heading)))[
+                turning
+            ].mean()
+            for offset in OFFSETS_S
+        ]
+    )
+    best = int(np.argmin(costs))
+    if costs[best] > 0.9 * np.abs(turns[turning]).mean():
+        return None
+    return _refined_minimum(OFFSETS_S, costs, best)
 
 
 def _refined_minimum(grid: FloatArray, costs: FloatArray, best: int) -> float:
