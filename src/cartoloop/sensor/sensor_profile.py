@@ -73,7 +73,8 @@ class SensorProfile:
             missing = "none seen"
         else:
             unit = " m" if math.isfinite(self.no_return) else ""
-            missing = f"{self.no_return:.6g}{unit} ({100.0 * self.share_no_return:.2g}% of beams)"
+            share = float(f"{100.0 * self.share_no_return:.2g}")
+            missing = f"{self.no_return:.6g}{unit} ({share:g}% of beams)"
         quantum = f"{self.range_quantum:g} m" if self.range_quantum else "continuous"
         also = [n for n, has in (("odometry", self.has_odometry), ("IMU", self.has_imu)) if has]
         return "\n".join(
