@@ -63,11 +63,6 @@ class ConstraintSearch:
         """Run a task on each of the items in the background threads; answers in their order."""
         return list(self._threads.map(task, items))
 
-    @property
-    def backlog(self) -> int:
-        """How many submitted batches are not finished yet."""
-        return sum(not future.done() for future in self._pending)
-
     def close(self) -> None:
         """Drop what is not begun and end the threads."""
         self._threads.shutdown(wait=True, cancel_futures=True)

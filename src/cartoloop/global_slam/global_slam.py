@@ -22,7 +22,12 @@ from cartoloop.global_slam.pose_adjustment import (
     adjust,
     constraint_residuals,
 )
-from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.global_slam.pose_graph import (
+    TRUE_ROTATION_RAD,
+    TRUE_TRANSLATION_M,
+    ConstraintKind,
+    PoseGraph,
+)
 from cartoloop.global_slam.robust_loss import Loss
 from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose, compose, inverse, relative
 from cartoloop.stage_timer import StageTimer
@@ -32,9 +37,6 @@ from cartoloop.submaps.submap import Submap
 
 BATCH = 50
 """Nodes sought in one submap by one task of a background thread."""
-
-TRUE_TRANSLATION_M, TRUE_ROTATION_RAD = 0.2, math.radians(1.0)
-"""A loop closure that is violated by more than this is taken to be false (section VI, table IV)."""
 
 
 class GlobalSlam:

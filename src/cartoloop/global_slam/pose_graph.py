@@ -8,6 +8,7 @@ calls scan poses are the poses of the nodes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from enum import IntEnum
 
@@ -20,6 +21,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _ASYMMETRY = 1e-9  # what rounding leaves between two halves of one information matrix
+
+TRUE_TRANSLATION_M, TRUE_ROTATION_RAD = 0.2, math.radians(1.0)
+"""A loop closure that is violated by more than this is taken to be false (section VI, table IV)."""
 
 
 class ConstraintKind(IntEnum):

@@ -13,7 +13,12 @@ import numpy as np
 
 import cartoloop
 from cartoloop.global_slam.pose_adjustment import constraint_residuals
-from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.global_slam.pose_graph import (
+    TRUE_ROTATION_RAD,
+    TRUE_TRANSLATION_M,
+    ConstraintKind,
+    PoseGraph,
+)
 from cartoloop.sensor.pose import FloatArray, relative_all, wrap_angles
 from cartoloop.stage_timer import StageSummary
 
@@ -150,7 +155,7 @@ def _precision(
     translation_error: FloatArray, rotation_error: FloatArray, rejected: int = 0
 ) -> float | None:
     """Return the share of closures violated by no more than 20 cm and 1 degree (table IV)."""
-    good = (translation_error <= 0.2) & (rotation_error <= np.radians(1.0))
+    good = (translation_error <= TRUE_TRANSLATION_M) & (rotation_error <= TRUE_ROTATION_RAD)
     total = len(good) + rejected
     return float(np.count_nonzero(good)) / total if total else None
 
