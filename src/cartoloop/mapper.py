@@ -151,11 +151,8 @@ class Mapper:
         return [grids[index] for index in range(graph.num_submaps)]
 
     def _report(self, graph: PoseGraph, trajectory: FloatArray) -> Report:
-        adjustments = self._global_slam.adjustments
-        stages = self._timer.summary()
         model = self._local_slam.extrapolator.odometry_model
         steps = np.diff(trajectory[:, :2], axis=0)
-        last_ms = self._global_slam.last_adjustment_ms
         return Report(
             input=InputSummary(
                 scans=self._num_scans,
@@ -170,17 +167,8 @@ class Mapper:
                 self._global_slam.found,
                 self._global_slam.num_rejected,
             ),
-            adjustment=AdjustmentSummary(
-                runs=len(adjustments),
-                mean_iterations=(
-                    float(np.mean([a.iterations for a in adjustments])) if adjustments else 0.0
-                ),
-                mean_ms=(
-                    1e3 * stages["adjust"].total_s / stages["adjust"].calls if adjustments else 0.0
-                ),
-                last_ms=last_ms,
-            ),
-            stages=stages,
+            adjustment=AdjustmentSummary.of_runs(self._global_slam.adjustments),
+            stages=self._timer.summary(),
             skipped=dict(sorted(self._skipped.items())),
             extra={
                 "odometry": {

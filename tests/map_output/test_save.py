@@ -14,6 +14,7 @@ from PIL import Image
 
 from cartoloop.config_file import load_config
 from cartoloop.errors import OutputError
+from cartoloop.global_slam.global_slam import AdjustmentRun
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.map_output.report import (
     AdjustmentSummary,
@@ -102,7 +103,9 @@ def test_the_report_has_its_keys_and_further_ones(tmp_path):
         nodes=2,
         submaps=1,
         constraints=ConstraintSummary(1, 1, 2, 1.0, 0, 4, 0.75),
-        adjustment=AdjustmentSummary(1, 3.0, 2.0, 2.0),
+        adjustment=AdjustmentSummary.of_runs(
+            [AdjustmentRun(2, 1, 3, 2, ms=1.0), AdjustmentRun(2, 1, 4, 4, ms=2.0)]
+        ),
         stages=timer.summary(),
         skipped={"no returns": 1},
         extra={"findings": ["the odometry is late"]},
@@ -118,7 +121,13 @@ def test_the_report_has_its_keys_and_further_ones(tmp_path):
         "intra_submap": 1, "loop_closure": 1, "searched": 2, "precision": 1.0,
         "rejected": 0, "found": 4, "found_precision": 0.75,
     }  # fmt: skip
-    assert set(saved["adjustment"]) == {"runs", "mean_iterations", "mean_ms", "last_ms"}
+    assert saved["adjustment"] == {
+        "runs": 2, "mean_iterations": 3.0, "mean_ms": 1.5, "last_ms": 2.0,
+        "each": [
+            {"nodes": 2, "submaps": 1, "constraints": 3, "iterations": 2, "ms": 1.0},
+            {"nodes": 2, "submaps": 1, "constraints": 4, "iterations": 4, "ms": 2.0},
+        ],
+    }  # fmt: skip
     assert set(saved["stages"]["match"]) == {"calls", "total_s", "median_ms", "p99_ms"}
     assert saved["skipped"] == {"no returns": 1}
     assert saved["findings"] == ["the odometry is late"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
@@ -18,7 +19,6 @@ from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
-    AdjustmentResult,
     adjust,
     constraint_residuals,
 )
@@ -39,6 +39,24 @@ BATCH = 50
 """Nodes sought in one submap by one task of a background thread."""
 
 
+@dataclass(frozen=True, slots=True)
+class AdjustmentRun:
+    """One run of pose adjustment.
+
+    Attributes
+    ----------
+    nodes, submaps, constraints : size of the graph.
+    iterations : linear systems solved.
+    ms : time that it took [ms].
+    """
+
+    nodes: int
+    submaps: int
+    constraints: int
+    iterations: int
+    ms: float
+
+
 class GlobalSlam:
     """Keeps the pose graph, closes loops and adjusts."""
 
@@ -48,8 +66,7 @@ class GlobalSlam:
         self.graph = PoseGraph()
         self.search = ConstraintSearch(config.constraint_search, config.num_threads)
         self.found: list[LoopClosure] = []
-        self.adjustments: list[AdjustmentResult] = []
-        self.last_adjustment_ms = 0.0
+        self.adjustments: list[AdjustmentRun] = []
         self.num_rejected = 0
         self._selection = PairSelection(config.constraint_search)
         self._finished: dict[int, FinishedSubmap] = {}
@@ -238,8 +255,16 @@ class GlobalSlam:
             relative_tolerance=config.tolerance,
         )
         start = perf_counter()
-        self.adjustments.append(adjust(self.graph, options))
-        self.last_adjustment_ms = 1e3 * (perf_counter() - start)
+        done = adjust(self.graph, options)
+        self.adjustments.append(
+            AdjustmentRun(
+                nodes=self.graph.num_nodes,
+                submaps=self.graph.num_submaps,
+                constraints=len(self.graph.kinds),
+                iterations=done.iterations,
+                ms=1e3 * (perf_counter() - start),
+            )
+        )
         newest = Pose(*self.graph.submap_poses[-1].tolist())
         self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
         self._selection.update(np.array(self._submap_travelled), self._true_closures())

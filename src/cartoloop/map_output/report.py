@@ -23,6 +23,7 @@ from cartoloop.sensor.pose import FloatArray, relative_all, wrap_angles
 from cartoloop.stage_timer import StageSummary
 
 if TYPE_CHECKING:
+    from cartoloop.global_slam.global_slam import AdjustmentRun
     from cartoloop.global_slam.loop_closure import LoopClosure
 
 
@@ -71,12 +72,34 @@ class ConstraintSummary:
 
 @dataclass(frozen=True, slots=True)
 class AdjustmentSummary:
-    """How the pose graph was solved: runs, their mean iterations, mean and last time [ms]."""
+    """How the pose graph was solved: every run, and their means.
+
+    Attributes
+    ----------
+    runs : number of runs.
+    mean_iterations : linear systems solved in a run, in the mean.
+    mean_ms, last_ms : time of a run in the mean, and of the last [ms].
+    each : the runs in order, with the size that the graph had.
+    """
 
     runs: int = 0
     mean_iterations: float = 0.0
     mean_ms: float = 0.0
     last_ms: float = 0.0
+    each: tuple[AdjustmentRun, ...] = ()
+
+    @classmethod
+    def of_runs(cls, runs: Sequence[AdjustmentRun]) -> AdjustmentSummary:
+        """Return the summary of all runs of a map."""
+        if not runs:
+            return cls()
+        return cls(
+            runs=len(runs),
+            mean_iterations=float(np.mean([run.iterations for run in runs])),
+            mean_ms=float(np.mean([run.ms for run in runs])),
+            last_ms=runs[-1].ms,
+            each=tuple(runs),
+        )
 
 
 @dataclass(frozen=True, slots=True)
