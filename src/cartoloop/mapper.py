@@ -112,6 +112,8 @@ class Mapper:
             self._submap_grids(graph),
             self._config,
             self._report(graph, trajectory),
+            found=tuple(self._global_slam.found),
+            rejected=tuple(self._global_slam.rejected),
         )
 
     def _objection(self, event: SensorEvent) -> str | None:
@@ -165,7 +167,7 @@ class Mapper:
                 graph,
                 self._global_slam.search.num_searched,
                 self._global_slam.found,
-                self._global_slam.num_rejected,
+                len(self._global_slam.rejected),
             ),
             adjustment=AdjustmentSummary.of_runs(self._global_slam.adjustments),
             stages=self._timer.summary(),

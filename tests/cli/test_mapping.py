@@ -27,6 +27,8 @@ FILES = {
     "trajectory.tum",
     "local_trajectory.tum",
     "graph.g2o",
+    "nodes.csv",
+    "closures.csv",
     "config.toml",
     "report.json",
 }

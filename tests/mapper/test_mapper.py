@@ -40,6 +40,8 @@ def test_closing_loops_halves_the_error_at_least(recording):
     assert mean_error(closed, recording) < 0.10
     assert mean_error(closed, recording) < 0.5 * mean_error(drifted, recording)
     assert closed.report.constraints.precision > 0.95
+    assert closed.report.constraints.found == len(closed.found) > 0
+    assert closed.report.constraints.rejected == len(closed.rejected)
     assert drifted.report.constraints.loop_closure == 0
     assert drifted.report.adjustment.runs == 0
     assert np.allclose(drifted.trajectory, drifted.local_trajectory, atol=1e-9)

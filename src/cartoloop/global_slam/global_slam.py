@@ -15,7 +15,7 @@ from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
-from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest
+from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest, loop_closures
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
@@ -67,7 +67,7 @@ class GlobalSlam:
         self.search = ConstraintSearch(config.constraint_search, config.num_threads)
         self.found: list[LoopClosure] = []
         self.adjustments: list[AdjustmentRun] = []
-        self.num_rejected = 0
+        self.rejected: list[LoopClosure] = []
         self._selection = PairSelection(config.constraint_search)
         self._finished: dict[int, FinishedSubmap] = {}
         self._node_points: list[FloatArray] = []
@@ -285,7 +285,7 @@ class GlobalSlam:
         """Drop the loop closures that the rest contradicts, and adjust without them."""
         is_false = (self.graph.kinds == ConstraintKind.LOOP_CLOSURE) & self._is_violated()
         if is_false.any():
-            self.num_rejected = int(np.count_nonzero(is_false))
+            self.rejected = loop_closures(self.graph, is_false)
             self.graph = self.graph.without(is_false)
             self._adjust(max_num_iterations)
 

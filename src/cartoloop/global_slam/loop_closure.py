@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.finished_submap import FinishedSubmap
+from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.least_squares import (
     LeastSquaresMatch,
@@ -65,6 +67,23 @@ class LoopClosure:
     information: FloatArray
     score: float
     runner_up: float
+
+
+def loop_closures(graph: PoseGraph, among: NDArray[np.bool_]) -> list[LoopClosure]:
+    """Return the constraints marked, shape (num_constraints,), all of which are loop closures."""
+    rows = np.flatnonzero(among)
+    return [
+        LoopClosure(submap, node, Pose(*pose), information, score, runner_up)
+        for submap, node, pose, information, score, runner_up in zip(
+            graph.index_a[rows].tolist(),
+            graph.index_b[rows].tolist(),
+            graph.relative_poses[rows].tolist(),
+            graph.informations[rows],
+            graph.scores[rows].tolist(),
+            graph.runner_ups[rows].tolist(),
+            strict=True,
+        )
+    ]
 
 
 def search(

@@ -47,6 +47,19 @@ DEFAULT_SCALE = {
 0.1 % of true constraints (chi square of three degrees of freedom)."""
 
 
+def loss_weights(squared: FloatArray, loss: Loss, scale: float) -> FloatArray:
+    """Return what a loss leaves of each constraint's pull, in [0, 1]: rho' at E^2.
+
+    Parameters
+    ----------
+    squared : E^2, shape (n,).
+    loss, scale : where it sets in, in units of E.
+    """
+    code = KERNEL_LOSS[loss]
+    weights = [pose_residuals.robust_loss(code, scale, s)[1] for s in squared.tolist()]
+    return np.array(weights, dtype=np.float64)
+
+
 def initial_convexity(squared: FloatArray, scale: float) -> float:
     """Return mu to start graduated non-convexity with: the loss is nearly convex for all residuals.
 

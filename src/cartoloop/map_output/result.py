@@ -14,6 +14,7 @@ from cartoloop.config import Config
 from cartoloop.map_output.report import Report
 
 if TYPE_CHECKING:
+    from cartoloop.global_slam.loop_closure import LoopClosure
     from cartoloop.global_slam.pose_graph import PoseGraph
     from cartoloop.submaps.finished_grid import FinishedGrid
 
@@ -32,6 +33,8 @@ class Result:
     submap_grids : one for each submap of the graph, in its order.
     config : the parameters used.
     report : what happened.
+    found : the loop closures that searches found; in the end, matches made anew take their place.
+    rejected : loop closures taken out of the graph in the end, because the rest contradicted them.
     """
 
     stamps: NDArray[np.float64]
@@ -42,6 +45,8 @@ class Result:
     submap_grids: list[FinishedGrid]
     config: Config
     report: Report
+    found: tuple[LoopClosure, ...] = ()
+    rejected: tuple[LoopClosure, ...] = ()
 
     def save(self, out: str | PathLike[str]) -> None:
         """Write map, trajectories, graph, configuration and report into the folder `out`.
