@@ -7,7 +7,7 @@ no global frame, only relations between pairs of scans, so that one bend does no
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, fields
 from os import PathLike
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.errors import InputError
+from cartoloop.evaluation.error_statistics import percentiles
 from cartoloop.evaluation.trajectories import Trajectory, read_table
 from cartoloop.sensor.pose import relative_all, wrap_angles
 
@@ -59,6 +60,12 @@ class RelationsError:
     num_relations : relations that counted.
     num_missing : relations with a stamp that the trajectory does not have.
     missing_stamps : the distinct stamps it does not have, in order of time.
+    absolute_translational_percentiles : |trans| [m] that 50, 75, 90, 95 and 99 % of the relations
+        do not exceed, and the greatest; by name: ``p50`` to ``p99``, ``max``.
+    absolute_rotational_deg_percentiles : the same of |rot| [deg].
+    rows : int64 (n,), which of the relations counted, in their order.
+    translations : float64 (n,), |trans| of each of those [m].
+    rotations_deg : float64 (n,), |rot| of each of those [deg].
     """
 
     absolute_translational: MeanStd
@@ -68,10 +75,19 @@ class RelationsError:
     num_relations: int
     num_missing: int
     missing_stamps: tuple[float, ...]
+    absolute_translational_percentiles: dict[str, float]
+    absolute_rotational_deg_percentiles: dict[str, float]
+    rows: NDArray[np.int64] = field(repr=False, compare=False)
+    translations: FloatArray = field(repr=False, compare=False)
+    rotations_deg: FloatArray = field(repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain dictionaries and numbers, as for JSON."""
-        return asdict(self)
+        """Return plain dictionaries and numbers, as for JSON: all but the single errors."""
+        values = {item.name: getattr(self, item.name) for item in fields(self) if item.compare}
+        return {
+            name: asdict(value) if isinstance(value, MeanStd) else value
+            for name, value in values.items()
+        }
 
 
 def read_relations(path: str | PathLike[str]) -> Relations:
@@ -126,6 +142,11 @@ def evaluate_relations(
         num_relations=int(np.count_nonzero(known)),
         num_missing=int(np.count_nonzero(~known)),
         missing_stamps=tuple(float(stamp) for stamp in missing),
+        absolute_translational_percentiles=percentiles(translation),
+        absolute_rotational_deg_percentiles=percentiles(rotation_deg),
+        rows=np.flatnonzero(known),
+        translations=translation,
+        rotations_deg=rotation_deg,
     )
 
 

@@ -32,7 +32,7 @@ class Trajectory:
     def find(self, stamps: FloatArray, tolerance: float) -> NDArray[np.int64]:
         """Return the row nearest in time to each stamp, -1 where none is within `tolerance` [s].
 
-        Of several poses with one stamp the first counts.
+        Of several poses with one stamp the first counts, of two equally near the earlier.
         """
         if len(self.stamps) == 0:
             return np.full(len(stamps), -1, dtype=np.int64)
@@ -44,7 +44,7 @@ class Trajectory:
         after = np.searchsorted(ordered, ordered[np.minimum(place, len(ordered) - 1)])
         before = np.searchsorted(ordered, ordered[np.maximum(place - 1, 0)])
         nearest = np.where(
-            np.abs(ordered[after] - stamps) <= np.abs(ordered[before] - stamps), after, before
+            np.abs(ordered[after] - stamps) < np.abs(ordered[before] - stamps), after, before
         )
         found = np.abs(ordered[nearest] - stamps) <= tolerance
         return np.where(found, order[nearest], -1).astype(np.int64)
@@ -60,7 +60,8 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
     """
     table = read_table(path, "stamp tx ty tz qx qy qz qw")
     qx, qy, qz, qw = table[:, 4:].T
-    yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    # Right for any length: written with few digits, a quaternion is not of length one.
+    yaw = np.arctan2(2.0 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz)
     return Trajectory(stamps=table[:, 0], poses=np.column_stack((table[:, 1:3], yaw)))
 
 
