@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -155,6 +156,23 @@ class Record:
         if not any(row.notes for row in self.rows):
             heads, lines = heads[:-1], [line[:-1] for line in lines]
         return markdown_table(heads, lines)
+
+
+def read_record(path: Path) -> Record:
+    """Return the record in a JSON file.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is no record.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is no text; give a JSON of 'cartoloop bench'") from error
+    return Record.from_json(text, str(path))
 
 
 def markdown_table(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
