@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Relations between scans from a run that closed its loops, to score local SLAM by.
+
+As Cartographer's tool for the purpose does: where a loop was closed after a long way, and the
+whole graph agrees with the closure, the optimised poses of the two places are believed. That says
+how far local SLAM drifted on the way. It says nothing about the run that the relations are from.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.errors import InputError
+from cartoloop.evaluation.finished_run import FinishedRun
+from cartoloop.evaluation.relations import Relations
+from cartoloop.map_output.closures_file import Stage
+from cartoloop.map_output.text_files import format_stamp
+from cartoloop.sensor.pose import relative_all
+
+IntArray = NDArray[np.int64]
+
+MIN_DISTANCE_M = 100.0
+MAX_TRANSLATION_M = 0.15
+MAX_ROTATION_RAD = 0.02
+
+
+def make_relations(
+    run: FinishedRun,
+    min_distance: float = MIN_DISTANCE_M,
+    max_translation: float = MAX_TRANSLATION_M,
+    max_rotation: float = MAX_ROTATION_RAD,
+) -> Relations:
+    """Return a relation for each loop closure in the graph that the graph agrees with.
+
+    It joins the scan in the middle of those that made the submap with the scan that was found in
+    it, the earlier one first. In the order of their first scans; none is there twice.
+
+    Parameters
+    ----------
+    run : with optimised poses.
+    min_distance : way between the two scans at least [m], from node to node.
+    max_translation, max_rotation : closures violated by more are left out [m], [rad].
+
+    Raises
+    ------
+    InputError
+        No closure is left.
+    """
+    closures = run.closures[Stage.FINAL]
+    steps = np.hypot(*np.diff(run.node_poses[:, :2], axis=0).T)
+    travelled = np.concatenate(([0.0], np.cumsum(steps)))
+    submap_node = _middle_nodes(run)[closures.submap]
+    agrees = (closures.residual_m <= max_translation) & (
+        np.radians(closures.residual_deg) <= max_rotation
+    )
+    far = np.abs(travelled[closures.node] - travelled[submap_node]) >= min_distance
+    pairs = np.sort(np.column_stack((submap_node, closures.node))[agrees & far], axis=1)
+    pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
+    if len(pairs) == 0:
+        raise InputError(
+            f"{run.folder}: of {len(closures)} loop closures none both agrees with the map and "
+            f"comes after {min_distance:g} m of way (the run is {travelled[-1]:.0f} m long): "
+            "try a smaller --min-distance"
+        )
+    first, second = pairs.T
+    return Relations(
+        stamps=run.stamps[pairs],
+        poses=relative_all(run.node_poses[first], run.node_poses[second]),
+    )
+
+
+def relations_text(relations: Relations) -> str:
+    """Return relations as lines ``stamp1 stamp2 x y z roll pitch yaw``, in metres and radians.
+
+    There is no header: not all programs that read such files would pass over it.
+    """
+    return "".join(
+        f"{format_stamp(stamp_1)} {format_stamp(stamp_2)} {x:.9f} {y:.9f} 0 0 0 {theta:.9f}\n"
+        for (stamp_1, stamp_2), (x, y, theta) in zip(
+            relations.stamps.tolist(), (relations.poses + 0.0).tolist(), strict=True
+        )
+    )
+
+
+def _middle_nodes(run: FinishedRun) -> IntArray:
+    """Return the node in the middle of those inserted into each submap, shape (num_submaps,)."""
+    order = np.lexsort((run.own_node, run.own_submap))
+    ordered = run.own_submap[order]
+    submaps = np.arange(run.num_submaps)
+    begin, end = np.searchsorted(ordered, submaps), np.searchsorted(ordered, submaps, side="right")
+    middle: IntArray = run.own_node[order][np.minimum((begin + end) // 2, len(order) - 1)]
+    return middle
