@@ -97,7 +97,7 @@ def error_histogram(
         name_axes(right, "rotational error [deg]", "")
         _set_title(figure, title)
 
-    return render(draw, (8.0, 4.0), image_format)
+    return render(draw, (8.0 + 2.5 * max(len(series) - 2, 0), 4.0), image_format)
 
 
 def trajectory_plot(
@@ -203,8 +203,8 @@ def _draw_histogram(axes: Axes, series: Sequence[tuple[str, FloatArray]], unit: 
             label=label,
         )
         mean, bound = marks[number]
-        axes.axvline(mean, color=colour, label=f"mean {mean:.3g} {unit}")
-        axes.axvline(bound, color=colour, linestyle="--", label=f"95 % within {bound:.3g} {unit}")
+        axes.axvline(mean, color=colour, label=f"mean: {mean:.3g} {unit}")
+        axes.axvline(bound, color=colour, linestyle="--", label=f"95 %: {bound:.3g} {unit}")
     axes.margins(x=0.01)
     _legend_above(axes, columns=len(series))
 
