@@ -105,6 +105,7 @@ def test_relations_score_local_slam(mapped, evaluate, tmp_path):
         (("closures", "OUT", "--truth", "LOG"), 1, "expected 8 numbers"),
         (("closures", "OUT", "--truth", "SHORT"), 1, "the truth has no pose for"),
         (("closures", "OUT", "--truth", "TRUTH", "--log", "OTHER"), 1, "give the recording"),
+        (("closures", "OUT", "--plot", "a.bmp"), 2, "a name that ends in .png or .svg"),
         (("make-relations", "OUT", "-o", "a", "--min-distance", "1e5"), 1, "try a smaller"),
     ],
 )

@@ -31,7 +31,7 @@ def closures_command(
     ] = 0.6,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the closures (png, svg or pdf).")
+        Path | None, typer.Option(metavar="FILE", help="Draw the closures: .png or .svg.")
     ] = None,
 ) -> None:
     """Count loop closures and those that hold (table IV of the paper).
@@ -46,9 +46,11 @@ def closures_command(
     from cartoloop.config_file import load_config
     from cartoloop.evaluation.closures import evaluate_closures
     from cartoloop.evaluation.finished_run import read_run
+    from cartoloop.evaluation.plot_style import image_format
     from cartoloop.evaluation.trajectories import read_tum
     from cartoloop.readers import open_logs
 
+    plot_format = None if plot is None else image_format(plot)
     run = read_run(out)
     score = evaluate_closures(
         run,
@@ -57,10 +59,11 @@ def closures_command(
         load_config(out / "config.toml").config if logs else None,
         overlap,
     )
-    if plot is not None:
-        from cartoloop.evaluation.closure_plots import draw_closures, write_figure
+    if plot is not None and plot_format is not None:
+        from cartoloop.evaluation.closure_plots import closures_plot
+        from cartoloop.map_output.save import write_file
 
-        write_figure(draw_closures(run), plot)
+        write_file(plot, closures_plot(run, title=out.resolve().name, image_format=plot_format))
     typer.echo(json.dumps(score.to_dict(), indent=2) if as_json else _table(score))
 
 
