@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,17 @@ def test_no_relation_is_there_twice_nor_joins_a_scan_with_itself(run_of):
     run = run_of(closure(0, 4), closure(2, 1), closure(0, 4, 0.1), closure(0, 1), closure(2, 4))
 
     assert pairs(make_relations(run, min_distance=0.0)) == [(1, 4)]
+
+
+def test_scans_whose_stamp_is_not_theirs_alone_are_left_out(tmp_path):
+    result = hand_made_result(final=[closure(0, 5), closure(0, 4)])
+    stamps = np.append(STAMPS, STAMPS[5])  # the last scan became no node
+    trajectory = np.vstack((NODE_POSES, (9.0, 9.0, 0.0)))
+    replace(result, stamps=stamps, trajectory=trajectory, local_trajectory=trajectory).save(
+        tmp_path
+    )
+
+    assert pairs(make_relations(read_run(tmp_path), min_distance=1.0)) == [(1, 4)]
 
 
 def test_the_run_itself_agrees_and_a_drifted_one_does_not(run_of, tmp_path):

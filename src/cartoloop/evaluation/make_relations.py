@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cartoloop.errors import InputError
 from cartoloop.evaluation.finished_run import FinishedRun
 from cartoloop.evaluation.relations import Relations
+from cartoloop.evaluation.trajectories import read_tum
 from cartoloop.map_output.closures_file import Stage
 from cartoloop.map_output.text_files import format_stamp
 from cartoloop.sensor.pose import relative_all
@@ -34,7 +35,8 @@ def make_relations(
     """Return a relation for each loop closure in the graph that the graph agrees with.
 
     It joins the scan in the middle of those that made the submap with the scan that was found in
-    it, the earlier one first. In the order of their first scans; none is there twice.
+    it, the earlier one first. In the order of their first scans; none is there twice, and none
+    names a scan by a stamp that another scan of the run has as well.
 
     Parameters
     ----------
@@ -45,7 +47,7 @@ def make_relations(
     Raises
     ------
     InputError
-        No closure is left.
+        No closure is left, or the run's ``trajectory.tum`` cannot be read.
     """
     closures = run.closures[Stage.FINAL]
     steps = np.hypot(*np.diff(run.node_poses[:, :2], axis=0).T)
@@ -55,7 +57,10 @@ def make_relations(
         np.radians(closures.residual_deg) <= max_rotation
     )
     far = np.abs(travelled[closures.node] - travelled[submap_node]) >= min_distance
-    pairs = np.sort(np.column_stack((submap_node, closures.node))[agrees & far], axis=1)
+    named = _has_own_stamp(run)
+    named_pair = named[closures.node] & named[submap_node]
+    chosen = agrees & far & named_pair
+    pairs = np.sort(np.column_stack((submap_node, closures.node))[chosen], axis=1)
     pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
     if len(pairs) == 0:
         raise InputError(
@@ -81,6 +86,13 @@ def relations_text(relations: Relations) -> str:
             relations.stamps.tolist(), (relations.poses + 0.0).tolist(), strict=True
         )
     )
+
+
+def _has_own_stamp(run: FinishedRun) -> NDArray[np.bool_]:
+    """Return which nodes' scans no other scan of the run has the stamp of, shape (n,)."""
+    stamps, counts = np.unique(read_tum(run.folder / "trajectory.tum").stamps, return_counts=True)
+    own: NDArray[np.bool_] = ~np.isin(run.stamps, stamps[counts > 1])
+    return own
 
 
 def _middle_nodes(run: FinishedRun) -> IntArray:
