@@ -10,12 +10,32 @@ import typer
 
 
 def simulate_command(
-    world: Annotated[str, typer.Argument(metavar="WORLD", help="office, corridor or ring.")],
+    world: Annotated[
+        str, typer.Argument(metavar="WORLD", help="office, corridor, ring, museum or flat.")
+    ],
     out: Annotated[
         Path,
         typer.Option("-o", "--out", metavar="LOG", help="CARMEN log; .gz at the end compresses."),
     ],
     seed: Annotated[int, typer.Option(min=0, help="Of the world and of all noise.")] = 0,
+    lidar: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="sick, sick-180, wide, backpack or lds instead of the world's own scanner.",
+        ),
+    ] = None,
+    odometry: Annotated[
+        bool | None,
+        typer.Option(
+            "--odometry/--no-odometry",
+            show_default=False,
+            help="With wheel odometry or without; museum and flat have none by default.",
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Instead of all of the way.")
+    ] = None,
     truth: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the true poses as a TUM file.")
     ] = None,
@@ -23,18 +43,33 @@ def simulate_command(
         Path | None,
         typer.Option(metavar="FILE", help="Write true relative poses, as 'evaluate' reads them."),
     ] = None,
+    lines: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write true distances from wall to wall, 'x1 y1 x2 y2 length' in the map.",
+        ),
+    ] = None,
 ) -> None:
-    """Simulate a robot's drive: scans and odometry with noise."""
-    from cartoloop.simulation import make_world, simulate
+    """Simulate a robot's drive: scans, and odometry, with noise."""
+    from cartoloop.simulation import make_lidar, make_world, simulate
 
-    recording = simulate(make_world(world, seed), seed=seed)
-    recording.write_carmen(out)
-    written = [out]
-    if truth is not None:
-        recording.write_truth(truth)
-        written.append(truth)
-    if relations is not None:
-        recording.write_relations(relations)
-        written.append(relations)
-    duration = recording.stamps[-1] - recording.stamps[0]
-    typer.echo(f"{len(recording.stamps)} scans, {duration:.0f} s: {', '.join(map(str, written))}")
+    recording = simulate(
+        make_world(world, seed),
+        lidar=None if lidar is None else make_lidar(lidar),
+        with_odometry=odometry,
+        seed=seed,
+        duration=duration,
+    )
+    written: list[Path] = []
+    for path, write in (
+        (lines, recording.write_tape_lines),  # first, as not every world has any
+        (out, recording.write_carmen),
+        (truth, recording.write_truth),
+        (relations, recording.write_relations),
+    ):
+        if path is not None:
+            write(path)
+            written.append(path)
+    seconds = recording.stamps[-1] - recording.stamps[0]
+    typer.echo(f"{len(recording.stamps)} scans, {seconds:.0f} s: {', '.join(map(str, written))}")

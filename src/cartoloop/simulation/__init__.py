@@ -8,8 +8,9 @@
 """
 
 from cartoloop.simulation.floor_plan import FloorPlan, Opening, World
-from cartoloop.simulation.lidar import LIDARS, Lidar
-from cartoloop.simulation.motion import Motion, drive
+from cartoloop.simulation.lidar import LIDARS, Lidar, make_lidar
+from cartoloop.simulation.motion import Motion, Pace, drive
+from cartoloop.simulation.museum import large_museum, museum, museum_again
 from cartoloop.simulation.odometry import PERFECT_ODOMETRY, OdometryModel
 from cartoloop.simulation.recording import Recording, simulate
 from cartoloop.simulation.worlds import WORLDS, corridor, make_world, office, ring
@@ -23,11 +24,16 @@ __all__ = [
     "Motion",
     "OdometryModel",
     "Opening",
+    "Pace",
     "Recording",
     "World",
     "corridor",
     "drive",
+    "large_museum",
+    "make_lidar",
     "make_world",
+    "museum",
+    "museum_again",
     "office",
     "ring",
     "simulate",

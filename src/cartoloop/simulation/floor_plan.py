@@ -10,6 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.simulation.lidar import Lidar
+from cartoloop.simulation.motion import Pace
+
 FloatArray = NDArray[np.float64]
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
@@ -28,11 +31,20 @@ class World:
     name : what the recording is called.
     walls : float64, shape (num_walls, 4), segments x1, y1, x2, y2 [m], map frame.
     route : float64, shape (num_waypoints, 2), the corners of the suggested way [m], map frame.
+    pace : how fast the way is gone.
+    lidar : the scanner that is carried along unless another one is chosen.
+    has_odometry : whether wheels tell the way unless it is chosen otherwise.
+    tape_lines : float64, shape (num_lines, 4), x1, y1, x2, y2 [m], map frame: where a laser tape
+        measures from wall to wall, with nothing in between.
     """
 
     name: str
     walls: FloatArray
     route: FloatArray
+    pace: Pace = field(default_factory=Pace)
+    lidar: Lidar = field(default_factory=Lidar)
+    has_odometry: bool = True
+    tape_lines: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,6 +30,10 @@ class Furniture:
         self._way = _dense(route, spacing=0.1)
         self._taken: list[Box] = []
 
+    def keep_way_clear(self, way: FloatArray) -> None:
+        """Keep furniture as far from another way as from the route, shape (k, 2) [m]."""
+        self._way = np.vstack((self._way, _dense(way, spacing=0.1)))
+
     def keep_door_clear(self, room: Room) -> None:
         """Reserve the space that a room's door needs on both sides."""
         middle, half = room.door.middle, room.door.width / 2 + 0.4

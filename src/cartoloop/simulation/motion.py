@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,23 @@ class Motion:
         """Return the poses at `times` [s], shape (n, 3); before and after the motion it stands."""
         x, y, theta = (np.interp(times, self.times, self.poses[:, axis]) for axis in range(3))
         return np.column_stack((x, y, wrap_angles(theta)))
+
+
+class Pace(NamedTuple):
+    """How fast a way is gone, and how closely its corners.
+
+    Attributes
+    ----------
+    speed : largest speed [m/s].
+    turn_rate : largest angular rate [rad/s].
+    acceleration : largest acceleration along the way [m/s^2].
+    corner_radius : of the arcs that round off corners, where the legs are long enough [m].
+    """
+
+    speed: float = 1.0
+    turn_rate: float = 0.9
+    acceleration: float = 0.6
+    corner_radius: float = 0.5
 
 
 def drive(

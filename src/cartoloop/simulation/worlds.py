@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated worlds by name: an office floor, a long corridor, a ring of corridors."""
+"""The simulated worlds by name, and the plain ones: a long corridor, a ring of corridors."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ import numpy as np
 
 from cartoloop.errors import ConfigError
 from cartoloop.simulation.floor_plan import FloorPlan, Opening, Point, World
+from cartoloop.simulation.museum import museum
 from cartoloop.simulation.office import office
 
-__all__ = ["WORLDS", "World", "corridor", "make_world", "office", "ring"]
+__all__ = ["WORLDS", "World", "corridor", "make_world", "museum", "office", "ring"]
 
 
 def corridor(seed: int = 0, length: float = 80.0, width: float = 2.4) -> World:
@@ -89,7 +90,12 @@ def _featured_wall(
     plan.wall(start, end, openings)
 
 
-WORLDS: dict[str, Callable[[int], World]] = {"office": office, "corridor": corridor, "ring": ring}
+WORLDS: dict[str, Callable[[int], World]] = {
+    "office": office,
+    "corridor": corridor,
+    "ring": ring,
+    "museum": museum,
+}
 
 
 def make_world(name: str, seed: int = 0) -> World:
