@@ -60,7 +60,7 @@ def grow(path: Path, num_checkpoints: int) -> list[Checkpoint]:
     found = [now()]
     for event in log:
         mapper.add(event)
-        if mapper.num_scans >= every * len(found):
+        if mapper.num_scans >= every * len(found) and len(found) <= num_checkpoints:
             found.append(now())
     mapper.finish()
     return [*found, now(is_finished=True)]

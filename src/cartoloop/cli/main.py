@@ -15,6 +15,7 @@ from typing import Annotated
 import typer
 
 import cartoloop
+from cartoloop.cli.bench_command import bench_app
 from cartoloop.cli.config_command import config_app
 from cartoloop.cli.demo_command import demo_command
 from cartoloop.cli.evaluate_command import evaluate_app
@@ -34,6 +35,7 @@ app.command("demo")(demo_command)
 app.command("map")(map_command)
 app.command("simulate")(simulate_command)
 app.add_typer(evaluate_app, name="evaluate")
+app.add_typer(bench_app, name="bench")
 app.add_typer(config_app, name="config")
 
 

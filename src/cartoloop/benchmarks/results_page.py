@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One page of all figures: ``docs/results.md``, made of what the benchmarks wrote."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+from cartoloop.benchmarks.document import Picture, Section, Table, to_markdown
+from cartoloop.benchmarks.paper_report import sections as paper_sections
+from cartoloop.benchmarks.paper_report import title_of
+from cartoloop.benchmarks.record import Record, read_record
+from cartoloop.errors import InputError
+from cartoloop.map_output.save import prepare_folder, write_file
+
+BENCHMARKS = {
+    "paper": "",
+    "matching": "Branch and bound",
+    "adjustment": "Pose adjustment",
+    "kernels": "Kernels",
+    "scaling": "Growth: one long walk through ever more rooms",
+    "scaling-again": "Growth: walking through one museum again and again",
+}
+"""The benchmarks in the order of the page, and the titles of their tables."""
+
+MAX_PICTURE_PIXELS = 1100
+"""Longest side of a picture on the page."""
+
+PICTURE_COLORS = 64
+"""Colours of a picture on the page: a map is mostly grey."""
+
+
+def write_results_page(folder: Path, page: Path) -> None:
+    """Write the page of all records in a folder, and pictures of the maps beside it.
+
+    Parameters
+    ----------
+    folder : where ``cartoloop bench`` wrote.
+    page : the Markdown file; pictures go into the folder ``images`` beside it.
+
+    Raises
+    ------
+    InputError
+        There is no record.
+    OutputError
+        The page cannot be written.
+    """
+    records = {
+        name: read_record(folder / f"{name}.json")
+        for name in BENCHMARKS
+        if (folder / f"{name}.json").exists()
+    }
+    if not records:
+        raise InputError(f"{folder}: no figures there; run 'cartoloop bench paper' first")
+    prepare_folder(page.parent)
+    parts = [_introduction(records)]
+    for name, record in records.items():
+        if name == "paper":
+            parts += paper_sections(record)
+        else:
+            parts.append(_benchmark(name, record))
+    if "paper" in records:
+        parts += _maps(records["paper"], folder / "paper", page.parent / "images")
+    write_file(page, to_markdown("Results", parts))
+
+
+def _introduction(records: dict[str, Record]) -> Section:
+    commands = [
+        [
+            f"`cartoloop bench {name.replace('-', ' --')}`",
+            record.environment.get("date", ""),
+            _where(record),
+        ]
+        for name, record in records.items()
+    ]
+    return Section(
+        "How to get these figures",
+        (
+            "This page is made by `cartoloop bench page` of what these commands measured; none of "
+            "its figures is typed by hand, but for those of others, which are quoted. Recordings "
+            "are found through `CARTOLOOP_DATA` or `--data`. Times on a shared machine are rough; "
+            "errors and counts do not vary at all.",
+            Table(["command", "date", "where"], commands),
+        ),
+    )
+
+
+def _where(record: Record) -> str:
+    found = record.environment
+    return ", ".join(
+        f"{name} {value}" if name not in ("processor", "system") else value
+        for name, value in found.items()
+        if name != "date"
+    )
+
+
+def _benchmark(name: str, record: Record) -> Section:
+    return Section(BENCHMARKS[name], (record.to_table(),))
+
+
+def _maps(record: Record, folder: Path, images: Path) -> list[Section]:
+    """Return the pictures of the maps, copied beside the page."""
+    logs = dict.fromkeys(
+        str(row.case["log"])
+        for row in record.rows
+        if row.figures and row.case["experiment"] == "performance"
+    )
+    pictures = []
+    for log in logs:
+        picture = folder / log / "map.png"
+        if picture.exists():
+            images.mkdir(exist_ok=True)
+            write_file(images / f"{log}.png", _shrunk(picture))
+            pictures.append(Picture(f"images/{log}.png", title_of(log)))
+    if not pictures:
+        return []
+    thanks = (
+        "Rendered from recordings of C. Stachniss (MIT CSAIL, Freiburg), D. Haehnel (Intel), "
+        "P. Beeson (ACES), M. Bosse and J. Leonard (Killian Court), whom we thank; the others are "
+        "simulated."
+    )
+    return [Section("The maps", (thanks, *pictures))]
+
+
+def _shrunk(picture: Path) -> bytes:
+    """Return a picture as PNG, made small enough for a page."""
+    from PIL import Image
+
+    with Image.open(picture) as opened:
+        small = opened.convert("RGB")
+        small.thumbnail((MAX_PICTURE_PIXELS, MAX_PICTURE_PIXELS), Image.Resampling.LANCZOS)
+        buffer = io.BytesIO()
+        small.quantize(PICTURE_COLORS).save(buffer, format="png", optimize=True)
+    return buffer.getvalue()

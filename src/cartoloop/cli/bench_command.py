@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``cartoloop bench``: the benchmarks behind every figure that the documentation quotes."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from cartoloop.benchmarks.record import Record
+
+bench_app = typer.Typer(
+    help="Measure accuracy and speed.", no_args_is_help=True, rich_markup_mode=None
+)
+
+DataOption = Annotated[
+    Path | None,
+    typer.Option("--data", metavar="DIR", help="Folder with the recordings; else $CARTOLOOP_DATA."),
+]
+OutOption = Annotated[
+    Path, typer.Option("-o", "--out", metavar="DIR", help="Folder for figures and reports.")
+]
+RepeatOption = Annotated[
+    int, typer.Option("--repeat", min=1, help="How often each figure is measured.")
+]
+AgainstOption = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="An earlier JSON: tell what got worse beyond the noise."),
+]
+StrictOption = Annotated[
+    bool, typer.Option("--strict", help="Fail where data is missing or a figure got worse.")
+]
+
+
+@bench_app.command("paper")
+def bench_paper(
+    data: DataOption = None,
+    out: OutOption = Path("bench"),
+    repeat: RepeatOption = 3,
+    only: Annotated[
+        str, typer.Option(help="Experiments: radish, museum, flat, office, variants.")
+    ] = "",
+    logs: Annotated[
+        str, typer.Option("--logs", help="Recordings of tables II to V, such as intel,fr079.")
+    ] = "",
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Run the experiments of the paper: its tables, our figures, maps and histograms."""
+    from cartoloop.benchmarks import paper
+    from cartoloop.benchmarks.document import to_html, to_markdown
+    from cartoloop.benchmarks.paper_report import sections
+    from cartoloop.map_output.save import prepare_folder, write_file
+
+    prepare_folder(out)
+    before = _earlier(against)
+    options = paper.PaperOptions(
+        data=_data_folder(data),
+        out=out,
+        repeats=repeat,
+        experiments=_names(only) or paper.EXPERIMENTS,
+        logs=_names(logs),
+    )
+    record = paper.run(options, lambda line: typer.echo(line, err=True))
+    parts = sections(record, out / "paper")
+    title = "The experiments of the paper"
+    write_file(out / "paper.md", to_markdown(title, parts))
+    write_file(out / "paper.html", to_html(title, parts))
+    typer.echo(to_markdown(title, sections(record)))
+    _conclude(record, out, before, strict)
+
+
+@bench_app.command("kernels")
+def bench_kernels(
+    out: OutOption = Path("bench"),
+    repeat: RepeatOption = 20,
+    only: Annotated[str, typer.Option(help="Names of kernels, such as insert,match.")] = "",
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Time each compiled kernel against the size of its problem."""
+    from cartoloop.benchmarks import kernels
+
+    before = _earlier(against)
+    record = kernels.run(repeat, _names(only))
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
+@bench_app.command("matching")
+def bench_matching(
+    data: DataOption = None,
+    out: OutOption = Path("bench"),
+    repeat: RepeatOption = 5,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Time branch and bound against exhaustive search and against looser bounds."""
+    from cartoloop.benchmarks import matching
+
+    before = _earlier(against)
+    record = matching.run(repeat, _data_folder(data))
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
+@bench_app.command("adjustment")
+def bench_adjustment(
+    data: DataOption = None,
+    out: OutOption = Path("bench"),
+    repeat: RepeatOption = 7,
+    largest: Annotated[int, typer.Option(min=1000, help="Nodes of the largest graph.")] = 100_000,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Time the pose adjustment against GTSAM, Ceres and g2o on the same graphs."""
+    from cartoloop.benchmarks import adjustment
+
+    before = _earlier(against)
+    record = adjustment.run(repeat, _data_folder(data), largest)
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
+@bench_app.command("scaling")
+def bench_scaling(
+    out: OutOption = Path("bench"),
+    times: Annotated[int, typer.Option(min=1, help="Length of the run, in museums.")] = 10,
+    again: Annotated[
+        bool, typer.Option("--again", help="Walk through one museum again and again.")
+    ] = False,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Measure time a node and memory as a run grows to many times the museum."""
+    from cartoloop.benchmarks import scaling
+
+    before = _earlier(against)
+    record = scaling.run(times, again=again, tell=lambda line: typer.echo(line, err=True))
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
+@bench_app.command("page")
+def bench_page(
+    records: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder that the benchmarks wrote into.")
+    ] = Path("bench"),
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="FILE", help="The page, in Markdown.")
+    ] = Path("docs/results.md"),
+) -> None:
+    """Make one page of all figures, with pictures of the maps."""
+    from cartoloop.benchmarks.results_page import write_results_page
+
+    write_results_page(records, out)
+    typer.echo(f"{out}")
+
+
+def _data_folder(given: Path | None) -> Path:
+    return given or Path(os.environ.get("CARTOLOOP_DATA", "../shared/data"))
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _earlier(path: Path | None) -> Record | None:
+    """Return the record to compare with; read first, for what is measured may replace it."""
+    if path is None:
+        return None
+    from cartoloop.benchmarks.record import read_record
+
+    return read_record(path)
+
+
+def _print_table(record: Record) -> None:
+    typer.echo(", ".join(f"{name} {value}" for name, value in record.environment.items()))
+    typer.echo(f"\n{record.to_table()}\n")
+
+
+def _conclude(record: Record, out: Path, before: Record | None, strict: bool) -> None:
+    """Write the record, tell what changed, and fail if that was asked for."""
+    from cartoloop.benchmarks.comparison import changes_table, compare, gone
+    from cartoloop.map_output.save import prepare_folder, write_file
+
+    path = prepare_folder(out) / f"{record.benchmark}.json"
+    write_file(path, record.to_json())
+    typer.echo(f"figures        {path}")
+    changes = [] if before is None else compare(record, before)
+    lost = [] if before is None else gone(record, before)
+    if before is not None:
+        typer.echo(f"\n{changes_table(changes)}" if changes else "nothing changed beyond the noise")
+    for case in lost:
+        typer.echo(f"no figures any more: {case}", err=True)
+    is_worse = bool(lost) or any(change.is_worse for change in changes)
+    if strict and (is_worse or not record.is_complete):
+        raise typer.Exit(1)
