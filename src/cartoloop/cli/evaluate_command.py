@@ -6,7 +6,9 @@ from __future__ import annotations
 import typer
 
 from cartoloop.cli.evaluate_closures import closures_command
+from cartoloop.cli.evaluate_lines import lines_command
 from cartoloop.cli.evaluate_relations import relations_command
+from cartoloop.cli.evaluate_trajectory import trajectory_command
 from cartoloop.cli.make_relations import make_relations_command
 
 evaluate_app = typer.Typer(help="Judge a result.", no_args_is_help=True, rich_markup_mode=None)
@@ -19,5 +21,7 @@ def _evaluate() -> None:
 
 
 evaluate_app.command("relations")(relations_command)
+evaluate_app.command("trajectory")(trajectory_command)
 evaluate_app.command("closures")(closures_command)
 evaluate_app.command("make-relations")(make_relations_command)
+evaluate_app.command("lines")(lines_command)
