@@ -87,10 +87,58 @@ def test_without_any_common_stamp_it_is_an_input_error():
         evaluate_relations(SQUARE, relations_of((1, 2, 0, 0, 0)))
 
 
-def test_converts_to_json():
+def test_converts_to_json_without_the_single_errors():
     error = evaluate_relations(SQUARE, relations_of((10, 11, 1, 0, 0)))
 
-    assert json.loads(json.dumps(error.to_dict()))["num_relations"] == 1
+    found = json.loads(json.dumps(error.to_dict()))
+    assert found["num_relations"] == 1
+    assert list(found) == [
+        "absolute_translational",
+        "squared_translational",
+        "absolute_rotational_deg",
+        "squared_rotational_deg2",
+        "num_relations",
+        "num_missing",
+        "missing_stamps",
+        "absolute_translational_percentiles",
+        "absolute_rotational_deg_percentiles",
+    ]
+    assert found["absolute_translational"] == {"mean": 0.0, "std": 0.0}
+    assert list(found["absolute_rotational_deg_percentiles"]) == [
+        "p50",
+        "p75",
+        "p90",
+        "p95",
+        "p99",
+        "max",
+    ]
+
+
+def test_the_single_errors_are_those_of_the_relations_that_counted():
+    error = evaluate_relations(
+        SQUARE,
+        relations_of(
+            (10, 11, 1.3, 0.4, math.radians(88)),
+            (10, 99, 0, 0, 0),
+            (11, 12, 2.0, -0.1, math.radians(4)),
+        ),
+    )
+
+    assert error.rows.tolist() == [0, 2]
+    assert error.translations == pytest.approx([0.5, 0.1])
+    assert error.rotations_deg == pytest.approx([2.0, 4.0])
+
+
+def test_percentiles_are_by_translation_and_by_rotation():
+    # off by 0, 1, ..., 100 cm and by 100, 99, ..., 0 mrad
+    rows = [(10, 11, 1.0 + i / 100, 0.0, math.pi / 2 - (100 - i) / 1000) for i in range(101)]
+
+    error = evaluate_relations(SQUARE, relations_of(*rows))
+
+    assert error.absolute_translational_percentiles == pytest.approx(
+        {"p50": 0.5, "p75": 0.75, "p90": 0.9, "p95": 0.95, "p99": 0.99, "max": 1.0}
+    )
+    assert error.absolute_rotational_deg_percentiles["p95"] == pytest.approx(math.degrees(0.095))
 
 
 def test_reads_a_relations_file(tmp_path):

@@ -37,6 +37,14 @@ def test_reads_poses_and_skips_comments_and_blank_lines(tmp_path):
     assert trajectory.poses[0] == pytest.approx([1, 2, math.radians(30)])
 
 
+def test_the_length_of_a_quaternion_does_not_count(tmp_path):
+    half = math.radians(100) / 2
+    path = tmp_path / "t.tum"
+    path.write_text(f"1 0 0 0 0 0 {3 * math.sin(half)} {3 * math.cos(half)}\n")
+
+    assert read_tum(path).poses[0, 2] == pytest.approx(math.radians(100))
+
+
 @pytest.mark.parametrize(
     "line", ["1 2 3", "1 2 3 4 5 6 7 x", "1 nan 0 0 0 0 0 1", "1 2 3 4 5 6 7 8 9"]
 )
@@ -75,6 +83,10 @@ def test_of_repeated_stamps_the_first_counts_from_either_side():
     trajectory = trajectory_of([2.0, 1.0, 1.0, 2.0])
 
     assert trajectory.find(np.array([0.999, 1.0, 1.001]), 0.01).tolist() == [1, 1, 1]
+
+
+def test_of_two_equally_near_the_earlier_counts():
+    assert trajectory_of([3.0, 1.0]).find(np.array([2.0]), 1.0).tolist() == [1]
 
 
 def test_an_empty_trajectory_has_no_stamp():
