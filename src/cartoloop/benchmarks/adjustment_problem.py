@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A pose graph with a start, as programs are given it that are to adjust it alike."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.global_slam.reduced_system import constraint_ends, held_vertices
+from cartoloop.global_slam.robust_loss import DEFAULT_SCALE
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class Solve(NamedTuple):
+    """What one adjustment took: `seconds` of solving alone, and linear systems solved."""
+
+    seconds: float
+    iterations: int
+
+
+class Program(Protocol):
+    """Something that adjusts one problem again and again, from the same start."""
+
+    def solve(self) -> Solve:
+        """Adjust from the start, and tell what it took."""
+
+    def poses(self) -> FloatArray:
+        """Return where the last adjustment put all vertices, shape (num_vertices, 3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A graph to adjust, in the terms that every solver has. Vertices: submaps first, then nodes.
+
+    Attributes
+    ----------
+    graph : its poses are scratch.
+    options : the loss, on which constraints it acts, and when to stop.
+    start : poses to begin with, shape (num_vertices, 3) [m, m, rad].
+    vertex_a, vertex_b : ends of every constraint, shape (num_constraints,).
+    is_robust : whether the loss acts on it, shape (num_constraints,).
+    held : vertices that stay where they are, shape (num_held,).
+    eliminated : nodes that are tied to submaps alone, which a Schur complement can take out.
+    """
+
+    graph: PoseGraph
+    options: AdjustmentOptions
+    start: FloatArray
+    vertex_a: IntArray
+    vertex_b: IntArray
+    is_robust: NDArray[np.bool_]
+    held: IntArray
+    eliminated: IntArray
+
+    @classmethod
+    def of(cls, graph: PoseGraph, options: AdjustmentOptions | None = None) -> Problem:
+        """Return the problem of adjusting a graph from where its poses are now."""
+        options = options or AdjustmentOptions()
+        vertex_a, vertex_b = constraint_ends(graph)
+        between_nodes = graph.kinds == ConstraintKind.NODE_TO_NODE
+        is_alone = np.ones(graph.num_submaps + graph.num_nodes, dtype=bool)
+        is_alone[: graph.num_submaps] = False
+        is_alone[vertex_a[between_nodes]] = False
+        is_alone[vertex_b[between_nodes]] = False
+        return cls(
+            graph,
+            options,
+            np.concatenate((graph.submap_poses, graph.node_poses)),
+            vertex_a,
+            vertex_b,
+            np.isin(graph.kinds, [int(kind) for kind in options.robust_kinds]),
+            np.flatnonzero(held_vertices(graph, vertex_a, vertex_b)),
+            np.flatnonzero(is_alone),
+        )
+
+    @property
+    def loss_scale(self) -> float:
+        """Where the loss sets in, in units of the whitened residual E."""
+        scale = self.options.loss_scale
+        return DEFAULT_SCALE[self.options.loss] if scale is None else scale
+
+    def place(self, poses: FloatArray) -> None:
+        """Put the graph's vertices there, poses of shape (num_vertices, 3)."""
+        self.graph.submap_poses[:] = poses[: self.graph.num_submaps]
+        self.graph.node_poses[:] = poses[self.graph.num_submaps :]
+
+    def cost(self, poses: FloatArray) -> float:
+        """Return half the sum of rho(E^2) (eq. SPA) there, poses of shape (num_vertices, 3)."""
+        self.place(poses)
+        as_it_is = AdjustmentOptions(
+            self.options.loss, self.options.loss_scale, self.options.robust_kinds, max_iterations=0
+        )
+        return adjust(self.graph, as_it_is).initial_cost
+
+    def whitening(self) -> FloatArray:
+        """Return W with W^T W = information of each constraint, shape (num_constraints, 3, 3)."""
+        informations = self.graph.informations
+        diagonal = np.sqrt(informations * np.eye(3))
+        values, vectors = np.linalg.eigh(informations)
+        roots = np.sqrt(np.maximum(values, 0.0))[:, :, np.newaxis] * vectors.transpose(0, 2, 1)
+        is_diagonal = (informations == informations * np.eye(3)).all(axis=(1, 2))
+        whitening: FloatArray = np.where(is_diagonal[:, np.newaxis, np.newaxis], diagonal, roots)
+        return whitening
+
+    def informations_in_b(self) -> FloatArray:
+        """Return the informations in the frame of b as measured, where GTSAM has its errors."""
+        graph = self.graph
+        cos, sin = np.cos(graph.relative_poses[:, 2]), np.sin(graph.relative_poses[:, 2])
+        turn = np.zeros((cos.size, 3, 3))
+        turn[:, 0, 0] = turn[:, 1, 1] = cos
+        turn[:, 0, 1], turn[:, 1, 0] = -sin, sin
+        turn[:, 2, 2] = 1.0
+        turned = turn.transpose(0, 2, 1) @ graph.informations @ turn
+        turned = 0.5 * (turned + turned.transpose(0, 2, 1))
+        # no direction is special: nothing turns, and rounding must not fill the zeros
+        own = graph.informations
+        is_round = (own == own * np.eye(3)).all(axis=(1, 2)) & (own[:, 0, 0] == own[:, 1, 1])
+        informations: FloatArray = np.where(is_round[:, np.newaxis, np.newaxis], own, turned)
+        return informations
+
+
+def seconds_of(function: Callable[[], object]) -> float:
+    """Return the seconds that one call takes, without collecting garbage in between."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        start = perf_counter()
+        function()
+        return perf_counter() - start
+    finally:
+        if collecting:
+            gc.enable()
+
+
+class OwnProgram:
+    """The adjustment of this package: a whole call of :func:`adjust`.
+
+    What others do when their graph is built counts here as solving: classifying vertices, sorting
+    constraints, symbolic factorization, copying poses in and out.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self._poses = problem.start
+
+    def solve(self) -> Solve:
+        """Adjust from the start, and tell what it took."""
+        problem, iterations = self._problem, 0
+
+        def run() -> None:
+            nonlocal iterations
+            iterations = adjust(problem.graph, problem.options).iterations
+
+        problem.place(problem.start)
+        seconds = seconds_of(run)
+        self._poses = np.concatenate((problem.graph.submap_poses, problem.graph.node_poses))
+        return Solve(seconds, iterations)
+
+    def poses(self) -> FloatArray:
+        """Return where the last adjustment put all vertices, shape (num_vertices, 3)."""
+        return self._poses
