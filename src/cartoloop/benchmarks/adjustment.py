@@ -41,7 +41,7 @@ _NEW_NODES = 90  # between two adjustments while mapping
 _STUCK = 1.01  # times the cost that another start leads to
 _SAME_COST = 1e-3
 _TIME_A_PROGRAM_S = 1.0  # of repeats; a slower program is repeated less
-_LONGEST_SOLVE_S = 6.0  # of a foreign program, as foreseen from a smaller graph
+_LONGEST_SOLVE_S = 20.0  # of a foreign program, as foreseen from a smaller graph
 
 
 @dataclass
