@@ -54,6 +54,15 @@ def test_a_wrong_tape_is_no_pixel_away():
     assert error.lines[1].relative_error < -0.05
 
 
+def test_rounding_does_not_decide_what_is_within_a_pixel():
+    image = room(4.03, 3.03)  # 4.05 m in pixels
+
+    error = measure_lines(image, lines_of((3, 5, 7, 5, 3.949999), (3, 5, 7, 5, 3.949)))
+
+    assert error.errors == pytest.approx([0.100001, 0.101], abs=1e-5)
+    assert error.num_within_a_pixel == 1
+
+
 @settings(max_examples=60, deadline=None)
 @given(
     width=st.floats(1.5, 6.0),

@@ -26,6 +26,10 @@ LAYOUT = "x1 y1 x2 y2 [length]"
 
 MAX_SEARCH_M = 10.0
 
+_ROUNDING_M = 1e-4
+"""Lengths in maps come in whole and half pixels, so that errors do lie on the limit: what the
+rounding of the ends in a file does to a length must not decide there."""
+
 
 @dataclass(frozen=True)
 class Lines:
@@ -114,8 +118,8 @@ class LinesError:
     @property
     def num_within_a_pixel(self) -> int:
         """How many lines are wrong by at most a pixel at each end."""
-        # 1e-9: a length of a whole number of pixels may be a rounding error above it
-        return int(np.count_nonzero(np.abs(self.errors) <= 2.0 * self.resolution + 1e-9))
+        limit = 2.0 * self.resolution + _ROUNDING_M
+        return int(np.count_nonzero(np.abs(self.errors) <= limit))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain dictionaries and numbers, as for JSON."""
