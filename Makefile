@@ -9,7 +9,7 @@ PYTHON ?= python3
 OUT ?= cartoloop-demo
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
-SOURCES := src tests examples benchmarks
+SOURCES := src tests examples
 # One by one, for not each has a wheel for each machine: those of the extra "oracles".
 ORACLES := 'import tomllib; \
 	print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["oracles"])'
