@@ -32,12 +32,25 @@ PLAIN_REPEATS = 3
 
 
 def search_figures(
-    problems: Sequence[Problem], repeats: int, num_checked: int
+    problems: Sequence[Problem], repeats: int, num_counted: int, num_checked: int
 ) -> dict[str, Figure]:
-    """Return the figures of branch and bound, and of exhaustive search for the first problems."""
+    """Return the figures of branch and bound.
+
+    Parameters
+    ----------
+    problems : to solve and time.
+    repeats : how often each is timed.
+    num_counted, num_checked : of so many of the first ones the nodes are counted; so many are also
+        solved by exhaustive search.
+
+    Raises
+    ------
+    CartoloopError
+        Exhaustive search finds another best candidate.
+    """
     matches = [branch_and_bound(problem) for problem in problems]
     seconds = [median_seconds(partial(branch_and_bound, p), repeats) for p in problems]
-    counts = np.array([count_nodes(problem) for problem in problems])
+    counts = np.array([count_nodes(problem) for problem in problems[:num_counted]])
     scores = [match.score for match in matches if match is not None]
     figures = {
         "search": milliseconds(seconds),
