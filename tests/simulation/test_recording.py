@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.errors import ConfigError, OutputError
+from cartoloop.readers import open_log
 from cartoloop.sensor.events import LaserScan, Odometry
 from cartoloop.sensor.pose import Pose, compose, relative
 from cartoloop.simulation import LIDARS, Lidar, OdometryModel, make_world, simulate
@@ -76,6 +77,65 @@ def test_a_longer_recording_stands_at_the_end_of_the_route():
 def test_a_negative_duration_is_refused():
     with pytest.raises(ConfigError, match="duration"):
         simulate(RING, SMALL, duration=-1.0)
+
+
+@pytest.mark.parametrize("size", [1, 7, 40, 41, 1000])
+def test_ranges_are_the_same_whatever_the_size_of_the_blocks(recording, size):
+    firsts, blocks = zip(*recording.range_blocks(size), strict=True)
+    assert list(firsts) == list(range(0, 41, size))
+    assert np.array_equal(np.vstack(blocks), recording.ranges)
+
+
+def test_neither_a_log_nor_events_keep_ranges_in_memory(tmp_path):
+    recording = simulate(RING, SMALL, duration=5.0)
+    recording.write_carmen(tmp_path / "log.clf")
+    assert sum(isinstance(event, LaserScan) for event in recording.events()) == 11
+    assert "ranges" not in vars(recording)
+
+
+@pytest.mark.parametrize("mount", [Pose(0.0, 0.0, 0.0), Pose(0.2, -0.1, 0.3)])
+@pytest.mark.parametrize("name", ["backpack", "sick-180"])
+def test_a_log_without_odometry_reads_back_as_scans_alone(tmp_path, name, mount):
+    lidar = replace(LIDARS[name], tf_tracking_sensor=mount)
+    recording = simulate(RING, lidar, seed=2, duration=4.0, with_odometry=False)
+    recording.write_carmen(tmp_path / "log.clf")
+    log = open_log(tmp_path / "log.clf")
+    events = list(log)
+    assert not log.profile.has_odometry
+    assert all(isinstance(event, LaserScan) for event in events)
+    assert [event.stamp for event in events] == recording.stamps.tolist()
+    assert np.array_equal([event.ranges for event in events], recording.ranges)
+    geometry = events[0].geometry
+    assert geometry.angles == pytest.approx(lidar.geometry.angles, abs=1e-6)
+    assert geometry.tf_tracking_sensor == pytest.approx(mount, abs=1e-6)
+
+
+def test_worlds_bring_their_scanner_and_whether_there_is_odometry():
+    flat = make_world("flat")
+    carried = simulate(flat, duration=3.0)
+    assert carried.lidar is LIDARS["lds"]
+    assert {type(event) for event in carried.events()} == {LaserScan}
+    wheeled = simulate(flat, LIDARS["sick"], with_odometry=True, duration=3.0)
+    assert wheeled.ranges.shape == (16, 361)
+    assert isinstance(next(wheeled.events()), Odometry)
+    assert isinstance(next(wheeled.events(with_odometry=False)), LaserScan)
+
+
+def test_tape_lines_are_written_in_the_frame_of_the_first_scan(tmp_path):
+    recording = simulate(make_world("flat"), duration=1.0)
+    recording.write_tape_lines(tmp_path / "flat.lines")
+    rows = np.loadtxt(tmp_path / "flat.lines")
+    assert rows.shape == (len(recording.tape_lines), 5)
+    first = Pose(*recording.true_poses[0])
+    for row, line in zip(rows, recording.tape_lines, strict=True):
+        back = [compose(first, Pose(*row[end : end + 2], 0.0))[:2] for end in (0, 2)]
+        assert np.ravel(back) == pytest.approx(line, abs=1e-5)
+        assert row[4] == pytest.approx(math.dist(line[:2], line[2:]), abs=1e-5)
+
+
+def test_a_world_without_tape_lines_has_none_to_write(recording, tmp_path):
+    with pytest.raises(ConfigError, match=r"'ring'.*flat"):
+        recording.write_tape_lines(tmp_path / "ring.lines")
 
 
 def test_events_are_odometry_and_scan_in_turn(recording):

@@ -5,35 +5,16 @@ import pytest
 from cartoloop.errors import ConfigError
 from cartoloop.simulation import WORLDS, FloorPlan, Opening, drive, make_world
 from cartoloop.simulation.floor_plan import outline_of_boxes
-from cartoloop.simulation.lidar import walls_within
+from tests.simulation.wall_clearance import clearance_of_route
 
 ROBOT_RADIUS = 0.25
-
-
-def clearance(walls, points):
-    """Distance from each point to the nearest wall, as far as it is below a metre."""
-    return np.concatenate(
-        [
-            clearance_nearby(walls_within(walls, some, 1.0), some)
-            for some in np.array_split(points, len(points) // 100 + 1)
-        ]
-    )
-
-
-def clearance_nearby(walls, points):
-    begin, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
-    offset = points[:, None] - begin
-    share = np.clip((offset * along).sum(2) / (along**2).sum(1), 0.0, 1.0)
-    return np.linalg.norm(offset - share[..., None] * along, axis=2).min(1, initial=1.0)
 
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("name", sorted(WORLDS))
 def test_the_robot_never_comes_near_a_wall(name, seed):
     world = make_world(name, seed)
-    motion = drive(world.route, *world.pace)
-    points = motion.poses_at(np.arange(0.0, motion.duration, 0.2))[:, :2]
-    assert clearance(world.walls, points).min() > ROBOT_RADIUS
+    assert clearance_of_route(world) > ROBOT_RADIUS
 
 
 @pytest.mark.parametrize("name", sorted(WORLDS))
@@ -49,9 +30,11 @@ def test_a_world_is_made_of_its_seed(name):
 
 @pytest.mark.parametrize(("name", "shortest", "longest"), [
     ("office", 250.0, 350.0), ("corridor", 140.0, 170.0), ("ring", 150.0, 190.0),
+    ("museum", 2200.0, 2300.0), ("flat", 95.0, 115.0),
 ])  # fmt: skip
 def test_routes_are_as_long_as_they_should_be(name, shortest, longest):
-    assert shortest < drive(make_world(name).route).path_length < longest
+    world = make_world(name)
+    assert shortest < drive(world.route, *world.pace).path_length < longest
 
 
 def test_the_office_is_a_floor_of_50_by_30_metres():

@@ -7,6 +7,7 @@
 >>> recording.write_truth("office.truth.tum")
 """
 
+from cartoloop.simulation.flat import flat
 from cartoloop.simulation.floor_plan import FloorPlan, Opening, World
 from cartoloop.simulation.lidar import LIDARS, Lidar, make_lidar
 from cartoloop.simulation.motion import Motion, Pace, drive
@@ -29,6 +30,7 @@ __all__ = [
     "World",
     "corridor",
     "drive",
+    "flat",
     "large_museum",
     "make_lidar",
     "make_world",

@@ -45,7 +45,7 @@ def furnish_museum_room(
     if room.kind == "stairs":
         _stairs(furniture, room)
     elif room.kind == "corridor":
-        _wall_cases(furniture, rng, room, per_metre=0.14, deepest=0.6)
+        _wall_cases(furniture, rng, room, per_metre=0.4, deepest=0.6)
     elif room.kind == "cabinet":
         same = np.random.default_rng(row_seed)
         _show_cases(furniture, same, room, num=6)

@@ -9,11 +9,12 @@ from difflib import get_close_matches
 import numpy as np
 
 from cartoloop.errors import ConfigError
+from cartoloop.simulation.flat import flat
 from cartoloop.simulation.floor_plan import FloorPlan, Opening, Point, World
 from cartoloop.simulation.museum import museum
 from cartoloop.simulation.office import office
 
-__all__ = ["WORLDS", "World", "corridor", "make_world", "museum", "office", "ring"]
+__all__ = ["WORLDS", "World", "corridor", "flat", "make_world", "museum", "office", "ring"]
 
 
 def corridor(seed: int = 0, length: float = 80.0, width: float = 2.4) -> World:
@@ -95,6 +96,7 @@ WORLDS: dict[str, Callable[[int], World]] = {
     "corridor": corridor,
     "ring": ring,
     "museum": museum,
+    "flat": flat,
 }
 
 

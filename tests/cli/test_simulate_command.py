@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+import json
+
+import numpy as np
+import pytest
+
+from cartoloop.cli.main import run
+from cartoloop.simulation import LIDARS, WORLDS
+
+
+def tags_of(log):
+    """The first words of the lines that are neither comments nor parameters."""
+    words = [line.split(maxsplit=1)[0] for line in log.read_text().splitlines()]
+    return {word for word in words if word not in ("#", "PARAM")}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "tag"),
+    [
+        (["ring"], "FLASER"),
+        (["ring", "--no-odometry"], "RAWLASER1"),
+        (["ring", "--lidar", "backpack"], "ROBOTLASER1"),
+        (["flat"], "RAWLASER1"),
+        (["flat", "--odometry"], "ROBOTLASER1"),
+        (["museum"], "RAWLASER1"),
+    ],
+)
+def test_logs_hold_what_the_world_or_the_user_says(tmp_path, arguments, tag):
+    log = tmp_path / "a.log"
+    assert run(["simulate", *arguments, "--duration", "1", "-o", str(log)]) == 0
+    assert tags_of(log) == {tag}
+
+
+def test_truth_relations_and_lines_lie_beside_the_log(tmp_path, capsys):
+    files = {name: tmp_path / name for name in ("log", "truth", "relations", "lines")}
+    beside = [f"--{name}={files[name]}" for name in ("truth", "relations", "lines")]
+    assert run(["simulate", "flat", "-o", str(files["log"]), *beside, "--duration", "30"]) == 0
+    assert capsys.readouterr().out.startswith("61 scans, 30 s: ")
+    assert len(np.loadtxt(files["truth"])) == 61
+    assert np.loadtxt(files["lines"]).shape == (7, 5)
+    assert files["relations"].exists()
+
+
+def test_a_recording_without_odometry_is_mapped(tmp_path):
+    log, out = tmp_path / "office.log", tmp_path / "out"
+    arguments = ["--no-odometry", "--lidar", "wide", "--duration", "8", "-o", str(log)]
+    truth = tmp_path / "truth.tum"
+    assert run(["simulate", "office", *arguments, "--truth", str(truth)]) == 0
+    assert run(["map", str(log), "-o", str(out)]) == 0
+    assert json.loads((out / "report.json").read_text())["skipped"] == {}
+    mapped, true = np.loadtxt(out / "trajectory.tum"), np.loadtxt(truth)
+    travelled = np.hypot(*(true[-1, 1:3] - true[0, 1:3]))
+    assert np.hypot(*mapped[-1, 1:3]) == pytest.approx(travelled, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["ring", "--lidar", "sik"], "nearest: sick"),
+        (["ring", "--lines", "x.lines"], "has no tape lines"),
+        (["ring", "--duration=-1"], "must not be negative"),
+    ],
+)
+def test_what_cannot_be_simulated_is_refused_before_anything_is_written(
+    tmp_path, monkeypatch, capsys, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
+    assert run(["simulate", *arguments, "-o", "a.log"]) == 2
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_help_names_all_worlds_and_scanners(capsys):
+    assert run(["simulate", "--help"]) == 0
+    text = capsys.readouterr().out.replace(",", " ").split()
+    assert set(WORLDS) <= {word.strip(".") for word in text}
+    assert set(LIDARS) <= set(text)
