@@ -105,12 +105,16 @@ class PredictionConfig(Section):
     unknown_rotation_sigma: float = Field(
         0.1, gt=0, description="error of odometry not yet measured [rad]"
     )
-    velocity_translation_sigma: float = Field(
-        0.2, gt=0, description="error of constant velocity [m]"
+    acceleration: float = Field(
+        1.0, gt=0, description="without odometry: typical change of the velocity [m/s^2]"
     )
-    velocity_rotation_sigma: float = Field(
-        0.2, gt=0, description="error of constant velocity [rad]"
+    angular_acceleration: float = Field(
+        10.0, gt=0, description="and of the angular velocity [rad/s^2]"
     )
+    lost_translation_sigma: float = Field(
+        0.2, gt=0, description="error of the prediction at the most, and when lost [m]"
+    )
+    lost_rotation_sigma: float = Field(0.2, gt=0, description="the same of its angle [rad]")
 
 
 class MotionFilterConfig(Section):

@@ -7,14 +7,16 @@ import math
 
 import pytest
 
-from cartoloop.local_slam.pose_extrapolator import MAX_VELOCITY_HORIZON_S, PoseExtrapolator
+from cartoloop.config import PredictionConfig
+from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator
+from cartoloop.local_slam.velocity_filter import HORIZON_S
 from cartoloop.sensor.events import Imu
 from cartoloop.sensor.pose import IDENTITY, Pose, compose
 
 
 @pytest.fixture
 def extrapolator():
-    return PoseExtrapolator(use_odometry=True)
+    return PoseExtrapolator(PredictionConfig(), use_odometry=True)
 
 
 def test_before_any_pose_the_robot_is_at_the_origin(extrapolator):
@@ -49,7 +51,7 @@ def test_the_velocity_is_held_only_for_a_while(extrapolator):
     extrapolator.add_pose(0.0, Pose(0.0, 0.0, 0.0))
     extrapolator.add_pose(0.5, Pose(0.5, 0.0, 0.0))
     after_hours = extrapolator.predict(36000.0).tf_local_tracking
-    assert after_hours == pytest.approx(Pose(0.5 + MAX_VELOCITY_HORIZON_S, 0.0, 0.0))
+    assert after_hours == pytest.approx(Pose(0.5 + HORIZON_S, 0.0, 0.0))
 
 
 def test_odometry_tells_the_step_whatever_its_frame(extrapolator):
@@ -82,7 +84,7 @@ def test_odometry_that_began_after_the_last_pose_is_of_no_use_yet(extrapolator):
 
 
 def test_odometry_can_be_switched_off():
-    extrapolator = PoseExtrapolator(use_odometry=False)
+    extrapolator = PoseExtrapolator(PredictionConfig(), use_odometry=False)
     extrapolator.add_odometry(0.0, IDENTITY)
     extrapolator.add_pose(0.0, IDENTITY)
     extrapolator.add_odometry(1.0, Pose(1.0, 0.0, 0.0))
@@ -111,7 +113,7 @@ def test_a_known_offset_of_the_clock_is_taken_into_account():
     def true_pose(time):
         return Pose(2.0 * math.sin(0.3 * time), 0.5 * time, 1.5 * math.sin(0.9 * time))
 
-    extrapolator = PoseExtrapolator(use_odometry=True)
+    extrapolator = PoseExtrapolator(PredictionConfig(), use_odometry=True)
     times = [period * k for k in range(400)]
     for time in times:
         extrapolator.add_odometry(time, true_pose(time + offset))

@@ -10,7 +10,11 @@ import pytest
 
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator, Prediction
-from cartoloop.local_slam.scan_matcher import ScanMatcher, degenerate_direction
+from cartoloop.local_slam.scan_matcher import (
+    ScanMatcher,
+    degenerate_direction,
+    hold_open_direction,
+)
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
 from cartoloop.submaps.submap import ActiveSubmaps
@@ -43,7 +47,7 @@ def points(truth=TRUTH):
 
 def matched(submap, prediction, last=TRUTH, by_odometry=True, matcher=None):
     """The pose found for a scan at TRUTH; `last` is where the robot was a moment before."""
-    extrapolator = PoseExtrapolator(use_odometry=True)
+    extrapolator = PoseExtrapolator(CONFIG.prediction, use_odometry=True)
     extrapolator.add_pose(0.0, last)
     matcher = matcher or ScanMatcher(CONFIG)
     return matcher.match(submap, points(), Prediction(prediction, by_odometry), extrapolator, 0.2)
@@ -123,3 +127,23 @@ def test_a_room_is_open_in_no_direction():
 
 def test_a_match_that_saw_nothing_is_open_in_every_direction():
     assert degenerate_direction(match_of(np.zeros((3, 3))))[0] == 0.0
+
+
+def corridor_match(along=0.06):
+    """A match off the prediction by `along` in a direction of which the scan says little."""
+    information = np.diag((100.0, 10.0, 500.0))
+    return LeastSquaresMatch(Pose(0.0, along, 0.0), information, 0.2, 1.0, 5)
+
+
+@pytest.mark.parametrize(("pixel_information", "kept"), [(0.0, 0.0), (1e4, 0.5), (math.inf, 1.0)])
+def test_an_open_direction_is_held_to_the_prediction_as_far_as_it_is_better(
+    pixel_information, kept
+):
+    prior, sigma = Pose(0.0, 0.0, 0.0), 0.01
+    pull = np.array((sigma**-2, 0.0, 0.0, sigma**-2, 0.0, 1.0))
+    config = CONFIG.prediction.model_copy(update={"failure_scale": 1e6})
+    along = 0.06 * 1e5 / (1e5 + sigma**-2)  # where points of that weight and the pull meet
+    held = hold_open_direction(corridor_match(along), prior, pull, 1e4, config, pixel_information)
+    assert held.x == pytest.approx(0.0)
+    expected = along if math.isinf(pixel_information) else kept * 0.06
+    assert held.y == pytest.approx(expected, abs=1e-6)

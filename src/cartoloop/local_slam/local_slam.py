@@ -54,7 +54,9 @@ class LocalSlam:
         self._matcher = ScanMatcher(self._config)
         self._active = ActiveSubmaps(self._config.submaps)
         self._num_nodes = 0
-        self.extrapolator = PoseExtrapolator(use_odometry=self._config.use_odometry)
+        self.extrapolator = PoseExtrapolator(
+            self._config.prediction, use_odometry=self._config.use_odometry
+        )
 
     @property
     def active_submaps(self) -> tuple[Submap, ...]:

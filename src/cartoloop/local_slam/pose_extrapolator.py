@@ -5,13 +5,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cartoloop.config import PredictionConfig
 from cartoloop.local_slam.odometry_calibration import OdometryCalibration, OdometryModel
 from cartoloop.local_slam.odometry_track import OdometryTrack
+from cartoloop.local_slam.velocity_filter import VelocityFilter
 from cartoloop.sensor.events import Imu
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
-
-MAX_VELOCITY_HORIZON_S = 1.0
-"""The last velocity is held for so long at the most; then the robot is taken to stand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +20,7 @@ class Prediction:
     Attributes
     ----------
     tf_local_tracking : the best guess.
-    by_odometry : whether odometry was at hand for it.
+    by_odometry : whether odometry was at hand for it; constant velocity otherwise.
     """
 
     tf_local_tracking: Pose
@@ -31,14 +30,13 @@ class Prediction:
 class PoseExtrapolator:
     """Predicts by odometry where it is at hand, by constant velocity otherwise."""
 
-    def __init__(self, *, use_odometry: bool) -> None:
+    def __init__(self, config: PredictionConfig, *, use_odometry: bool) -> None:
         self._use_odometry = use_odometry
         self._odometry = OdometryTrack()
         self._calibration = OdometryCalibration()
         self._time = 0.0
         self._tf_local_tracking = IDENTITY
-        self._step = IDENTITY
-        self._step_duration = 0.0
+        self._velocity = VelocityFilter(config.acceleration, config.angular_acceleration)
         self._num_poses = 0
 
     @property
@@ -58,8 +56,8 @@ class PoseExtrapolator:
     def add_pose(self, time: float, tf_local_tracking: Pose) -> None:
         """Take in the pose of a scan as matched."""
         if self._num_poses:
-            self._step = relative(self._tf_local_tracking, tf_local_tracking)
-            self._step_duration = time - self._time
+            step = relative(self._tf_local_tracking, tf_local_tracking)
+            self._velocity.update(step, time - self._time)
         self._time, self._tf_local_tracking = time, tf_local_tracking
         self._num_poses += 1
         if len(self._odometry):
@@ -75,14 +73,12 @@ class PoseExtrapolator:
         return Prediction(self.at_constant_velocity(time), by_odometry=False)
 
     def at_constant_velocity(self, time: float) -> Pose:
-        """Return the pose if the robot moves on as it did between the last two scans."""
-        if self._step_duration <= 0.0:
-            return self._tf_local_tracking
-        ahead = min(time - self._time, MAX_VELOCITY_HORIZON_S) / self._step_duration
-        step = self._step
-        return compose(
-            self._tf_local_tracking, Pose(ahead * step.x, ahead * step.y, ahead * step.theta)
-        )
+        """Return the pose if the robot moves on as it did."""
+        return compose(self._tf_local_tracking, self._velocity.step(time - self._time))
+
+    def velocity_sigmas(self, time: float) -> tuple[float, float]:
+        """Return how far that pose may be off: distance [m] and angle [rad]; inf if not known."""
+        return self._velocity.sigmas(time - self._time)
 
     def at_rest(self) -> Pose:
         """Return the pose if the robot has not moved since the last scan."""

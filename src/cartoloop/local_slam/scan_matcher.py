@@ -19,6 +19,9 @@ from cartoloop.submaps.submap import Submap
 FIRST_RESIDUAL = 0.5
 """What a match's residual is taken to be usually, until there are matches."""
 
+PIXEL_NOISE_PIXELS = 0.5
+"""How far off, in pixels, a scan is found along a direction that only pixels' noise tells of."""
+
 RESIDUAL_MEMORY = 0.02
 """Share of a new residual in what counts as usual."""
 
@@ -73,7 +76,7 @@ class ScanMatcher:
         points : float64, shape (n, 2), tracking frame [m]; n > 0.
         """
         prior = relative(submap.tf_local_submap, prediction.tf_local_tracking)
-        pull = self._pull(prediction, extrapolator)
+        pull = self._pull(prediction, extrapolator, time)
         is_lost = False
         best = self._refine(submap, points, prior, prior, pull)
         if best.residual > self._usual_residual * self._window.poor_residual_ratio:
@@ -90,8 +93,9 @@ class ScanMatcher:
             best = found
         weight = self._config.least_squares_matcher.occupied_space_weight / self._usual_residual**2
         self._usual_residual += RESIDUAL_MEMORY * (best.residual - self._usual_residual)
-        if prediction.by_odometry and not is_lost:
-            held = hold_open_direction(best, prior, pull, weight, self._config.prediction)
+        if not is_lost:
+            noise = _pixel_information(prediction, pull, submap)
+            held = hold_open_direction(best, prior, pull, weight, self._config.prediction, noise)
             best = best._replace(tf_grid_scan=held)
         return MatchedScan(compose(submap.tf_local_submap, best.tf_grid_scan), best)
 
@@ -103,7 +107,7 @@ class ScanMatcher:
         for tf_local_guess in guesses:
             centre = relative(submap.tf_local_submap, tf_local_guess)
             coarse = correlative.match(submap.grid, points, centre, self._lost_window).tf_grid_scan
-            found = self._refine(submap, points, coarse, coarse, self._velocity_pull())
+            found = self._refine(submap, points, coarse, coarse, self._lost_pull())
             if found.residual < min(limit, best.residual):
                 best = found
         return best
@@ -123,11 +127,17 @@ class ScanMatcher:
             self._config.prediction.failure_scale,
         )
 
-    def _pull(self, prediction: Prediction, extrapolator: PoseExtrapolator) -> FloatArray:
+    def _pull(
+        self, prediction: Prediction, extrapolator: PoseExtrapolator, time: float
+    ) -> FloatArray:
         """Return the information of the prediction, upper triangle, shape (6,)."""
         config, model = self._config.prediction, extrapolator.odometry_model
         if not prediction.by_odometry:
-            return self._velocity_pull()
+            translation, rotation = extrapolator.velocity_sigmas(time)
+            return _information(
+                min(translation, config.lost_translation_sigma),
+                min(rotation, config.lost_rotation_sigma),
+            )
         if not model.is_known:
             return _information(config.unknown_translation_sigma, config.unknown_rotation_sigma)
         return _information(
@@ -138,9 +148,9 @@ class ScanMatcher:
             max(config.rotation_error_factor * model.rotation_error, config.min_rotation_sigma),
         )
 
-    def _velocity_pull(self) -> FloatArray:
+    def _lost_pull(self) -> FloatArray:
         config = self._config.prediction
-        return _information(config.velocity_translation_sigma, config.velocity_rotation_sigma)
+        return _information(config.lost_translation_sigma, config.lost_rotation_sigma)
 
 
 def _information(translation_sigma: float, rotation_sigma: float) -> FloatArray:
@@ -149,12 +159,25 @@ def _information(translation_sigma: float, rotation_sigma: float) -> FloatArray:
     return np.array((translation, 0.0, 0.0, translation, 0.0, rotation))
 
 
+def _pixel_information(prediction: Prediction, pull: FloatArray, submap: Submap) -> float:
+    """Return what the noise of the pixels is still worth along an open direction [1/m^2].
+
+    Odometry knows better. A velocity does so only where scans come fast; where they come slowly,
+    what the pixels say, poor as it is, is better than the guess that the robot goes on as it did.
+    """
+    if prediction.by_odometry:
+        return 0.0
+    noise = 1.0 / (PIXEL_NOISE_PIXELS * submap.grid.resolution) ** 2
+    return noise if pull[0] >= noise else math.inf
+
+
 def hold_open_direction(
     match: LeastSquaresMatch,
     prior: Pose,
     pull: FloatArray,
     point_weight: float,
     config: PredictionConfig,
+    pixel_information: float = 0.0,
 ) -> Pose:
     """Return the pose of a match, held to the prediction along a direction that it leaves open.
 
@@ -166,6 +189,7 @@ def hold_open_direction(
     ----------
     prior, pull : the prediction and its information, upper triangle, shape (6,).
     point_weight : factor of the points' information.
+    pixel_information : what that share is worth nevertheless [1/m^2].
     """
     ratio, direction = degenerate_direction(match)
     if not 0.0 < ratio < 1.0:
@@ -174,6 +198,7 @@ def hold_open_direction(
     strong = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
     seeming = point_weight * ratio * strong
     true = point_weight * max(ratio - config.spurious_information, 0.0) * strong
+    true = min(seeming, true + pixel_information)
     cos, sin = math.cos(direction), math.sin(direction)
     pose = match.tf_grid_scan
     along = cos * (pose.x - prior.x) + sin * (pose.y - prior.y)
