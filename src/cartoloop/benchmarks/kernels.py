@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Time of a call of each compiled kernel, through the function that the mapper calls it by."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import partial
+
+import numpy as np
+
+from cartoloop.benchmarks.adjustment_problem import OwnProgram, Problem
+from cartoloop.benchmarks.drives import DRIVES, Drive, drive, replay
+from cartoloop.benchmarks.environment import environment
+from cartoloop.benchmarks.measuring import alternate
+from cartoloop.benchmarks.record import Case, Figure, Record, Row
+from cartoloop.benchmarks.synthetic_graphs import bipartite_graph
+from cartoloop.config import CorrelativeMatcherConfig
+from cartoloop.errors import ConfigError
+from cartoloop.global_slam import refinement
+from cartoloop.global_slam.chordal_initialization import initialize_from_constraints
+from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
+from cartoloop.global_slam.loop_closure import refine
+from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, constraint_residuals
+from cartoloop.kernels import exhaustive_search, plain_search
+from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.scan_matching import correlative
+from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
+from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
+from cartoloop.sensor.pose import Pose, compose, relative, transform_points
+from cartoloop.sensor.range_filter import RangeFilter, thin
+from cartoloop.simulation import make_world
+from cartoloop.simulation.lidar import make_lidar, true_ranges
+from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
+from cartoloop.submaps.submap import Submap
+
+MEASURED_ELSEWHERE = {
+    exhaustive_search.__name__: "matching",
+    plain_search.__name__: "matching",
+}
+"""Modules of kernels that another benchmark measures."""
+
+GRAPHS = ((1_000, 12, 3_000), (11_456, 128, 35_300))
+"""Nodes, submaps and constraints of the graphs; the second is of the paper's museum's size."""
+
+
+@dataclass(frozen=True, slots=True)
+class Workload:
+    """Something to time.
+
+    Attributes
+    ----------
+    kernel : name of the step.
+    modules : modules of ``cartoloop.kernels`` that it exercises.
+    case : the size of the problem.
+    call : does it once.
+    items : how many of `item` a call handles, for the time of one.
+    """
+
+    kernel: str
+    modules: tuple[str, ...]
+    case: Case
+    call: Callable[[], object]
+    items: int
+    item: str
+
+
+def run(repeats: int, only: Sequence[str] = ()) -> Record:
+    """Return the time of a call of each kernel, of several sizes.
+
+    Parameters
+    ----------
+    repeats : samples of each.
+    only : names of kernels; all where empty.
+
+    Raises
+    ------
+    ConfigError
+        There is no kernel of a name.
+    """
+    for name in only:
+        if name not in KERNELS:
+            nearest = get_close_matches(name, KERNELS, n=1, cutoff=0.0)[0]
+            raise ConfigError(f"no kernel '{name}' to measure; the nearest is '{nearest}'")
+    rows = [
+        _row(workload, repeats) for workload in workloads() if not only or workload.kernel in only
+    ]
+    return Record("kernels", tuple(rows), environment())
+
+
+def workloads() -> Iterator[Workload]:
+    """Yield all that is timed; inputs are made when they are reached."""
+    for name in DRIVES:
+        driven = drive(name)
+        yield from _scan_workloads(driven)
+        yield from _match_workloads(driven)
+        yield from _submap_workloads(driven)
+    yield from _graph_workloads()
+    yield _simulation_workload()
+
+
+def _row(workload: Workload, repeats: int) -> Row:
+    samples = alternate({workload.kernel: workload.call}, repeats)[workload.kernel]
+    each = [1e9 * sample / workload.items for sample in samples]
+    return Row(
+        {
+            "kernel": workload.kernel,
+            **workload.case,
+            "items": f"{workload.items:,} {workload.item}",
+        },
+        {
+            "call": Figure.of_samples([1e3 * sample for sample in samples], "ms"),
+            "item": Figure.of_samples(each, "ns"),
+        },
+    )
+
+
+def _scan_workloads(driven: Drive) -> Iterator[Workload]:
+    """Yield all of local SLAM, and what happens to every scan, and to every one inserted."""
+    config = driven.config
+    case: Case = {"input": driven.name}
+    scan, tf_local_tracking = driven.scans[-1], driven.poses[-1]
+    yield Workload(
+        "local SLAM", (), case, partial(replay, driven.events), driven.num_replayed, "scans"
+    )
+    beams = scan.geometry.num_beams
+    range_filter = RangeFilter(config.sensor)
+    data = range_filter.apply(scan)
+    yield Workload(
+        "filter", ("range_projection", "voxel_filter"), case,
+        partial(range_filter.apply, scan), beams, "beams",
+    )  # fmt: skip
+    thinning = config.local_slam.adaptive_voxel_filter
+    yield Workload(
+        "thin", ("voxel_filter",), case,
+        partial(thin, data.returns, thinning), len(data.returns), "points",
+    )  # fmt: skip
+    sensor = compose(tf_local_tracking, data.tf_tracking_sensor)
+    returns = transform_points(tf_local_tracking, data.returns)
+    misses = transform_points(tf_local_tracking, data.misses)
+    resolution = config.local_slam.submaps.resolution
+    rays = len(returns) + len(misses)
+    yield Workload(
+        "cast rays", ("ray_casting",), case,
+        partial(scan_cells, sensor, returns, misses, resolution), rays, "rays",
+    )  # fmt: skip
+    submap = copy.deepcopy(_growing(driven))
+    cells = scan_cells(sensor, returns, misses, resolution)
+    origin = (
+        round(submap.tf_local_submap.x / resolution), round(submap.tf_local_submap.y / resolution),
+    )  # fmt: skip
+    update = partial(insert_cells, submap.grid, cells, config.local_slam.submaps, origin)
+    yield Workload("update cells", ("ray_casting",), case, update, len(cells.cells), "cells")
+
+    def insert() -> None:
+        insert_cells(
+            submap.grid,
+            scan_cells(sensor, returns, misses, resolution),
+            config.local_slam.submaps,
+            origin,
+        )
+
+    yield Workload("insert", ("ray_casting",), case, insert, rays, "rays")
+
+
+def _match_workloads(driven: Drive) -> Iterator[Workload]:
+    """Yield the matching of a scan against the submap that grows."""
+    case: Case = {"input": driven.name}
+    config, submap = driven.config.local_slam, _growing(driven)
+    search = driven.config.global_slam.constraint_search
+    data = RangeFilter(driven.config.sensor).apply(driven.scans[-1])
+    points = thin(data.returns, config.adaptive_voxel_filter)
+    in_submap = relative(submap.tf_local_submap, driven.poses[-1])
+    start = compose(in_submap, Pose(0.03, -0.02, 0.01))
+    finished = FinishedSubmap(0, submap.grid.finish(), 1.0)
+    yield Workload(
+        "match", ("scan_residuals",), case,
+        partial(refine, finished.smooth_map, points, start, search),
+        len(points), "points",
+    )  # fmt: skip
+    wide = CorrelativeMatcherConfig(linear_search_window=0.1, angular_search_window_deg=20.0)
+    yield Workload(
+        "correlative", ("correlative",), {**case, "window": "±0.1 m, ±20°"},
+        partial(correlative.match, submap.grid, points, start, wide), len(points), "points",
+    )  # fmt: skip
+
+
+def _submap_workloads(driven: Drive) -> Iterator[Workload]:
+    """Yield what is done once for a finished submap, and the search of a scan in it."""
+    grid = driven.grids[0]
+    case: Case = {"input": driven.name}
+    search = driven.config.global_slam.constraint_search
+    submap = driven.finished[0]
+    yield Workload("finish", (), case, submap.grid.finish, grid.cells.size, "pixels")
+    yield Workload(
+        "precompute", ("precomputation_grid",), case,
+        partial(PrecomputationGrids, grid.cells), grid.cells.size, "pixels",
+    )  # fmt: skip
+    own = [node for node in driven.nodes if submap in node.submaps]
+    in_submap = [relative(submap.tf_local_submap, node.tf_local_tracking) for node in own]
+    points = [node.points for node in own]
+    yield Workload(
+        "mean score", ("scan_residuals",), case,
+        partial(mean_score, grid, points, np.array(in_submap)), sum(map(len, points)), "points",
+    )  # fmt: skip
+    matcher = SubmapMatcher(grid)
+    middle = len(own) // 2
+    sought = partial(
+        matcher.match,
+        linear_window=7.0, angular_window=math.radians(30.0), min_score=search.min_score,
+    )  # fmt: skip
+    off = compose(in_submap[middle], Pose(2.0, -1.5, 0.2))
+    for name, estimate, cloud in (("hit", off, own[middle].points), ("miss", off, driven.points)):
+        yield Workload(
+            "branch and bound", ("branch_and_bound", "node_bounds", "search_tree"),
+            {**case, "window": f"±7 m, ±30°, {name}"},
+            partial(sought, cloud, estimate), len(cloud), "points",
+        )  # fmt: skip
+    finished = FinishedSubmap(0, grid, 1.0)
+    yield Workload(
+        "match again", ("scan_residuals",), case,
+        partial(
+            refinement.match_again, finished, np.zeros(3), range(len(own)), np.array(in_submap),
+            points, search,
+        ),
+        len(own), "scans",
+    )  # fmt: skip
+    poses = np.array([submap.tf_local_submap for submap in driven.finished])
+    yield Workload(
+        "compose map", ("map_composition",), case,
+        partial(compose_map, driven.grids, poses, driven.config.local_slam.submaps),
+        sum(grid.cells.size for grid in driven.grids), "pixels",
+    )  # fmt: skip
+
+
+def _graph_workloads() -> Iterator[Workload]:
+    """Yield the adjustment of pose graphs from a drifted start, and its parts."""
+    for nodes, submaps, edges in GRAPHS:
+        graph = bipartite_graph(nodes, submaps, edges).graph
+        case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
+        size = len(graph.kinds)
+        adjusting = (
+            "pose_residuals", "schur_complement", "schur_structure", "block_cholesky",
+            "cholesky_ordering", "cholesky_structure",
+        )  # fmt: skip
+        for name, iterations in (("adjust", 50), ("adjust, one step", 1)):
+            problem = Problem.of(graph, AdjustmentOptions(max_iterations=iterations))
+            yield Workload(
+                name, adjusting, case, OwnProgram(problem).solve, size, "constraints"
+            )  # fmt: skip
+        yield Workload(
+            "residuals", ("pose_residuals",), case,
+            partial(constraint_residuals, graph), size, "constraints",
+        )  # fmt: skip
+        yield Workload(
+            "chordal start", (), case,
+            partial(initialize_from_constraints, copy.deepcopy(graph)), size, "constraints",
+        )  # fmt: skip
+
+
+def _simulation_workload() -> Workload:
+    world, lidar = make_world("museum"), make_lidar("backpack")
+    pose = np.array(((*world.route[0].tolist(), 0.3),))
+    return Workload(
+        "simulate a scan", ("wall_ranges",), {"input": f"museum, {len(world.walls):,} walls"},
+        partial(true_ranges, world.walls, pose, lidar), lidar.num_beams, "beams",
+    )  # fmt: skip
+
+
+def _growing(driven: Drive) -> Submap:
+    assert driven.growing is not None
+    return driven.growing
+
+
+KERNELS = (
+    "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
+    "finish", "precompute", "mean score", "branch and bound", "match again", "compose map",
+    "adjust", "adjust, one step", "residuals", "chordal start", "simulate a scan",
+)  # fmt: skip
+"""The names of what is measured."""
