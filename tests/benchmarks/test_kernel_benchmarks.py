@@ -38,9 +38,9 @@ def test_workloads_can_be_called_again_and_again(workloads):
 
 
 def test_only_the_kernels_named_are_timed():
-    record = kernels.run(2, ["thin"])
-    assert {row.case["kernel"] for row in record.rows} == {"thin"}
-    assert len(record.rows) == 3
+    record = kernels.run(2, ["residuals"])
+    assert {row.case["kernel"] for row in record.rows} == {"residuals"}
+    assert len(record.rows) == len(kernels.GRAPHS)
     for row in record.rows:
         assert 0.0 < row.figures["call"].value < 1e3
         assert row.figures["item"].unit == "ns"

@@ -47,6 +47,16 @@ GRAPHS = ((1_000, 12, 3_000), (11_456, 128, 35_300))
 """Nodes, submaps and constraints of the graphs; the second is of the paper's museum's size."""
 
 
+DRIVE_KERNELS = (
+    "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
+    "finish", "precompute", "mean score", "branch and bound", "match again", "compose map",
+)  # fmt: skip
+GRAPH_KERNELS = ("adjust", "adjust, one step", "residuals", "chordal start")
+SIMULATION = "simulate a scan"
+KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, SIMULATION)
+"""The names of what is measured, by what they are measured on."""
+
+
 @dataclass(frozen=True, slots=True)
 class Workload:
     """Something to time.
@@ -85,21 +95,28 @@ def run(repeats: int, only: Sequence[str] = ()) -> Record:
         if name not in KERNELS:
             nearest = get_close_matches(name, KERNELS, n=1, cutoff=0.0)[0]
             raise ConfigError(f"no kernel '{name}' to measure; the nearest is '{nearest}'")
-    rows = [
-        _row(workload, repeats) for workload in workloads() if not only or workload.kernel in only
-    ]
+    chosen = tuple(only) or KERNELS
+    rows = [_row(workload, repeats) for workload in workloads(chosen) if workload.kernel in chosen]
     return Record("kernels", tuple(rows), environment())
 
 
-def workloads() -> Iterator[Workload]:
-    """Yield all that is timed; inputs are made when they are reached."""
-    for name in DRIVES:
-        driven = drive(name)
-        yield from _scan_workloads(driven)
-        yield from _match_workloads(driven)
-        yield from _submap_workloads(driven)
-    yield from _graph_workloads()
-    yield _simulation_workload()
+def workloads(only: Sequence[str] = KERNELS) -> Iterator[Workload]:
+    """Yield all that is timed, and no more than it shares its inputs with.
+
+    Parameters
+    ----------
+    only : names of kernels.
+    """
+    if set(only) & set(DRIVE_KERNELS):
+        for name in DRIVES:
+            driven = drive(name)
+            yield from _scan_workloads(driven)
+            yield from _match_workloads(driven)
+            yield from _submap_workloads(driven)
+    if set(only) & set(GRAPH_KERNELS):
+        yield from _graph_workloads()
+    if SIMULATION in only:
+        yield _simulation_workload()
 
 
 def _row(workload: Workload, repeats: int) -> Row:
@@ -265,7 +282,7 @@ def _simulation_workload() -> Workload:
     world, lidar = make_world("museum"), make_lidar("backpack")
     pose = np.array(((*world.route[0].tolist(), 0.3),))
     return Workload(
-        "simulate a scan", ("wall_ranges",), {"input": f"museum, {len(world.walls):,} walls"},
+        SIMULATION, ("wall_ranges",), {"input": f"museum, {len(world.walls):,} walls"},
         partial(true_ranges, world.walls, pose, lidar), lidar.num_beams, "beams",
     )  # fmt: skip
 
@@ -273,11 +290,3 @@ def _simulation_workload() -> Workload:
 def _growing(driven: Drive) -> Submap:
     assert driven.growing is not None
     return driven.growing
-
-
-KERNELS = (
-    "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
-    "finish", "precompute", "mean score", "branch and bound", "match again", "compose map",
-    "adjust", "adjust, one step", "residuals", "chordal start", "simulate a scan",
-)  # fmt: skip
-"""The names of what is measured."""
