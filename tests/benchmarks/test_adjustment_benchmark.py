@@ -2,13 +2,14 @@
 """The benchmark of pose adjustment: rows for all programs, reasons for those that are missing."""
 
 import gzip
+import math
 
 import numpy as np
 import pytest
 
 from cartoloop.benchmarks import adjustment, compiled_drivers
 from cartoloop.benchmarks.adjustment import OWN_NAME, run, warm_start
-from cartoloop.benchmarks.adjustment_problem import OwnProgram, Problem
+from cartoloop.benchmarks.adjustment_problem import OwnProgram, Problem, Solve
 from cartoloop.benchmarks.compiled_drivers import SolverMissing, compile_driver
 from cartoloop.benchmarks.foreign_solvers import ForeignSolvers, Method
 from cartoloop.benchmarks.record import Record
@@ -182,3 +183,35 @@ def start_or_skip(method, problem):
         return method.start(problem)
     except SolverMissing as error:
         pytest.skip(str(error))
+
+
+class Failing:
+    """A program that solves so many times, and then is no longer there; or ends at no number."""
+
+    def __init__(self, problem, solves, poses=0.0):
+        self.problem, self.left, self.offset = problem, solves, poses
+
+    def solve(self):
+        self.left -= 1
+        if self.left < 0:
+            raise SolverMissing("failed: it ended")
+        return Solve(0.001, 3)
+
+    def poses(self):
+        return self.problem.start + self.offset
+
+
+@pytest.mark.parametrize(
+    ("solves", "poses", "has_figures", "note"),
+    [(2, 0.0, True, "when repeated: failed"), (9, math.nan, False, "failed: its poses")],
+)
+def test_a_program_that_fails_later_or_at_no_number_is_told(solves, poses, has_figures, note):
+    def methods(_):
+        return [Method("failing", lambda problem: Failing(problem, solves, poses))]
+
+    record = run(3, None, 1_000, methods)
+    (row,) = (row for row in record.rows if row.case.get("solver") == "failing")
+    assert bool(row.figures) == has_figures
+    assert note in row.notes
+    assert "times ours" not in row.figures  # it ends where it started, at a higher cost
+    assert Record.from_json(record.to_json()) == record

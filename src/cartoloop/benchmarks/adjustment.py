@@ -41,6 +41,8 @@ _NEW_NODES = 90  # between two adjustments while mapping
 _STUCK = 1.01  # times the cost that another start leads to
 _SAME_COST = 1e-3
 _TIME_A_PROGRAM_S = 1.0  # of repeats; a slower program is repeated less
+_FEWEST_ROUNDS = 3  # for a spread
+_TOO_LONG_TO_REPEAT_S = 3.0  # its first run is all
 _LONGEST_SOLVE_S = 20.0  # of a foreign program, as foreseen from a smaller graph
 
 
@@ -186,45 +188,73 @@ def _compare(
             notes[method.name] = str(error)
             continue
         slow[method.name] = runs[method.name].first.seconds / graph.num_nodes
-    _repeat({name: programs[name] for name in runs}, runs, repeats)
+    notes |= _repeat({name: programs[name] for name in runs}, runs, repeats)
     return [
         Row({**case, "solver": OWN_NAME}, _figures(runs[OWN_NAME], None)),
         *(
-            Row({**case, "solver": name}, _figures(found, runs[OWN_NAME]), _cost_note(found, runs))
+            Row(
+                {**case, "solver": name},
+                _figures(found, runs[OWN_NAME]),
+                notes.get(name, "") or _cost_note(found, runs),
+            )
             for name, found in runs.items()
             if name != OWN_NAME
         ),
-        *(Row({**case, "solver": name}, notes=note) for name, note in notes.items()),
+        *(
+            Row({**case, "solver": name}, notes=note)
+            for name, note in notes.items()
+            if name not in runs
+        ),
     ]
 
 
 def _first_run(problem: Problem, program: Program) -> _Runs:
+    """Return what a program does first; one whose poses or cost are no numbers has failed."""
     first = program.solve()
-    return _Runs(problem.cost(program.poses()), first)
+    cost = problem.cost(program.poses())
+    if not np.isfinite(cost):
+        raise SolverMissing("failed: its poses are not finite")
+    return _Runs(cost, first)
 
 
-def _repeat(programs: dict[str, Program], runs: dict[str, _Runs], repeats: int) -> None:
-    """Run the programs in turn, slow ones in fewer rounds; one that is slow enough, in none."""
-    rounds = {}
-    for name, found in runs.items():
-        rounds[name] = min(repeats, int(_TIME_A_PROGRAM_S / found.first.seconds))
-        if rounds[name] == 0:
-            found.samples.append(found.first.seconds)
+def _repeat(programs: dict[str, Program], runs: dict[str, _Runs], repeats: int) -> dict[str, str]:
+    """Run the programs in turn, slow ones in fewer rounds; one that is slow enough, in none.
+
+    A program that fails now takes no further part; what it did before counts, and what is returned
+    tells of it by its name.
+    """
+    notes: dict[str, str] = {}
+    rounds = {
+        name: min(repeats, max(_FEWEST_ROUNDS, int(_TIME_A_PROGRAM_S / found.first.seconds)))
+        if found.first.seconds < _TOO_LONG_TO_REPEAT_S
+        else 0
+        for name, found in runs.items()
+    }
     for number in range(repeats):
         for name, program in programs.items():
-            if number < rounds[name]:
-                runs[name].samples.append(program.solve().seconds)
+            if number < rounds[name] and name not in notes:
+                try:
+                    runs[name].samples.append(program.solve().seconds)
+                except SolverMissing as error:
+                    notes[name] = f"when repeated: {error}"
+    for found in runs.values():
+        if not found.samples:
+            found.samples.append(found.first.seconds)
+    return notes
 
 
 def _figures(found: _Runs, own: _Runs | None) -> dict[str, Figure]:
-    """Return the figures of a program; of a foreign one, if `own` is given, with the ratio."""
+    """Return the figures of a program; of a foreign one, if `own` is given, with the ratio.
+
+    One that ends at a higher cost than ours has not done the same: there is no ratio.
+    """
     better: Better = "less" if own is None else None
     figures = {
         "time": Figure.of_samples([1e3 * seconds for seconds in found.samples], "ms", better),
         "cost": Figure.exact(found.cost, "", better),
         "iterations": Figure.exact(found.first.iterations, "", better),
     }
-    if own is not None:
+    if own is not None and found.cost <= _STUCK * own.cost:
         ours = float(np.median(own.samples))
         figures["times ours"] = Figure.of_samples(
             [seconds / ours for seconds in found.samples], "", "more"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import cartoloop
 
-PACKAGES = ("numpy", "scipy", "numba", "gtsam", "pyceres")
+PACKAGES = ("numpy", "scipy", "numba", "gtsam", "g2o-python")
 
 
 def environment() -> dict[str, str]:
