@@ -110,5 +110,39 @@ def test_folder_without_records_is_an_error(tmp_path: Path) -> None:
 def test_remarks_quote_no_recording_that_is_not_published() -> None:
     from cartoloop.benchmarks.paper_report import _remarks
 
-    assert set(_remarks()) <= set(published()["logs"])
+    assert set(_remarks()) - {"any"} <= set(published()["logs"])
     assert json.dumps(_remarks())
+
+
+def performance_row(memory: float) -> Row:
+    figures = {
+        "peak memory": Figure(memory, "MB"),
+        f"{SOURCES['cpp']} peak memory": Figure.exact(145, "MB", better=None),
+    }
+    return Row({"experiment": "performance", "log": "mit-csail"}, figures)
+
+
+def test_a_program_that_takes_less_memory_is_listed() -> None:
+    text = report(performance_row(391.0))
+    assert "Cartographer (C++) 145" in text[text.index("Where we are behind") :]
+    assert "Where we are behind" not in report(performance_row(100.0))
+
+
+def test_less_precise_closures_are_listed() -> None:
+    figures = {
+        "precision": Figure.exact(99.0, "%", better="more"),
+        "precision of found": Figure.exact(89.5, "%", better="more"),
+        f"{SOURCES['paper']} precision": Figure.exact(97.2, "%", better=None),
+    }
+    text = report(Row({"experiment": "closures", "log": "intel"}, figures))
+    behind = text[text.index("Where we are behind") :]
+    assert "precision of found [%]" in behind
+    assert "| precision [%]" not in behind
+
+
+def test_every_run_of_the_adjustment_is_in_the_long_report_alone(tmp_path: Path) -> None:
+    case = {"experiment": "adjustment run", "log": "museum", "run": 7}
+    names = ("nodes", "constraints", "iterations", "time")
+    row = Row(case, {name: Figure.exact(4321) for name in names})
+    assert "4,321" in to_markdown("Report", sections(Record("paper", (row,)), tmp_path))
+    assert "4,321" not in report(row)

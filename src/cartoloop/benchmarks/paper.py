@@ -84,24 +84,28 @@ def run(options: PaperOptions, tell: Callable[[str], None]) -> Record:
     rows: list[Row] = []
     if "radish" in options.experiments:
         for name in logs:
-            rows += _guarded({"experiment": "performance", "log": name}, partial(run.radish, name))
+            case: Case = {"experiment": "performance", "log": name}
+            rows += _guarded(case, partial(run.radish, name), tell)
     for name in SIMULATED:
         if name in options.experiments:
-            case: Case = {"experiment": "performance", "log": name}
-            rows += _guarded(case, partial(run.simulated, name))
+            case = {"experiment": "performance", "log": name}
+            rows += _guarded(case, partial(run.simulated, name), tell)
     if "variants" in options.experiments:
         for name, setting in VARIANTS:
             if name in logs:
                 case = {"experiment": "variants", "log": name, "setting": setting}
-                rows += _guarded(case, partial(run.variant, name, setting))
+                rows += _guarded(case, partial(run.variant, name, setting), tell)
     return Record("paper", tuple(rows), environment())
 
 
-def _guarded(case: Case, experiment: Callable[[], list[Row]]) -> list[Row]:
-    """Return the rows of an experiment, or one that says why there are none."""
+def _guarded(
+    case: Case, experiment: Callable[[], list[Row]], tell: Callable[[str], None]
+) -> list[Row]:
+    """Return the rows of an experiment, or one that says why there are none, as is told too."""
     try:
         return experiment()
     except CartoloopError as error:
+        tell(f"no figures of {case['log']}: {error}")
         return [paper_rows.failed_row(case, str(error))]
 
 
@@ -141,7 +145,11 @@ class _PaperRun:
         options: list[str | Path] = ["--lines", lines] if has_lines else []
         simulation = run_command("simulate", name, "-o", log, "--truth", truth, *options)
         mapped = map_log([log], out, self._repeats, self._tell)
-        rows = [*_map_rows(name, mapped), paper_rows.simulation_row(name, simulation)]
+        rows = [
+            *_map_rows(name, mapped),
+            *paper_rows.adjustment_run_rows(name, mapped),
+            paper_rows.simulation_row(name, simulation),
+        ]
         row, after, before = paper_rows.trajectory_row(name, out, truth)
         paper_pictures.draw_true_errors(out, after, before)
         self._tell(f"judging the closures of the {name}")

@@ -31,7 +31,8 @@ def sections(record: Record, pictures: Path | None = None, prefix: str = "paper"
     Parameters
     ----------
     record : of ``cartoloop bench paper``.
-    pictures : folder with a folder of pictures for each recording; None for a report without.
+    pictures : folder with a folder of pictures for each recording; None for a short report,
+        without them and without what takes a page of rows.
     prefix : path of that folder as seen from the report.
     """
     found = [
@@ -40,6 +41,7 @@ def sections(record: Record, pictures: Path | None = None, prefix: str = "paper"
         _closures(record),
         _performance(record),
         _museum(record),
+        None if pictures is None else _adjustment_runs(record),
         _lines(record),
         _truth(record),
         _variants(record),
@@ -83,7 +85,7 @@ def _relations(record: Record) -> Section | None:
         )
     heads = ["", "error", "cartoloop", "before loop closure", *SOURCES.values()]
     text = (
-        "Mean ± standard deviation over all relations; bold where no other column is lower. The "
+        "Mean ± standard deviation over all relations; bold where no other program's is lower. The "
         "columns of others are quoted, not reproduced by this repository: the paper's from other "
         "hardware and the original recordings, those of the C++ program from these files, its "
         "settings tuned by looking at the truth. One set of defaults serves all recordings; it was "
@@ -189,7 +191,26 @@ def _museum(record: Record) -> Section | None:
         "walked through with a scanner of 1,079 beams over 270°, 30 m, 10 Hz, without odometry "
         "(`cartoloop simulate museum`)."
     )
-    return Section("Section VI-A: a museum", (text, Table(["", "cartoloop", "paper"], lines)))
+    parts: list[str | Table] = [text, Table(["", "cartoloop", "paper"], lines)]
+    parts += [
+        f"To simulate the recording took {row.figures['wall clock'].text()} s before that."
+        for row in rows_of(record, "simulation", log="museum")
+    ]
+    return Section("Section VI-A: a museum", parts)
+
+
+def _adjustment_runs(record: Record) -> Section | None:
+    """Return each solution of the museum's pose graph: too long a table for a short report."""
+    rows = rows_of(record, "adjustment run", log="museum")
+    if not rows:
+        return None
+    names = ("nodes", "constraints", "iterations", "time")
+    lines = [[str(row.case["run"]), *(row.figures[name].text() for name in names)] for row in rows]
+    return Section(
+        "Each run of the museum's pose adjustment",
+        (Table(["run", "nodes", "edges", "iterations", "time [ms]"], lines),),
+        level=3,
+    )
 
 
 def _lines(record: Record) -> Section | None:
@@ -201,13 +222,18 @@ def _lines(record: Record) -> Section | None:
         "map": "cartoloop [m]",
         "error": "error (absolute) [m]",
         "relative": "error (relative) [%]",
+        "pixels an end": "pixels an end",
     }
     quoted = published()["lines"]
     paper = [
         [f"{tape:.2f}", f"{found:.2f}", f"{found - tape:+.2f}", f"{(found / tape - 1) * 100:+.1f}"]
         for tape, found in zip(quoted["tape_m"], quoted["map_m"], strict=True)
     ]
-    lines = [[f"{row.figures[name].value:+.3f}".lstrip("+") for name in columns] for row in rows]
+    signed = {"error", "relative"}
+    lines = [
+        [f"{row.figures[name].value:{'+' if name in signed else ''}.3f}" for name in columns]
+        for row in rows
+    ]
     return Section(
         "Section VI-B, table I: straight lines in the map of a cheap scanner",
         (
@@ -285,7 +311,7 @@ def _variants(record: Record) -> Section | None:
 
 def _behind(record: Record) -> Section | None:
     """Return what others do better, found by comparison, and why as far as it is known."""
-    lines = []
+    lines = _costlier(record)
     for row in rows_of(record, "relations"):
         figures = row.figures
         better = [
@@ -305,10 +331,41 @@ def _behind(record: Record) -> Section | None:
     return Section(
         "Where we are behind, and why",
         (
-            "Every error of tables II and III where another column is lower.",
-            Table(["", "error", "cartoloop", "lower", "why"], lines),
+            "Every error of tables II and III where another program's is lower, and whatever of "
+            "tables IV and V another program does better.",
+            Table(["", "figure", "cartoloop", "others", "why"], lines),
         ),
     )
+
+
+def _costlier(record: Record) -> list[list[str]]:
+    """Return where others have more precise closures, or take less time, processor or memory."""
+    compared = (
+        ("closures", "precision", "", "precision [%]"),
+        ("closures", "precision of found", "precision", "precision of found [%]"),
+        ("performance", "wall clock", "", "wall clock [s]"),
+        ("performance", "CPU", "", "CPU [s]"),
+        ("performance", "peak memory", "", "peak memory [MB]"),
+    )
+    lines = []
+    for experiment, name, theirs, label in compared:
+        for row in rows_of(record, experiment):
+            if name not in row.figures:
+                continue
+            own, sign = row.figures[name], 1 if row.figures[name].better == "less" else -1
+            better = [
+                f"{source} {row.figures[f'{source} {theirs or name}'].value:g}"
+                for source in SOURCES.values()
+                if f"{source} {theirs or name}" in row.figures
+                and sign * row.figures[f"{source} {theirs or name}"].value < sign * own.value
+            ]
+            if better:
+                log = str(row.case["log"])
+                reason = _remarks().get(log, {}).get(name) or _remarks()["any"].get(name)
+                lines.append(
+                    [title_of(log), label, own.text(), ", ".join(better), reason or "not known"]
+                )
+    return lines
 
 
 def _missing(record: Record) -> Section | None:
@@ -319,7 +376,7 @@ def _missing(record: Record) -> Section | None:
     ]
     if not lines:
         return None
-    return Section("What is missing", (Table(["", "experiment", "reason"], lines),))
+    return Section("What is missing, or failed", (Table(["", "experiment", "reason"], lines),))
 
 
 def _pictures(record: Record, folder: Path | None, prefix: str) -> list[Section]:

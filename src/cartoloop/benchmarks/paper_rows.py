@@ -139,6 +139,22 @@ def adjustment_row(name: str, mapped: MappedLog) -> Row:
     return Row({"experiment": "adjustment", "log": name}, figures)
 
 
+def adjustment_run_rows(name: str, mapped: MappedLog) -> list[Row]:
+    """Return every solution of the pose graph in order: size, iterations and time."""
+    return [
+        Row(
+            {"experiment": "adjustment run", "log": name, "run": number},
+            {
+                "nodes": Figure.exact(run["nodes"], better=None),
+                "constraints": Figure.exact(run["constraints"], better=None),
+                "iterations": Figure.exact(run["iterations"], better=None),
+                "time": Figure(run["ms"], "ms", better=None),
+            },
+        )
+        for number, run in enumerate(mapped.report["adjustment"]["each"], start=1)
+    ]
+
+
 def trajectory_row(
     name: str, folder: Path, truth: Path
 ) -> tuple[Row, TrajectoryError, TrajectoryError]:
