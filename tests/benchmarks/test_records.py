@@ -118,3 +118,26 @@ def test_programs_are_timed_in_turn_after_one_untimed_call() -> None:
     assert {name: len(times) for name, times in samples.items()} == {"a": 3, "b": 3}
     assert "".join(calls) == "aabb" + "ab" * 3
     assert all(time > 0.0 for times in samples.values() for time in times)
+
+
+def test_spread_over_inputs_is_not_taken_for_noise() -> None:
+    inputs = [[1.0, 1.1, 0.9], [10.0, 10.5, 9.5], [100.0, 101.0, 99.0]]
+    before = record(time=Figure.of_inputs(inputs, "ms"))
+    assert (before.rows[0].figures["time"].value, before.rows[0].figures["time"].high) == (10, 82)
+    slower = [[1.3 * sample for sample in samples] for samples in inputs]
+    (change,) = compare(record(time=Figure.of_inputs(slower, "ms")), before)
+    assert change.is_worse
+    again = [[1.02 * sample for sample in samples] for samples in inputs]
+    assert compare(record(time=Figure.of_inputs(again, "ms")), before) == []
+
+
+def test_counts_over_inputs_are_exact() -> None:
+    before = record(nodes=Figure.exact_of_inputs([10, 200, 3000]))
+    assert compare(before, before) == []
+    assert len(compare(record(nodes=Figure.exact_of_inputs([10, 201, 3000])), before)) == 1
+
+
+def test_input_timed_once_counts_only_when_it_changed_much() -> None:
+    before = record(time=Figure.of_inputs([[1.0], [10.0], [90.0]], "s"))
+    assert compare(record(time=Figure.of_inputs([[1.0], [11.0], [90.0]], "s")), before) == []
+    assert len(compare(record(time=Figure.of_inputs([[1.0], [14.0], [90.0]], "s")), before)) == 1

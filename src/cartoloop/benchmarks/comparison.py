@@ -6,10 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from cartoloop.benchmarks.record import Figure, Record, Row, markdown_table
-
-UNKNOWN_NOISE = 0.25
-"""Share by which a figure that was measured only once must change to count."""
+from cartoloop.benchmarks.record import UNKNOWN_NOISE, Figure, Record, Row, markdown_table
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +36,8 @@ def compare(now: Record, before: Record) -> list[Change]:
     """Return the figures that got better or worse by more than the noise, worse ones first.
 
     The noise of a figure is the band between the 10 % and 90 % quantiles of its repeats: bands that
-    overlap are no change. A figure measured once counts when it changed by a quarter.
+    overlap are no change. A figure measured once counts when it changed by a quarter. Where the
+    repeats are of different inputs, the noise of the median over these counts instead.
     """
     earlier = {_key(row): row for row in before.rows}
     changes: list[Change] = []
@@ -91,6 +89,8 @@ def _change(case: str, name: str, before: Figure, after: Figure) -> list[Change]
 
 
 def _band(figure: Figure) -> tuple[float, float]:
+    if figure.noise_low is not None and figure.noise_high is not None:
+        return figure.noise_low, figure.noise_high
     if figure.low is None or figure.high is None:
         half = abs(figure.value) * UNKNOWN_NOISE / 2
         return figure.value - half, figure.value + half

@@ -15,11 +15,10 @@ from cartoloop.benchmarks import bounding_grids
 from cartoloop.benchmarks.environment import environment
 from cartoloop.benchmarks.matching_cases import Pair, Place, hits, map_places, misses
 from cartoloop.benchmarks.matching_figures import (
-    exhaustive_seconds,
-    median_seconds,
+    exhaustive_figures,
     milliseconds,
     plain_figures,
-    ratio,
+    sample_seconds,
     search_figures,
 )
 from cartoloop.benchmarks.matching_programs import (
@@ -39,9 +38,9 @@ PAPER_WINDOW = Window()
 HOW = (
     "all: one thread each; median and spread over different pairs, of each pair the median of its "
     "repeats; exhaustive search runs once, for the first of the pairs, and must find the same "
-    "score and pose, its ratio is that of the same pairs; it reads and adds whole rows of "
-    "candidates as vectors, 'as written' is algorithm 1 compiled; nodes are counted for some of "
-    "the pairs"
+    "score and pose, its ratio is to a search of the same pair right after it; it reads and "
+    "adds whole rows of candidates as vectors, 'as written' is algorithm 1 compiled; nodes are "
+    "counted for some of the pairs"
 )
 HITS = "revisits; the estimate is off by up to 80 % of the window"
 MISSES = "scans from elsewhere, sought where one of the submap's own was taken, at any heading"
@@ -164,11 +163,10 @@ def hit_and_miss_rows(group: Group, repeats: int, sizes: Sizes) -> list[Row]:
         return [Row(case, notes=group.notes)]
     figures = search_figures(problems, repeats, sizes.num_plain, sizes.num_checked)
     checked = problems[: sizes.num_as_written]
-    seconds = exhaustive_seconds(exhaustive_as_written, checked)
-    own = [median_seconds(partial(branch_and_bound, problem), repeats) for problem in checked]
-    figures["as written"] = milliseconds(seconds)
-    figures["ratio as written"] = ratio(seconds, own)
-    exact = [median_seconds(partial(branch_and_bound, p, RUNNER_UP), repeats) for p in problems]
+    figures |= exhaustive_figures(
+        exhaustive_as_written, checked, repeats, "as written", "ratio as written"
+    )
+    exact = [sample_seconds(partial(branch_and_bound, p, RUNNER_UP), repeats) for p in problems]
     return [
         Row(case, figures, group.notes),
         Row(
@@ -253,13 +251,14 @@ def bounds_rows(group: Group, repeats: int, sizes: Sizes) -> list[Row]:
         "halved resolution, cells joined": bounding_grids.halved_and_joined,
     }
     problems = [pair.problem(sizes.window) for pair in group.pairs[: sizes.num_plain]]
+    programs = {name: (make_grids, top) for name, make_grids in kinds.items()}
     rows = [
         Row(
             group.case("bounds", bounds=name, top=top, **_window_case(sizes.window)),
-            plain_figures(problems, make_grids, top, repeats),
+            figures,
             "one plain search, no vector instructions, only the bounding grids differ",
         )
-        for name, make_grids in kinds.items()
+        for name, figures in plain_figures(problems, programs, repeats).items()
     ]
     own = search_figures(problems, repeats, sizes.num_plain, 0)
     own["memory"] = Figure.exact(
@@ -272,28 +271,29 @@ def bounds_rows(group: Group, repeats: int, sizes: Sizes) -> list[Row]:
 def top_rows(group: Group, repeats: int, sizes: Sizes) -> list[Row]:
     """Return the rows of trees of different heights h_0, with the paper's grids."""
     problems = [pair.problem(sizes.window) for pair in group.pairs[: sizes.num_plain]]
+    programs = {str(top): (bounding_grids.precomputed, top) for top in sizes.tops}
     return [
         Row(
-            group.case("tree height", top=top, **_window_case(sizes.window)),
-            plain_figures(problems, bounding_grids.precomputed, top, repeats),
+            group.case("tree height", top=int(top), **_window_case(sizes.window)),
+            figures,
             "the plain search of the part 'bounds'",
         )
-        for top in sizes.tops
+        for top, figures in plain_figures(problems, programs, repeats).items()
     ]
 
 
 def grids_row(place: Place, repeats: int) -> Row:
     """Return the row of making the precomputed grids of each submap."""
     submaps = [grid.cells for grid in place.grids if grid.cells.size]
-    seconds = [median_seconds(partial(PrecomputationGrids, cells), repeats) for cells in submaps]
+    seconds = [sample_seconds(partial(PrecomputationGrids, cells), repeats) for cells in submaps]
     return Row(
         {"part": "precomputed grids", "source": place.source},
         {
             "build": milliseconds(seconds),
-            "memory": Figure.of_samples(
+            "memory": Figure.exact_of_inputs(
                 [PrecomputationGrids(cells).cells.nbytes / 1e6 for cells in submaps], "MB"
             ),
-            "pixels": Figure.of_samples([cells.size for cells in submaps], "", None),
+            "pixels": Figure.exact_of_inputs([cells.size for cells in submaps], "", None),
         },
         f"all grids of a submap; median and spread over {len(submaps)} submaps",
     )

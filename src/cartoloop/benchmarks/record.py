@@ -17,6 +17,9 @@ from cartoloop.errors import InputError
 Better = Literal["less", "more"] | None
 Case = dict[str, str | int | float]
 
+UNKNOWN_NOISE = 0.25
+"""Share by which a figure that was measured only once must change to count."""
+
 FORMAT = 1
 """Version of the JSON; a reader refuses others."""
 
@@ -33,6 +36,8 @@ class Figure:
         would differ if measured again.
     repeats : how often it was measured.
     better : which direction is better, None where neither is.
+    noise_low, noise_high : by how much the value itself is uncertain, where `low` and `high` are
+        the spread over different inputs and say nothing of that; otherwise None.
     """
 
     value: float
@@ -41,6 +46,8 @@ class Figure:
     high: float | None = None
     repeats: int = 1
     better: Better = "less"
+    noise_low: float | None = None
+    noise_high: float | None = None
 
     @classmethod
     def of_samples(cls, samples: Sequence[float], unit: str, better: Better = "less") -> Figure:
@@ -49,6 +56,38 @@ class Figure:
         if len(samples) == 1:
             return cls(float(value), unit, better=better)
         return cls(float(value), unit, float(low), float(high), len(samples), better)
+
+    @classmethod
+    def of_inputs(
+        cls, samples: Sequence[Sequence[float]], unit: str, better: Better = "less"
+    ) -> Figure:
+        """Return the median over different inputs, with the spread over them.
+
+        Parameters
+        ----------
+        samples : of each input, what its repeats gave; the same number for all. One repeat: the
+            noise is not known.
+        unit, better : as of the figure.
+        """
+        values = np.asarray(samples, dtype=np.float64)
+        low, value, high = np.quantile(np.median(values, axis=1), (0.1, 0.5, 0.9))
+        noise_low, noise_high = (
+            np.quantile(np.median(values, axis=0), (0.1, 0.9))
+            if values.shape[1] > 1
+            else value * np.array((1.0 - UNKNOWN_NOISE / 2, 1.0 + UNKNOWN_NOISE / 2))
+        )
+        return cls(
+            float(value), unit, float(low), float(high), values.size, better,
+            float(min(noise_low, value)), float(max(noise_high, value)),
+        )  # fmt: skip
+
+    @classmethod
+    def exact_of_inputs(
+        cls, values: Sequence[float], unit: str = "", better: Better = "less"
+    ) -> Figure:
+        """Return the median of counts over different inputs, which any repeat gives again."""
+        low, value, high = map(float, np.quantile(values, (0.1, 0.5, 0.9)))
+        return cls(value, unit, low, high, len(values), better, value, value)
 
     @classmethod
     def exact(cls, value: float, unit: str = "", better: Better = "less") -> Figure:
