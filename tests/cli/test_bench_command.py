@@ -75,3 +75,8 @@ def test_a_page_is_made_of_the_records(measured, capsys):
     assert run(["bench", "page", str(measured.parent), "-o", str(page)]) == 0
     assert "## Kernels" in page.read_text()
     assert "bench kernels" in page.read_text()
+
+
+def test_a_record_of_another_benchmark_is_refused(measured, capsys):
+    assert run(["bench", "matching", "--against", str(measured)]) == 1
+    assert "is a record of 'kernels'" in capsys.readouterr().err

@@ -7,7 +7,7 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,7 +17,19 @@ from cartoloop.benchmarks.growth import Checkpoint
 from cartoloop.benchmarks.record import Figure, Record, Row
 
 
-def run(times: int, *, again: bool, tell: Callable[[str], None], seed: int = 0) -> Record:
+def name_of(again: bool) -> str:
+    """Return the name of the record."""
+    return "scaling-again" if again else "scaling"
+
+
+def run(
+    times: int,
+    *,
+    again: bool,
+    tell: Callable[[str], None],
+    seed: int = 0,
+    repeats: int = 1,
+) -> Record:
     """Return the cost of each museum's length of a run, and of the last pass over all.
 
     Parameters
@@ -27,6 +39,7 @@ def run(times: int, *, again: bool, tell: Callable[[str], None], seed: int = 0) 
         with the way.
     tell : called with a line on progress.
     seed : of the building, the walks and all noise.
+    repeats : how often the whole is mapped.
 
     Notes
     -----
@@ -44,16 +57,14 @@ def run(times: int, *, again: bool, tell: Callable[[str], None], seed: int = 0) 
         recording = simulate(world, seed=seed)
         recording.write_carmen(log)
         duration = float(recording.stamps[-1] - recording.stamps[0])
-        tell(f"mapping {len(recording.stamps)} scans")
+        tell(f"mapping {len(recording.stamps)} scans, {repeats} times")
         del recording
-        points = _grow(log, times)
-    rows = [
-        _part(f"{part} to {part + 1}", before, after)
-        for part, (before, after) in enumerate(pairwise(points[:-1]))
-    ]
-    rows.append(_part("last pass", points[-2], points[-1]))
-    rows.append(_whole(points[-1], duration))
-    return Record("scaling-again" if again else "scaling", tuple(rows), environment())
+        runs = [_grow(log, times) for _ in range(repeats)]
+    parts = zip(*(pairwise(points[:-1]) for points in runs), strict=True)
+    rows = [_part(f"{part} to {part + 1}", passes) for part, passes in enumerate(parts)]
+    rows.append(_part("last pass", [(points[-2], points[-1]) for points in runs]))
+    rows.append(_whole([points[-1] for points in runs], duration))
+    return Record(name_of(again), tuple(rows), environment())
 
 
 def _grow(log: Path, num_checkpoints: int) -> list[Checkpoint]:
@@ -65,33 +76,31 @@ def _grow(log: Path, num_checkpoints: int) -> list[Checkpoint]:
     return [Checkpoint(**point) for point in json.loads(done.stdout)]
 
 
-def _part(name: str, before: Checkpoint, after: Checkpoint) -> Row:
-    """Return what was done between two checkpoints; the last pass counts for all nodes."""
+def _part(name: str, passes: Sequence[tuple[Checkpoint, Checkpoint]]) -> Row:
+    """Return what each run did between two checkpoints; the last pass counts for all nodes."""
+    before, after = passes[0]
     nodes = (after.nodes - before.nodes) or after.nodes
-    cpu, wall = after.cpu_s - before.cpu_s, after.wall_s - before.wall_s
-    return Row(
-        {"museums": name},
-        {
-            "nodes so far": Figure.exact(after.nodes, better=None),
-            "closures so far": Figure.exact(after.closures, better=None),
-            "CPU": Figure(cpu, "s"),
-            "wall clock": Figure(wall, "s"),
-            "CPU a node": Figure(1e3 * cpu / nodes, "ms"),
-            "peak memory": Figure(after.memory_mb, "MB"),
-        },
-    )
+    cpu = [after.cpu_s - before.cpu_s for before, after in passes]
+    wall = [after.wall_s - before.wall_s for before, after in passes]
+    return Row({"museums": name}, _figures([after for _, after in passes], cpu, wall, nodes))
 
 
-def _whole(last: Checkpoint, duration: float) -> Row:
-    return Row(
-        {"museums": "whole"},
-        {
-            "nodes so far": Figure.exact(last.nodes, better=None),
-            "closures so far": Figure.exact(last.closures, better=None),
-            "CPU": Figure(last.cpu_s, "s"),
-            "wall clock": Figure(last.wall_s, "s"),
-            "CPU a node": Figure(1e3 * last.cpu_s / last.nodes, "ms"),
-            "peak memory": Figure(last.memory_mb, "MB"),
-            "times real time": Figure(duration / last.wall_s, better="more"),
-        },
-    )
+def _whole(last: Sequence[Checkpoint], duration: float) -> Row:
+    cpu, wall = [point.cpu_s for point in last], [point.wall_s for point in last]
+    figures = _figures(last, cpu, wall, last[0].nodes)
+    real_time = Figure.of_samples([duration / seconds for seconds in wall], "", "more")
+    return Row({"museums": "whole"}, figures | {"times real time": real_time})
+
+
+def _figures(
+    points: Sequence[Checkpoint], cpu_s: Sequence[float], wall_s: Sequence[float], nodes: int
+) -> dict[str, Figure]:
+    """Return the figures of a part, of each run how it stood behind it and what it took."""
+    return {
+        "nodes so far": Figure.exact(points[0].nodes, better=None),
+        "closures so far": Figure.exact(points[0].closures, better=None),
+        "CPU": Figure.of_samples(cpu_s, "s"),
+        "wall clock": Figure.of_samples(wall_s, "s"),
+        "CPU a node": Figure.of_samples([1e3 * seconds / nodes for seconds in cpu_s], "ms"),
+        "peak memory": Figure.of_samples([point.memory_mb for point in points], "MB"),
+    }

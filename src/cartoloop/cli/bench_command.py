@@ -56,7 +56,7 @@ def bench_paper(
     from cartoloop.map_output.save import prepare_folder, write_file
 
     prepare_folder(out)
-    before = _earlier(against)
+    before = _earlier(against, "paper")
     options = paper.PaperOptions(
         data=_data_folder(data),
         out=out,
@@ -84,7 +84,7 @@ def bench_kernels(
     """Time each compiled kernel against the size of its problem."""
     from cartoloop.benchmarks import kernels
 
-    before = _earlier(against)
+    before = _earlier(against, "kernels")
     record = kernels.run(repeat, _names(only))
     _print_table(record)
     _conclude(record, out, before, strict)
@@ -101,7 +101,7 @@ def bench_matching(
     """Time branch and bound against exhaustive search and against looser bounds."""
     from cartoloop.benchmarks import matching
 
-    before = _earlier(against)
+    before = _earlier(against, "matching")
     record = matching.run(repeat, _data_folder(data))
     _print_table(record)
     _conclude(record, out, before, strict)
@@ -119,7 +119,7 @@ def bench_adjustment(
     """Time the pose adjustment against GTSAM, Ceres and g2o on the same graphs."""
     from cartoloop.benchmarks import adjustment
 
-    before = _earlier(against)
+    before = _earlier(against, "adjustment")
     record = adjustment.run(repeat, _data_folder(data), largest)
     _print_table(record)
     _conclude(record, out, before, strict)
@@ -132,14 +132,17 @@ def bench_scaling(
     again: Annotated[
         bool, typer.Option("--again", help="Walk through one museum again and again.")
     ] = False,
+    repeat: RepeatOption = 1,
     against: AgainstOption = None,
     strict: StrictOption = False,
 ) -> None:
     """Measure time a node and memory as a run grows to many times the museum."""
     from cartoloop.benchmarks import scaling
 
-    before = _earlier(against)
-    record = scaling.run(times, again=again, tell=lambda line: typer.echo(line, err=True))
+    before = _earlier(against, scaling.name_of(again))
+    record = scaling.run(
+        times, again=again, repeats=repeat, tell=lambda line: typer.echo(line, err=True)
+    )
     _print_table(record)
     _conclude(record, out, before, strict)
 
@@ -168,13 +171,20 @@ def _names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
-def _earlier(path: Path | None) -> Record | None:
+def _earlier(path: Path | None, benchmark: str) -> Record | None:
     """Return the record to compare with; read first, for what is measured may replace it."""
     if path is None:
         return None
     from cartoloop.benchmarks.record import read_record
+    from cartoloop.errors import InputError
 
-    return read_record(path)
+    found = read_record(path)
+    if found.benchmark != benchmark:
+        raise InputError(
+            f"{path}: is a record of '{found.benchmark}', which '{benchmark}' cannot be compared "
+            "with; give one of the same benchmark"
+        )
+    return found
 
 
 def _print_table(record: Record) -> None:
@@ -193,6 +203,9 @@ def _conclude(record: Record, out: Path, before: Record | None, strict: bool) ->
     changes = [] if before is None else compare(record, before)
     lost = [] if before is None else gone(record, before)
     if before is not None:
+        machines = [found.environment.get("processor", "unknown") for found in (before, record)]
+        if machines[0] != machines[1]:
+            typer.echo(f"measured on another machine: {machines[0]}, now {machines[1]}", err=True)
         typer.echo(f"\n{changes_table(changes)}" if changes else "nothing changed beyond the noise")
     for case in lost:
         typer.echo(f"no figures any more: {case}", err=True)
