@@ -133,7 +133,7 @@ int main(int argc, char** argv) {
   google::InitGoogleLogging(argv[0]);
   Graph graph;
   if (argc != 2 || !ReadGraph(argv[1], &graph)) {
-    std::cerr << "ceres_pose_graph: give the file of a graph, as drivers.py writes it\n";
+    std::cerr << "ceres_pose_graph: give the file of a graph, as compiled_drivers.py writes it\n";
     return 1;
   }
   CeresSolver solver(graph);

@@ -155,7 +155,7 @@ class G2oSolver : public PoseGraphSolver {
 int main(int argc, char** argv) {
   Graph graph;
   if (argc != 2 || !ReadGraph(argv[1], &graph)) {
-    std::cerr << "g2o_pose_graph: give the file of a graph, as drivers.py writes it\n";
+    std::cerr << "g2o_pose_graph: give the file of a graph, as compiled_drivers.py writes it\n";
     return 1;
   }
   G2oSolver solver(graph);

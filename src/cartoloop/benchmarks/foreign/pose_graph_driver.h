@@ -3,7 +3,7 @@
 //
 //   DRIVER GRAPH
 //
-// GRAPH is what drivers.py writes: native int64 and double in the order of Graph below. Then, line
+// GRAPH is what compiled_drivers.py writes: native int64 and double in the order of Graph below. Then, line
 // by line on standard input:
 //
 //   solve METHOD   solves from the start in GRAPH, and answers with a line of JSON: seconds of
