@@ -58,7 +58,9 @@ def test_a_recording_without_odometry_is_mapped(tmp_path):
     [
         (["ring", "--lidar", "sik"], "nearest: sick"),
         (["ring", "--lines", "x.lines"], "has no tape lines"),
-        (["ring", "--duration=-1"], "must not be negative"),
+        (["ring", "--duration=-1"], "not negative"),
+        (["ring", "--duration", "nan"], "must be finite"),
+        (["ring", "--truth", "./a.log"], "a.log: cannot hold two outputs"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused_before_anything_is_written(

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from cartoloop.errors import ConfigError
+
 
 def simulate_command(
     world: Annotated[
@@ -52,6 +54,10 @@ def simulate_command(
     ] = None,
 ) -> None:
     """Simulate a robot's drive: scans, and odometry, with noise."""
+    paths = [path.resolve() for path in (out, truth, relations, lines) if path is not None]
+    if twice := sorted(path for path in set(paths) if paths.count(path) > 1):
+        raise ConfigError(f"{twice[0]}: cannot hold two outputs: give each a name of its own")
+
     from cartoloop.simulation import make_lidar, make_world, simulate
 
     recording = simulate(

@@ -25,7 +25,6 @@ FloatArray = NDArray[np.float64]
 # A time stamp of many digits, as real logs have: whoever keeps it in too few bits is found out.
 START_STAMP = 1_000_000_000.0
 
-
 SCANS_PER_BLOCK = 128  # simulated at a time: some 13 m of way, a megabyte of ranges
 
 
@@ -175,7 +174,7 @@ def simulate(
     Raises
     ------
     ConfigError
-        When `duration` is negative.
+        When `duration` is negative or not finite.
 
     Notes
     -----
@@ -186,8 +185,10 @@ def simulate(
     motion = motion or drive(world.route, *world.pace)
     if duration is None:
         duration = motion.duration
-    if duration < 0.0:
-        raise ConfigError(f"simulation of {duration:g} s: the duration must not be negative")
+    if not 0.0 <= duration < math.inf:
+        raise ConfigError(
+            f"simulation of {duration:g} s: the duration must be finite and not negative"
+        )
     lidar = lidar or world.lidar
     num_scans = int(np.floor(duration * lidar.rate + 1e-9)) + 1
     times = np.round(np.arange(num_scans) / lidar.rate, 6)
