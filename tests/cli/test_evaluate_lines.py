@@ -128,7 +128,7 @@ def test_the_largest_maps_are_drawn_smaller(floor):
         (["none.yaml", "lines.txt"], 1, "none.yaml: cannot be read"),
         (["map.yaml", "none.txt"], 1, "none.txt: cannot be read"),
         (["map.yaml", "lines.txt", "--search", "0"], 2, "search = 0 m"),
-        (["map.yaml", "lines.txt", "--plot", "lines.gif"], 1, "lines.gif: pictures are written as"),
+        (["map.yaml", "lines.txt", "--plot", "lines.gif"], 2, "ends in .png, .jpg, .jpeg or .webp"),
         (["map.yaml", "lines.txt", "--plot", "none/lines.png"], 1, "cannot be written"),
         (["map.yaml", "far.txt"], 1, "far.txt:2: end 1 of the line, (50, 0), is off the map"),
     ],

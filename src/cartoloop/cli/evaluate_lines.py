@@ -28,7 +28,7 @@ def lines_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Draw the lines over the map (png, jpg, webp)."),
+        typer.Option(metavar="FILE", help="Draw the lines over the map: .png, .jpg or .webp."),
     ] = None,
 ) -> None:
     """Measure lines wall to wall in a map, and compare them with the tape (table I of the paper).
@@ -38,13 +38,15 @@ def lines_command(
     import json
 
     from cartoloop.evaluation.lines import measure_lines, read_lines
+    from cartoloop.evaluation.lines_picture import PICTURE_FORMATS, draw_lines, write_picture
     from cartoloop.evaluation.map_image import read_map
+    from cartoloop.evaluation.plot_style import format_by_suffix
 
+    if plot is not None:
+        format_by_suffix(plot, PICTURE_FORMATS)  # refused before any work
     map_image = read_map(map_path)
     error = measure_lines(map_image, read_lines(lines), search)
     if plot is not None:
-        from cartoloop.evaluation.lines_picture import draw_lines, write_picture
-
         write_picture(draw_lines(map_image, error), plot)
     typer.echo(json.dumps(error.to_dict(), indent=2) if as_json else _table(error))
     for number, line in enumerate(error.lines, start=1):

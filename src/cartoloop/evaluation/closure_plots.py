@@ -17,6 +17,7 @@ from cartoloop.evaluation.plot_style import (
     error_colours,
     name_axes,
     render,
+    set_title,
 )
 from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
 from cartoloop.map_output.closures_file import Stage
@@ -51,8 +52,7 @@ def closures_plot(run: FinishedRun, *, title: str = "", image_format: ImageForma
 
     def draw(figure: Figure) -> None:
         draw_closures(figure, run)
-        if title:
-            figure.suptitle(title, fontsize=10.5)
+        set_title(figure, title)
 
     return render(draw, (10.0, 5.0), image_format)
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from cartoloop.errors import OutputError
 from cartoloop.evaluation.lines import LineError, LinesError
 from cartoloop.evaluation.map_image import MapImage
+from cartoloop.evaluation.plot_style import format_by_suffix
 from cartoloop.map_output.picture import BACKGROUND, CLOSURE_COLOUR, TRAJECTORY_COLOUR
 from cartoloop.map_output.save import write_file
 
@@ -22,7 +22,9 @@ Colour = tuple[int, int, int]
 
 _FLOOR: Colour = (255, 255, 255)
 _WALL: Colour = (33, 37, 43)
-_FORMATS = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".webp": "webp"}
+PICTURE_FORMATS = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".webp": "webp"}
+"""Of pictures of lines, by the suffix of their names."""
+
 _SMALLEST_EDGE, _LARGEST_EDGE = 1600, 4000
 _FONT_SIZE = 22
 _TICK = 9.0  # half of the bar across a line's end [px]
@@ -55,12 +57,12 @@ def write_picture(picture: Image.Image, path: Path) -> None:
 
     Raises
     ------
+    ConfigError
+        The name ends with no known format.
     OutputError
-        The name ends with no known format, or the file cannot be written.
+        The file cannot be written.
     """
-    picture_format = _FORMATS.get(path.suffix.lower())
-    if picture_format is None:
-        raise OutputError(f"{path}: pictures are written as {', '.join(_FORMATS)}; name one")
+    picture_format = format_by_suffix(path, PICTURE_FORMATS)
     buffer = io.BytesIO()
     picture.save(buffer, format=picture_format)
     write_file(path, buffer.getvalue())

@@ -8,10 +8,10 @@ it was: neither ``pyplot`` nor the user's style is used.
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from cartoloop.errors import ConfigError, OutputError
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ImageFormat = Literal["png", "svg"]
+Format = TypeVar("Format", bound=str)
 
 # Of the palette of Okabe and Ito, which people with any sort of colour vision can tell apart.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
@@ -65,11 +66,32 @@ def image_format(path: str | PathLike[str]) -> ImageFormat:
     OutputError
         Matplotlib is not installed.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix not in (".png", ".svg"):
-        raise ConfigError(f"{path}: plots are PNG or SVG: give a name that ends in .png or .svg")
+    chosen: ImageFormat = format_by_suffix(path, {".png": "png", ".svg": "svg"})
     require_matplotlib()
-    return "png" if suffix == ".png" else "svg"
+    return chosen
+
+
+def format_by_suffix(path: str | PathLike[str], formats: Mapping[str, Format]) -> Format:
+    """Return the format of an image by the suffix of its file.
+
+    Parameters
+    ----------
+    path : of the image.
+    formats : by suffix, in small letters and with the point.
+
+    Raises
+    ------
+    ConfigError
+        The suffix is none of them.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in formats:
+        *others, last = formats
+        raise ConfigError(
+            f"{path}: cannot be drawn in such a format: give a name that ends in "
+            f"{', '.join(others)} or {last}"
+        )
+    return formats[suffix]
 
 
 def require_matplotlib() -> None:
@@ -129,6 +151,12 @@ def error_colours() -> Colormap:
     return LinearSegmentedColormap.from_list(
         "error", [plasma(0.85 * step / 15) for step in range(16)]
     )
+
+
+def set_title(figure: Figure, title: str) -> None:
+    """Write the title above all, if there is one."""
+    if title:
+        figure.suptitle(title, fontsize=10.5)
 
 
 def name_axes(axes: Axes, x: str, y: str) -> None:

@@ -22,6 +22,7 @@ from cartoloop.evaluation.plot_style import (
     error_colours,
     name_axes,
     render,
+    set_title,
 )
 
 if TYPE_CHECKING:
@@ -95,7 +96,7 @@ def error_histogram(
         _draw_histogram(right, [(one.label, one.rotation_deg) for one in series], "deg")
         name_axes(left, "translational error [cm]", "share of errors [%]")
         name_axes(right, "rotational error [deg]", "")
-        _set_title(figure, title)
+        set_title(figure, title)
 
     return render(draw, (8.0 + 2.5 * max(len(series) - 2, 0), 4.0), image_format)
 
@@ -114,7 +115,7 @@ def trajectory_plot(
 
     def draw(figure: Figure) -> None:
         _draw_trajectories(figure.subplots(), lines)
-        _set_title(figure, title)
+        set_title(figure, title)
 
     width, height = np.ptp(np.vstack([line.positions[:, :2] for line in lines]), axis=0)
     shape = float(np.clip(height / max(width, 1e-9), 0.35, 0.9))
@@ -140,7 +141,7 @@ def error_over_time(
 
     def draw(figure: Figure) -> None:
         _draw_over_time(figure.subplots(2, 1), series)
-        _set_title(figure, title)
+        set_title(figure, title)
 
     return render(draw, (8.0, 4.2), image_format)
 
@@ -171,7 +172,7 @@ def trajectory_error_plot(
         axes = figure.subplot_mosaic([["path", "translation"], ["path", "rotation"]])
         _draw_trajectories(axes["path"], lines)
         _draw_over_time((axes["translation"], axes["rotation"]), [errors])
-        _set_title(figure, title)
+        set_title(figure, title)
 
     return render(draw, (9.0, 4.2), image_format)
 
@@ -283,8 +284,3 @@ def _legend_above(axes: Axes, columns: int) -> None:
 
 def _length_unit(greatest: float) -> tuple[float, str]:
     return (1.0, "m") if greatest >= 1.0 else (100.0, "cm")
-
-
-def _set_title(figure: Figure, title: str) -> None:
-    if title:
-        figure.suptitle(title, fontsize=10.5)
