@@ -68,10 +68,13 @@ def test_trajectory_draws_a_plot(files, tmp_path, name):
     ("arguments", "status", "message"),
     [
         (["--delta", "500"], 1, "no two of the 21 common poses are 500 m apart"),
-        (["--plot", "a.pdf"], 2, "plots are PNG or SVG"),
+        (["--plot", "a.pdf"], 2, "a name that ends in .png or .svg"),
         (["--plot", "/none/a.png"], 1, "cannot be written"),
-        (["--delta", "0.5", "--delta-unit", "frames"], 1, "whole number"),
-        (["--max-difference", "-1"], 1, "of the same recording?"),
+        (["--delta", "0.5", "--delta-unit", "frames"], 2, "whole number"),
+        (["--delta", "nan", "--delta-unit", "frames"], 2, "whole number"),
+        (["--delta", "inf", "--delta-unit", "frames"], 2, "whole number"),
+        (["--delta", "nan"], 2, "above 0"),
+        (["--max-difference", "-1"], 2, "give 0 s or more"),
     ],
 )
 def test_trajectory_errors_are_one_line(files, capsys, arguments, status, message):
@@ -81,6 +84,19 @@ def test_trajectory_errors_are_one_line(files, capsys, arguments, status, messag
     assert captured.out == ""
     assert captured.err.count("\n") == 1
     assert message in captured.err
+
+
+def test_poses_that_do_not_count_are_told(files, tmp_path, capsys):
+    other = tmp_path / "other.tum"
+    other.write_text("".join(f"{20 + i} {i} 0 0 0 0 0 1\n" for i in range(15)))
+
+    assert run(["evaluate", "trajectory", str(other), files["truth"], "--json"]) == 0
+
+    captured = capsys.readouterr()
+    error = json.loads(captured.out)
+    assert (error["num_poses"], error["num_missing"]) == (11, 4)
+    assert captured.err.count("\n") == 1
+    assert "4 of 15 poses do not count" in captured.err
 
 
 def test_relations_before_and_after_stand_side_by_side(files, capsys):

@@ -73,6 +73,15 @@ def test_scans_whose_stamp_is_not_theirs_alone_are_left_out(tmp_path):
     assert pairs(make_relations(read_run(tmp_path), min_distance=1.0)) == [(1, 4)]
 
 
+def test_a_trajectory_of_another_run_is_refused(run_of, tmp_path):
+    run = run_of(closure(0, 5))
+    path = run.folder / "trajectory.tum"
+    path.write_text("1 0 0 0 0 0 0 1\n")
+
+    with pytest.raises(InputError, match=r"trajectory\.tum: is not of the same run"):
+        make_relations(run, 1.0)
+
+
 def test_the_run_itself_agrees_and_a_drifted_one_does_not(run_of, tmp_path):
     made = make_relations(run_of(closure(0, 5), closure(0, 4)), min_distance=1.0)
     path = tmp_path / "made.relations"

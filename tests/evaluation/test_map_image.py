@@ -216,7 +216,7 @@ def test_a_missing_file_and_a_folder_without_a_map_are_told(tmp_path):
 def test_the_image_itself_is_no_yaml(tmp_path):
     write_map(tmp_path, np.full((9, 9), 254, np.uint8))
 
-    with pytest.raises(InputError, match="is no text; give the YAML file of a map"):
+    with pytest.raises(InputError, match="is no text; expected the YAML file of a map"):
         read_map(tmp_path / "map.pgm")
 
 

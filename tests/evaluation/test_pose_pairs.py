@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cartoloop.errors import InputError
+from cartoloop.errors import ConfigError
 from cartoloop.evaluation.pose_pairs import DELTA_TOLERANCE, frame_pairs, span_pairs
 
 # Steps of eighths are exact, and often nothing, as of a robot that stands.
@@ -73,14 +73,14 @@ def test_frames_are_counted():
     assert pairs_of(frame_pairs(2, 2, all_pairs=True)) == []
 
 
-@pytest.mark.parametrize("delta", [0, -1, 1.5])
-def test_impossible_numbers_of_frames_are_input_errors(delta):
-    with pytest.raises(InputError, match="whole number"):
+@pytest.mark.parametrize("delta", [0, -1, 1.5, np.inf, np.nan])
+def test_impossible_numbers_of_frames_are_refused(delta):
+    with pytest.raises(ConfigError, match="whole number"):
         frame_pairs(6, delta, all_pairs=True)
 
 
 @pytest.mark.parametrize("delta", [0.0, -1.0, np.inf, np.nan])
 @pytest.mark.parametrize("all_pairs", [True, False])
-def test_impossible_spans_are_input_errors(delta, all_pairs):
-    with pytest.raises(InputError, match="above 0"):
+def test_impossible_spans_are_refused(delta, all_pairs):
+    with pytest.raises(ConfigError, match="above 0"):
         span_pairs(np.array([0.0, 1.0]), delta, all_pairs=all_pairs)

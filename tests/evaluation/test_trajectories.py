@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cartoloop.errors import InputError
+from cartoloop.errors import ConfigError, InputError
 from cartoloop.evaluation.trajectories import (
     Trajectory,
     absolute_trajectory_error,
@@ -37,12 +37,26 @@ def test_reads_poses_and_skips_comments_and_blank_lines(tmp_path):
     assert trajectory.poses[0] == pytest.approx([1, 2, math.radians(30)])
 
 
-def test_the_length_of_a_quaternion_does_not_count(tmp_path):
+def test_a_quaternion_of_few_digits_need_not_be_of_unit_length(tmp_path):
     half = math.radians(100) / 2
     path = tmp_path / "t.tum"
-    path.write_text(f"1 0 0 0 0 0 {3 * math.sin(half)} {3 * math.cos(half)}\n")
+    path.write_text(f"1 0 0 0 0 0 {1.05 * math.sin(half)} {1.05 * math.cos(half)}\n")
 
     assert read_tum(path).poses[0, 2] == pytest.approx(math.radians(100))
+
+
+def test_a_file_of_relations_is_not_taken_for_a_trajectory(tmp_path):
+    path = tmp_path / "some.relations"
+    path.write_text("# from to pose\n10.5 11.5 1 0 0 0 0 0.3\n")
+
+    with pytest.raises(InputError, match=r"some\.relations:2: .* of length 0\.3, not 1"):
+        read_tum(path)
+
+
+@pytest.mark.parametrize("tolerance", [-1.0, math.nan])
+def test_an_impossible_tolerance_of_stamps_is_refused(tolerance):
+    with pytest.raises(ConfigError, match="give 0 s or more"):
+        trajectory_of([1, 2]).find(np.array([1.0]), tolerance)
 
 
 @pytest.mark.parametrize(

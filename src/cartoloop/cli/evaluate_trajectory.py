@@ -82,6 +82,13 @@ def trajectory_command(
     if plot is not None and plot_format is not None:
         _plot(error, plot, plot_format, f"{_short(estimate)} against {_short(truth)}")
     typer.echo(json.dumps(error.to_dict(), indent=2) if as_json else _table(error))
+    if num_missing := error.matched.num_missing:
+        fewer = len(error.matched.stamps) + num_missing
+        typer.echo(
+            f"cartoloop: {num_missing} of {fewer} poses do not count: {estimate} and {truth} have "
+            f"no poses within {max_difference:g} s of each other there: of the same recording?",
+            err=True,
+        )
 
 
 def _table(error: TrajectoryError) -> str:

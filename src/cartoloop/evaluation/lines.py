@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from cartoloop.errors import ConfigError, InputError
 from cartoloop.evaluation.map_image import MapImage
+from cartoloop.evaluation.text_table import read_table
 from cartoloop.evaluation.wall_search import wall_distance
 
 FloatArray = NDArray[np.float64]
@@ -155,39 +155,13 @@ def read_lines(path: str | PathLike[str]) -> Lines:
         The file cannot be read or holds no line, or one is not four or five finite numbers, or no
         line between two places, or its length not above zero.
     """
-    path = Path(path)
-    try:
-        texts = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no text; expected lines of '{LAYOUT}'") from error
-    rows: list[list[float]] = []
-    places: list[str] = []
-    for number, text in enumerate(texts, start=1):
-        content = text.partition("#")[0].strip()
-        if content:
-            places.append(f"{path}:{number}")
-            rows.append(_parse_line(content, places[-1]))
-    if not rows:
-        raise InputError(f"{path}: is empty; expected lines of '{LAYOUT}'")
-    table = np.array(rows, dtype=np.float64)
-    return Lines(ends=table[:, :4], lengths=table[:, 4], places=tuple(places))
-
-
-def _parse_line(content: str, place: str) -> list[float]:
-    """Return the five numbers of a line, the last nan if it is not given."""
-    try:
-        numbers = [float(token) for token in content.split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in (4, 5) or not np.all(np.isfinite(numbers)):
-        raise InputError(f"{place}: expected 4 or 5 numbers '{LAYOUT}', found '{content[:60]}'")
-    if numbers[:2] == numbers[2:4]:
-        raise InputError(f"{place}: both ends of the line are the same, {content[:60]}")
-    if len(numbers) == 5 and numbers[4] <= 0.0:
-        raise InputError(f"{place}: the length is {numbers[4]:g}; expected metres above 0")
-    return numbers if len(numbers) == 5 else [*numbers, math.nan]
+    table, places = read_table(path, LAYOUT, num_optional=1)
+    for place, (x1, y1, x2, y2, length) in zip(places, table.tolist(), strict=True):
+        if (x1, y1) == (x2, y2):
+            raise InputError(f"{place}: both ends of the line are the same, ({x1:g}, {y1:g})")
+        if length <= 0.0:
+            raise InputError(f"{place}: the length is {length:g}; expected metres above 0")
+    return Lines(ends=table[:, :4], lengths=table[:, 4], places=places)
 
 
 def measure_lines(

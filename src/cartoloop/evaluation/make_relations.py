@@ -47,7 +47,7 @@ def make_relations(
     Raises
     ------
     InputError
-        No closure is left, or the run's ``trajectory.tum`` cannot be read.
+        No closure is left, or the run's ``trajectory.tum`` cannot be read or is not its own.
     """
     closures = run.closures[Stage.FINAL]
     steps = np.hypot(*np.diff(run.node_poses[:, :2], axis=0).T)
@@ -90,7 +90,10 @@ def relations_text(relations: Relations) -> str:
 
 def _has_own_stamp(run: FinishedRun) -> NDArray[np.bool_]:
     """Return which nodes' scans no other scan of the run has the stamp of, shape (n,)."""
-    stamps, counts = np.unique(read_tum(run.folder / "trajectory.tum").stamps, return_counts=True)
+    path = run.folder / "trajectory.tum"
+    stamps, counts = np.unique(read_tum(path).stamps, return_counts=True)
+    if not np.all(np.isin(run.stamps, stamps)):
+        raise InputError(f"{path}: is not of the same run as nodes.csv beside it; map again")
     own: NDArray[np.bool_] = ~np.isin(run.stamps, stamps[counts > 1])
     return own
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cartoloop.errors import InputError
+from cartoloop.evaluation.text_table import read_text_lines
 from cartoloop.sensor.pose import Pose, inverse, transform_points
 
 FloatArray = NDArray[np.float64]
@@ -129,12 +130,7 @@ def _read_yaml(path: Path) -> dict[str, str | list[str]]:
 
     Maps are described by scalars and one list of three numbers, in brackets or one a line.
     """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no text; give the YAML file of a map") from error
+    lines = read_text_lines(path, "the YAML file of a map")
     values: dict[str, str | list[str]] = {}
     key = ""
     for number, line in enumerate(lines, start=1):

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.errors import InputError
+from cartoloop.errors import ConfigError
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -28,11 +28,11 @@ def frame_pairs(num_poses: int, delta: float, all_pairs: bool) -> tuple[IndexArr
 
     Raises
     ------
-    InputError
+    ConfigError
         `delta` is no such number.
     """
-    if delta < 1 or delta != int(delta):
-        raise InputError(f"a delta of {delta:g} frames is impossible: give a whole number from 1")
+    if not (delta >= 1.0 and float(delta).is_integer()):
+        raise ConfigError(f"a delta of {delta:g} frames is impossible: give a whole number from 1")
     first = np.arange(0, num_poses - int(delta), 1 if all_pairs else int(delta), dtype=np.int64)
     return first, first + int(delta)
 
@@ -50,11 +50,11 @@ def span_pairs(places: FloatArray, delta: float, all_pairs: bool) -> tuple[Index
 
     Raises
     ------
-    InputError
+    ConfigError
         `delta` is not above 0.
     """
     if not (delta > 0.0 and np.isfinite(delta)):
-        raise InputError(f"a delta of {delta:g} is impossible: give one above 0")
+        raise ConfigError(f"a delta of {delta:g} is impossible: give one above 0")
     if all_pairs:
         return _nearest_pairs(places, delta)
     return _consecutive_pairs(np.diff(places).tolist(), delta)

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from cartoloop.errors import InputError
 from cartoloop.evaluation.error_statistics import percentiles
-from cartoloop.evaluation.trajectories import Trajectory, read_table
+from cartoloop.evaluation.text_table import read_table
+from cartoloop.evaluation.trajectories import Trajectory
 from cartoloop.sensor.pose import relative_all, wrap_angles
 
 FloatArray = NDArray[np.float64]
@@ -98,7 +99,7 @@ def read_relations(path: str | PathLike[str]) -> Relations:
     InputError
         The file cannot be read, holds no relation, or a line is not eight finite numbers.
     """
-    table = read_table(path, "stamp1 stamp2 x y z roll pitch yaw")
+    table, _ = read_table(path, "stamp1 stamp2 x y z roll pitch yaw")
     return Relations(stamps=table[:, :2], poses=table[:, [2, 3, 7]])
 
 
@@ -114,6 +115,8 @@ def evaluate_relations(
 
     Raises
     ------
+    ConfigError
+        `tolerance` is negative or no number.
     InputError
         No relation has both of its stamps in the trajectory.
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.errors import InputError
+from cartoloop.errors import ConfigError, InputError
+from cartoloop.evaluation.text_table import read_table
 from cartoloop.sensor.pose import Pose, compose_all
 
 FloatArray = NDArray[np.float64]
+
+_MAX_LENGTH_ERROR = 0.1  # of quaternions: written with few digits, they are not of length one
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,16 @@ class Trajectory:
         """Return the row nearest in time to each stamp, -1 where none is within `tolerance` [s].
 
         Of several poses with one stamp the first counts, of two equally near the earlier.
+
+        Raises
+        ------
+        ConfigError
+            `tolerance` is negative or no number.
         """
+        if not tolerance >= 0.0:
+            raise ConfigError(
+                f"stamps cannot be {tolerance:g} s apart to be the same: give 0 s or more"
+            )
         if len(self.stamps) == 0:
             return np.full(len(stamps), -1, dtype=np.int64)
         # Recorded stamps may run backwards, and then a search in file order misses them.
@@ -56,56 +67,19 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
     Raises
     ------
     InputError
-        The file cannot be read, holds no pose, or a line is not eight finite numbers.
+        The file cannot be read, holds no pose, or a line is not eight finite numbers, the last
+        four a quaternion of about unit length (files of relations have eight numbers as well).
     """
-    table = read_table(path, "stamp tx ty tz qx qy qz qw")
+    table, places = read_table(path, "stamp tx ty tz qx qy qz qw")
+    lengths = np.linalg.norm(table[:, 4:], axis=1)
+    for row in np.flatnonzero(np.abs(lengths - 1.0) > _MAX_LENGTH_ERROR)[:1].tolist():
+        raise InputError(
+            f"{places[row]}: qx qy qz qw is of length {lengths[row]:.3g}, not 1; expected a "
+            "trajectory, lines of 'stamp tx ty tz qx qy qz qw'"
+        )
     qx, qy, qz, qw = table[:, 4:].T
-    # Right for any length: written with few digits, a quaternion is not of length one.
     yaw = np.arctan2(2.0 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz)
     return Trajectory(stamps=table[:, 0], poses=np.column_stack((table[:, 1:3], yaw)))
-
-
-def read_table(path: str | PathLike[str], layout: str) -> FloatArray:
-    """Return the numbers in a text file, shape (lines, columns); blank and ``#`` lines are skipped.
-
-    Parameters
-    ----------
-    path : the file.
-    layout : names of the columns, separated by blanks.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, holds no line, or a line is not one finite number a column.
-    """
-    path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no text; expected lines of '{layout}'") from error
-    rows = [
-        _parse_numbers(line, f"{path}:{number}", layout)
-        for number, line in enumerate(lines, start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not rows:
-        raise InputError(f"{path}: is empty; expected lines of '{layout}'")
-    return np.array(rows)
-
-
-def _parse_numbers(line: str, where: str, layout: str) -> list[float]:
-    try:
-        numbers = [float(token) for token in line.split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) != len(layout.split()) or not np.all(np.isfinite(numbers)):
-        raise InputError(
-            f"{where}: expected {len(layout.split())} numbers '{layout}', "
-            f"found '{line.strip()[:60]}'"
-        )
-    return numbers
 
 
 def align(points: FloatArray, reference: FloatArray) -> Pose:

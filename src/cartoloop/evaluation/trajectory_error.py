@@ -24,7 +24,7 @@ longer trajectory, its first pose counts here, in evo sometimes the last.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -52,11 +52,14 @@ class MatchedPoses:
     ----------
     stamps : float64 (n,) [s], those of the trajectory that has fewer poses, in its order.
     estimate, truth : float64 (n, 3), x [m], y [m], theta [rad], each in its own frame.
+    num_missing : poses of the trajectory that has fewer, without one of the same moment in the
+        other.
     """
 
     stamps: FloatArray
     estimate: FloatArray
     truth: FloatArray
+    num_missing: int = 0
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,7 @@ class TrajectoryError:
         x, y, theta = self.tf_truth_estimate
         return {
             "num_poses": len(self.matched.stamps),
+            "num_missing": self.matched.num_missing,
             "aligned": self.aligned,
             "alignment": {"x": x, "y": y, "theta_deg": float(np.degrees(theta))},
             "ate": self.absolute.to_dict(),
@@ -143,6 +147,8 @@ def evaluate_trajectory(
 
     Raises
     ------
+    ConfigError
+        `delta` or `max_difference` is impossible.
     InputError
         The trajectories have no moment in common, or no two poses are `delta` apart.
     """
@@ -151,7 +157,7 @@ def evaluate_trajectory(
     if aligned:
         tf_truth_estimate = align(matched.estimate[:, :2], matched.truth[:, :2])
         moved = compose_all(np.array(tf_truth_estimate), matched.estimate)
-        matched = MatchedPoses(matched.stamps, moved, matched.truth)
+        matched = replace(matched, estimate=moved)
     return TrajectoryError(
         matched=matched,
         tf_truth_estimate=tf_truth_estimate,
@@ -177,6 +183,8 @@ def match(
 
     Raises
     ------
+    ConfigError
+        `max_difference` is negative or no number.
     InputError
         There is no such pair of poses.
     """
@@ -196,6 +204,7 @@ def match(
         stamps=shorter.stamps[found],
         estimate=of_longer if swapped else of_shorter,
         truth=of_shorter if swapped else of_longer,
+        num_missing=int(np.count_nonzero(~found)),
     )
 
 
@@ -228,6 +237,8 @@ def relative_error(
 
     Raises
     ------
+    ConfigError
+        `delta` is impossible.
     InputError
         No two poses are so far apart.
 
@@ -240,6 +251,8 @@ def relative_error(
     the size of its angle. No alignment changes it. O(n log n).
     """
     poses = matched.estimate if pairs_from == "estimate" else matched.truth
+    if len(poses) < 2:
+        raise InputError("the trajectories have one pose in common: errors of motion need two")
     order = np.arange(len(poses))
     if delta_unit == "frames":
         first, second = frame_pairs(len(poses), delta, all_pairs)
