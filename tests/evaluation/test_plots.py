@@ -17,7 +17,6 @@ from cartoloop.evaluation.plots import (
     ErrorSeries,
     TrajectoryLine,
     error_histogram,
-    error_over_time,
     trajectory_error_plot,
     trajectory_plot,
 )
@@ -33,7 +32,6 @@ ESTIMATE = TrajectoryLine("estimate", PATH + 0.3, AFTER.translation)
 PLOTS = {
     "histogram": lambda **options: error_histogram([AFTER, BEFORE], **options),
     "trajectory": lambda **options: trajectory_plot([TRUTH, ESTIMATE], **options),
-    "over-time": lambda **options: error_over_time([AFTER, BEFORE], **options),
     "all": lambda **options: trajectory_error_plot([TRUTH, ESTIMATE], AFTER, **options),
 }
 
@@ -100,10 +98,10 @@ def test_trajectories_are_named_and_a_coloured_one_has_a_scale():
 def test_large_errors_are_in_metres_and_long_times_in_minutes():
     large = ErrorSeries("large", np.full(3, 2.5), np.ones(3), np.array([0.0, 900.0, 300.0]))
 
-    texts = texts_of(error_over_time([large], image_format="svg"))
+    texts = texts_of(trajectory_error_plot([TRUTH], large, image_format="svg"))
 
     assert {"translational error [m]", "time [min]"} <= texts
-    assert "time [s]" in texts_of(error_over_time([AFTER], image_format="svg"))
+    assert "time [s]" in texts_of(trajectory_error_plot([TRUTH], AFTER, image_format="svg"))
 
 
 def test_long_coloured_trajectories_stay_small_files():
@@ -119,7 +117,7 @@ def test_long_coloured_trajectories_stay_small_files():
 
 def test_errors_over_time_need_stamps():
     with pytest.raises(ValueError, match="stamps"):
-        error_over_time([ErrorSeries("none", np.ones(2), np.ones(2))])
+        trajectory_error_plot([TRUTH], ErrorSeries("none", np.ones(2), np.ones(2)))
 
 
 def test_the_suffix_chooses_the_format():

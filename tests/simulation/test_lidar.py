@@ -8,14 +8,15 @@ import pytest
 from cartoloop.errors import ConfigError
 from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import LIDARS, Lidar, make_lidar, museum
-from cartoloop.simulation.lidar import RangeNoise, measured_ranges, true_ranges, walls_within
+from cartoloop.simulation.lidar import RangeNoise, true_ranges, walls_within
 
 EXACT = Lidar(range_noise=0.0, dropout=0.0, range_quantum=0.0)
 RNG_SEED = 5
 
 
 def measure(ranges, lidar):
-    return measured_ranges(np.atleast_2d(ranges), lidar, np.random.default_rng(RNG_SEED))
+    ranges = np.atleast_2d(ranges)
+    return RangeNoise(lidar, np.random.default_rng(RNG_SEED), ranges.size).apply(ranges)
 
 
 def test_the_default_looks_from_right_to_left_as_a_sick_does():

@@ -45,7 +45,7 @@ class ErrorSeries:
     label : name in the legend.
     translation : float64 (n,), distances [m], n > 0.
     rotation_deg : float64 (n,), absolute angles [deg].
-    stamps : float64 (n,), when each occurred [s]; only :func:`error_over_time` asks for them.
+    stamps : float64 (n,), when each occurred [s]; only :func:`trajectory_error_plot` asks for them.
     """
 
     label: str
@@ -122,30 +122,6 @@ def trajectory_plot(
     return render(draw, (8.0, 1.2 + 6.4 * shape), image_format)
 
 
-def error_over_time(
-    series: Sequence[ErrorSeries], *, title: str = "", image_format: ImageFormat = "png"
-) -> bytes:
-    """Return the errors against the time since the first of them: translation above rotation.
-
-    Parameters
-    ----------
-    series : results to compare, all with stamps, in any order.
-    title : above the plot.
-    image_format : ``png`` or ``svg``.
-
-    Raises
-    ------
-    ValueError
-        A series has no stamps.
-    """
-
-    def draw(figure: Figure) -> None:
-        _draw_over_time(figure.subplots(2, 1), series)
-        set_title(figure, title)
-
-    return render(draw, (8.0, 4.2), image_format)
-
-
 def trajectory_error_plot(
     lines: Sequence[TrajectoryLine],
     errors: ErrorSeries,
@@ -158,7 +134,8 @@ def trajectory_error_plot(
     Parameters
     ----------
     lines : as for :func:`trajectory_plot`.
-    errors : as for :func:`error_over_time`.
+    errors : those of the trajectory, with stamps, in any order; drawn against the time since the
+        first of them, translation above rotation.
     title : above all.
     image_format : ``png`` or ``svg``.
 
@@ -171,7 +148,7 @@ def trajectory_error_plot(
     def draw(figure: Figure) -> None:
         axes = figure.subplot_mosaic([["path", "translation"], ["path", "rotation"]])
         _draw_trajectories(axes["path"], lines)
-        _draw_over_time((axes["translation"], axes["rotation"]), [errors])
+        _draw_over_time((axes["translation"], axes["rotation"]), errors)
         set_title(figure, title)
 
     return render(draw, (9.0, 4.2), image_format)
@@ -252,30 +229,25 @@ def _draw_trajectories(axes: Axes, lines: Sequence[TrajectoryLine]) -> None:
         _legend_above(axes, columns=4)
 
 
-def _draw_over_time(panels: Sequence[Axes], series: Sequence[ErrorSeries]) -> None:
-    stamps = [one.stamps for one in series if one.stamps is not None]
-    if len(stamps) != len(series):
-        raise ValueError("errors over time need the stamps of all series")
-    start = min(float(each.min()) for each in stamps)
-    in_minutes = max(float(each.max()) for each in stamps) - start > 600.0
-    factor, unit = _length_unit(max(float(one.translation.max()) for one in series))
-    for number, (one, own_stamps) in enumerate(zip(series, stamps, strict=True)):
-        order = np.argsort(own_stamps, kind="stable")
-        time = (own_stamps[order] - start) / (60.0 if in_minutes else 1.0)
-        colour = COLOURS[number % len(COLOURS)]
-        panels[0].plot(
-            time, factor * one.translation[order], color=colour, linewidth=1.0, label=one.label
-        )
-        panels[1].plot(time, one.rotation_deg[order], color=colour, linewidth=1.0)
+def _draw_over_time(panels: Sequence[Axes], errors: ErrorSeries) -> None:
+    if errors.stamps is None:
+        raise ValueError("errors over time need their stamps")
+    order = np.argsort(errors.stamps, kind="stable")
+    time = errors.stamps[order] - errors.stamps.min()
+    in_minutes = float(time[-1]) > 600.0
+    if in_minutes:
+        time = time / 60.0
+    factor, unit = _length_unit(float(errors.translation.max()))
+    for axes, values in zip(
+        panels, (factor * errors.translation, errors.rotation_deg), strict=True
+    ):
+        axes.plot(time, values[order], color=COLOURS[0], linewidth=1.0)
+        axes.set_ylim(bottom=0.0)
+        axes.margins(x=0.01)
     name_axes(panels[0], "", f"translational error [{unit}]")
     name_axes(panels[1], "time [min]" if in_minutes else "time [s]", "rotational error [deg]")
     panels[1].sharex(panels[0])
     panels[0].tick_params(labelbottom=False)
-    for axes in panels:
-        axes.set_ylim(bottom=0.0)
-        axes.margins(x=0.01)
-    if len(series) > 1:
-        _legend_above(panels[0], columns=4)
 
 
 def _legend_above(axes: Axes, columns: int) -> None:

@@ -238,15 +238,3 @@ class RangeNoise:
         measured[measured < lidar.range_min] = 0.0
         measured[lost | (measured >= lidar.range_max)] = lidar.no_return
         return measured
-
-
-def measured_ranges(ranges: FloatArray, lidar: Lidar, rng: np.random.Generator) -> FloatArray:
-    """Return exact ranges as the scanner reports them; see `RangeNoise`.
-
-    Parameters
-    ----------
-    ranges : float64, shape (n, num_beams) [m], inf where there is nothing to see.
-    lidar : the scanner.
-    rng : the source of noise.
-    """
-    return RangeNoise(lidar, rng, ranges.size).apply(ranges)
