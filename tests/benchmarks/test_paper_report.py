@@ -108,10 +108,10 @@ def test_folder_without_records_is_an_error(tmp_path: Path) -> None:
 
 
 def test_remarks_quote_no_recording_that_is_not_published() -> None:
-    from cartoloop.benchmarks.paper_report import _remarks
+    from cartoloop.benchmarks.paper_losses import remarks
 
-    assert set(_remarks()) - {"any"} <= set(published()["logs"])
-    assert json.dumps(_remarks())
+    assert set(remarks()) - {"any"} <= set(published()["logs"])
+    assert json.dumps(remarks())
 
 
 def performance_row(memory: float) -> Row:
