@@ -6,11 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cartoloop.global_slam.finished_submap import (
-    FinishedSubmap,
-    mean_score,
-    release_least_recent,
-)
+from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
+from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY, FinishedGrid
 
 
@@ -18,13 +15,6 @@ def wall():
     """Return a grid whose second row is a wall, the first free, the third never observed."""
     cells = np.array([[1] * 8, [255] * 8, [0] * 8], dtype=np.uint8)
     return FinishedGrid(cells, 0.0, 0.0, 0.1)
-
-
-def searched(index, last_used):
-    submap = FinishedSubmap(index, wall(), 0.9)
-    assert submap.smooth_map.cells.shape == (3, 8)
-    submap.last_used = last_used
-    return submap
 
 
 def test_the_score_is_the_mean_probability_and_unknown_or_outside_counts_as_the_least():
@@ -43,18 +33,21 @@ def test_no_nodes_and_no_grid_score_nothing():
     assert mean_score(wall(), [], np.zeros((0, 3))) == 0.0
 
 
-def test_what_was_searched_longest_ago_is_released_first():
-    submaps = [searched(0, 3), searched(1, 1), searched(2, 2)]
-    each = submaps[0].memory_bytes
-
-    release_least_recent(submaps, 2 * each)
-
-    assert [submap.memory_bytes > 0 for submap in submaps] == [True, False, True]
-
-
 def test_a_released_submap_makes_its_grids_anew():
-    submap = searched(0, 1)
-    before = submap.smooth_map.cells.copy()
+    submap = FinishedSubmap(0, wall(), 0.9)
+    before = submap.smooth_map
     submap.release()
-    assert submap.memory_bytes == 0
-    np.testing.assert_array_equal(submap.smooth_map.cells, before)
+    after = submap.smooth_map
+    assert after is not before
+    np.testing.assert_array_equal(after.cells, before.cells)
+
+
+def test_what_a_search_needs_is_about_what_it_makes():
+    cells = np.random.default_rng(0).integers(0, 256, (400, 500), dtype=np.uint8)
+    submap = FinishedSubmap(0, FinishedGrid(cells, 0.0, 0.0, 0.05), 0.9)
+    smooth_map = submap.smooth_map
+    submap.matcher.match(
+        np.zeros((1, 2)), Pose(1.0, 1.0, 0.0), linear_window=1.0, angular_window=0.1, min_score=0.0
+    )
+    made = smooth_map.cells.nbytes + submap.matcher.memory_bytes
+    assert submap.search_bytes == pytest.approx(made, rel=0.5)

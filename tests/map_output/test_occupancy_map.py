@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from cartoloop.config import SubmapConfig
 from cartoloop.errors import OutputError
 from cartoloop.kernels.map_composition import add_submap, cell_evidence
 from cartoloop.map_output.occupancy_map import UNKNOWN, compose_map
+from cartoloop.submaps.finished_grid import FinishedGrid
 from tests.reference.naive_map_composition import naive_add_submap, naive_cell_evidence
 
 CONFIG = SubmapConfig()
@@ -24,12 +24,8 @@ LOG_ODDS[0] = 0.0
 FREE, OCCUPIED, RATHER_OCCUPIED = 1, 255, 191
 
 
-@dataclass
-class Grid:
-    cells: np.ndarray
-    origin_x: float = 0.0
-    origin_y: float = 0.0
-    resolution: float = CONFIG.resolution
+def finished_grid(cells, origin_x=0.0, origin_y=0.0, resolution=CONFIG.resolution):
+    return FinishedGrid(cells, origin_x, origin_y, resolution)
 
 
 def wall_grid(offset_cells=0, size=80):
@@ -37,7 +33,7 @@ def wall_grid(offset_cells=0, size=80):
     cells = np.full((size, size), FREE, np.uint8)
     cells[:, size // 2 + offset_cells] = OCCUPIED
     start = -(size // 2) * CONFIG.resolution
-    return Grid(cells, start, start)
+    return finished_grid(cells, start, start)
 
 
 def at(occupancy_map, x, y):
@@ -76,7 +72,7 @@ def test_a_submap_in_place_keeps_its_probabilities():
     cells = np.array([[1, 126, 0, 1], [1, 64, 1, 255]], np.uint8)
     half = CONFIG.resolution / 2
 
-    occupancy_map = compose_map([Grid(cells, half, half)], np.zeros((1, 3)), CONFIG)
+    occupancy_map = compose_map([finished_grid(cells, half, half)], np.zeros((1, 3)), CONFIG)
 
     inner = occupancy_map.probability[5:-5, 5:-5]
     assert inner.shape == (2, 4)
@@ -94,7 +90,7 @@ def test_the_origin_is_the_lower_left_corner_and_rows_go_up():
     cells[2, 4] = OCCUPIED
     pose = np.array([[10.0, 20.0, 0.0]])
 
-    occupancy_map = compose_map([Grid(cells, 0.025, 0.025)], pose, CONFIG)
+    occupancy_map = compose_map([finished_grid(cells, 0.025, 0.025)], pose, CONFIG)
 
     assert at(occupancy_map, 10.0 + 4.5 * 0.05, 20.0 + 2.5 * 0.05) > 0.9
     assert at(occupancy_map, 10.0 + 0.5 * 0.05, 20.0 + 0.5 * 0.05) == pytest.approx(0.1)
@@ -107,7 +103,7 @@ def test_a_quarter_turn_turns_the_map():
     cells[0, 3] = OCCUPIED
     pose = np.array([[0.0, 0.0, math.pi / 2]])
 
-    occupancy_map = compose_map([Grid(cells, 0.025, 0.025)], pose, CONFIG)
+    occupancy_map = compose_map([finished_grid(cells, 0.025, 0.025)], pose, CONFIG)
 
     assert at(occupancy_map, -0.025, 0.175) > 0.9
     assert at(occupancy_map, -0.025, 0.025) == pytest.approx(0.1)
@@ -130,7 +126,7 @@ def test_walls_stay_unbroken_and_floors_without_holes_when_turned(angle_deg):
 
 
 def test_evidence_adds_up_over_submaps():
-    weak = Grid(np.full((1, 1), RATHER_OCCUPIED, np.uint8), 0.025, 0.025)
+    weak = finished_grid(np.full((1, 1), RATHER_OCCUPIED, np.uint8), 0.025, 0.025)
 
     once = compose_map([weak], np.zeros((1, 3)), CONFIG).probability.max()
     thrice = compose_map([weak] * 3, np.zeros((3, 3)), CONFIG).probability.max()
@@ -139,8 +135,8 @@ def test_evidence_adds_up_over_submaps():
 
 
 def test_a_passer_by_seen_once_is_outweighed_but_a_wall_is_not():
-    hit = Grid(np.full((1, 1), OCCUPIED, np.uint8), 0.025, 0.025)
-    free = Grid(np.full((1, 1), FREE, np.uint8), 0.025, 0.025)
+    hit = finished_grid(np.full((1, 1), OCCUPIED, np.uint8), 0.025, 0.025)
+    free = finished_grid(np.full((1, 1), FREE, np.uint8), 0.025, 0.025)
 
     def judged(hits, misses):
         grids = [free] * misses + [hit] * hits
@@ -170,7 +166,7 @@ def test_walls_a_pixel_apart_do_not_wipe_each_other_out():
 
 
 def test_nothing_seen_is_one_unknown_cell():
-    empty = Grid(np.zeros((4, 4), np.uint8))
+    empty = finished_grid(np.zeros((4, 4), np.uint8))
 
     for grids, poses in (([], np.zeros((0, 3))), ([empty], np.zeros((1, 3)))):
         assert compose_map(grids, poses, CONFIG).probability.tolist() == [[UNKNOWN]]

@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 
+from cartoloop.benchmarks import measured_child
 from cartoloop.errors import CartoloopError
 
 
@@ -43,25 +44,18 @@ def run_command(*arguments: str | Path) -> CommandRun:
     """
     if not hasattr(os, "wait4"):
         raise CommandFailed("whole commands can be measured on Linux and macOS only")
-    command = [sys.executable, "-m", "cartoloop", *map(str, arguments)]
-    with tempfile.TemporaryFile() as said:
-        start = perf_counter()
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said)
-        try:
-            _, status, usage = os.wait4(process.pid, 0)
-        except BaseException:
-            process.terminate()
-            process.wait()
-            raise
-        wall_s = perf_counter() - start
-        process.returncode = os.waitstatus_to_exitcode(status)
-        if process.returncode != 0:
-            said.seek(0)
-            lines = said.read().decode("utf-8", "replace").strip().splitlines()
-            last = lines[-1] if lines else "it said nothing"
+    words = [str(argument) for argument in arguments]
+    with tempfile.TemporaryDirectory(prefix="cartoloop-run-") as folder:
+        said = Path(folder) / "said.txt"
+        child = [sys.executable, "-I", "-S", measured_child.__file__, str(said)]
+        command = [sys.executable, "-m", "cartoloop", *words]
+        done = subprocess.run([*child, *command], capture_output=True, text=True, check=False)
+        told = json.loads(done.stdout) if done.returncode == 0 else {"status": done.returncode}
+        if told["status"] != 0:
+            text = said.read_text("utf-8", "replace") if said.exists() else done.stderr
+            lines = text.strip().splitlines() or ["it said nothing"]
             raise CommandFailed(
-                f"'cartoloop {' '.join(map(str, arguments))}' ended with status "
-                f"{process.returncode}: {last}"
+                f"'cartoloop {' '.join(words)}' ended with status {told['status']}: {lines[-1]}"
             )
     bytes_a_unit = 1 if sys.platform == "darwin" else 1024
-    return CommandRun(wall_s, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * bytes_a_unit / 1e6)
+    return CommandRun(told["wall_s"], told["cpu_s"], told["max_rss"] * bytes_a_unit / 1e6)

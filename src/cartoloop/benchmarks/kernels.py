@@ -211,10 +211,10 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
     case: Case = {"input": driven.name}
     search = driven.config.global_slam.constraint_search
     submap = driven.finished[0]
-    yield Workload("finish", (), case, submap.grid.finish, grid.cells.size, "pixels")
+    yield Workload("finish", (), case, submap.grid.finish, grid.size, "pixels")
     yield Workload(
         "precompute", ("precomputation_grid",), case,
-        partial(PrecomputationGrids, grid.cells), grid.cells.size, "pixels",
+        partial(PrecomputationGrids, grid.cells), grid.size, "pixels",
     )  # fmt: skip
     own = [node for node in driven.nodes if submap in node.submaps]
     in_submap = [relative(submap.tf_local_submap, node.tf_local_tracking) for node in own]
@@ -249,7 +249,7 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
     yield Workload(
         "compose map", ("map_composition",), case,
         partial(compose_map, driven.grids, poses, driven.config.local_slam.submaps),
-        sum(grid.cells.size for grid in driven.grids), "pixels",
+        sum(grid.size for grid in driven.grids), "pixels",
     )  # fmt: skip
 
 

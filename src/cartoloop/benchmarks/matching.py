@@ -284,7 +284,7 @@ def top_rows(group: Group, repeats: int, sizes: Sizes) -> list[Row]:
 
 def grids_row(place: Place, repeats: int) -> Row:
     """Return the row of making the precomputed grids of each submap."""
-    submaps = [grid.cells for grid in place.grids if grid.cells.size]
+    submaps = [grid.cells for grid in place.grids if grid.size]
     seconds = [sample_seconds(partial(PrecomputationGrids, cells), repeats) for cells in submaps]
     return Row(
         {"part": "precomputed grids", "source": place.source},

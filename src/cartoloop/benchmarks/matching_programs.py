@@ -77,7 +77,7 @@ class Problem:
     @property
     def half_widths(self) -> IntArray:
         """(w_x, w_y, w_theta) of eq. (8), int64."""
-        num_rows, num_cols = self.grid.cells.shape
+        num_rows, num_cols = self.grid.shape
         half_size = (num_cols // 2, num_rows // 2)
         if math.isfinite(self.window.linear):
             half_size = 2 * (math.ceil(self.window.linear / self.grid.resolution - ROUNDING),)
@@ -108,7 +108,7 @@ class Problem:
 def global_problem(problem: Problem) -> Problem:
     """Return the problem of finding the same scan anywhere in the submap."""
     grid = problem.grid
-    num_rows, num_cols = grid.cells.shape
+    num_rows, num_cols = grid.shape
     centre = Pose(
         grid.origin_x + num_cols // 2 * grid.resolution,
         grid.origin_y + num_rows // 2 * grid.resolution,

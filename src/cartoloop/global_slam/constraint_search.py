@@ -4,23 +4,30 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from time import perf_counter
 from typing import TypeVar
 
 from cartoloop.config import ConstraintSearchConfig
-from cartoloop.global_slam.finished_submap import FinishedSubmap, release_least_recent
+from cartoloop.global_slam.finished_submap import FinishedSubmap
 from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest, search
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
+Numbered = tuple[int, SearchRequest]
 
 MAX_THREADS = 4
 """More threads than this have nothing to do."""
 
+BATCH = 50
+"""Nodes sought in one submap by one task of a background thread."""
+
+MAX_WAITING = 100
+"""Requests that wait for others in the same submap: what a search needs of it is made once."""
+
 PRECOMPUTED_BYTES = 96 * 2**20
-"""Precomputed grids kept between two rounds of searches."""
+"""About how much is kept of what was computed of submaps to search them."""
 
 
 class ConstraintSearch:
@@ -33,31 +40,37 @@ class ConstraintSearch:
         self._config = config
         num_threads = num_threads or min(os.cpu_count() or 1, MAX_THREADS)
         self._threads = ThreadPoolExecutor(num_threads, thread_name_prefix="loop-closure")
-        self._pending: list[Future[tuple[list[LoopClosure], float]]] = []
-        self._searched: dict[int, FinishedSubmap] = {}
-        self._round = 1
+        self._waiting: dict[int, list[Numbered]] = {}
+        self._num_waiting = 0
+        self._pending: list[Future[tuple[list[tuple[int, LoopClosure]], float]]] = []
+        self._submaps: dict[int, FinishedSubmap] = {}
+        self._kept: dict[int, FinishedSubmap] = {}
         self.num_searched = 0
         self.durations: list[float] = []
 
     def submit(self, submap: FinishedSubmap, requests: Sequence[SearchRequest]) -> None:
         """Have nodes sought in one submap; returns at once."""
-        if requests:
-            self.num_searched += len(requests)
-            submap.last_used = self._round
-            self._searched[submap.index] = submap
-            self._pending.append(self._threads.submit(self._run, submap, tuple(requests)))
+        if not requests:
+            return
+        numbered = enumerate(requests, start=self.num_searched)
+        self._waiting.setdefault(submap.index, []).extend(numbered)
+        self._submaps[submap.index] = submap
+        self.num_searched += len(requests)
+        self._num_waiting += len(requests)
+        if self._num_waiting >= MAX_WAITING:
+            self._start_waiting()
 
     def collect(self) -> list[LoopClosure]:
         """Wait for all that was submitted and return what was found, in the order submitted."""
+        self._start_waiting()
         pending, self._pending = self._pending, []
-        found: list[LoopClosure] = []
+        found: list[tuple[int, LoopClosure]] = []
         for future in pending:
             closures, duration = future.result()
             found += closures
             self.durations.append(duration)
-        release_least_recent(self._searched.values(), PRECOMPUTED_BYTES)
-        self._round += 1
-        return found
+        self._submaps.clear()
+        return [closure for _, closure in sorted(found, key=lambda numbered: numbered[0])]
 
     def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> list[Answer]:
         """Run a task on each of the items in the background threads; answers in their order."""
@@ -67,9 +80,36 @@ class ConstraintSearch:
         """Drop what is not begun and end the threads."""
         self._threads.shutdown(wait=True, cancel_futures=True)
 
+    def _start_waiting(self) -> None:
+        """Hand the requests to the threads, those of a submap together."""
+        waiting, self._waiting, self._num_waiting = self._waiting, {}, 0
+        # those first of which there is something, lest it be dropped for the others
+        for index in sorted(waiting, key=lambda index: index not in self._kept):
+            submap, numbered = self._submaps[index], waiting[index]
+            self._keep(submap, waiting)
+            for first in range(0, len(numbered), BATCH):
+                batch = tuple(numbered[first : first + BATCH])
+                self._pending.append(self._threads.submit(self._run, submap, batch))
+
+    def _keep(self, submap: FinishedSubmap, wanted: Container[int]) -> None:
+        """Keep what is computed of a submap if there is room, or others that are not wanted."""
+        self._kept.pop(submap.index, None)
+        room = PRECOMPUTED_BYTES - submap.search_bytes
+        room -= sum(kept.search_bytes for kept in self._kept.values())
+        for index in [index for index in self._kept if index not in wanted]:
+            if room < 0:
+                dropped = self._kept.pop(index)
+                room += dropped.search_bytes
+                dropped.release()
+        if room >= 0:
+            self._kept[submap.index] = submap
+
     def _run(
-        self, submap: FinishedSubmap, requests: tuple[SearchRequest, ...]
-    ) -> tuple[list[LoopClosure], float]:
+        self, submap: FinishedSubmap, requests: tuple[Numbered, ...]
+    ) -> tuple[list[tuple[int, LoopClosure]], float]:
         start = perf_counter()
-        results = (search(submap, request, self._config) for request in requests)
-        return [closure for closure in results if closure is not None], perf_counter() - start
+        results = ((number, search(submap, request, self._config)) for number, request in requests)
+        found = [(number, closure) for number, closure in results if closure is not None]
+        if submap.index not in self._kept:
+            submap.release()
+        return found, perf_counter() - start

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from threading import Lock
 
 import numpy as np
@@ -12,6 +12,9 @@ from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.least_squares import SmoothMap
 from cartoloop.sensor.pose import FloatArray, Pose, transform_points
 from cartoloop.submaps.finished_grid import FinishedGrid, mean_probability
+
+SEARCH_BYTES_A_PIXEL = 24
+"""The precomputed grids, and four bytes of smooth map."""
 
 
 class FinishedSubmap:
@@ -24,7 +27,6 @@ class FinishedSubmap:
     own_score : mean probability that the scans it is made of find in it, in [0, 1]: where scans
         are sparse or noisy, not even they fit well.
     matcher : branch and bound in it.
-    last_used : number of the round of searches that it was last searched in.
     """
 
     def __init__(self, index: int, grid: FinishedGrid, own_score: float) -> None:
@@ -32,7 +34,6 @@ class FinishedSubmap:
         self.grid = grid
         self.own_score = own_score
         self.matcher = SubmapMatcher(grid)
-        self.last_used = 0
         self._smooth_map: SmoothMap | None = None
         self._lock = Lock()
 
@@ -48,30 +49,15 @@ class FinishedSubmap:
             return self._smooth_map
 
     @property
-    def memory_bytes(self) -> int:
-        """Size of what :meth:`release` would drop."""
-        smooth_map = self._smooth_map
-        return self.matcher.memory_bytes + (0 if smooth_map is None else smooth_map.cells.nbytes)
+    def search_bytes(self) -> int:
+        """About the size of what a search computes and :meth:`release` drops."""
+        return SEARCH_BYTES_A_PIXEL * self.grid.size
 
     def release(self) -> None:
         """Drop all but the grid; it is made anew at the next use."""
         self.matcher.release()
         with self._lock:
             self._smooth_map = None
-
-
-def release_least_recent(submaps: Iterable[FinishedSubmap], budget_bytes: int) -> None:
-    """Release the submaps not searched for longest, until the rest keeps to the budget."""
-    holding = sorted(
-        (submap for submap in submaps if submap.memory_bytes),
-        key=lambda submap: submap.last_used,
-        reverse=True,
-    )
-    total = 0
-    for submap in holding:
-        total += submap.memory_bytes
-        if total > budget_bytes:
-            submap.release()
 
 
 def mean_score(
@@ -88,12 +74,12 @@ def mean_score(
         transform_points(Pose(*pose), scan)
         for pose, scan in zip(tf_submap_node.tolist(), points, strict=True)
     ]
-    if not placed or grid.cells.size == 0:
+    if not placed or grid.size == 0:
         return 0.0
     ends = np.concatenate(placed)
     col = np.floor((ends[:, 0] - grid.origin_x) / grid.resolution + 0.5).astype(np.int64)
     row = np.floor((ends[:, 1] - grid.origin_y) / grid.resolution + 0.5).astype(np.int64)
-    num_rows, num_cols = grid.cells.shape
+    num_rows, num_cols = grid.shape
     inside = (col >= 0) & (row >= 0) & (col < num_cols) & (row < num_rows)
     values = np.maximum(grid.cells[row[inside], col[inside]], 1)
     outside = len(ends) - len(values)

@@ -15,6 +15,7 @@ from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
+from cartoloop.global_slam.growing_array import GrowingArray
 from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest, loop_closures
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_adjustment import (
@@ -34,9 +35,6 @@ from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import Submap
-
-BATCH = 50
-"""Nodes sought in one submap by one task of a background thread."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +70,7 @@ class GlobalSlam:
         self._finished: dict[int, FinishedSubmap] = {}
         self._node_points: list[FloatArray] = []
         self._node_submaps: list[tuple[int, ...]] = []
+        self._first_submap = GrowingArray((), np.int64)
         self._node_travelled: list[float] = []
         self._submap_travelled: list[float] = []
         self._submap_nodes: list[set[int]] = []
@@ -156,6 +155,7 @@ class GlobalSlam:
         graph.add_node(compose(self._tf_map_local, pose))
         self._node_points.append(node.points)
         self._node_submaps.append(tuple(submap.index for submap in node.submaps))
+        self._first_submap.append(node.submaps[0].index)
         for submap in node.submaps:
             if submap.index == graph.num_submaps:
                 graph.add_submap(compose(self._tf_map_local, submap.tf_local_submap))
@@ -203,8 +203,7 @@ class GlobalSlam:
             near = np.flatnonzero(np.hypot(offsets[:, 0], offsets[:, 1]) <= self._max_distance)
             candidates = (self._request(submap.index, node) for node in near.tolist())
             requests = [request for request in candidates if request is not None]
-            for first in range(0, len(requests), BATCH):
-                self.search.submit(submap, requests[first : first + BATCH])
+            self.search.submit(submap, requests)
 
     @property
     def _max_distance(self) -> float:
@@ -273,8 +272,8 @@ class GlobalSlam:
         """Return submap and submap of the node of the closures that hold, shape (k, 2)."""
         graph = self.graph
         holds = (graph.kinds == ConstraintKind.LOOP_CLOSURE) & ~self._is_violated()
-        first_submap = np.array([submaps[0] for submaps in self._node_submaps], dtype=np.int64)
-        return np.column_stack((graph.index_a[holds], first_submap[graph.index_b[holds]]))
+        first_submap: NDArray[np.int64] = self._first_submap.view[graph.index_b[holds]]
+        return np.column_stack((graph.index_a[holds], first_submap))
 
     def _is_violated(self) -> NDArray[np.bool_]:
         """Return which constraints are violated by so much that they must be false."""

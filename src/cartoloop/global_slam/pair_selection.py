@@ -13,7 +13,7 @@ from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from cartoloop.config import ConstraintSearchConfig
@@ -30,7 +30,8 @@ class PairSelection:
 
     def __init__(self, config: ConstraintSearchConfig) -> None:
         self._config = config
-        self._between_submaps: FloatArray = np.zeros((0, 0))
+        self._ways = csr_array((0, 0))
+        self._lengths: dict[int, FloatArray] = {}
         self._num_found: Counter[tuple[int, int]] = Counter()
         self._num_sought_bound: Counter[tuple[int, int]] = Counter()
 
@@ -43,20 +44,18 @@ class PairSelection:
         closures : int64, shape (k, 2): submap, and the submap that the node was inserted into.
         """
         m = len(submap_travelled)
-        chain = np.column_stack((np.arange(m - 1), np.arange(1, m)))
-        pairs = np.unique(np.sort(closures[closures[:, 0] != closures[:, 1]], axis=1), axis=0)
-        apart = pairs[:, 1] - pairs[:, 0] > 1
-        edges = np.concatenate((chain, pairs[apart]))
+        first, second = closures.min(axis=1), closures.max(axis=1)
+        pairs = np.unique((first * m + second)[second - first > 1])
+        chain = np.arange(m - 1) * (m + 1) + 1
         lengths = np.concatenate(
             (
                 np.maximum(np.diff(submap_travelled), 1e-3),
-                np.full(np.count_nonzero(apart), CLOSURE_LENGTH_M),
+                np.full(len(pairs), CLOSURE_LENGTH_M),
             )
         )
-        ways = coo_matrix((lengths, (edges[:, 0], edges[:, 1])), shape=(m, m)).tocsr()
-        self._between_submaps = dijkstra(
-            ways, directed=False, limit=self._longest_way, min_only=False
-        )
+        edges = np.divmod(np.concatenate((chain, pairs)), m)
+        self._ways = coo_array((lengths, edges), shape=(m, m)).tocsr()
+        self._lengths = {}
 
     @property
     def _longest_way(self) -> float:
@@ -77,12 +76,21 @@ class PairSelection:
         node_from_its_submap : how far the robot had gone since that was begun [m].
         travelled : how far it went between beginning the two submaps and the node [m].
         """
-        known = len(self._between_submaps)
-        if submap >= known or node_submap >= known:
+        if max(submap, node_submap) >= self._ways.shape[0]:
             return travelled
-        return min(
-            travelled, float(self._between_submaps[submap, node_submap]) + node_from_its_submap
-        )
+        between = float(self._lengths_from(max(submap, node_submap))[min(submap, node_submap)])
+        return min(travelled, between + node_from_its_submap)
+
+    def _lengths_from(self, submap: int) -> FloatArray:
+        """Return the lengths of the ways from a submap to all, shape (m,); inf where very long.
+
+        One of the submaps that is asked about is always among the newest: few are ever needed.
+        """
+        if submap not in self._lengths:
+            self._lengths[submap] = dijkstra(
+                self._ways, directed=False, indices=submap, limit=self._longest_way
+            )
+        return self._lengths[submap]
 
     def window(self, uncertain_length: float) -> tuple[float, float]:
         """Return the linear [m] and angular [rad] search window for an uncertain length [m]."""

@@ -29,7 +29,7 @@ def overlapping_nodes(
     """Return one in `every` of the nodes that stand within a submap's grid, but are not in it."""
     grid = submap.grid
     seen = relative_all(tf_map_submap, node_poses)
-    height, width = grid.cells.shape
+    height, width = grid.shape
     x, y = seen[:, 0] - grid.origin_x, seen[:, 1] - grid.origin_y
     inside = (x > 0.0) & (y > 0.0) & (x < width * grid.resolution) & (y < height * grid.resolution)
     return [

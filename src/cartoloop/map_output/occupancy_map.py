@@ -76,14 +76,14 @@ def compose_map(
     misses that one has against the other in eq. (3).
     """
     seen = [
-        (crop, Pose(*tf_map_submap))
+        (grid, Pose(*tf_map_submap))
         for grid, tf_map_submap in zip(grids, tf_map_submaps.tolist(), strict=True)
-        if (crop := _known_part(grid)) is not None
+        if grid.size
     ]
     resolution = config.resolution
     if not seen:
         return OccupancyMap(np.full((1, 1), UNKNOWN), 0.0, 0.0, resolution)
-    corners = [transform_points(pose, crop.corners) for crop, pose in seen]
+    corners = [transform_points(pose, _corners(grid)) for grid, pose in seen]
     corner_cells = np.concatenate(corners) / resolution
     lower = np.floor(corner_cells.min(axis=0)).astype(np.int64) - _MARGIN_CELLS
     upper = np.ceil(corner_cells.max(axis=0)).astype(np.int64) + _MARGIN_CELLS
@@ -97,48 +97,29 @@ def compose_map(
     total = np.zeros((num_rows, num_cols), dtype=np.float32)
     known = np.zeros((num_rows, num_cols), dtype=np.bool_)
     log_odds = _log_odds(config)
-    for (crop, pose), corners_map in zip(seen, corners, strict=True):
-        affine = _map_cell_to_submap_cell(pose, crop, lower, resolution)
+    for (grid, pose), corners_map in zip(seen, corners, strict=True):
+        affine = _map_cell_to_submap_cell(pose, grid, lower, resolution)
         cells = corners_map / resolution - lower
         first = np.clip(np.floor(cells.min(axis=0)) - 1, 0, None).astype(np.int64)
         end = np.minimum(np.ceil(cells.max(axis=0)).astype(np.int64) + 1, (num_cols, num_rows))
         window = np.array((first[1], end[1], first[0], end[0]))
-        evidence = np.empty(crop.cells.shape, dtype=np.float32)
-        cell_evidence(crop.cells, log_odds, evidence)
-        add_submap(crop.cells, evidence, affine, window, total, known)
+        cells_around = np.pad(grid.cells, 1)
+        evidence = np.empty(cells_around.shape, dtype=np.float32)
+        cell_evidence(cells_around, log_odds, evidence)
+        add_submap(cells_around, evidence, affine, window, total, known)
     return _cropped(total, known, lower, resolution)
 
 
-@dataclass(frozen=True)
-class _Crop:
-    """The part of a grid that holds something, with one unknown cell all around it."""
+def _corners(grid: FinishedGrid) -> FloatArray:
+    """Return centres of the outermost cells of a ring of unknown cells around a grid.
 
-    cells: NDArray[np.uint8]
-    origin_x: float
-    origin_y: float
-    resolution: float
-
-    @property
-    def corners(self) -> FloatArray:
-        """Centres of the outermost cells, which are unknown [m, submap frame], shape (4, 2)."""
-        rows, cols = self.cells.shape
-        right = self.origin_x + (cols - 1) * self.resolution
-        top = self.origin_y + (rows - 1) * self.resolution
-        left, bottom = self.origin_x, self.origin_y
-        return np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
-
-
-def _known_part(grid: FinishedGrid) -> _Crop | None:
-    rows = np.flatnonzero(np.any(grid.cells, axis=1))
-    cols = np.flatnonzero(np.any(grid.cells, axis=0))
-    if len(rows) == 0:
-        return None
-    return _Crop(
-        cells=np.pad(grid.cells[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1], 1),
-        origin_x=grid.origin_x + float(cols[0] - 1) * grid.resolution,
-        origin_y=grid.origin_y + float(rows[0] - 1) * grid.resolution,
-        resolution=grid.resolution,
-    )
+    In the submap's frame [m], shape (4, 2).
+    """
+    num_rows, num_cols = grid.shape
+    left, bottom = grid.origin_x - grid.resolution, grid.origin_y - grid.resolution
+    right = grid.origin_x + num_cols * grid.resolution
+    top = grid.origin_y + num_rows * grid.resolution
+    return np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
 
 
 def _log_odds(config: SubmapConfig) -> NDArray[np.float32]:
@@ -152,19 +133,23 @@ def _log_odds(config: SubmapConfig) -> NDArray[np.float32]:
 
 
 def _map_cell_to_submap_cell(
-    tf_map_submap: Pose, crop: _Crop, lower: NDArray[np.int64], resolution: float
+    tf_map_submap: Pose, grid: FinishedGrid, lower: NDArray[np.int64], resolution: float
 ) -> FloatArray:
-    """Return the transform from map cells to submap cells, both as coordinates of cell centres."""
+    """Return the transform from map cells to cells of a submap and the ring around it.
+
+    Both are coordinates of cell centres.
+    """
     tf_submap_map = inverse(tf_map_submap)
-    cos = math.cos(tf_submap_map.theta) * resolution / crop.resolution
-    sin = math.sin(tf_submap_map.theta) * resolution / crop.resolution
+    cos = math.cos(tf_submap_map.theta) * resolution / grid.resolution
+    sin = math.sin(tf_submap_map.theta) * resolution / grid.resolution
     centre_x, centre_y = (float(cell) + 0.5 for cell in lower)
+    first_x, first_y = grid.origin_x - grid.resolution, grid.origin_y - grid.resolution
     return np.array(
         (
-            (tf_submap_map.x - crop.origin_x) / crop.resolution + cos * centre_x - sin * centre_y,
+            (tf_submap_map.x - first_x) / grid.resolution + cos * centre_x - sin * centre_y,
             cos,
             -sin,
-            (tf_submap_map.y - crop.origin_y) / crop.resolution + sin * centre_x + cos * centre_y,
+            (tf_submap_map.y - first_y) / grid.resolution + sin * centre_x + cos * centre_y,
             sin,
             cos,
         )

@@ -91,8 +91,11 @@ def _shaded(probability: NDArray[np.float32]) -> Image.Image:
     ground = np.array(BACKGROUND, dtype=np.float64)
     table = ground + floor * (np.array(_FLOOR) - ground) + wall * (np.array(_WALL) - ground)
     table = np.concatenate((np.rint(table), ground[np.newaxis])).astype(np.uint8)
-    level = np.where(probability < 0.0, np.float32(256.0), probability * np.float32(255.0))
-    return Image.fromarray(table[np.rint(level).astype(np.int16)[::-1]])
+    pixels = np.empty((*probability.shape, 3), dtype=np.uint8)
+    for shown, row in zip(pixels[::-1], probability, strict=True):
+        level = np.where(row < 0.0, np.float32(256.0), row * np.float32(255.0))
+        shown[:] = table[np.rint(level).astype(np.int16)]
+    return Image.fromarray(pixels)
 
 
 def _zoom(longest_edge: int) -> float:

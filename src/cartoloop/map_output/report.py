@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -187,6 +188,11 @@ def peak_memory_mb() -> float:
     """Return the most memory that this process ever held [MB]; 0 where the system does not tell."""
     if sys.platform == "win32":
         return 0.0
+    status = Path("/proc/self/status")
+    if status.exists():  # getrusage would tell of the process, too, that this one was forked from
+        for line in status.read_text(encoding="utf-8").splitlines():
+            if line.startswith("VmHWM:"):
+                return float(line.split()[1]) * 1024 / 1e6
     import resource
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -10,7 +10,7 @@ from pathlib import Path
 from cartoloop.errors import InputError
 
 _CHUNK_BYTES = 1 << 18
-_KEEP_BYTES = 256 << 20
+_KEEP_BYTES = 24 << 20
 _GZIP_MAGIC = b"\x1f\x8b"
 
 # What people give by mistake, known by its first bytes, and what to do about it.

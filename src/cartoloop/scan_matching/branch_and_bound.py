@@ -149,7 +149,7 @@ class SubmapMatcher:
         Parameters are those of :meth:`match`; there is no runner-up. Of equal scores the one
         nearest to the grid's centre wins.
         """
-        half_height, half_width = (size // 2 for size in self._grid.cells.shape)
+        half_height, half_width = (size // 2 for size in self._grid.shape)
         centre = Pose(
             self._grid.origin_x + half_width * self._grid.resolution,
             self._grid.origin_y + half_height * self._grid.resolution,
@@ -180,7 +180,7 @@ class SubmapMatcher:
         runner_up: RunnerUp,
     ) -> BranchAndBoundMatch | None:
         """Return the match in a window of so many pixels to each side of the estimate."""
-        if len(points) == 0 or self._grid.cells.size == 0:
+        if len(points) == 0 or self._grid.size == 0:
             return None
         grids, resolution = self._precomputed(), self._grid.resolution
         mean_distance, farthest = scan_range(points)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import zlib
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +16,10 @@ PROBABILITY_STEP = (MAX_PROBABILITY - MIN_PROBABILITY) / 254.0
 """Difference between neighbouring cell values."""
 
 
-@dataclass(frozen=True, slots=True)
 class FinishedGrid:
-    """A probability grid that changes no more.
+    """A probability grid that changes no more, kept compressed: its cells are seldom asked for.
 
-    Attributes
+    Parameters
     ----------
     cells : uint8, shape (num_rows, num_cols): 0 where never observed, otherwise v in 1..255 for
         the probability ``MIN_PROBABILITY + (v - 1) * PROBABILITY_STEP``. Rows: y, columns: x.
@@ -28,10 +27,26 @@ class FinishedGrid:
     resolution : pixel edge r [m].
     """
 
-    cells: NDArray[np.uint8]
-    origin_x: float
-    origin_y: float
-    resolution: float
+    __slots__ = ("_packed", "origin_x", "origin_y", "resolution", "shape")
+
+    def __init__(
+        self, cells: NDArray[np.uint8], origin_x: float, origin_y: float, resolution: float
+    ) -> None:
+        self._packed = zlib.compress(cells.tobytes(), level=1)
+        self.shape: tuple[int, int] = (cells.shape[0], cells.shape[1])
+        self.origin_x = origin_x
+        self.origin_y = origin_y
+        self.resolution = resolution
+
+    @property
+    def size(self) -> int:
+        """How many cells there are."""
+        return self.shape[0] * self.shape[1]
+
+    @property
+    def cells(self) -> NDArray[np.uint8]:
+        """The values of the cells, as given; unpacked anew each time, 1 ms for a million or two."""
+        return np.frombuffer(zlib.decompress(self._packed), dtype=np.uint8).reshape(self.shape)
 
     def probabilities(self) -> NDArray[np.float32]:
         """Return the probability of each cell, float32 like `cells`; 0 where never observed."""

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Searches in the background: answers in the order of the requests, in bounded memory."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam import constraint_search
+from cartoloop.global_slam.constraint_search import ConstraintSearch
+from cartoloop.global_slam.finished_submap import FinishedSubmap
+from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest
+from cartoloop.sensor.pose import Pose
+from cartoloop.submaps.finished_grid import FinishedGrid
+
+
+def submap(index):
+    return FinishedSubmap(index, FinishedGrid(np.ones((10, 10), np.uint8), 0.0, 0.0, 0.1), 0.9)
+
+
+def request(submap, node):
+    return SearchRequest(submap, node, np.zeros((1, 2)), Pose(0.0, 0.0, 0.0), 1.0, 0.1)
+
+
+def closure(submap, node):
+    return LoopClosure(submap, node, Pose(0.0, 0.0, 0.0), np.eye(3), 0.9, 0.0)
+
+
+@pytest.fixture
+def found_in_even_submaps(monkeypatch):
+    """Searches that find every node in a submap of even index, after making its smooth map."""
+
+    def search(submap, request, config):
+        assert submap.index == request.submap
+        submap.smooth_map  # noqa: B018 - as a search makes it
+        return closure(request.submap, request.node) if request.submap % 2 == 0 else None
+
+    monkeypatch.setattr(constraint_search, "search", search)
+
+
+@pytest.mark.usefixtures("found_in_even_submaps")
+@pytest.mark.parametrize("num_threads", [1, 4])
+def test_closures_come_in_the_order_of_the_requests(num_threads):
+    search = ConstraintSearch(ConstraintSearchConfig(), num_threads)
+    submaps = [submap(index) for index in range(7)]
+    rng = np.random.default_rng(1)
+    expected = []
+    for node in range(300):
+        index = int(rng.integers(7))
+        search.submit(submaps[index], [request(index, node), request(index, 1000 + node)])
+        if index % 2 == 0:
+            expected += [(index, node), (index, 1000 + node)]
+    assert [(found.submap, found.node) for found in search.collect()] == expected
+    assert search.num_searched == 600
+    assert search.collect() == []
+    search.close()
+
+
+@pytest.mark.usefixtures("found_in_even_submaps")
+def test_what_was_searched_longest_ago_is_dropped(monkeypatch):
+    submaps = [submap(index) for index in range(5)]
+    monkeypatch.setattr(constraint_search, "PRECOMPUTED_BYTES", 2 * submaps[0].search_bytes)
+    search = ConstraintSearch(ConstraintSearchConfig(), 2)
+    for node, index in enumerate((0, 1, 2, 3, 0, 4)):
+        search.submit(submaps[index], [request(index, node)])
+        search.collect()
+    assert [submap._smooth_map is not None for submap in submaps] == [
+        True, False, False, False, True,
+    ]  # fmt: skip
+    search.close()
+
+
+@pytest.mark.usefixtures("found_in_even_submaps")
+def test_a_round_over_more_submaps_than_fit_keeps_some_of_them(monkeypatch):
+    submaps = [submap(index) for index in range(9)]
+    monkeypatch.setattr(constraint_search, "PRECOMPUTED_BYTES", 3 * submaps[0].search_bytes)
+    search = ConstraintSearch(ConstraintSearchConfig(), 2)
+    for index in range(9):
+        search.submit(submaps[index], [request(index, 0)])
+    assert len(search.collect()) == 5
+    assert sum(submap._smooth_map is not None for submap in submaps) == 3
+    search.close()
+
+
+def test_nothing_is_sought_for_no_requests():
+    search = ConstraintSearch(ConstraintSearchConfig(), 1)
+    search.submit(submap(0), [])
+    assert search.num_searched == 0
+    assert search.collect() == []
+    search.close()
