@@ -7,13 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from cartoloop.benchmarks import adjustment, compiled_drivers
-from cartoloop.benchmarks.adjustment import OWN_NAME, run, warm_start
-from cartoloop.benchmarks.adjustment_problem import OwnProgram, Problem, Solve
-from cartoloop.benchmarks.compiled_drivers import SolverMissing, compile_driver
-from cartoloop.benchmarks.foreign_solvers import ForeignSolvers, Method
+from cartoloop.benchmarks.adjustment import benchmark as adjustment
+from cartoloop.benchmarks.adjustment import compiled_drivers
+from cartoloop.benchmarks.adjustment.benchmark import OWN_NAME, run, warm_start
+from cartoloop.benchmarks.adjustment.compiled_drivers import SolverMissing, compile_driver
+from cartoloop.benchmarks.adjustment.foreign_solvers import ForeignSolvers, Method
+from cartoloop.benchmarks.adjustment.problem import OwnProgram, Problem, Solve
+from cartoloop.benchmarks.adjustment.synthetic_graphs import bipartite_graph
 from cartoloop.benchmarks.record import Record
-from cartoloop.benchmarks.synthetic_graphs import bipartite_graph
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
 
 SAME_COST = 1e-5

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from cartoloop.benchmarks.bounding_grids import halved, precomputed
-from cartoloop.benchmarks.matching import Sizes, run
-from cartoloop.benchmarks.matching_programs import (
+from cartoloop.benchmarks.matching.benchmark import Sizes, run
+from cartoloop.benchmarks.matching.bounding_grids import halved, precomputed
+from cartoloop.benchmarks.matching.programs import (
     Problem,
     Window,
     branch_and_bound,

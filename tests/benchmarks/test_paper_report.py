@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from cartoloop.benchmarks import paper
 from cartoloop.benchmarks.command_runs import CommandFailed, run_command
 from cartoloop.benchmarks.document import to_markdown
-from cartoloop.benchmarks.paper_report import sections
-from cartoloop.benchmarks.published import SOURCES, published
+from cartoloop.benchmarks.paper import experiments as paper
+from cartoloop.benchmarks.paper.published import SOURCES, published
+from cartoloop.benchmarks.paper.report import sections
 from cartoloop.benchmarks.record import Figure, Record, Row
 from cartoloop.benchmarks.results_page import write_results_page
 from cartoloop.errors import ConfigError, InputError
@@ -108,7 +108,7 @@ def test_folder_without_records_is_an_error(tmp_path: Path) -> None:
 
 
 def test_remarks_quote_no_recording_that_is_not_published() -> None:
-    from cartoloop.benchmarks.paper_losses import remarks
+    from cartoloop.benchmarks.paper.losses import remarks
 
     assert set(remarks()) - {"any"} <= set(published()["logs"])
     assert json.dumps(remarks())

@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from cartoloop.benchmarks.adjustment_problem import Problem
-from cartoloop.benchmarks.synthetic_graphs import (
+from cartoloop.benchmarks.adjustment.problem import Problem
+from cartoloop.benchmarks.adjustment.synthetic_graphs import (
     INFORMATION,
     NOISE,
     bipartite_graph,

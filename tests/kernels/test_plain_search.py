@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.benchmarks.bounding_grids import halved, halved_and_joined, precomputed
+from cartoloop.benchmarks.matching.bounding_grids import halved, halved_and_joined, precomputed
 from cartoloop.kernels.plain_search import bound_of, place_rotations, search_plainly
 from tests.reference.naive_bounds import naive_bound, naive_box, naive_halved, naive_joined
 from tests.reference.naive_branch_and_bound import naive_best, naive_sums

@@ -12,12 +12,12 @@ from functools import partial
 
 import numpy as np
 
-from cartoloop.benchmarks.adjustment_problem import OwnProgram, Problem
+from cartoloop.benchmarks.adjustment.problem import OwnProgram, Problem
+from cartoloop.benchmarks.adjustment.synthetic_graphs import bipartite_graph
 from cartoloop.benchmarks.drives import DRIVES, Drive, drive, replay
 from cartoloop.benchmarks.environment import environment
 from cartoloop.benchmarks.measuring import alternate
 from cartoloop.benchmarks.record import Case, Figure, Record, Row
-from cartoloop.benchmarks.synthetic_graphs import bipartite_graph
 from cartoloop.config import CorrelativeMatcherConfig
 from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement

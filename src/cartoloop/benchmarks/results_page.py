@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cartoloop.benchmarks.document import Picture, Section, Table, to_markdown
-from cartoloop.benchmarks.paper_report import sections as paper_sections
+from cartoloop.benchmarks.paper.cells import title_of
+from cartoloop.benchmarks.paper.report import sections as paper_sections
 from cartoloop.benchmarks.record import Record, Row, read_record
-from cartoloop.benchmarks.report_cells import title_of
 from cartoloop.errors import InputError
 from cartoloop.map_output.save import prepare_folder, write_file
 

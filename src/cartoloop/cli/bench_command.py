@@ -50,21 +50,21 @@ def bench_paper(
     strict: StrictOption = False,
 ) -> None:
     """Run the experiments of the paper: its tables, our figures, maps and histograms."""
-    from cartoloop.benchmarks import paper
     from cartoloop.benchmarks.document import to_html, to_markdown
-    from cartoloop.benchmarks.paper_report import sections
+    from cartoloop.benchmarks.paper import experiments
+    from cartoloop.benchmarks.paper.report import sections
     from cartoloop.map_output.save import prepare_folder, write_file
 
     prepare_folder(out)
     before = _earlier(against, "paper")
-    options = paper.PaperOptions(
+    options = experiments.PaperOptions(
         data=_data_folder(data),
         out=out,
         repeats=repeat,
-        experiments=_names(only) or paper.EXPERIMENTS,
+        experiments=_names(only) or experiments.EXPERIMENTS,
         logs=_names(logs),
     )
-    record = paper.run(options, lambda line: typer.echo(line, err=True))
+    record = experiments.run(options, lambda line: typer.echo(line, err=True))
     parts = sections(record, out / "paper")
     title = "The experiments of the paper"
     write_file(out / "paper.md", to_markdown(title, parts))
@@ -99,10 +99,10 @@ def bench_matching(
     strict: StrictOption = False,
 ) -> None:
     """Time branch and bound against exhaustive search and against looser bounds."""
-    from cartoloop.benchmarks import matching
+    from cartoloop.benchmarks.matching import benchmark
 
     before = _earlier(against, "matching")
-    record = matching.run(repeat, _data_folder(data))
+    record = benchmark.run(repeat, _data_folder(data))
     _print_table(record)
     _conclude(record, out, before, strict)
 
@@ -117,10 +117,10 @@ def bench_adjustment(
     strict: StrictOption = False,
 ) -> None:
     """Time the pose adjustment against GTSAM, Ceres and g2o on the same graphs."""
-    from cartoloop.benchmarks import adjustment
+    from cartoloop.benchmarks.adjustment import benchmark
 
     before = _earlier(against, "adjustment")
-    record = adjustment.run(repeat, _data_folder(data), largest)
+    record = benchmark.run(repeat, _data_folder(data), largest)
     _print_table(record)
     _conclude(record, out, before, strict)
 

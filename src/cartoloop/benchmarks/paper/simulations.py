@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from cartoloop.benchmarks.document import Section, Table
-from cartoloop.benchmarks.paper import SIMULATED
-from cartoloop.benchmarks.published import published
+from cartoloop.benchmarks.paper.cells import rows_of, table
+from cartoloop.benchmarks.paper.experiments import SIMULATED
+from cartoloop.benchmarks.paper.published import published
 from cartoloop.benchmarks.record import Record, format_number
-from cartoloop.benchmarks.report_cells import rows_of, table
 
 
 def museum(record: Record) -> Section | None:

@@ -16,7 +16,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.benchmarks.bounding_grids import BoundingGrids
+from cartoloop.benchmarks.matching.bounding_grids import BoundingGrids
 from cartoloop.errors import CartoloopError
 from cartoloop.kernels import branch_and_bound as kernels
 from cartoloop.kernels.exhaustive_search import search_as_written, search_by_rows

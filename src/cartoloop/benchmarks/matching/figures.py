@@ -10,8 +10,8 @@ from time import perf_counter
 
 import numpy as np
 
-from cartoloop.benchmarks.bounding_grids import BoundingGrids
-from cartoloop.benchmarks.matching_programs import (
+from cartoloop.benchmarks.matching.bounding_grids import BoundingGrids
+from cartoloop.benchmarks.matching.programs import (
     Found,
     Problem,
     Window,

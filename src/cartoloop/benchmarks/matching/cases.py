@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cartoloop.benchmarks.matching_programs import Problem, Window, branch_and_bound
+from cartoloop.benchmarks.matching.programs import Problem, Window, branch_and_bound
 from cartoloop.config import AdaptiveVoxelFilterConfig, Config
 from cartoloop.global_slam.finished_submap import mean_score
 from cartoloop.global_slam.pose_graph import ConstraintKind

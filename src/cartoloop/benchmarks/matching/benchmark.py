@@ -11,17 +11,17 @@ from pathlib import Path
 
 import numpy as np
 
-from cartoloop.benchmarks import bounding_grids
 from cartoloop.benchmarks.environment import environment
-from cartoloop.benchmarks.matching_cases import Pair, Place, hits, map_places, misses
-from cartoloop.benchmarks.matching_figures import (
+from cartoloop.benchmarks.matching import bounding_grids
+from cartoloop.benchmarks.matching.cases import Pair, Place, hits, map_places, misses
+from cartoloop.benchmarks.matching.figures import (
     exhaustive_figures,
     milliseconds,
     plain_figures,
     sample_seconds,
     search_figures,
 )
-from cartoloop.benchmarks.matching_programs import (
+from cartoloop.benchmarks.matching.programs import (
     Problem,
     Window,
     branch_and_bound,

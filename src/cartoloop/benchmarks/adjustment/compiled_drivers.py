@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.benchmarks.adjustment_problem import Problem, Solve
+from cartoloop.benchmarks.adjustment.problem import Problem, Solve
 from cartoloop.errors import CartoloopError
 
 FloatArray = NDArray[np.float64]

@@ -13,11 +13,11 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from cartoloop.benchmarks import paper_pictures, paper_rows
 from cartoloop.benchmarks.command_runs import run_command
 from cartoloop.benchmarks.environment import environment
-from cartoloop.benchmarks.mapped_log import MappedLog, map_log
-from cartoloop.benchmarks.published import published
+from cartoloop.benchmarks.paper import figures, pictures
+from cartoloop.benchmarks.paper.mapped_log import MappedLog, map_log
+from cartoloop.benchmarks.paper.published import published
 from cartoloop.benchmarks.record import Case, Record, Row
 from cartoloop.errors import CartoloopError, ConfigError, InputError
 from cartoloop.evaluation.plot_style import require_matplotlib
@@ -106,7 +106,7 @@ def _guarded(
         return experiment()
     except CartoloopError as error:
         tell(f"no figures of {case['log']}: {error}")
-        return [paper_rows.failed_row(case, str(error))]
+        return [figures.failed_row(case, str(error))]
 
 
 class _PaperRun:
@@ -129,9 +129,9 @@ class _PaperRun:
             relations = self._given(f"{name}.relations")
         except InputError as error:
             case: Case = {"experiment": "relations", "log": name}
-            return [*rows, paper_rows.failed_row(case, str(error))]
-        found, after, before = paper_rows.relations_rows(name, mapped.folder, relations)
-        paper_pictures.draw_relations_errors(mapped.folder, after, before)
+            return [*rows, figures.failed_row(case, str(error))]
+        found, after, before = figures.relations_rows(name, mapped.folder, relations)
+        pictures.draw_relations_errors(mapped.folder, after, before)
         return [*rows, *found]
 
     def simulated(self, name: str) -> list[Row]:
@@ -147,16 +147,16 @@ class _PaperRun:
         mapped = map_log([log], out, self._repeats, self._tell)
         rows = [
             *_map_rows(name, mapped),
-            *paper_rows.adjustment_run_rows(name, mapped),
-            paper_rows.simulation_row(name, simulation),
+            *figures.adjustment_run_rows(name, mapped),
+            figures.simulation_row(name, simulation),
         ]
-        row, after, before = paper_rows.trajectory_row(name, out, truth)
-        paper_pictures.draw_true_errors(out, after, before)
+        row, after, before = figures.trajectory_row(name, out, truth)
+        pictures.draw_true_errors(out, after, before)
         self._tell(f"judging the closures of the {name}")
-        rows += [row, paper_rows.true_closures_row(name, out, truth, log)]
+        rows += [row, figures.true_closures_row(name, out, truth, log)]
         if has_lines:
-            found, measured = paper_rows.lines_rows(name, out, lines)
-            paper_pictures.draw_measured_lines(out, measured)
+            found, measured = figures.lines_rows(name, out, lines)
+            pictures.draw_measured_lines(out, measured)
             rows += found
         log.unlink()
         return rows
@@ -168,7 +168,7 @@ class _PaperRun:
         out = self.folder / f"{name}-{parameter}"
         map_log([log], out, 1, self._tell, [setting])
         case: Case = {"experiment": "variants", "log": name, "setting": setting}
-        return [paper_rows.variant_row(case, out, relations)]
+        return [figures.variant_row(case, out, relations)]
 
     def _given(self, name: str) -> Path:
         """Return a file of the data folder."""
@@ -179,10 +179,10 @@ class _PaperRun:
 
 def _map_rows(name: str, mapped: MappedLog) -> list[Row]:
     """Return the rows that every map gives, and draw its pictures."""
-    paper_pictures.draw_map_pictures(mapped.folder)
+    pictures.draw_map_pictures(mapped.folder)
     return [
-        paper_rows.performance_row(name, mapped),
-        paper_rows.closures_row(name, mapped),
-        paper_rows.adjustment_row(name, mapped),
-        *paper_rows.stages_rows(name, mapped),
+        figures.performance_row(name, mapped),
+        figures.closures_row(name, mapped),
+        figures.adjustment_row(name, mapped),
+        *figures.stages_rows(name, mapped),
     ]

@@ -2,7 +2,7 @@
 """The figures of one finished map: what the paper's tables show of it.
 
 Reads finished output only. A row's case names the experiment and the recording; the figures of
-others stand in the same row under the names of :data:`cartoloop.benchmarks.published.SOURCES`.
+others stand in the same row under the names of :data:`.published.SOURCES`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from cartoloop.benchmarks.command_runs import CommandRun
-from cartoloop.benchmarks.mapped_log import MappedLog
-from cartoloop.benchmarks.published import SOURCES, published
+from cartoloop.benchmarks.paper.mapped_log import MappedLog
+from cartoloop.benchmarks.paper.published import SOURCES, published
 from cartoloop.benchmarks.record import Case, Figure, Row
 from cartoloop.evaluation.closures import evaluate_closures
 from cartoloop.evaluation.finished_run import read_run

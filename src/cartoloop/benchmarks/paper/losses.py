@@ -9,9 +9,9 @@ from importlib.resources import files
 from typing import Any
 
 from cartoloop.benchmarks.document import Section, Table
-from cartoloop.benchmarks.published import SOURCES
+from cartoloop.benchmarks.paper.cells import TITLES, rows_of, title_of
+from cartoloop.benchmarks.paper.published import SOURCES
 from cartoloop.benchmarks.record import Record, format_number
-from cartoloop.benchmarks.report_cells import TITLES, rows_of, title_of
 
 
 def behind(record: Record) -> Section | None:
@@ -76,4 +76,6 @@ def _costlier(record: Record) -> list[list[str]]:
 @cache
 def remarks() -> dict[str, Any]:
     """Return the reasons in ``remarks.toml``, by recording and figure."""
-    return tomllib.loads(files("cartoloop.benchmarks").joinpath("remarks.toml").read_text("utf-8"))
+    return tomllib.loads(
+        files("cartoloop.benchmarks.paper").joinpath("remarks.toml").read_text("utf-8")
+    )

@@ -17,12 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cartoloop.benchmarks.adjustment_problem import OwnProgram, Problem, Program, Solve
-from cartoloop.benchmarks.compiled_drivers import SolverMissing
+from cartoloop.benchmarks.adjustment.compiled_drivers import SolverMissing
+from cartoloop.benchmarks.adjustment.foreign_solvers import ForeignSolvers, Method
+from cartoloop.benchmarks.adjustment.problem import OwnProgram, Problem, Program, Solve
+from cartoloop.benchmarks.adjustment.synthetic_graphs import bipartite_graph
 from cartoloop.benchmarks.environment import environment
-from cartoloop.benchmarks.foreign_solvers import ForeignSolvers, Method
 from cartoloop.benchmarks.record import Better, Case, Figure, Record, Row
-from cartoloop.benchmarks.synthetic_graphs import bipartite_graph
 from cartoloop.global_slam.chordal_initialization import initialize_from_constraints
 from cartoloop.global_slam.pose_adjustment import adjust
 from cartoloop.global_slam.pose_graph import PoseGraph

@@ -6,12 +6,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from cartoloop.benchmarks.document import Picture, Section, Table
-from cartoloop.benchmarks.paper_losses import behind
-from cartoloop.benchmarks.paper_pictures import PICTURES
-from cartoloop.benchmarks.paper_simulations import adjustment_runs, lines, museum, truth
-from cartoloop.benchmarks.paper_tables import closures, percentiles, performance, relations
+from cartoloop.benchmarks.paper.cells import mean_std, rows_of, title_of
+from cartoloop.benchmarks.paper.losses import behind
+from cartoloop.benchmarks.paper.pictures import PICTURES
+from cartoloop.benchmarks.paper.simulations import adjustment_runs, lines, museum, truth
+from cartoloop.benchmarks.paper.tables import closures, percentiles, performance, relations
 from cartoloop.benchmarks.record import Record
-from cartoloop.benchmarks.report_cells import mean_std, rows_of, title_of
 
 
 def sections(record: Record, pictures: Path | None = None, prefix: str = "paper") -> list[Section]:

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 from cartoloop.benchmarks.document import Section, Table
-from cartoloop.benchmarks.published import SOURCES
+from cartoloop.benchmarks.paper.cells import TITLES, mean_std, quoted, rows_of, table, title_of
+from cartoloop.benchmarks.paper.published import SOURCES
 from cartoloop.benchmarks.record import Record, format_number
-from cartoloop.benchmarks.report_cells import TITLES, mean_std, quoted, rows_of, table, title_of
 
 BOUNDS = ("p50", "p75", "p90", "p95", "p99", "max")
 

@@ -21,5 +21,5 @@ SOURCES: Final = {
 def published() -> dict[str, Any]:
     """Return the tables of the file; its comments say what each figure is."""
     return tomllib.loads(
-        files("cartoloop.benchmarks").joinpath("published.toml").read_text("utf-8")
+        files("cartoloop.benchmarks.paper").joinpath("published.toml").read_text("utf-8")
     )

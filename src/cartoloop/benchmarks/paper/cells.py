@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cartoloop.benchmarks.document import Table
-from cartoloop.benchmarks.published import published
+from cartoloop.benchmarks.paper.published import published
 from cartoloop.benchmarks.record import Figure, Record, Row, format_number
 
 TITLES = {

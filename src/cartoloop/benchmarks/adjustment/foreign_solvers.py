@@ -21,13 +21,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.benchmarks.adjustment_problem import Problem, Program, Solve, seconds_of
-from cartoloop.benchmarks.compiled_drivers import (
+from cartoloop.benchmarks.adjustment.compiled_drivers import (
     DrivenProgram,
     Driver,
     SolverMissing,
     compile_driver,
 )
+from cartoloop.benchmarks.adjustment.problem import Problem, Program, Solve, seconds_of
 
 FloatArray = NDArray[np.float64]
 
