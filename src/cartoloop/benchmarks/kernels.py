@@ -238,7 +238,7 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
         )  # fmt: skip
     finished = FinishedSubmap(0, grid, 1.0)
     yield Workload(
-        "match again", ("scan_residuals",), case,
+        "match again", ("match_batch", "scan_residuals"), case,
         partial(
             refinement.match_again, finished, np.zeros(3), range(len(own)), np.array(in_submap),
             points, search,

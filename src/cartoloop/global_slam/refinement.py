@@ -73,15 +73,16 @@ def match_again(
         & (np.hypot(moved[:, 0], moved[:, 1]) <= config.max_refinement)
         & (np.abs(moved[:, 2]) <= config.max_refinement / LEVER_M)
     )
-    informations = match_informations(matches.information, matches.residual)
+    fitting = np.flatnonzero(fits)
+    informations = match_informations(matches.information[fitting], matches.residual[fitting])
     return [
         LoopClosure(
             submap.index,
             nodes[i],
             Pose(*matches.tf_grid_scan[i].tolist()),
-            informations[i],
+            information,
             1.0 - float(matches.residual[i]),
             math.nan,
         )
-        for i in np.flatnonzero(fits).tolist()
+        for i, information in zip(fitting.tolist(), informations, strict=True)
     ]

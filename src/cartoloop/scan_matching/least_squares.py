@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.kernels.scan_residuals import match_all_least_squares, match_least_squares
+from cartoloop.kernels.match_batch import match_all_least_squares
+from cartoloop.kernels.scan_residuals import match_least_squares
 from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 
