@@ -12,7 +12,7 @@ import pytest
 from cartoloop.config import Config
 from cartoloop.local_slam.local_slam import MIN_RETURNS
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
-from cartoloop.simulation import OdometryModel
+from cartoloop.simulation import OdometryModel, make_world, simulate
 from tests.local_slam.small_world import errors, record, run
 
 
@@ -221,3 +221,11 @@ def test_no_scan_at_all_is_no_error():
     assert poses.shape == (0, 3)
     assert results == []
     assert slam.active_submaps == ()
+
+
+def test_a_walker_without_odometry_sets_off_from_rest():
+    recording = simulate(make_world("museum"), duration=9.0)
+    poses, _, _ = run(recording.events())
+    distance, _ = errors(poses, recording.true_poses)
+    assert np.hypot(*(recording.true_poses[-1] - recording.true_poses[0])[:2]) > 8.0
+    assert distance.max() < 0.1

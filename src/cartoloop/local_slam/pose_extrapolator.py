@@ -40,6 +40,11 @@ class PoseExtrapolator:
         self._num_poses = 0
 
     @property
+    def last_time(self) -> float:
+        """Time of the last pose [s]."""
+        return self._time
+
+    @property
     def odometry_model(self) -> OdometryModel:
         """What the odometry has turned out to be worth."""
         return self._calibration.model

@@ -22,6 +22,10 @@ FIRST_RESIDUAL = 0.5
 PIXEL_NOISE_PIXELS = 0.5
 """How far off, in pixels, a scan is found along a direction that only pixels' noise tells of."""
 
+SLOW_STEP_PIXELS = 1.0
+"""A robot without odometry that is predicted to move less than this may as well set off: pixels
+hold a standing robot fast, and a velocity of nought that is trusted would do so all the more."""
+
 RESIDUAL_MEMORY = 0.02
 """Share of a new residual in what counts as usual."""
 
@@ -76,7 +80,7 @@ class ScanMatcher:
         points : float64, shape (n, 2), tracking frame [m]; n > 0.
         """
         prior = relative(submap.tf_local_submap, prediction.tf_local_tracking)
-        pull = self._pull(prediction, extrapolator, time)
+        pull = self._pull(prediction, extrapolator, time, submap.grid.resolution)
         is_lost = False
         best = self._refine(submap, points, prior, prior, pull)
         if best.residual > self._usual_residual * self._window.poor_residual_ratio:
@@ -128,12 +132,17 @@ class ScanMatcher:
         )
 
     def _pull(
-        self, prediction: Prediction, extrapolator: PoseExtrapolator, time: float
+        self, prediction: Prediction, extrapolator: PoseExtrapolator, time: float, pixel: float
     ) -> FloatArray:
         """Return the information of the prediction, upper triangle, shape (6,)."""
         config, model = self._config.prediction, extrapolator.odometry_model
         if not prediction.by_odometry:
             translation, rotation = extrapolator.velocity_sigmas(time)
+            rest, moved = extrapolator.at_rest(), prediction.tf_local_tracking
+            is_slow = math.hypot(moved.x - rest.x, moved.y - rest.y) < SLOW_STEP_PIXELS * pixel
+            gained = config.acceleration * (time - extrapolator.last_time) ** 2
+            if is_slow and gained <= PIXEL_NOISE_PIXELS * pixel:
+                translation = config.lost_translation_sigma
             return _information(
                 min(translation, config.lost_translation_sigma),
                 min(rotation, config.lost_rotation_sigma),
