@@ -73,9 +73,14 @@ def _costlier(record: Record) -> list[list[str]]:
     return lines
 
 
+def limits() -> Section:
+    """Return what is known not to work, with the command that shows it."""
+    return Section("Known limits", tuple(remarks()["limits"]))
+
+
 @cache
 def remarks() -> dict[str, Any]:
-    """Return the reasons in ``remarks.toml``, by recording and figure."""
+    """Return the reasons in ``remarks.toml``, by recording and figure, and the known limits."""
     return tomllib.loads(
         files("cartoloop.benchmarks.paper").joinpath("remarks.toml").read_text("utf-8")
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cartoloop.benchmarks.document import Picture, Section, Table
 from cartoloop.benchmarks.paper.cells import mean_std, rows_of, title_of
-from cartoloop.benchmarks.paper.losses import behind
+from cartoloop.benchmarks.paper.losses import behind, limits
 from cartoloop.benchmarks.paper.pictures import PICTURES
 from cartoloop.benchmarks.paper.simulations import adjustment_runs, lines, museum, truth
 from cartoloop.benchmarks.paper.tables import closures, percentiles, performance, relations
@@ -35,6 +35,7 @@ def sections(record: Record, pictures: Path | None = None, prefix: str = "paper"
         truth(record),
         _variants(record),
         behind(record),
+        limits(),
         _missing(record),
         *_pictures(record, pictures, prefix),
     ]
