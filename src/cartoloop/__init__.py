@@ -18,13 +18,21 @@ if TYPE_CHECKING:
     from cartoloop.errors import CartoloopError, ConfigError, InputError, OutputError
     from cartoloop.mapper import Mapper, Result
     from cartoloop.readers import read
-    from cartoloop.sensor.events import Imu, LaserScan, Odometry, ScanGeometry
+    from cartoloop.sensor.events import (
+        CloudGeometry,
+        Imu,
+        LaserScan,
+        Odometry,
+        PointCloud,
+        ScanGeometry,
+    )
     from cartoloop.sensor.pose import Pose
 
 __version__ = "0.1.0"
 
 _HOME = {
     "CartoloopError": "errors",
+    "CloudGeometry": "sensor.events",
     "Config": "config",
     "ConfigError": "errors",
     "Imu": "sensor.events",
@@ -33,6 +41,7 @@ _HOME = {
     "Mapper": "mapper",
     "Odometry": "sensor.events",
     "OutputError": "errors",
+    "PointCloud": "sensor.events",
     "Pose": "sensor.pose",
     "Result": "mapper",
     "ScanGeometry": "sensor.events",
@@ -41,6 +50,7 @@ _HOME = {
 
 __all__ = [
     "CartoloopError",
+    "CloudGeometry",
     "Config",
     "ConfigError",
     "Imu",
@@ -49,6 +59,7 @@ __all__ = [
     "Mapper",
     "Odometry",
     "OutputError",
+    "PointCloud",
     "Pose",
     "Result",
     "ScanGeometry",

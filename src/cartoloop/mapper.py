@@ -20,7 +20,7 @@ from cartoloop.map_output.report import (
     summarize_constraints,
 )
 from cartoloop.map_output.result import Result
-from cartoloop.sensor.events import Imu, LaserScan, Odometry, SensorEvent
+from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
 from cartoloop.sensor.pose import FloatArray, Pose, compose
 from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -82,7 +82,7 @@ class Mapper:
             self._local_slam.add_odometry(event)
         elif isinstance(event, Imu):
             self._local_slam.add_imu(event)
-        else:
+        elif isinstance(event, LaserScan):
             self._add_scan(event)
 
     def finish(self) -> Result:
@@ -125,6 +125,8 @@ class Mapper:
         if isinstance(event, Odometry):
             if not all(map(math.isfinite, event.tf_odom_tracking)):
                 return "odometry is not finite"
+        elif isinstance(event, PointCloud):
+            return "point clouds are not mapped"
         elif isinstance(event, LaserScan) and event.ranges.shape != (event.geometry.num_beams,):
             return "number of ranges does not match the scanner"
         return None
