@@ -14,7 +14,7 @@ from cartoloop._jit import watch_compilation
 from cartoloop.kernels.voxel_filter import adaptive_voxel_filter, voxel_filter
 
 points = np.random.default_rng(0).uniform(-5.0, 5.0, (300, 2))
-kept = np.empty_like(points)
+kept = np.zeros_like(points)
 with watch_compilation(lambda: print("compiles")):
     print(voxel_filter(points, len(points), 0.5, kept), kept.sum())
     print("compiler ready:", "numba.np.arraymath" in sys.modules)
