@@ -51,6 +51,7 @@ def test_closures_come_in_the_order_of_the_requests(num_threads):
         search.submit(submaps[index], [request(index, node), request(index, 1000 + node)])
         if index % 2 == 0:
             expected += [(index, node), (index, 1000 + node)]
+    search.start()
     assert [(found.submap, found.node) for found in search.collect()] == expected
     assert search.num_searched == 600
     assert search.collect() == []
@@ -64,6 +65,7 @@ def test_what_was_searched_longest_ago_is_dropped(monkeypatch):
     search = ConstraintSearch(ConstraintSearchConfig(), 2)
     for node, index in enumerate((0, 1, 2, 3, 0, 4)):
         search.submit(submaps[index], [request(index, node)])
+        search.start()
         search.collect()
     assert [submap._smooth_map is not None for submap in submaps] == [
         True, False, False, False, True,
@@ -78,14 +80,30 @@ def test_a_round_over_more_submaps_than_fit_keeps_some_of_them(monkeypatch):
     search = ConstraintSearch(ConstraintSearchConfig(), 2)
     for index in range(9):
         search.submit(submaps[index], [request(index, 0)])
+    search.start()
     assert len(search.collect()) == 5
     assert sum(submap._smooth_map is not None for submap in submaps) == 3
+    search.close()
+
+
+@pytest.mark.usefixtures("found_in_even_submaps")
+def test_what_is_submitted_after_a_start_is_collected_after_the_next():
+    search = ConstraintSearch(ConstraintSearchConfig(), 2)
+    first, second = submap(0), submap(2)
+    search.submit(first, [request(0, 0)])
+    search.start()
+    search.submit(second, [request(2, 1)])
+    search.submit(first, [request(0, 2)])
+    assert [found.node for found in search.collect()] == [0]
+    search.start()
+    assert [found.node for found in search.collect()] == [1, 2]
     search.close()
 
 
 def test_nothing_is_sought_for_no_requests():
     search = ConstraintSearch(ConstraintSearchConfig(), 1)
     search.submit(submap(0), [])
+    search.start()
     assert search.num_searched == 0
     assert search.collect() == []
     search.close()

@@ -23,9 +23,6 @@ MAX_THREADS = 4
 BATCH = 50
 """Nodes sought in one submap by one task of a background thread."""
 
-MAX_WAITING = 100
-"""Requests that wait for others in the same submap: what a search needs of it is made once."""
-
 PRECOMPUTED_BYTES = 96 * 2**20
 """About how much is kept of what was computed of submaps to search them."""
 
@@ -41,7 +38,6 @@ class ConstraintSearch:
         num_threads = num_threads or min(os.cpu_count() or 1, MAX_THREADS)
         self._threads = ThreadPoolExecutor(num_threads, thread_name_prefix="loop-closure")
         self._waiting: dict[int, list[Numbered]] = {}
-        self._num_waiting = 0
         self._pending: list[Future[tuple[list[tuple[int, LoopClosure]], float]]] = []
         self._submaps: dict[int, FinishedSubmap] = {}
         self._kept: dict[int, FinishedSubmap] = {}
@@ -49,27 +45,36 @@ class ConstraintSearch:
         self.durations: list[float] = []
 
     def submit(self, submap: FinishedSubmap, requests: Sequence[SearchRequest]) -> None:
-        """Have nodes sought in one submap; returns at once."""
+        """Note nodes to be sought in one submap when :meth:`start` is called next."""
         if not requests:
             return
         numbered = enumerate(requests, start=self.num_searched)
         self._waiting.setdefault(submap.index, []).extend(numbered)
         self._submaps[submap.index] = submap
         self.num_searched += len(requests)
-        self._num_waiting += len(requests)
-        if self._num_waiting >= MAX_WAITING:
-            self._start_waiting()
+
+    def start(self) -> None:
+        """Hand what was submitted to the threads; returns at once.
+
+        Those in the same submap go together: what a search needs of it is made once.
+        """
+        waiting, self._waiting = self._waiting, {}
+        # those first of which there is something, lest it be dropped for the others
+        for index in sorted(waiting, key=lambda index: index not in self._kept):
+            submap, numbered = self._submaps.pop(index), waiting[index]
+            self._keep(submap, waiting)
+            for first in range(0, len(numbered), BATCH):
+                batch = tuple(numbered[first : first + BATCH])
+                self._pending.append(self._threads.submit(self._run, submap, batch))
 
     def collect(self) -> list[LoopClosure]:
-        """Wait for all that was submitted and return what was found, in the order submitted."""
-        self._start_waiting()
+        """Wait for all that was started and return what was found, in the order submitted."""
         pending, self._pending = self._pending, []
         found: list[tuple[int, LoopClosure]] = []
         for future in pending:
             closures, duration = future.result()
             found += closures
             self.durations.append(duration)
-        self._submaps.clear()
         return [closure for _, closure in sorted(found, key=lambda numbered: numbered[0])]
 
     def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> list[Answer]:
@@ -79,17 +84,6 @@ class ConstraintSearch:
     def close(self) -> None:
         """Drop what is not begun and end the threads."""
         self._threads.shutdown(wait=True, cancel_futures=True)
-
-    def _start_waiting(self) -> None:
-        """Hand the requests to the threads, those of a submap together."""
-        waiting, self._waiting, self._num_waiting = self._waiting, {}, 0
-        # those first of which there is something, lest it be dropped for the others
-        for index in sorted(waiting, key=lambda index: index not in self._kept):
-            submap, numbered = self._submaps[index], waiting[index]
-            self._keep(submap, waiting)
-            for first in range(0, len(numbered), BATCH):
-                batch = tuple(numbered[first : first + BATCH])
-                self._pending.append(self._threads.submit(self._run, submap, batch))
 
     def _keep(self, submap: FinishedSubmap, wanted: Container[int]) -> None:
         """Keep what is computed of a submap if there is room, or others that are not wanted."""

@@ -36,6 +36,10 @@ from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import Submap
 
+SEARCHES_A_PERIOD = 2
+"""So often, from one adjustment to the next, searches are started. Those started right after an
+adjustment are done long before the next one, which need not wait for them then."""
+
 
 @dataclass(frozen=True, slots=True)
 class AdjustmentRun:
@@ -100,9 +104,11 @@ class GlobalSlam:
             self._seek_in(finished)
         if self.graph.num_nodes % every == 0:
             self.adjust(self._config.pose_adjustment.max_num_iterations)
+        if self.graph.num_nodes % max(every // SEARCHES_A_PERIOD, 1) == 0:
+            self.search.start()
 
     def adjust(self, max_num_iterations: int) -> None:
-        """Take in the loop closures found so far and adjust all poses."""
+        """Take in the loop closures whose searches were started, and adjust all poses."""
         num_timed = len(self.search.durations)
         with self._timer.measure("wait for searches"):
             closures = self.search.collect()
@@ -126,6 +132,7 @@ class GlobalSlam:
             return
         for submap in unfinished:
             self._seek_in(self._finish(submap))
+        self.search.start()
         iterations = self._config.pose_adjustment.max_num_final_iterations
         self.adjust(iterations)
         for _ in range(self._config.constraint_search.final_passes):
