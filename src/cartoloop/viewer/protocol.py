@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The messages from server to page, byte by byte; ``docs/viewer-protocol.md`` is their reference.
+
+All is little-endian. A message is a header of 8 bytes, a payload, and zeros up to a multiple of 8
+bytes, so that every array in a payload lies where a browser's typed arrays can look at it in
+place. A WebSocket message holds one or more of them.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+PROTOCOL_VERSION = 1
+"""Rises when pages made for the protocol before would go wrong."""
+
+FINISHED = 1
+"""Flag of a submap that will not change any more."""
+
+_HEADER = struct.Struct("<IHH")
+_SUBMAP = struct.Struct("<6I3d")
+_PATCH = struct.Struct("<8I")
+_TABLE = struct.Struct("<4I")
+_SCAN = struct.Struct("<4d2I")
+_ALIGNMENT = 8
+
+_FINISHED_LEVEL, _ACTIVE_LEVEL = 6, 1
+"""How hard to compress what is sent once to each page, and what is sent many times a second."""
+
+
+class MessageType(IntEnum):
+    """What a message from the server is about."""
+
+    HELLO = 1
+    SUBMAP = 2
+    SUBMAP_PATCH = 3
+    SUBMAP_POSES = 4
+    NODES = 5
+    NODE_TIMES = 6
+    CONSTRAINTS = 7
+    SCAN = 8
+    READINGS = 9
+    PLAYBACK = 10
+    LATEST_CLOSURE = 11
+    COMPLETE = 12
+    CLOSURE = 13
+    NODE_SCAN = 14
+    PICTURE = 15
+    PROBLEM = 16
+    PONG = 17
+
+
+class WireConstraint(IntEnum):
+    """Kinds of constraints in a CONSTRAINTS message."""
+
+    INTRA_SUBMAP = 0
+    LOOP_CLOSURE = 1
+    NODE_TO_NODE = 2
+    REJECTED = 3
+    """A loop closure that was taken out of the graph in the end: the rest contradicted it."""
+
+
+class Message(NamedTuple):
+    """One message out of a WebSocket message: its type, a number or :class:`MessageType`."""
+
+    type: int
+    payload: bytes
+
+
+class Texture(NamedTuple):
+    """What a page needs to draw a submap.
+
+    Attributes
+    ----------
+    cells : uint8, shape (rows, cols): 0 unknown, otherwise the index into HELLO's ``log_odds``.
+    origin_x, origin_y : centre of ``cells[0, 0]`` [m, submap frame].
+    resolution : edge of a cell [m].
+    """
+
+    cells: NDArray[np.uint8]
+    origin_x: float
+    origin_y: float
+    resolution: float
+
+
+class ConstraintRows(NamedTuple):
+    """Constraints as a structure of arrays, all of the same length n.
+
+    Attributes
+    ----------
+    index_a, index_b : uint32, ends; see :class:`WireConstraint` for what they number.
+    relative_poses : float32 (n, 3), tf_a_b as measured [m, m, rad].
+    scores, runner_ups : float32, of the match, NaN where nothing was searched.
+    kinds : uint8, :class:`WireConstraint`.
+    """
+
+    index_a: NDArray[np.uint32]
+    index_b: NDArray[np.uint32]
+    relative_poses: NDArray[np.float32]
+    scores: NDArray[np.float32]
+    runner_ups: NDArray[np.float32]
+    kinds: NDArray[np.uint8]
+
+
+def message(kind: MessageType, payload: bytes) -> bytes:
+    """Return one message, with header and padding."""
+    return b"".join(
+        (_HEADER.pack(len(payload), kind, 0), payload, bytes(-len(payload) % _ALIGNMENT))
+    )
+
+
+def json_message(kind: MessageType, content: Mapping[str, Any]) -> bytes:
+    """Return a message of JSON; its numbers must be finite."""
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
+    return message(kind, text.encode("utf-8"))
+
+
+def submap_message(submap: int, version: int, texture: Texture, *, finished: bool) -> bytes:
+    """Return a whole submap."""
+    rows, cols = texture.cells.shape
+    flags = FINISHED if finished else 0
+    head = _SUBMAP.pack(
+        submap,
+        version,
+        flags,
+        rows,
+        cols,
+        0,
+        texture.origin_x,
+        texture.origin_y,
+        texture.resolution,
+    )
+    return message(MessageType.SUBMAP, head + _packed(texture.cells, finished))
+
+
+def patch_message(
+    submap: int,
+    base_version: int,
+    version: int,
+    first: tuple[int, int],
+    cells: NDArray[np.uint8],
+) -> bytes:
+    """Return the rectangle of a submap that has changed since `base_version`.
+
+    Parameters
+    ----------
+    first : row and column of ``cells[0, 0]`` in the submap.
+    cells : uint8, shape (rows, cols), what stands there now.
+    """
+    head = _PATCH.pack(submap, base_version, version, *first, *cells.shape, 0)
+    return message(MessageType.SUBMAP_PATCH, head + _packed(cells, finished=False))
+
+
+def submap_poses_message(revision: int, tf_map_submap: NDArray[np.float64]) -> bytes:
+    """Return the poses of all submaps, shape (n, 3)."""
+    head = _TABLE.pack(0, len(tf_map_submap), len(tf_map_submap), revision)
+    return message(MessageType.SUBMAP_POSES, head + _bytes(tf_map_submap, "<f8"))
+
+
+def nodes_message(
+    revision: int, first: int, total: int, tf_map_node: NDArray[np.floating]
+) -> bytes:
+    """Return the poses of the nodes from `first` on, shape (n, 3), of `total` that there are."""
+    head = _TABLE.pack(first, len(tf_map_node), total, revision)
+    return message(MessageType.NODES, head + _bytes(tf_map_node, "<f4"))
+
+
+def node_times_message(first: int, total: int, times: NDArray[np.float64]) -> bytes:
+    """Return the stamps [s] of the nodes from `first` on, shape (n,)."""
+    head = _TABLE.pack(first, len(times), total, 0)
+    return message(MessageType.NODE_TIMES, head + _bytes(times, "<f8"))
+
+
+def constraints_message(revision: int, first: int, total: int, rows: ConstraintRows) -> bytes:
+    """Return the constraints from `first` on, of `total` that there are."""
+    columns = (
+        _TABLE.pack(first, len(rows.kinds), total, revision),
+        _bytes(rows.index_a, "<u4"),
+        _bytes(rows.index_b, "<u4"),
+        _bytes(rows.relative_poses, "<f4"),
+        _bytes(rows.scores, "<f4"),
+        _bytes(rows.runner_ups, "<f4"),
+        _bytes(rows.kinds, "u1"),
+    )
+    return message(MessageType.CONSTRAINTS, b"".join(columns))
+
+
+def scan_message(
+    number: int,
+    time: float,
+    tf_map_tracking: tuple[float, float, float],
+    points: NDArray[np.floating],
+    kind: MessageType = MessageType.SCAN,
+) -> bytes:
+    """Return a scan: where the robot was, and what it saw.
+
+    Parameters
+    ----------
+    number : of the scan, or of the node where the kind is NODE_SCAN.
+    time : stamp [s].
+    tf_map_tracking : where the robot was.
+    points : shape (n, 2) [m], tracking frame.
+    """
+    head = _SCAN.pack(time, *tf_map_tracking, number, len(points))
+    return message(kind, head + _bytes(points, "<f4"))
+
+
+def messages(data: bytes) -> Iterator[Message]:
+    """Yield the messages that one WebSocket message holds: what the page does, in Python.
+
+    Raises
+    ------
+    ValueError
+        The data ends within a message.
+    """
+    start = 0
+    while start < len(data):
+        if len(data) - start < _HEADER.size:
+            raise ValueError("the data ends within the header of a message")
+        length, kind, _ = _HEADER.unpack_from(data, start)
+        start += _HEADER.size
+        if start + length > len(data):
+            raise ValueError("the data ends within a message")
+        yield Message(kind, data[start : start + length])
+        start += length + -length % _ALIGNMENT
+
+
+def _packed(cells: NDArray[np.uint8], finished: bool) -> bytes:
+    return zlib.compress(cells.tobytes(), _FINISHED_LEVEL if finished else _ACTIVE_LEVEL)
+
+
+def _bytes(values: NDArray[Any], dtype: str) -> bytes:
+    return np.ascontiguousarray(values, dtype=dtype).tobytes()
