@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from cartoloop.config import Config
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.trajectory import optimized_trajectory
-from cartoloop.local_slam.local_slam import LocalSlam
+from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
 from cartoloop.map_output.report import (
     AdjustmentSummary,
     InputSummary,
@@ -24,6 +25,7 @@ from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, Sensor
 from cartoloop.sensor.pose import FloatArray, Pose, compose
 from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.finished_grid import FinishedGrid
+from cartoloop.submaps.submap import Submap
 
 __all__ = ["Mapper", "Result"]
 
@@ -46,6 +48,7 @@ class Mapper:
         self._local_poses: list[Pose] = []
         self._node_scan_index: list[int] = []
         self._skipped: Counter[str] = Counter()
+        self._last_scan: LocalSlamResult | None = None
         self._num_scans = 0
         self._first_time = math.nan
         self._last_time = -math.inf
@@ -70,6 +73,40 @@ class Mapper:
         """Where the robot was at the last scan, in the map as adjusted so far."""
         local = self._local_poses[-1] if self._local_poses else Pose(0.0, 0.0, 0.0)
         return compose(self._global_slam.tf_map_local, local)
+
+    @property
+    def global_slam(self) -> GlobalSlam:
+        """The pose graph and the searches; to be looked at, in the mapping thread."""
+        return self._global_slam
+
+    @property
+    def active_submaps(self) -> tuple[Submap, ...]:
+        """The submaps that still grow, the older first; to be looked at."""
+        return self._local_slam.active_submaps
+
+    @property
+    def last_scan(self) -> LocalSlamResult | None:
+        """What became of the last scan that was mapped, None before the first."""
+        return self._last_scan
+
+    @property
+    def skipped(self) -> Mapping[str, int]:
+        """How many scans and events were skipped, by reason."""
+        return self._skipped
+
+    @property
+    def recorded_s(self) -> float:
+        """Time from the first scan to the last [s], 0 before the first."""
+        return self._last_time - self._first_time if self._stamps else 0.0
+
+    @property
+    def last_stamp(self) -> float:
+        """Stamp of the last scan that was mapped [s], NaN before the first."""
+        return self._stamps[-1] if self._stamps else math.nan
+
+    def node_stamps(self, first: int) -> FloatArray:
+        """Return the stamps [s] of the nodes from `first` on, shape (n,)."""
+        return np.array([self._stamps[scan] for scan in self._node_scan_index[first:]])
 
     def add(self, event: SensorEvent) -> None:
         """Take in one sensor event. Bad data never raises: it is skipped, and counted by reason."""
@@ -114,6 +151,7 @@ class Mapper:
             self._report(graph, trajectory),
             found=tuple(self._global_slam.found),
             rejected=tuple(self._global_slam.rejected),
+            node_points=tuple(self._global_slam.node_points),
         )
 
     def _objection(self, event: SensorEvent) -> str | None:
@@ -141,6 +179,7 @@ class Mapper:
         result = self._local_slam.add_scan(scan)
         if not result.was_matched and result.node is None:
             self._skipped["too few returns to match: pose as predicted"] += 1
+        self._last_scan = result
         self._stamps.append(scan.stamp)
         self._local_poses.append(result.tf_local_tracking)
         if result.node is not None:
@@ -160,7 +199,7 @@ class Mapper:
         return Report(
             input=InputSummary(
                 scans=self._num_scans,
-                duration_s=self._last_time - self._first_time if self._stamps else 0.0,
+                duration_s=self.recorded_s,
                 path_length_m=float(np.hypot(steps[:, 0], steps[:, 1]).sum()),
             ),
             nodes=graph.num_nodes,

@@ -107,3 +107,16 @@ def test_nothing_is_sought_for_no_requests():
     assert search.num_searched == 0
     assert search.collect() == []
     search.close()
+
+
+@pytest.mark.usefixtures("found_in_even_submaps")
+def test_the_backlog_is_what_was_submitted_and_is_not_done():
+    search = ConstraintSearch(ConstraintSearchConfig(), 1)
+    assert search.backlog == 0
+    search.submit(submap(0), [request(0, 0), request(0, 1)])
+    search.submit(submap(2), [request(2, 2)])
+    assert search.backlog == 3
+    search.start()
+    search.collect()
+    assert search.backlog == 0
+    search.close()

@@ -155,3 +155,27 @@ def test_finish_can_follow_result_and_close_can_follow_finish(recording):
     mapper.close()
 
     assert np.array_equal(mapper.result().trajectory, first.trajectory)
+
+
+def test_a_growing_map_can_be_looked_at(recording):
+    mapper = Mapper()
+    assert mapper.last_scan is None
+    assert mapper.recorded_s == 0.0
+    assert math.isnan(mapper.last_stamp)
+    for event in islice(recording.events(), 600):
+        mapper.add(event)
+
+    graph = mapper.global_slam.graph
+    assert mapper.last_stamp == recording.stamps[299]
+    assert mapper.recorded_s == pytest.approx(recording.stamps[299] - recording.stamps[0])
+    assert len(mapper.last_scan.returns) > 100
+    assert len(mapper.global_slam.node_points) == graph.num_nodes == mapper.num_nodes
+    assert mapper.active_submaps[-1].index == graph.num_submaps - 1
+    assert mapper.skipped == {}
+    result = mapper.finish()
+    stamps = result.stamps[result.node_scan_index]
+    assert np.array_equal(mapper.node_stamps(0), stamps)
+    assert np.array_equal(mapper.node_stamps(5), stamps[5:])
+    assert [len(points) for points in result.node_points] == [
+        len(points) for points in mapper.global_slam.node_points
+    ]

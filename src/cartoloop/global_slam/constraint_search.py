@@ -38,11 +38,18 @@ class ConstraintSearch:
         num_threads = num_threads or min(os.cpu_count() or 1, MAX_THREADS)
         self._threads = ThreadPoolExecutor(num_threads, thread_name_prefix="loop-closure")
         self._waiting: dict[int, list[Numbered]] = {}
-        self._pending: list[Future[tuple[list[tuple[int, LoopClosure]], float]]] = []
+        self._pending: list[tuple[Future[tuple[list[tuple[int, LoopClosure]], float]], int]] = []
         self._submaps: dict[int, FinishedSubmap] = {}
         self._kept: dict[int, FinishedSubmap] = {}
         self.num_searched = 0
         self.durations: list[float] = []
+
+    @property
+    def backlog(self) -> int:
+        """How many searches were submitted and are not done."""
+        waiting = sum(len(requests) for requests in self._waiting.values())
+        running = sum(size for future, size in self._pending if not future.done())
+        return waiting + running
 
     def submit(self, submap: FinishedSubmap, requests: Sequence[SearchRequest]) -> None:
         """Note nodes to be sought in one submap when :meth:`start` is called next."""
@@ -65,13 +72,14 @@ class ConstraintSearch:
             self._keep(submap, waiting)
             for first in range(0, len(numbered), BATCH):
                 batch = tuple(numbered[first : first + BATCH])
-                self._pending.append(self._threads.submit(self._run, submap, batch))
+                future = self._threads.submit(self._run, submap, batch)
+                self._pending.append((future, len(batch)))
 
     def collect(self) -> list[LoopClosure]:
         """Wait for all that was started and return what was found, in the order submitted."""
         pending, self._pending = self._pending, []
         found: list[tuple[int, LoopClosure]] = []
-        for future in pending:
+        for future, _ in pending:
             closures, duration = future.result()
             found += closures
             self.durations.append(duration)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -86,6 +86,11 @@ class GlobalSlam:
     def tf_map_local(self) -> Pose:
         """Where the local frame lies in the map since the last adjustment."""
         return self._tf_map_local
+
+    @property
+    def node_points(self) -> Sequence[FloatArray]:
+        """The returns of each node [m], tracking frame, shapes (n, 2); to be read only."""
+        return self._node_points
 
     @property
     def num_loop_closures(self) -> int:

@@ -59,6 +59,7 @@ class LoopClosure:
     information : float64, shape (3, 3), inverse covariance, submap axes.
     score : mean probability of the node's returns there, in [0, 1].
     runner_up : score of the best match elsewhere in the window, 0 where none was good enough.
+    request : where it was sought; None where it was matched anew.
     """
 
     submap: int
@@ -67,6 +68,7 @@ class LoopClosure:
     information: FloatArray
     score: float
     runner_up: float
+    request: SearchRequest | None = None
 
 
 def loop_closures(graph: PoseGraph, among: NDArray[np.bool_]) -> list[LoopClosure]:
@@ -107,6 +109,7 @@ def search(
         match_information(fine),
         coarse.score,
         coarse.runner_up,
+        request,
     )
 
 

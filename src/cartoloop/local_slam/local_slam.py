@@ -35,11 +35,13 @@ class LocalSlamResult:
     tf_local_tracking : its pose before loop closure.
     was_matched : False where there were too few returns, so that the pose is as predicted.
     node : None unless the scan was inserted into the submaps.
+    returns : float64, shape (n, 2), what it saw [m], tracking frame.
     """
 
     tf_local_tracking: Pose
     was_matched: bool
     node: Node | None
+    returns: FloatArray
 
 
 class LocalSlam:
@@ -95,7 +97,7 @@ class LocalSlam:
             information = match_information(found.match) if found else FIRST_INFORMATION
             with self._timer.measure("insert"):
                 node = self._insert(scan.time, data, tf_local_tracking, information)
-        return LocalSlamResult(tf_local_tracking, found is not None, node)
+        return LocalSlamResult(tf_local_tracking, found is not None, node, data.returns)
 
     def _insert(
         self, time: float, data: RangeData, tf_local_tracking: Pose, information: FloatArray

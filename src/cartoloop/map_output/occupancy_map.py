@@ -24,7 +24,9 @@ FloatArray = NDArray[np.float64]
 UNKNOWN = np.float32(-1.0)
 """Stands for the probability of cells that no submap has seen."""
 
-_MAX_LOG_ODDS = 4.6  # 1% and 99%
+MAX_LOG_ODDS = 4.6
+"""The map is held within this and its negative: 99% and 1%."""
+
 _MAX_CELLS = 2**29  # 2.5 GB while composing; buildings need a hundredth of it
 _MARGIN_CELLS = 5
 
@@ -96,7 +98,7 @@ def compose_map(
         )
     total = np.zeros((num_rows, num_cols), dtype=np.float32)
     known = np.zeros((num_rows, num_cols), dtype=np.bool_)
-    log_odds = _log_odds(config)
+    log_odds = cell_log_odds(config)
     for (grid, pose), corners_map in zip(seen, corners, strict=True):
         affine = _map_cell_to_submap_cell(pose, grid, lower, resolution)
         cells = corners_map / resolution - lower
@@ -122,8 +124,8 @@ def _corners(grid: FinishedGrid) -> FloatArray:
     return np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
 
 
-def _log_odds(config: SubmapConfig) -> NDArray[np.float32]:
-    """Return the log-odds that a cell adds to the map, by its value."""
+def cell_log_odds(config: SubmapConfig) -> NDArray[np.float32]:
+    """Return the log-odds that a cell adds to the map, float32 (256,), by its value."""
     probability = 0.1 + np.arange(-1, 255) / 254.0 * 0.8
     log_odds = np.log(probability / (1.0 - probability))
     log_odds[0] = 0.0
@@ -173,7 +175,7 @@ def _cropped(
     )
     # 1 / (1 + exp(-total)), in place because there may be hundreds of millions of cells
     probability = total[part]
-    np.clip(probability, -_MAX_LOG_ODDS, _MAX_LOG_ODDS, out=probability)
+    np.clip(probability, -MAX_LOG_ODDS, MAX_LOG_ODDS, out=probability)
     np.exp(np.negative(probability, out=probability), out=probability)
     np.reciprocal(np.add(probability, 1.0, out=probability), out=probability)
     probability[~known[part]] = UNKNOWN

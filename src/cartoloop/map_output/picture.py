@@ -83,19 +83,27 @@ def draw_map(
 
 
 def _shaded(probability: NDArray[np.float32]) -> Image.Image:
-    """Return floors bright, walls dark and the rest as background, the more certain the clearer."""
+    """Return the picture of the cells alone, a pixel each."""
     # A table of colours, for a map may have tens of millions of pixels.
-    levels = np.linspace(0.0, 1.0, 256)[:, np.newaxis]
-    floor = np.clip((0.5 - levels) / 0.3, 0.0, 1.0)
-    wall = np.clip((levels - 0.5) / 0.25, 0.0, 1.0)
-    ground = np.array(BACKGROUND, dtype=np.float64)
-    table = ground + floor * (np.array(_FLOOR) - ground) + wall * (np.array(_WALL) - ground)
-    table = np.concatenate((np.rint(table), ground[np.newaxis])).astype(np.uint8)
+    table = palette()
     pixels = np.empty((*probability.shape, 3), dtype=np.uint8)
     for shown, row in zip(pixels[::-1], probability, strict=True):
         level = np.where(row < 0.0, np.float32(256.0), row * np.float32(255.0))
         shown[:] = table[np.rint(level).astype(np.int16)]
     return Image.fromarray(pixels)
+
+
+def palette() -> NDArray[np.uint8]:
+    """Return the colours of cells by 255 times their probability, uint8 (257, 3), unknown last.
+
+    Floors are bright, walls dark and the rest as the background, the more certain the clearer.
+    """
+    levels = np.linspace(0.0, 1.0, 256)[:, np.newaxis]
+    floor = np.clip((0.5 - levels) / 0.3, 0.0, 1.0)
+    wall = np.clip((levels - 0.5) / 0.25, 0.0, 1.0)
+    ground = np.array(BACKGROUND, dtype=np.float64)
+    table = ground + floor * (np.array(_FLOOR) - ground) + wall * (np.array(_WALL) - ground)
+    return np.concatenate((np.rint(table), ground[np.newaxis])).astype(np.uint8)
 
 
 def _zoom(longest_edge: int) -> float:

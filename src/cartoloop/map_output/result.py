@@ -34,6 +34,7 @@ class Result:
     config : the parameters used.
     report : what happened.
     found : the loop closures that searches found; in the end, matches made anew take their place.
+    node_points : of each node the returns that are sought in submaps [m], tracking frame.
     rejected : loop closures taken out of the graph in the end, because the rest contradicted them.
     """
 
@@ -47,6 +48,7 @@ class Result:
     report: Report
     found: tuple[LoopClosure, ...] = ()
     rejected: tuple[LoopClosure, ...] = ()
+    node_points: tuple[NDArray[np.float64], ...] = ()
 
     def save(self, out: str | PathLike[str]) -> None:
         """Write map, trajectories, graph, configuration and report into the folder `out`.
