@@ -30,7 +30,7 @@ from cartoloop.readers.carmen_index import (
 from cartoloop.readers.carmen_lines import (
     SCAN_TAGS,
     LineError,
-    ScanLayout,
+    ScanLine,
     beam_angles,
     laser_offset_params,
     odom_stamp_index,
@@ -38,7 +38,7 @@ from cartoloop.readers.carmen_lines import (
     parse_pose,
     parse_ranges,
     parse_stamp,
-    scan_layout,
+    read_scan_line,
 )
 from cartoloop.readers.log import Problem, Problems
 from cartoloop.readers.source import Source
@@ -142,7 +142,7 @@ class CarmenLog:
                 if kind == ODOM:
                     odometry = Odometry(stamp, time, parse_pose(line.split(None, 4), 1))
                 else:
-                    odometry, scan = self._parse_scan(line.split(), stamp, time)
+                    odometry, scan = self._parse_scan(line, stamp, time)
             except LineError as error:
                 current.skip(error.reason, self._at(number, error.detail))
                 continue
@@ -159,29 +159,28 @@ class CarmenLog:
             raise InputError(self._why_no_scans())
 
     def _parse_scan(
-        self, tokens: list[bytes], stamp: float, time: float
+        self, line: bytes, stamp: float, time: float
     ) -> tuple[Odometry | None, LaserScan]:
         """Return the odometry and the scan of a scan line."""
-        layout = scan_layout(tokens)
-        ranges = parse_ranges(tokens, layout)
-        geometry = self._geometry(tokens, layout)
+        scan = read_scan_line(line)
+        ranges = parse_ranges(scan)
+        geometry = self._geometry(scan)
         odometry = None
-        if layout.robot_pose >= 0:
-            odometry = Odometry(stamp, time, parse_pose(tokens, layout.robot_pose))
+        if scan.robot_pose >= 0:
+            odometry = Odometry(stamp, time, parse_pose(scan.tail, scan.robot_pose))
         return odometry, LaserScan(stamp, time, ranges, geometry)
 
-    def _geometry(self, tokens: list[bytes], layout: ScanLayout) -> ScanGeometry:
+    def _geometry(self, scan: ScanLine) -> ScanGeometry:
         """Return the geometry, one object for all lines with the same beams."""
-        tag = tokens[0]
-        header = tuple(tokens[2 : layout.first_range - 1])
-        key = (tag, layout.num_beams, header)
+        tag = scan.head[0]
+        key = (tag, scan.num_beams, tuple(scan.head[2:-1]))
         geometry = self._geometries.get(key)
         if geometry is None:
-            angles = beam_angles(tokens, layout.num_beams)
+            angles = beam_angles(scan)
             geometry = ScanGeometry(
                 angle_min=angles.angle_min,
                 angle_increment=angles.angle_increment,
-                num_beams=layout.num_beams,
+                num_beams=scan.num_beams,
                 range_min=0.0,
                 range_max=angles.range_max,
                 tf_tracking_sensor=self._offsets[tag],
@@ -224,9 +223,8 @@ class CarmenLog:
             return told
         offsets = []
         for _, line in self._index.samples[tag].lines:
-            tokens = line.split()
             try:
-                offsets.append(parse_laser_offset(tokens, scan_layout(tokens)))
+                offsets.append(parse_laser_offset(read_scan_line(line)))
             except LineError:
                 continue  # the line is counted when it is its turn
         if not offsets:
@@ -257,7 +255,7 @@ class CarmenLog:
             for number, line in self._index.samples[tag].lines:
                 time = float(self._times[number])
                 try:
-                    scans.append(self._parse_scan(line.split(), time, time)[1])
+                    scans.append(self._parse_scan(line, time, time)[1])
                 except LineError:
                     continue  # the line is counted when it is its turn
             if not scans:
@@ -307,7 +305,7 @@ class CarmenLog:
         elif kind == CUT:
             current.skip("line cut off", self._at(number, "the last line is cut off"))
         elif kind == BROKEN:
-            error = _fault(line.split())
+            error = _fault(line)
             current.skip(error.reason, self._at(number, error.detail))
 
     def _at(self, line_index: int, message: str) -> str:
@@ -317,9 +315,8 @@ class CarmenLog:
         """Return the message for a file without a single usable scan."""
         path, kinds = self._source.path, self._index.kinds
         for number, line in enumerate(self._source.lines()):
-            tokens = line.split()
-            if tokens and (tokens[0] in SCAN_TAGS):
-                fault = _fault(tokens).detail
+            if line.lstrip().startswith(SCAN_TAGS) and line.split(None, 1)[0] in SCAN_TAGS:
+                fault = _fault(line).detail
                 return (
                     f"{path}:{number + 1}: no scan of this log can be used; "
                     f"here {fault}; check how it was written"
@@ -332,19 +329,20 @@ class CarmenLog:
         )
 
 
-def _fault(tokens: list[bytes]) -> LineError:
+def _fault(line: bytes) -> LineError:
     """Return what is wrong with a line that cannot be used."""
+    tokens = line.split()
     try:
         if tokens[0] == b"ODOM":
             stamp = odom_stamp_index(len(tokens))
             parse_stamp(tokens, stamp)
         else:
-            layout = scan_layout(tokens)
-            parse_stamp(tokens, layout.stamp)
-            parse_ranges(tokens, layout)
-            if layout.robot_pose >= 0:
-                parse_pose(tokens, layout.robot_pose)
-            beam_angles(tokens, layout.num_beams)
+            scan = read_scan_line(line)
+            parse_stamp(scan.tail, scan.stamp)
+            parse_ranges(scan)
+            if scan.robot_pose >= 0:
+                parse_pose(scan.tail, scan.robot_pose)
+            beam_angles(scan)
     except LineError as error:
         return error
     return LineError("line cut off", "the line is cut off")

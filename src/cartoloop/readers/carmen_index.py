@@ -16,7 +16,7 @@ from cartoloop.readers.carmen_lines import (
     LineError,
     odom_stamp_index,
     parse_stamp,
-    scan_layout,
+    read_scan_line,
 )
 from cartoloop.readers.source import Source
 
@@ -100,18 +100,19 @@ def index_log(source: Source) -> LogIndex:
     kind_of_tag = {tag: scan_kind(tag) for tag in SCAN_TAGS}
     params: dict[str, float] = {}
     for number, line in enumerate(source.lines()):
-        tokens = line.split()
-        tag = tokens[0] if tokens else b"#"
+        words = line.split(None, 1)
+        tag = words[0] if words else b"#"
         kind, stamp = kind_of_tag.get(tag, SILENT), math.nan
         try:
             if kind >= FIRST_SCAN:
-                stamp = parse_stamp(tokens, scan_layout(tokens).stamp)
+                scan = read_scan_line(line)
+                stamp = parse_stamp(scan.tail, scan.stamp)
                 samples[tag].offer(number, line)
             elif tag == b"ODOM":
-                kind = ODOM
+                kind, tokens = ODOM, line.split()
                 stamp = parse_stamp(tokens, odom_stamp_index(len(tokens)))
             elif tag == b"PARAM":
-                _note_param(tokens, params)
+                _note_param(line.split(), params)
             elif not tag.startswith(b"#"):
                 kind = IGNORED if tag in IGNORED_TAGS else UNKNOWN
         except LineError:

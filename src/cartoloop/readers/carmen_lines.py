@@ -17,12 +17,12 @@ Whether the optional parts are there is told by counting tokens from the end.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.kernels.decimal_text import POWERS_OF_TEN, parse_decimals
 from cartoloop.sensor.pose import IDENTITY, Pose, relative
 
 FloatArray = NDArray[np.float64]
@@ -42,6 +42,7 @@ IGNORED_TAGS = frozenset(
     b"SIMULATOR_TRUEPOS SIMULATOR_OBJECTS ARM PANTILT SCANMARK POSITION_LASERMSG0 VISION"
     b" WIFI".split()
 )
+_FLASER_TAGS = (b"FLASER", b"RLASER")
 _STAMP_TOKENS = 3  # ipc_timestamp ipc_hostname logger_timestamp
 _HEADER_TOKENS = 7  # type start fov step max accuracy remission
 # laser pose, robot pose, tv, rv, two safety distances, and then maybe the turn axis
@@ -57,79 +58,102 @@ class LineError(Exception):
         self.detail = detail
 
 
-class ScanLayout(NamedTuple):
-    """Where things stand among the tokens of a scan line; -1 where they are missing."""
+class ScanLine(NamedTuple):
+    """A scan line, its ranges read already if they are plain decimal numbers, as they mostly are.
 
-    first_range: int
+    Attributes
+    ----------
+    head : the tokens up to the count of ranges.
+    num_beams : that count.
+    ranges : float64, shape (num_beams,) [m], or None where they must be made of `words`.
+    words : the tokens of the ranges, or nothing where `ranges` are known: to cut a line into a
+        thousand pieces takes longer than to read its numbers.
+    tail : the tokens after the ranges.
+    robot_pose, laser_pose, stamp : where these stand in `tail`; -1 where they are missing.
+    """
+
+    head: list[bytes]
     num_beams: int
+    ranges: FloatArray | None
+    words: list[bytes]
+    tail: list[bytes]
     robot_pose: int
     laser_pose: int
     stamp: int
 
 
-def scan_layout(tokens: list[bytes]) -> ScanLayout:
-    """Return where things stand among the `tokens` of a scan line, whose tag is in `SCAN_TAGS`.
+def read_scan_line(line: bytes) -> ScanLine:
+    """Return the parts of a line whose tag is in `SCAN_TAGS`.
 
     Raises
     ------
     LineError
         If the number of tokens fits no form of the line.
     """
-    tag = tokens[0]
-    if tag in (b"FLASER", b"RLASER"):
-        count = tokens[1] if len(tokens) > 1 else b""
-        return _flaser_layout(count, len(tokens))
-    return _with_header_layout(tokens)
-
-
-@lru_cache(maxsize=64)
-def _flaser_layout(count: bytes, num_tokens: int) -> ScanLayout:
-    """Return the layout of FLASER, which the count of ranges and of tokens settle."""
-    num_beams = _beam_count(count)
-    tail = 2 + num_beams
-    extra = num_tokens - tail
-    if extra == 6:
-        return ScanLayout(2, num_beams, tail + 3, tail, -1)
-    if extra == 6 + _STAMP_TOKENS:
-        return ScanLayout(2, num_beams, tail + 3, tail, tail + 6)
-    raise _wrong_count(num_beams, extra, "6 pose numbers and 3 of the stamp")
-
-
-def _with_header_layout(tokens: list[bytes]) -> ScanLayout:
-    """Return the layout of ROBOTLASERn and RAWLASERn."""
-    if len(tokens) < _HEADER_TOKENS + 2:
+    is_flaser = line.lstrip().startswith(_FLASER_TAGS)
+    num_head = 2 if is_flaser else _HEADER_TOKENS + 2
+    head = line.split(None, num_head)
+    rest = head.pop() if len(head) > num_head else b""
+    if len(head) < num_head and not is_flaser:
         raise LineError("line cut off", "the line ends within the header of the scan")
-    first_range = _HEADER_TOKENS + 2
-    num_beams = _beam_count(tokens[first_range - 1])
-    tail = first_range + num_beams
-    has_pose = tokens[0].startswith(b"ROBOT")
+    num_beams = _beam_count(head[-1] if len(head) == num_head else b"")
+    ranges: FloatArray | None = None
+    end = -1
+    if 2 * num_beams <= len(rest) + 1:
+        ranges = np.empty(num_beams, dtype=np.float64)
+        end = parse_decimals(rest, POWERS_OF_TEN, ranges)
+    words = rest[max(end, 0) :].split()
+    if end >= 0:
+        words, tail = [], words
+    elif len(words) >= num_beams:
+        ranges, words, tail = None, words[:num_beams], words[num_beams:]
+    else:
+        raise LineError(
+            "range count mismatch or line cut off",
+            f"{num_beams} ranges are announced, the line ends after {len(words)}",
+        )
+    layout = _flaser_tail if is_flaser else _robotlaser_tail
+    return ScanLine(head, num_beams, ranges, words, tail, *layout(head[0], tail, num_beams))
+
+
+def _flaser_tail(_: bytes, tail: list[bytes], num_beams: int) -> tuple[int, int, int]:
+    """Return where robot pose, laser pose and stamp stand after the ranges of FLASER."""
+    if len(tail) == 6:
+        return 3, 0, -1
+    if len(tail) == 6 + _STAMP_TOKENS:
+        return 3, 0, 6
+    raise _wrong_count(num_beams, len(tail), "6 pose numbers and 3 of the stamp")
+
+
+def _robotlaser_tail(tag: bytes, tail: list[bytes], num_beams: int) -> tuple[int, int, int]:
+    """Return the same for ROBOTLASERn and RAWLASERn."""
+    has_pose = tag.startswith(b"ROBOT")
     wanted = _ROBOTLASER_TAILS if has_pose else (0,)
     # A host name is no number, so it tells a stamp from further values; failing that, try both.
-    has_host = len(tokens) - tail >= _STAMP_TOKENS and not _is_number(tokens[-2])
+    has_host = len(tail) >= _STAMP_TOKENS and not _is_number(tail[-2])
     for num_stamp in (_STAMP_TOKENS,) if has_host else (0, _STAMP_TOKENS):
-        start = _pose_start(tokens, tail, len(tokens) - num_stamp, wanted)
+        start = _pose_start(tail, len(tail) - num_stamp, wanted)
         if start >= 0:
             laser, robot = (start, start + 3) if has_pose else (-1, -1)
-            stamp = len(tokens) - _STAMP_TOKENS if num_stamp else -1
-            return ScanLayout(first_range, num_beams, robot, laser, stamp)
-    raise _wrong_count(num_beams, len(tokens) - tail, "the poses and the stamp")
+            return robot, laser, len(tail) - _STAMP_TOKENS if num_stamp else -1
+    raise _wrong_count(num_beams, len(tail), "the poses and the stamp")
 
 
-def _pose_start(tokens: list[bytes], tail: int, end: int, wanted: tuple[int, ...]) -> int:
+def _pose_start(tail: list[bytes], end: int, wanted: tuple[int, ...]) -> int:
     """Return where the laser's pose begins, after the remissions if there are any, or -1."""
-    plain = end - tail in wanted
+    plain = end in wanted
     blocked = -1
-    if tail < end and tokens[tail].isdigit():
-        after = tail + 1 + int(tokens[tail])
+    if end > 0 and tail[0].isdigit():
+        after = 1 + int(tail[0])
         if end - after in wanted:
             blocked = after
     if plain and blocked >= 0:
         # "0" may be an empty remission block or the laser's x. Beside coordinates with decimals it
         # is a count; otherwise, the laser sits near the robot.
-        if any(b"." in token for token in tokens[tail + 1 : tail + 7]):
+        if any(b"." in token for token in tail[1:7]):
             return blocked
-        return min((blocked, tail), key=lambda start: _laser_offset(tokens, start))
-    return tail if plain else blocked
+        return min((blocked, 0), key=lambda start: _laser_offset(tail, start))
+    return 0 if plain else blocked
 
 
 def _laser_offset(tokens: list[bytes], start: int) -> float:
@@ -151,11 +175,6 @@ def _beam_count(token: bytes) -> int:
 
 
 def _wrong_count(num_beams: int, extra: int, wanted: str) -> LineError:
-    if extra < 0:
-        return LineError(
-            "range count mismatch or line cut off",
-            f"{num_beams} ranges are announced, the line ends after {num_beams + extra}",
-        )
     return LineError(
         "range count mismatch or line cut off",
         f"{num_beams} ranges are announced, then {wanted} should follow, but {extra} tokens do",
@@ -205,7 +224,7 @@ def parse_pose(tokens: list[bytes], index: int) -> Pose:
     return Pose(x, y, theta)
 
 
-def parse_ranges(tokens: list[bytes], layout: ScanLayout) -> FloatArray:
+def parse_ranges(scan: ScanLine) -> FloatArray:
     """Return the ranges of a scan line [m]; NaN, infinite and negative ones stay as they are.
 
     Raises
@@ -213,19 +232,20 @@ def parse_ranges(tokens: list[bytes], layout: ScanLayout) -> FloatArray:
     LineError
         If a token is not a number.
     """
-    words = tokens[layout.first_range : layout.first_range + layout.num_beams]
+    if scan.ranges is not None:
+        return scan.ranges
     try:
-        return np.array(words, dtype=np.float64)
+        return np.array(scan.words, dtype=np.float64)
     except ValueError:
-        for word in words:
+        for word in scan.words:
             _number(word)
         raise
 
 
-def parse_laser_offset(tokens: list[bytes], layout: ScanLayout) -> Pose:
+def parse_laser_offset(scan: ScanLine) -> Pose:
     """Return tf_tracking_sensor; the poses of laser and robot are both in the odometry frame."""
-    robot = parse_pose(tokens, layout.robot_pose)
-    return relative(robot, parse_pose(tokens, layout.laser_pose))
+    robot = parse_pose(scan.tail, scan.robot_pose)
+    return relative(robot, parse_pose(scan.tail, scan.laser_pose))
 
 
 class BeamAngles(NamedTuple):
@@ -236,7 +256,7 @@ class BeamAngles(NamedTuple):
     range_max: float
 
 
-def beam_angles(tokens: list[bytes], num_beams: int) -> BeamAngles:
+def beam_angles(scan: ScanLine) -> BeamAngles:
     """Return where the beams of a scan line look.
 
     FLASER and RLASER carry no angles: by custom the beams span 180 degrees counter-clockwise from
@@ -248,10 +268,11 @@ def beam_angles(tokens: list[bytes], num_beams: int) -> BeamAngles:
     LineError
         If a number of the header is none.
     """
-    if tokens[0] in (b"FLASER", b"RLASER"):
+    num_beams = scan.num_beams
+    if scan.head[0] in _FLASER_TAGS:
         steps = max(num_beams if num_beams % 2 == 0 else num_beams - 1, 1)
         return BeamAngles(-math.pi / 2, math.pi / steps, math.inf)
-    start, field_of_view, step, longest = (_number(token) for token in tokens[2:6])
+    start, field_of_view, step, longest = (_number(token) for token in scan.head[2:6])
     if not (math.isfinite(start) and math.isfinite(field_of_view)):
         raise LineError("header not finite", "an angle of the scan's header is NaN or infinite")
     if not (math.isfinite(step) and step != 0.0):

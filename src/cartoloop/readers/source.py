@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cartoloop.errors import InputError
 
-_CHUNK_BYTES = 1 << 18
+_CHUNK_BYTES = 1 << 16
 _KEEP_BYTES = 24 << 20
 _GZIP_MAGIC = b"\x1f\x8b"
 
@@ -31,7 +31,7 @@ _FOREIGN = (
 class Source:
     """The lines of one file, as often as wanted.
 
-    Contents of up to 256 MB stay in memory, so that a second pass costs no decompression; larger
+    Contents of up to 24 MB stay in memory, so that a second pass costs no decompression; larger
     files are read again.
 
     Attributes

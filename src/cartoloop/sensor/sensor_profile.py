@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.sensor.events import LaserScan, ScanGeometry
-from cartoloop.sensor.no_return import find_no_return
+from cartoloop.sensor.no_return import find_no_return, median
 
 FloatArray = NDArray[np.float64]
 
@@ -192,7 +192,7 @@ def estimate_range_noise(ranges: FloatArray, range_max: float, quantum: float) -
 
 def _median_of_finite(values: FloatArray) -> float:
     finite = values[np.isfinite(values)]
-    return float(np.median(finite)) if len(finite) else math.inf
+    return median(finite) if len(finite) else math.inf
 
 
 def _robust_spread(values: FloatArray, quantum: float) -> float:

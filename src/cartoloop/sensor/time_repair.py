@@ -339,8 +339,11 @@ def times_between(
     nearest = np.where(before >= 0, anchor_times[left], anchor_times[right])
     own = np.where(loose & ~(np.abs(own - nearest) <= WILD_AT_THE_END), np.nan, own)
     times = np.clip(own, low, high)
+    in_order = np.isfinite(times)
+    in_order[1:] &= (np.diff(times) >= 0.0) | (np.diff(before) != 0)
     for start, stop in _runs(before):
-        times[start:stop] = _in_order(times[start:stop], low[start], high[start])
+        if not in_order[start:stop].all():
+            times[start:stop] = _in_order(times[start:stop], low[start], high[start])
     return times
 
 
@@ -354,8 +357,6 @@ def _runs(groups: IntArray) -> list[tuple[int, int]]:
 def _in_order(times: FloatArray, low: float, high: float) -> FloatArray:
     """Return the times between two scans, those out of order or NaN spread among the others."""
     finite = np.flatnonzero(np.isfinite(times))
-    if len(finite) == len(times) and (len(times) < 2 or (np.diff(times) >= 0.0).all()):
-        return times
     kept = finite[longest_ordered(times[finite])]
     places = [-1.0, *kept.tolist(), float(len(times))]
     values = [low, *times[kept].tolist(), high]
