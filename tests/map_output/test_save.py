@@ -34,6 +34,7 @@ FILES = {
     "trajectory.tum",
     "local_trajectory.tum",
     "graph.g2o",
+    "map.cartoloop",
     "nodes.csv",
     "closures.csv",
     "config.toml",

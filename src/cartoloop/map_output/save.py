@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from cartoloop.config_file import MACHINE_PARAMETERS, config_hash, config_toml
 from cartoloop.errors import OutputError
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.map_file import schema as map_file
+from cartoloop.map_file.save import map_bytes
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
 from cartoloop.map_output.map_files import pgm_bytes, yaml_text
 from cartoloop.map_output.occupancy_map import OccupancyMap, compose_map
@@ -40,8 +42,8 @@ def save(
     """Write all files of a result into the folder `out`, which is made if need be.
 
     ``map.pgm``, ``map.yaml``, ``map.png``, ``trajectory.tum``, ``local_trajectory.tum``,
-    ``graph.g2o``, ``nodes.csv``, ``closures.csv``, ``config.toml`` and ``report.json``. The same
-    result yields the same bytes; times stand in the report alone.
+    ``graph.g2o``, ``nodes.csv``, ``closures.csv``, ``map.cartoloop``, ``config.toml`` and
+    ``report.json``. The same result yields the same bytes; times stand in the report alone.
 
     Parameters
     ----------
@@ -71,6 +73,7 @@ def save(
         "graph.g2o": g2o_text(result.graph),
         "nodes.csv": nodes_csv(result),
         "closures.csv": closures_csv(result),
+        map_file.FILE_NAME: map_bytes(result),
         "config.toml": f"{toml}\n# Without {left_out}: the result does not depend on it.\n",
     }
     for name, content in files.items():

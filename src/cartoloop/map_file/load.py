@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A map database as the result that it was made of."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.config import Config
+from cartoloop.errors import InputError
+from cartoloop.global_slam.loop_closure import LoopClosure
+from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.map_file.schema import APPLICATION_ID, FILE_NAME, REJECTED, SCHEMA_VERSION
+from cartoloop.map_output.report import ConstraintSummary, InputSummary, Report
+from cartoloop.map_output.result import Result
+from cartoloop.sensor.pose import Pose
+from cartoloop.submaps.finished_grid import FinishedGrid
+
+FloatArray = NDArray[np.float64]
+Row = tuple[Any, ...]
+
+_MAX_CELLS = 2**27  # of one submap: a square of 500 m; more is no submap but a damaged file
+_UPPER = np.triu_indices(3)
+
+
+def load_map(path: Path) -> Result:
+    """Return the result that a map database was made of; times are not kept in it.
+
+    Parameters
+    ----------
+    path : the file, or the folder that ``cartoloop map`` wrote.
+
+    Raises
+    ------
+    InputError
+        It is not there, is no map database, is damaged, or was written by a newer program.
+    """
+    file = path / FILE_NAME if path.is_dir() else path
+    with _opened(file) as database, _damage_told(file):
+        about = dict(_rows(database, "about"))
+        graph, rejected = _graph(database)
+        nodes = _rows(database, "nodes")
+        trajectory = _poses(_rows(database, "trajectory"), 8)
+        report = json.loads(about["report"])
+        return Result(
+            stamps=trajectory[:, 1].copy(),
+            trajectory=trajectory[:, 2:5].copy(),
+            local_trajectory=trajectory[:, 5:].copy(),
+            graph=graph,
+            node_scan_index=_scan_index(nodes, len(trajectory)),
+            submap_grids=[_grid(row) for row in _rows(database, "submaps")],
+            config=Config.model_validate_json(about["config"]),
+            report=_report(report),
+            rejected=rejected,
+            node_points=tuple(_points(*row[5:]) for row in nodes),
+        )
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[sqlite3.Connection]:
+    """Yield the database, opened for reading."""
+    if not file.is_file():
+        raise InputError(
+            f"{file}: is not there; give a folder that 'cartoloop map' wrote, or the file "
+            f"{FILE_NAME} in one"
+        )
+    try:
+        database = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+        application_id = database.execute("PRAGMA application_id").fetchone()[0]
+        version = database.execute("PRAGMA user_version").fetchone()[0]
+    except sqlite3.Error as error:
+        raise InputError(f"{file}: is no map database ({error}); map the recording anew") from error
+    with closing(database):
+        if application_id != APPLICATION_ID:
+            raise InputError(f"{file}: is a database, but no map; give one that cartoloop wrote")
+        if version != SCHEMA_VERSION:
+            raise InputError(
+                f"{file}: is of version {version}, this program knows {SCHEMA_VERSION}; "
+                "use the program that wrote it, or map the recording anew"
+            )
+        yield database
+
+
+@contextmanager
+def _damage_told(file: Path) -> Iterator[None]:
+    """Turn whatever damaged content leads to into an error for the user."""
+    try:
+        yield
+    except (
+        sqlite3.Error, zlib.error, ValueError, TypeError, KeyError, IndexError, OverflowError,
+    ) as error:  # fmt: skip
+        what = " ".join(str(error).split())
+        raise InputError(
+            f"{file}: is damaged ({type(error).__name__}: {what}); map the recording anew"
+        ) from error
+
+
+def _rows(database: sqlite3.Connection, table: str) -> list[Row]:
+    """Return a table's rows by their keys, which must count from 0 where they are numbers."""
+    rows: list[Row] = database.execute(f"SELECT * FROM {table} ORDER BY 1").fetchall()
+    if table != "about" and [row[0] for row in rows] != list(range(len(rows))):
+        raise ValueError(f"rows of {table} are missing")
+    return rows
+
+
+def _array(rows: Sequence[Row], num_columns: int) -> FloatArray:
+    """Return numbers as an array; NULL becomes NaN."""
+    return np.array(rows, dtype=np.float64).reshape(-1, num_columns)
+
+
+def _poses(rows: Sequence[Row], num_columns: int = 3) -> FloatArray:
+    array = _array(rows, num_columns)
+    if not np.isfinite(array).all():
+        raise ValueError("a pose is not finite")
+    return array
+
+
+def _graph(database: sqlite3.Connection) -> tuple[PoseGraph, tuple[LoopClosure, ...]]:
+    graph = PoseGraph()
+    submaps = database.execute("SELECT x, y, theta FROM submaps ORDER BY submap").fetchall()
+    nodes = database.execute("SELECT x, y, theta FROM nodes ORDER BY node").fetchall()
+    graph.add_submaps(_poses(submaps))
+    graph.add_nodes(_poses(nodes))
+    if graph.num_submaps:
+        graph.fix_submap(0)
+    table = _array(_rows(database, "constraints"), 15)
+    kinds, ends = table[:, 1].astype(np.int64), table[:, 2:4].astype(np.int64)
+    informations = np.zeros((len(table), 3, 3))
+    informations[:, *_UPPER] = table[:, 7:13]
+    informations[:, *_UPPER[::-1]] = table[:, 7:13]
+    is_rejected = kinds == REJECTED
+    if np.any((kinds < 0) | (kinds > REJECTED)):
+        raise ValueError("a constraint is of unknown kind")
+    kept = ~is_rejected
+    graph.add_constraints(
+        kinds[kept],
+        ends[kept, 0],
+        ends[kept, 1],
+        table[kept, 4:7],
+        informations[kept],
+        scores=table[kept, 13],
+        runner_ups=table[kept, 14],
+    )
+    rejected = tuple(
+        LoopClosure(
+            int(ends[row, 0]),
+            int(ends[row, 1]),
+            Pose(*table[row, 4:7].tolist()),
+            informations[row],
+            float(table[row, 13]),
+            float(table[row, 14]),
+        )
+        for row in np.flatnonzero(is_rejected).tolist()
+    )
+    if any(
+        not (0 <= closure.submap < graph.num_submaps and 0 <= closure.node < graph.num_nodes)
+        for closure in rejected
+    ):
+        raise ValueError("a rejected closure has no ends")
+    return graph, rejected
+
+
+def _scan_index(nodes: Sequence[Row], num_scans: int) -> NDArray[np.int64]:
+    scans = np.array([row[1] for row in nodes], dtype=np.int64)
+    if np.any((scans < 0) | (scans >= num_scans)):
+        raise ValueError("a node is of no scan")
+    return scans
+
+
+def _grid(row: Row) -> FinishedGrid:
+    num_rows, num_cols, origin_x, origin_y, resolution, packed = row[4:]
+    if not (0 <= num_rows * num_cols <= _MAX_CELLS and num_rows >= 0):
+        raise ValueError(f"submap {row[0]} is {num_rows} by {num_cols} cells")
+    cells = _unpacked(packed, num_rows * num_cols)
+    array = np.frombuffer(cells, dtype=np.uint8).reshape(num_rows, num_cols)
+    return FinishedGrid(array, float(origin_x), float(origin_y), float(resolution))
+
+
+def _points(num_points: int, unit: float, packed: bytes) -> FloatArray:
+    numbers = np.frombuffer(_unpacked(packed, 4 * num_points), dtype="<i2")
+    return numbers.reshape(2, num_points).T * float(unit)
+
+
+def _unpacked(packed: bytes, size: int) -> bytes:
+    """Return the content of a zlib stream, which must be of this size: no more is ever made."""
+    stream = zlib.decompressobj()
+    content = stream.decompress(packed, size + 1)
+    if len(content) != size:
+        raise ValueError("a compressed field is too short or too long")
+    return content
+
+
+def _report(saved: dict[str, Any]) -> Report:
+    return Report(
+        input=InputSummary(**saved["input"]),
+        nodes=saved["nodes"],
+        submaps=saved["submaps"],
+        constraints=ConstraintSummary(**saved["constraints"]),
+        skipped=saved["skipped"],
+        version=saved["version"],
+        config_hash=saved["config_hash"],
+        extra=saved["extra"],
+    )

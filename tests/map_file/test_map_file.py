@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A map database gives back the result that it was made of; damage is told in one line."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cartoloop.config_file import load_config
+from cartoloop.errors import InputError
+from cartoloop.global_slam.loop_closure import LoopClosure
+from cartoloop.map_file.load import load_map
+from cartoloop.map_file.save import map_bytes
+from cartoloop.map_file.schema import FILE_NAME
+from cartoloop.map_output.report import InputSummary
+from cartoloop.map_output.save import save
+from cartoloop.sensor.pose import Pose
+from tests.map_output.small_result import small_result
+
+INFORMATION = np.array([(4.0, 1.0, 0.5), (1.0, 5.0, 0.25), (0.5, 0.25, 6.0)])
+
+
+@pytest.fixture
+def result():
+    config = load_config(settings=["local_slam.submaps.resolution=0.05"]).config
+    rng = np.random.default_rng(1)
+    return replace(
+        small_result(config, input=InputSummary(name="a log"), skipped={"too dark": 3}, wall_s=5.0),
+        rejected=(LoopClosure(0, 1, Pose(1.0, 2.0, 0.5), INFORMATION, 0.75, 0.0),),
+        node_points=(rng.uniform(-30.0, 30.0, (50, 2)), rng.uniform(-300.0, 300.0, (7, 2))),
+    )
+
+
+@pytest.fixture
+def file(result, tmp_path):
+    path = tmp_path / "out? #1" / FILE_NAME
+    path.parent.mkdir()
+    path.write_bytes(map_bytes(result))
+    return path
+
+
+def test_what_was_saved_is_loaded(result, file):
+    loaded = load_map(file)
+
+    for name in ("stamps", "trajectory", "local_trajectory", "node_scan_index"):
+        assert np.array_equal(getattr(loaded, name), getattr(result, name)), name
+    for name in (
+        "submap_poses", "node_poses", "kinds", "index_a", "index_b", "relative_poses",
+        "informations", "scores", "runner_ups",
+    ):  # fmt: skip
+        values = getattr(loaded.graph, name), getattr(result.graph, name)
+        assert np.array_equal(*values, equal_nan=True), name
+    for ours, theirs in zip(loaded.submap_grids, result.submap_grids, strict=True):
+        assert np.array_equal(ours.cells, theirs.cells)
+        assert (ours.origin_x, ours.origin_y) == (theirs.origin_x, theirs.origin_y)
+    assert loaded.config == result.config
+    assert loaded.report.input == result.report.input
+    assert loaded.report.skipped == result.report.skipped
+    assert loaded.report.wall_s == 0.0
+    (rejected,) = loaded.rejected
+    assert (rejected.submap, rejected.node, rejected.tf_submap_node) == (0, 1, (1.0, 2.0, 0.5))
+    assert np.array_equal(rejected.information, INFORMATION)
+
+
+def test_points_are_kept_to_a_millimetre_and_far_ones_as_finely_as_they_fit(result, file):
+    near, far = load_map(file).node_points
+
+    assert np.abs(near - result.node_points[0]).max() <= 0.00051
+    assert np.abs(far - result.node_points[1]).max() <= 0.006
+
+
+def test_the_same_result_yields_the_same_bytes_whatever_the_times_and_threads(result):
+    threads = load_config(settings=["global_slam.num_threads=4"]).config
+    other = replace(result, config=threads, report=replace(result.report, wall_s=9.0))
+
+    assert map_bytes(result) == map_bytes(other)
+
+
+def test_a_saved_result_can_be_loaded_from_its_folder_and_saved_again(result, tmp_path):
+    save(result, tmp_path / "a")
+
+    load_map(tmp_path / "a").save(tmp_path / "b")
+
+    for name in ("map.pgm", "map.png", "graph.g2o", "closures.csv"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+@pytest.mark.parametrize("content", [b"", b"not a database at all" * 100])
+def test_what_is_no_database_is_refused(tmp_path, content):
+    (tmp_path / FILE_NAME).write_bytes(content)
+
+    with pytest.raises(InputError, match="is no map database|is a database, but no map"):
+        load_map(tmp_path)
+
+
+def test_a_folder_without_a_map_is_refused(tmp_path):
+    with pytest.raises(InputError, match="is not there; give a folder"):
+        load_map(tmp_path)
+
+
+def test_the_file_of_a_newer_program_is_refused(file):
+    change(file, "PRAGMA user_version = 99")
+
+    with pytest.raises(InputError, match="is of version 99, this program knows"):
+        load_map(file)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "UPDATE submaps SET cells = x'0102'",
+        "UPDATE submaps SET num_rows = 41",
+        "UPDATE submaps SET num_rows = -1",
+        "UPDATE submaps SET num_rows = 1000000, num_cols = 1000000",
+        "UPDATE submaps SET x = NULL",
+        "UPDATE nodes SET points = NULL",
+        "UPDATE nodes SET scan = 1000",
+        "UPDATE nodes SET node = 5 WHERE node = 1",
+        "UPDATE constraints SET a = 7",
+        "UPDATE constraints SET kind = 9",
+        "UPDATE trajectory SET y = 'somewhere'",
+        "UPDATE about SET value = '{' WHERE key = 'report'",
+        "UPDATE about SET value = '[1]' WHERE key = 'config'",
+        "DELETE FROM about",
+        "DROP TABLE nodes",
+    ],
+)
+def test_damage_is_told_in_one_line(file, damage):
+    change(file, damage)
+
+    with pytest.raises(InputError, match=r"is damaged \(\w+: .*map the recording anew") as told:
+        load_map(file)
+
+    assert "\n" not in str(told.value)
+
+
+def test_a_file_that_was_cut_off_is_refused(file):
+    whole = file.read_bytes()
+    for share in (0.3, 0.6, 0.9):
+        file.write_bytes(whole[: int(share * len(whole))])
+        with pytest.raises(InputError):
+            load_map(file)
+
+
+def change(file, statement):
+    with closing(sqlite3.connect(file)) as database:
+        database.execute(statement)
+        database.commit()
