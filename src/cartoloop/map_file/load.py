@@ -45,7 +45,7 @@ def load_map(path: Path) -> Result:
     """
     file = path / FILE_NAME if path.is_dir() else path
     with _opened(file) as database, _damage_told(file):
-        about = dict(_rows(database, "about"))
+        about: dict[str, str] = dict(_rows(database, "about"))
         graph, rejected = _graph(database)
         nodes = _rows(database, "nodes")
         trajectory = _poses(_rows(database, "trajectory"), 8)
