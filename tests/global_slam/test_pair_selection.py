@@ -144,6 +144,15 @@ def test_bound_pairs_are_sought_less_often_and_not_for_ever():
     assert len(sought) == 4
 
 
+@pytest.mark.parametrize("length", [2.0, 50.0])
+def test_no_pair_is_taken_that_is_not_due(length):
+    due = selection([]).is_due(3, np.arange(200))
+    nodes = taken(selection([]), length, submap=3)
+    assert nodes
+    assert due[nodes].all()
+    assert not due.all()
+
+
 def test_pairs_of_other_submaps_are_counted_by_themselves():
     pairs = selection([])
     taken(pairs, 2.0, node_submap=5)

@@ -71,7 +71,7 @@ class GlobalSlam:
         self.adjustments: list[AdjustmentRun] = []
         self.rejected: list[LoopClosure] = []
         self._selection = PairSelection(config.constraint_search)
-        self._finished: dict[int, FinishedSubmap] = {}
+        self._finished: list[FinishedSubmap] = []
         self._node_points: list[FloatArray] = []
         self._node_submaps: list[tuple[int, ...]] = []
         self._first_submap = GrowingArray((), np.int64)
@@ -95,7 +95,7 @@ class GlobalSlam:
     @property
     def num_loop_closures(self) -> int:
         """How many loop closures the graph holds."""
-        return int(np.count_nonzero(self.graph.kinds == ConstraintKind.LOOP_CLOSURE))
+        return self.graph.num_loop_closures
 
     def add_node(self, node: Node) -> None:
         """Add a scan that was inserted; seek it where it may close a loop; adjust when due."""
@@ -150,7 +150,7 @@ class GlobalSlam:
 
     def finished_grids(self) -> dict[int, FinishedGrid]:
         """Return the grids of the finished submaps by their index."""
-        return {index: submap.grid for index, submap in self._finished.items()}
+        return {submap.index: submap.grid for submap in self._finished}
 
     def close(self) -> None:
         """End the background threads."""
@@ -177,13 +177,14 @@ class GlobalSlam:
                 if submap.index == 0:
                     graph.fix_submap(0)
             self._submap_nodes[submap.index].add(node.index)
-            graph.add_constraint(
-                ConstraintKind.INTRA_SUBMAP,
-                submap.index,
-                node.index,
-                relative(submap.tf_local_submap, pose),
-                self._config.pose_adjustment.intra_submap_weight * node.information,
-            )
+        information = self._config.pose_adjustment.intra_submap_weight * node.information
+        graph.add_constraints(
+            ConstraintKind.INTRA_SUBMAP,
+            [submap.index for submap in node.submaps],
+            [node.index for _ in node.submaps],
+            [relative(submap.tf_local_submap, pose) for submap in node.submaps],
+            [information for _ in node.submaps],
+        )
 
     def _finish(self, submap: Submap) -> FinishedSubmap:
         with self._timer.measure("finish submap"):
@@ -195,31 +196,35 @@ class GlobalSlam:
             points = [self._node_points[node] for node in self.graph.index_b[own].tolist()]
             own_score = mean_score(grid, points, self.graph.relative_poses[own])
             finished = FinishedSubmap(submap.index, grid, own_score)
-        self._finished[submap.index] = finished
+        self._finished.append(finished)
         return finished
 
     def _seek_node(self, node: int) -> None:
         """Seek a node in all finished submaps near enough."""
         with self._timer.measure("select pairs"):
-            poses = self.graph.submap_poses[list(self._finished)]
-            offsets = poses[:, :2] - self.graph.node_poses[node, :2]
-            near = np.hypot(offsets[:, 0], offsets[:, 1]) <= self._max_distance
-            for submap, is_near in zip(self._finished.values(), near.tolist(), strict=True):
-                if is_near and (request := self._request(submap.index, node)) is not None:
-                    self.search.submit(submap, [request])
+            submaps = np.arange(len(self._finished))
+            poses, pose = self.graph.submap_poses[submaps], self.graph.node_poses[node]
+            worth = self._selection.is_due(submaps, node) & self._are_near(poses, pose)
+            for submap in np.flatnonzero(worth).tolist():
+                if (request := self._request(submap, node)) is not None:
+                    self.search.submit(self._finished[submap], [request])
 
     def _seek_in(self, submap: FinishedSubmap) -> None:
         """Seek all nodes near enough in a submap that has just been finished."""
         with self._timer.measure("select pairs"):
-            offsets = self.graph.node_poses[:, :2] - self.graph.submap_poses[submap.index, :2]
-            near = np.flatnonzero(np.hypot(offsets[:, 0], offsets[:, 1]) <= self._max_distance)
-            candidates = (self._request(submap.index, node) for node in near.tolist())
-            requests = [request for request in candidates if request is not None]
-            self.search.submit(submap, requests)
+            nodes = np.arange(self.graph.num_nodes)
+            poses, pose = self.graph.node_poses, self.graph.submap_poses[submap.index]
+            worth = self._selection.is_due(submap.index, nodes) & self._are_near(poses, pose)
+            candidates = (self._request(submap.index, n) for n in np.flatnonzero(worth).tolist())
+            self.search.submit(submap, [request for request in candidates if request is not None])
 
-    @property
-    def _max_distance(self) -> float:
-        return self._config.constraint_search.max_constraint_distance
+    def _are_near(self, poses: FloatArray, pose: FloatArray) -> NDArray[np.bool_]:
+        """Return which of the poses, shape (n, 3), are near enough to another for a search."""
+        distances = np.hypot(poses[:, 0] - pose[0], poses[:, 1] - pose[1])
+        near: NDArray[np.bool_] = (
+            distances <= self._config.constraint_search.max_constraint_distance
+        )
+        return near
 
     def _request(self, submap: int, node: int) -> SearchRequest | None:
         """Return the search for a pair, or None where there is nothing to be gained."""
@@ -245,16 +250,16 @@ class GlobalSlam:
         )
         return SearchRequest(submap, node, points, estimate, *self._selection.window(length))
 
-    def _add_closures(self, closures: list[LoopClosure]) -> None:
-        for closure in closures:
-            self.graph.add_constraint(
+    def _add_closures(self, closures: Sequence[LoopClosure]) -> None:
+        if closures:
+            self.graph.add_constraints(
                 ConstraintKind.LOOP_CLOSURE,
-                closure.submap,
-                closure.node,
-                closure.tf_submap_node,
-                closure.information,
-                score=closure.score,
-                runner_up=closure.runner_up,
+                [closure.submap for closure in closures],
+                [closure.node for closure in closures],
+                [closure.tf_submap_node for closure in closures],
+                np.array([closure.information for closure in closures]),
+                scores=[closure.score for closure in closures],
+                runner_ups=[closure.runner_up for closure in closures],
             )
 
     def _adjust(self, max_num_iterations: int) -> None:
@@ -319,7 +324,6 @@ class GlobalSlam:
             submap.release()
             return found
 
-        matched = self.search.map(match_submap, sorted(self._finished))
+        matched = self.search.map(match_submap, range(len(self._finished)))
         self.graph = graph.without(graph.kinds == ConstraintKind.LOOP_CLOSURE)
-        for closures in matched:
-            self._add_closures(closures)
+        self._add_closures([closure for closures in matched for closure in closures])

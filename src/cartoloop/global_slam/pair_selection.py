@@ -104,6 +104,16 @@ class PairSelection:
             math.radians(min(angular_deg, config.angular_search_window_deg)),
         )
 
+    def is_due(
+        self, submap: int | NDArray[np.int64], node: int | NDArray[np.int64]
+    ) -> NDArray[np.bool_]:
+        """Return which pairs :meth:`take` may take, as far as their numbers tell."""
+        number = np.asarray(submap) + np.asarray(node)
+        due: NDArray[np.bool_] = (number % self._config.every_nth_node == 0) | (
+            number % self._config.every_nth_bound_node == 0
+        )
+        return due
+
     def take(self, submap: int, node: int, node_submap: int, uncertain_length: float) -> bool:
         """Return whether the pair is to be searched, and count it if so.
 

@@ -54,6 +54,7 @@ class PoseGraph:
         self._informations = GrowingArray((3, 3), np.float64)
         self._scores = GrowingArray((), np.float64)
         self._runner_ups = GrowingArray((), np.float64)
+        self._num_loop_closures = 0
         self._fixed_nodes: list[int] = []
         self._fixed_submaps: list[int] = []
 
@@ -71,6 +72,11 @@ class PoseGraph:
     def num_constraints(self) -> int:
         """How many constraints there are."""
         return len(self._kinds)
+
+    @property
+    def num_loop_closures(self) -> int:
+        """How many of them are loop closures."""
+        return self._num_loop_closures
 
     @property
     def node_poses(self) -> FloatArray:
@@ -223,6 +229,7 @@ class PoseGraph:
         self._check_indices(kinds, index_a, index_b)
         _check_values(relative_poses, matrices)
         first = self.num_constraints
+        self._num_loop_closures += int(np.count_nonzero(kinds == ConstraintKind.LOOP_CLOSURE))
         self._kinds.extend(kinds)
         self._index_a.extend(index_a)
         self._index_b.extend(index_b)
