@@ -40,7 +40,7 @@ def scans_of(log):
         (PNG, "PNG picture"),
         (b"<!DOCTYPE html><html>no such page</html>", "web page"),
         (b"\n <html></html>", "web page"),
-        (b"#ROSBAG V2.0\n", "ROS 1 bag"),
+        (b"#ROSBAG V2.0\n", "holds no messages"),
         (b"PK\x03\x04\x00", "zip archive"),
         (b"BZh91AY", "bzip2"),
         (b"\x00\x01\x02\x03" * 99, "is binary"),

@@ -11,9 +11,16 @@ import typer
 from cartoloop.cli.options import (
     ConfigOption,
     DrawOption,
+    EchoOption,
+    ImuTopicOption,
+    LaserPoseOption,
+    OdomTopicOption,
+    ScanTopicOption,
     SetOption,
     ThreadsOption,
+    UrdfOption,
     parse_layers,
+    read_options,
     settings_with_threads,
 )
 
@@ -28,9 +35,16 @@ def map_command(
     config: ConfigOption = None,
     threads: ThreadsOption = None,
     draw: DrawOption = "trajectory",
+    scan_topics: ScanTopicOption = None,
+    odom_topic: OdomTopicOption = None,
+    imu_topic: ImuTopicOption = None,
+    urdf: UrdfOption = None,
+    laser_pose: LaserPoseOption = None,
+    echo: EchoOption = "first",
 ) -> None:
-    """Map a recording: CARMEN logs, plain or gzip."""
+    """Map a recording: CARMEN log, ROS 1 bag, or ROS 2 recording (folder, .mcap, .db3)."""
     layers = parse_layers(draw)
+    options = read_options(scan_topics, odom_topic, imu_topic, urdf, laser_pose, echo)
 
     from cartoloop.config_file import load_config
 
@@ -39,6 +53,6 @@ def map_command(
     from cartoloop.cli.mapping import map_recording
     from cartoloop.readers import open_logs
 
-    log = open_logs(logs)
-    typer.echo(log.profile.describe())
+    log = open_logs(logs, options)
+    typer.echo(log.description)
     map_recording(log, loaded, out, layers)

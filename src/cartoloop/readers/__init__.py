@@ -6,46 +6,64 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from cartoloop.errors import InputError
 from cartoloop.readers.carmen import CarmenLog
 from cartoloop.readers.chain import LogChain
 from cartoloop.readers.log import Log, Problem
+from cartoloop.readers.options import ReadOptions
 from cartoloop.sensor.events import SensorEvent
 
-__all__ = ["Log", "Problem", "open_log", "open_logs", "read"]
+__all__ = ["Log", "Problem", "ReadOptions", "open_log", "open_logs", "read"]
 
 
-def read(path: str | Path) -> Iterator[SensorEvent]:
+def read(path: str | Path, options: ReadOptions | None = None) -> Iterator[SensorEvent]:
     """Yield the sensor events of a recording in the order they happened.
 
     Parameters
     ----------
-    path : a CARMEN log, plain or gzip.
+    path : any recording that `open_log` opens.
+    options : what you know better than the recording.
 
     Raises
     ------
     InputError
         At once if the recording cannot be used; see `open_log`.
     """
-    return iter(open_log(path))
+    return iter(open_log(path, options))
 
 
-def open_log(path: str | Path) -> Log:
+def open_log(path: str | Path, options: ReadOptions | None = None) -> Log:
     """Return a recording, ready to iterate, with its sensor profile and what is wrong with it.
 
     Parameters
     ----------
-    path : a CARMEN log, plain or gzip.
+    path : a CARMEN log, plain or gzip; a ROS 1 bag; a ROS 2 recording: its folder, .db3 or .mcap
+        file. What it is, is found out from its content.
+    options : what you know better than the recording.
 
     Raises
     ------
     InputError
         If the file cannot be read, is no recording, or holds no usable scan. Faults of single
-        lines are no error: they are counted in `Log.skipped` and told in `Log.problems`.
+        lines or messages are no error: they are counted in `Log.skipped` and told in
+        `Log.problems`.
     """
-    return CarmenLog(path)
+    from cartoloop.readers.ros.opening import is_recording
+
+    options = options or ReadOptions()
+    if is_recording(Path(path)):
+        from cartoloop.readers.ros.bag import BagLog
+
+        return BagLog(path, options)
+    if options.bag_only:
+        raise InputError(
+            f"{path}: is no ROS recording, so {options.bag_only[0]} means nothing here; "
+            "leave it out"
+        )
+    return CarmenLog(path, laser_pose=options.laser_pose)
 
 
-def open_logs(paths: Sequence[str | Path]) -> Log:
+def open_logs(paths: Sequence[str | Path], options: ReadOptions | None = None) -> Log:
     """Return several recordings as one, in the order given.
 
     Raises
@@ -55,5 +73,5 @@ def open_logs(paths: Sequence[str | Path]) -> Log:
     ValueError
         If there are no paths.
     """
-    logs = [open_log(path) for path in paths]
+    logs = [open_log(path, options) for path in paths]
     return logs[0] if len(logs) == 1 else LogChain(logs)

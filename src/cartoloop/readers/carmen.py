@@ -59,6 +59,11 @@ _CUSTOMARY_BEAMS = (180, 181, 360, 361)
 class CarmenLog:
     """A CARMEN log; see `cartoloop.readers.log.Log` for what it offers.
 
+    Parameters
+    ----------
+    path : the file, plain or gzip.
+    laser_pose : where the main scanner sits on the robot, if the log is not to be asked.
+
     Attributes
     ----------
     profiles : the profile of each scanner, by the tag of its lines; the main scanner first.
@@ -69,7 +74,7 @@ class CarmenLog:
         If the file cannot be read, is no CARMEN log, or holds no usable scan.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, *, laser_pose: Pose | None = None) -> None:
         self._source = Source(path)
         self.name = self._source.name
         self._found = Problems()  # while opening; does not change any more
@@ -80,11 +85,18 @@ class CarmenLog:
         self.num_scans = sum(self._index.count(tag) for tag in self._tags)
         self._times, self.time_report = self._repair_times()
         self._offsets = {tag: self._find_offset(tag) for tag in self._tags}
+        if laser_pose is not None:
+            self._offsets[self._tags[0]] = laser_pose
         self._geometries: dict[GeometryKey, ScanGeometry] = {}
         self.profiles: dict[str, SensorProfile] = {}
         self._profile_scanners()
         self._note_what_was_found()
         self._current = self._found
+
+    @property
+    def description(self) -> str:
+        """What is in it: some lines for the user."""
+        return self.profile.describe()
 
     @property
     def profile(self) -> SensorProfile:

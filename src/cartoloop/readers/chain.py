@@ -32,6 +32,11 @@ class LogChain:
         self.duration = sum(log.duration for log in logs)
 
     @property
+    def description(self) -> str:
+        """What is in the first recording."""
+        return self._logs[0].description
+
+    @property
     def profile(self) -> SensorProfile:
         """What the first recording says of its scanner; scans carry the geometry of their own."""
         return self._logs[0].profile

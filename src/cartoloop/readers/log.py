@@ -70,6 +70,10 @@ class Log(Protocol):
         """Short name of the recording."""
 
     @property
+    def description(self) -> str:
+        """What is in it, and what is used of it: some lines for the user."""
+
+    @property
     def num_scans(self) -> int:
         """How many scans there are; a few may prove unusable while iterating."""
 

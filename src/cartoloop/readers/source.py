@@ -15,9 +15,6 @@ _GZIP_MAGIC = b"\x1f\x8b"
 
 # What people give by mistake, known by its first bytes, and what to do about it.
 _FOREIGN = (
-    (b"#ROSBAG", "a ROS 1 bag, not a CARMEN log; convert its scans to CARMEN lines first"),
-    (b"\x89MCAP", "an MCAP recording, not a CARMEN log; convert its scans to CARMEN lines first"),
-    (b"SQLite format 3", "a database, not a CARMEN log; convert its scans to CARMEN lines first"),
     (b"\x89PNG", "a PNG picture, not a recording; give the log it was made from"),
     (b"\xff\xd8\xff", "a JPEG picture, not a recording; give the log it was made from"),
     (b"%PDF", "a PDF document, not a recording; give the log itself"),

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The messages of a recording as bytes, whatever files they are in."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Collection, Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from rosbags.interfaces import Connection
+
+
+class Channel(NamedTuple):
+    """A stream of messages of one type.
+
+    Attributes
+    ----------
+    key : what `Container.messages` calls it.
+    topic, msgtype : names; the type as ROS 2 writes it.
+    is_ros1 : how its messages are encoded.
+    num_messages : how many there are, as far as the file tells.
+    """
+
+    key: int
+    topic: str
+    msgtype: str
+    is_ros1: bool
+    num_messages: int
+
+
+class Container(Protocol):
+    """Where messages come from.
+
+    Attributes
+    ----------
+    kind : what it is, for the user.
+    channels : what is in it.
+    damage : what is wrong with it, or ""; known after the first pass.
+    """
+
+    kind: str
+    channels: list[Channel]
+    damage: str
+
+    def messages(self, keys: Collection[int]) -> Iterator[tuple[int, int, bytes]]:
+        """Yield key, time of recording [ns] and bytes, in the order of recording. Never raises."""
+
+
+class LibraryContainer:
+    """A recording that rosbags opens; closed when it is no longer used.
+
+    Parameters
+    ----------
+    reader : of rosbags, not yet open; anything it raises means that the file is damaged.
+    """
+
+    def __init__(self, reader: Any, kind: str, is_ros1: bool) -> None:  # noqa: ANN401 - untyped
+        self.kind = kind
+        self.damage = ""
+        self._reader = reader
+        reader.open()
+        weakref.finalize(self, reader.close)
+        self._connections: list[Connection] = list(reader.connections)
+        self.channels = [
+            Channel(key, c.topic, c.msgtype, is_ros1, c.msgcount)
+            for key, c in enumerate(self._connections)
+        ]
+
+    def messages(self, keys: Collection[int]) -> Iterator[tuple[int, int, bytes]]:
+        """Yield key, time of recording [ns] and bytes, in the order of recording. Never raises."""
+        # An empty selection means all to the library.
+        if not keys:
+            return
+        chosen = [self._connections[key] for key in sorted(keys)]
+        key_of = {id(connection): key for key, connection in enumerate(self._connections)}
+        stream = self._reader.messages(chosen)
+        while True:
+            try:
+                connection, time, data = next(stream)
+            except StopIteration:
+                return
+            except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
+                self.damage = one_line(error)
+                return
+            yield key_of[id(connection)], time, bytes(data)
+
+
+def one_line(error: BaseException) -> str:
+    """Return what an error says, in one line."""
+    text = " ".join(str(error).split()).rstrip(".")
+    return text[:200] or type(error).__name__
+
+
+class ChainedContainer:
+    """Several files of one recording, one after the other."""
+
+    def __init__(self, parts: list[Container], kind: str) -> None:
+        self._parts = parts
+        self.kind = kind
+        self.note = ""
+        self.damage = ""
+        self.channels = []
+        self._places: list[tuple[int, int]] = []
+        for number, part in enumerate(parts):
+            for channel in part.channels:
+                self.channels.append(channel._replace(key=len(self._places)))
+                self._places.append((number, channel.key))
+
+    def messages(self, keys: Collection[int]) -> Iterator[tuple[int, int, bytes]]:
+        """Yield key, time of recording [ns] and bytes, in the order of recording. Never raises."""
+        for number, part in enumerate(self._parts):
+            wanted = {self._places[key][1]: key for key in keys if self._places[key][0] == number}
+            for key, time, data in part.messages(wanted):
+                yield wanted[key], time, data
+            self.damage = self.damage or part.damage

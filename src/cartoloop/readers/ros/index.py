@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The first pass over a recording: stamps, frames, transforms and a sample of each sensor."""
+
+from __future__ import annotations
+
+from array import array
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from cartoloop.errors import InputError
+from cartoloop.readers.options import ReadOptions
+from cartoloop.readers.ros import messages as ros
+from cartoloop.readers.ros.cloud import CloudMessage, decode_cloud
+from cartoloop.readers.ros.container import Channel, Container
+from cartoloop.readers.ros.inventory import Finding, Role
+from cartoloop.readers.ros.transforms import TransformTree
+from cartoloop.readers.ros.urdf import parse_urdf, read_urdf
+from cartoloop.readers.ros.wire import DecodeError, frame_name, read_header
+
+ROLES: dict[str, Role] = {
+    ros.LASER_SCAN: "scan",
+    ros.MULTI_ECHO: "scan",
+    ros.POINT_CLOUD: "cloud",
+    ros.IMU: "imu",
+    ros.ODOMETRY: "odometry",
+    **dict.fromkeys(ros.TF_TYPES, "tf"),
+}
+
+NO_STAMP = -1
+"""Stands for the stamp of a message that cannot be read."""
+
+_SAMPLES: dict[Role, int] = {"scan": 300, "cloud": 6, "imu": 600, "odometry": 300}
+
+Sample = ros.ScanMessage | ros.ImuMessage | ros.OdometryMessage | CloudMessage
+
+
+@dataclass(eq=False)
+class Stream:
+    """The messages of one topic, or the poses of one frame in another on ``/tf``.
+
+    Attributes
+    ----------
+    topic, msgtype, role, is_ros1 : what it is.
+    keys : of the container's channels it comes from.
+    edge : parent and child frame, of poses on ``/tf``; else None.
+    stamps, records : of each message [ns]; `NO_STAMP` if it cannot be read.
+    frames, child_frames : how many messages are in each.
+    undecodable : how many messages of the sample cannot be decoded, by reason.
+    samples : some messages, in groups of three successive ones.
+    """
+
+    topic: str
+    msgtype: str
+    role: Role
+    is_ros1: bool
+    expected: int = 0
+    keys: list[int] = field(default_factory=list)
+    edge: tuple[str, str] | None = None
+    stamps: array[int] = field(default_factory=lambda: array("q"))
+    records: array[int] = field(default_factory=lambda: array("q"))
+    frames: Counter[bytes] = field(default_factory=Counter)
+    child_frames: Counter[str] = field(default_factory=Counter)
+    undecodable: Counter[str] = field(default_factory=Counter)
+    samples: list[Sample] = field(default_factory=list)
+
+    @property
+    def frame(self) -> str:
+        """The most frequent frame, or ""."""
+        return self.frame_names[0] if self.frames else ""
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        """All frames, the most frequent first."""
+        if self.edge is not None:
+            return self.edge[:1]
+        return tuple(frame_name(frame) for frame, _ in self.frames.most_common())
+
+    @property
+    def child_frame(self) -> str:
+        """The frame that odometry is of, or ""."""
+        return self.child_frames.most_common(1)[0][0] if self.child_frames else ""
+
+    @property
+    def num_readable(self) -> int:
+        """How many messages have a header."""
+        return len(self.stamps) - self.stamps.count(NO_STAMP)
+
+
+@dataclass(eq=False)
+class RecordingIndex:
+    """What the first pass found.
+
+    Attributes
+    ----------
+    container : what was read.
+    streams : one for each topic that could be used, and for each moving frame below odometry.
+    others : the channels that could not.
+    tree : all transforms.
+    findings : troubles with transforms and descriptions.
+    """
+
+    container: Container
+    streams: list[Stream]
+    others: list[Channel]
+    tree: TransformTree
+    findings: list[Finding]
+
+    @property
+    def num_messages(self) -> int:
+        """How many messages were looked at."""
+        return sum(len(stream.stamps) for stream in self.streams)
+
+    def with_role(self, role: Role) -> list[Stream]:
+        """Return the streams of a role that hold something, without those on ``/tf``."""
+        return [s for s in self.streams if s.role == role and s.edge is None and s.num_readable > 0]
+
+    @property
+    def edges(self) -> list[Stream]:
+        """The poses on ``/tf`` that may serve as odometry."""
+        return [stream for stream in self.streams if stream.edge is not None]
+
+
+def index_recording(container: Container, options: ReadOptions) -> RecordingIndex:
+    """Read a recording through once.
+
+    Raises
+    ------
+    InputError
+        The URDF file given is none.
+    """
+    tree = TransformTree()
+    findings: list[Finding] = []
+    if options.urdf is not None:
+        for joint in read_urdf(options.urdf):
+            tree.add(joint.parent, joint.child, joint.pose, "urdf")
+    streams: dict[tuple[str, str], Stream] = {}
+    by_key: dict[int, Stream] = {}
+    others = []
+    described: set[int] = set()
+    for channel in container.channels:
+        role = ROLES.get(channel.msgtype)
+        if role is None:
+            others.append(channel)
+            if channel.msgtype == ros.STRING and channel.topic.endswith("robot_description"):
+                described.add(channel.key)
+            continue
+        stream = streams.setdefault(
+            (channel.topic, channel.msgtype),
+            Stream(channel.topic, channel.msgtype, role, channel.is_ros1),
+        )
+        stream.keys.append(channel.key)
+        stream.expected += channel.num_messages
+        by_key[channel.key] = stream
+    is_ros1 = {channel.key: channel.is_ros1 for channel in container.channels}
+    edges: dict[tuple[str, str], Stream] = {}
+    for key, record, raw in container.messages(by_key.keys() | described):
+        if key in described:
+            findings += _describe(tree, raw, is_ros1[key])
+            continue
+        stream = by_key[key]
+        if stream.role == "tf":
+            _add_transforms(tree, stream, edges, record, raw)
+        else:
+            _add_message(stream, record, raw)
+    findings += _conflicts(tree)
+    return RecordingIndex(container, [*streams.values(), *edges.values()], others, tree, findings)
+
+
+def _add_message(stream: Stream, record: int, raw: bytes) -> None:
+    number = len(stream.stamps)
+    stream.records.append(record)
+    try:
+        header = read_header(raw, stream.is_ros1)
+    except DecodeError as error:
+        stream.stamps.append(NO_STAMP)
+        stream.undecodable[str(error)] += 1
+        return
+    stream.stamps.append(max(header.stamp, 0))
+    stream.frames[header.frame] += 1
+    if _is_sampled(stream, number):
+        try:
+            stream.samples.append(_decode(stream, raw))
+        except DecodeError as error:
+            stream.undecodable[str(error)] += 1
+
+
+def _is_sampled(stream: Stream, number: int) -> bool:
+    groups = _SAMPLES[stream.role] // 3
+    every = max(stream.expected // groups, 3)
+    return number % every < 3 and len(stream.samples) < 2 * _SAMPLES[stream.role]
+
+
+def _decode(stream: Stream, raw: bytes) -> Sample:
+    if stream.msgtype == ros.LASER_SCAN:
+        return ros.decode_scan(raw, stream.is_ros1)
+    if stream.msgtype == ros.MULTI_ECHO:
+        return ros.decode_multi_echo(raw, stream.is_ros1)
+    if stream.role == "imu":
+        return ros.decode_imu(raw, stream.is_ros1)
+    if stream.role == "odometry":
+        message = ros.decode_odometry(raw, stream.is_ros1)
+        stream.child_frames[message.child] += 1
+        return message
+    return decode_cloud(raw, stream.is_ros1)
+
+
+def _add_transforms(
+    tree: TransformTree,
+    stream: Stream,
+    edges: dict[tuple[str, str], Stream],
+    record: int,
+    raw: bytes,
+) -> None:
+    stream.stamps.append(record)
+    stream.records.append(record)
+    static = stream.topic.rstrip("/").endswith("tf_static")
+    try:
+        sent = ros.decode_transforms(raw, stream.is_ros1)
+    except DecodeError as error:
+        stream.undecodable[str(error)] += 1
+        return
+    for transform in sent:
+        try:
+            tree.add_sent(
+                transform.parent, transform.child, transform.values, "tf_static" if static else "tf"
+            )
+        except ValueError:
+            stream.undecodable["transform without a rotation"] += 1
+    if static:
+        return
+    for parent, child in {(t.parent, t.child) for t in sent if "odom" in t.parent.lower()}:
+        edge = edges.get((parent, child))
+        if edge is None:
+            edge = Stream(stream.topic, stream.msgtype, "odometry", stream.is_ros1)
+            edge.edge = (parent, child)
+            edge.child_frames[child] = 1
+            edge.keys = stream.keys
+            edges[parent, child] = edge
+        last = edge.stamps[-1] if edge.stamps else NO_STAMP
+        for transform in new_poses(sent, (parent, child), last):
+            edge.stamps.append(transform.stamp)
+            edge.records.append(record)
+
+
+def new_poses(
+    sent: list[ros.TransformMessage], edge: tuple[str, str], last_stamp: int
+) -> Iterator[ros.TransformMessage]:
+    """Yield the poses of an edge, each once: ``/tf`` repeats them with their old stamp."""
+    for transform in sent:
+        if (transform.parent, transform.child) == edge and transform.stamp != last_stamp:
+            last_stamp = transform.stamp
+            yield transform
+
+
+def _describe(tree: TransformTree, raw: bytes, is_ros1: bool) -> list[Finding]:
+    """Take in the robot's description that a recording holds."""
+    try:
+        joints = parse_urdf(ros.decode_string(raw, is_ros1), "robot_description")
+    except (DecodeError, InputError) as error:
+        return [Finding("warning", "robot_description", f"{error}", "give --urdf FILE")]
+    for joint in joints:
+        tree.add(joint.parent, joint.child, joint.pose, "robot_description")
+    return []
+
+
+def _conflicts(tree: TransformTree) -> list[Finding]:
+    return [
+        Finding(
+            "warning",
+            "several_parents",
+            f"frame {child} has several parents: {tree.transforms[child].parent}, "
+            f"{', '.join(sorted(parents))}",
+            "the first is believed; let only one node send this transform",
+        )
+        for child, parents in sorted(tree.conflicts.items())
+    ]

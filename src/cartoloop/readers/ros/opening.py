@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a path to the messages in it: what kind of recording it is, and who can read it.
+
+Sound recordings are read by the library rosbags; what it refuses, because the recorder died or
+the file is cut off, by `cartoloop.readers.ros.salvage`.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import weakref
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cartoloop.errors import InputError
+from cartoloop.readers.ros.container import (
+    ChainedContainer,
+    Container,
+    LibraryContainer,
+    one_line,
+)
+
+if TYPE_CHECKING:
+    from rosbags.interfaces import Connection
+
+BAG1_MAGIC = b"#ROSBAG V"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+SQLITE_MAGIC = b"SQLite format 3\x00"
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+
+
+def is_recording(path: Path) -> bool:
+    """Return whether a path is for this family of readers: a folder, or a file by its content."""
+    if path.is_dir() or path.name == "metadata.yaml":
+        return True
+    try:
+        with path.open("rb") as file:
+            head = file.read(16)
+    except OSError:
+        return False  # whoever reads it tells why
+    if head.startswith((BAG1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC)):
+        return True
+    if head.startswith(ZSTD_MAGIC):
+        return path.suffixes[-2:-1] in ([".db3"], [".mcap"], [".bag"])
+    return path.suffix in (".bag", ".db3", ".mcap", ".active")
+
+
+def open_containers(path: Path) -> list[Container]:
+    """Return the readers of a path to try, best first.
+
+    Raises
+    ------
+    InputError
+        There is no recording, or nothing of it can be read.
+    """
+    if path.name == "metadata.yaml" and path.is_file():
+        path = path.parent
+    if path.is_dir():
+        return _open_folder(path)
+    return _open_file(path)
+
+
+def _open_folder(path: Path) -> list[Container]:
+    inside = sorted(path.iterdir())
+    files = [p for p in inside if _magic(p) in (MCAP_MAGIC, SQLITE_MAGIC)]
+    bags = [p for p in inside if _magic(p) == BAG1_MAGIC]
+    if (path / "metadata.yaml").exists():
+        from rosbags.rosbag2 import Reader
+
+        try:
+            return [LibraryContainer(Reader(path), "ROS 2 recording", is_ros1=False)]
+        except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
+            if not files:
+                raise InputError(
+                    f"{path}: cannot be read ({one_line(error)}); if a file is missing, copy the "
+                    "whole folder again"
+                ) from None
+            note = f"its metadata.yaml does not fit ({one_line(error)})"
+    elif files:
+        note = "it has no metadata.yaml: the recorder was not ended properly"
+    elif bags:
+        raise InputError(
+            f"{path}: is a folder of bags; give the bags themselves, in the order of time"
+        )
+    else:
+        raise InputError(f"{path}: is a folder without a recording; give the recording itself")
+    parts = [_open_file(p)[0] for p in sorted(files, key=_by_number)]
+    chained = ChainedContainer(parts, "ROS 2 recording")
+    chained.note = note
+    return [chained]
+
+
+def _by_number(path: Path) -> tuple[int, str]:
+    """Split recordings are numbered name_0, name_1, ..., name_10."""
+    number = path.name.split(".")[0].rsplit("_", 1)[-1]
+    return (int(number) if number.isdigit() else -1, path.name)
+
+
+def _open_file(path: Path) -> list[Container]:
+    from cartoloop.readers.ros.salvage import Bag1Salvage, McapSalvage, SqliteSalvage
+
+    magic = _magic(path)
+    if magic == ZSTD_MAGIC:
+        return _open_compressed(path)
+    attempts: list[Container] = []
+    try:
+        if magic == BAG1_MAGIC:
+            from rosbags.rosbag1 import Reader as Reader1
+
+            attempts.append(LibraryContainer(Reader1(path), "ROS 1 bag", is_ros1=True))
+        elif magic == MCAP_MAGIC:
+            from rosbags.rosbag2.storage_mcap import McapReader
+
+            attempts.append(LibraryContainer(_Bare(McapReader(path)), "MCAP file", is_ros1=False))
+        elif magic == SQLITE_MAGIC:
+            from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+            reader = _Bare(Sqlite3Reader(path))
+            attempts.append(LibraryContainer(reader, "ROS 2 database", is_ros1=False))
+    except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
+        refusal = one_line(error)
+    else:
+        refusal = ""
+    if magic == BAG1_MAGIC:
+        attempts.append(Bag1Salvage(path, refusal))
+    elif magic == MCAP_MAGIC:
+        attempts.append(McapSalvage(path, refusal))
+    elif magic == SQLITE_MAGIC:
+        attempts.append(SqliteSalvage(path, refusal))
+    else:
+        raise InputError(_why_nothing(path))
+    return attempts
+
+
+def _open_compressed(path: Path) -> list[Container]:
+    """Return the readers of what a zstd file holds, unpacked into a folder of its own."""
+    from cartoloop.readers.ros.zstd import zstd
+
+    folder = Path(tempfile.mkdtemp(prefix="cartoloop-"))
+    plain = folder / path.stem
+    try:
+        with (
+            path.open("rb") as packed,
+            zstd.open(packed, "rb") as unpacked,
+            plain.open("wb") as out,
+        ):
+            shutil.copyfileobj(unpacked, out)
+    except (OSError, EOFError, zstd.ZstdError) as error:
+        if not plain.exists() or plain.stat().st_size == 0:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise InputError(
+                f"{path}: cannot be unpacked ({one_line(error)}); copy or download it again"
+            ) from None
+    attempts = _open_file(plain)
+    for attempt in attempts:
+        weakref.finalize(attempt, shutil.rmtree, folder, ignore_errors=True)
+    return attempts
+
+
+def _magic(path: Path) -> bytes:
+    """Return which of the known beginnings a file has, or b""."""
+    try:
+        if not path.is_file():
+            return b""
+        with path.open("rb") as file:
+            head = file.read(16)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"{path}: cannot be read ({reason}); check the file") from None
+    known = (BAG1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC, ZSTD_MAGIC)
+    return next((magic for magic in known if head.startswith(magic)), b"")
+
+
+def _why_nothing(path: Path) -> str:
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        return f"{path}: cannot be read ({error.strerror or error}); check the path"
+    if size == 0:
+        return f"{path}: is empty; record or download it again"
+    return f"{path}: is no {path.suffix} recording by its content; download or copy it again"
+
+
+def has_unwritten_log(path: Path) -> bool:
+    """Return whether messages of a database still stand in its write-ahead log beside it."""
+    beside = path.with_name(path.name + "-wal")
+    return beside.is_file() and beside.stat().st_size > 0
+
+
+class _Bare:
+    """A storage of rosbags on its own, whatever its file is called."""
+
+    def __init__(self, storage: Any) -> None:  # noqa: ANN401 - untyped
+        self._storage = storage
+        self.open, self.close, self.messages = storage.open, storage.close, storage.messages
+
+    @property
+    def connections(self) -> list[Connection]:
+        return list(self._storage.connections)

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What was found in a recording, as data and as lines for the user."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cartoloop.readers.ros.choice import Choice
+from cartoloop.readers.ros.container import Container
+from cartoloop.readers.ros.index import RecordingIndex, Stream
+from cartoloop.readers.ros.inventory import Finding, Inventory, TopicSummary, TransformSummary
+from cartoloop.readers.ros.times import stamp_statistics
+from cartoloop.sensor.sensor_profile import SensorProfile
+
+_MAX_OTHERS = 8
+
+
+def container_findings(container: Container) -> list[Finding]:
+    """Return what is wrong with the files of a recording."""
+    found = []
+    note = getattr(container, "note", "")
+    if note:
+        found.append(Finding("warning", "no_metadata", f"{note}; its files are read all the same"))
+    refusal = getattr(container, "refusal", "")
+    if "not indexed" in refusal:
+        found.append(
+            Finding(
+                "warning",
+                "unindexed",
+                "the bag has no index: its recorder was not ended properly",
+                "it is read from the front; `rosbag reindex` would restore the index",
+            )
+        )
+    if container.damage:
+        found.append(
+            Finding(
+                "error",
+                "damaged",
+                f"{container.damage}; what can be read before is used",
+                "copy or record it again for the rest",
+            )
+        )
+    return found
+
+
+def take_inventory(index: RecordingIndex, choice: Choice, findings: Sequence[Finding]) -> Inventory:
+    """Return all that is known of a recording."""
+    used = choice.streams
+    topics = [
+        _summary(stream, choice, chosen=stream in used)
+        for stream in index.streams
+        if stream.edge is None
+    ]
+    for stream in used:
+        if stream.edge is not None:
+            topics = [
+                _summary(stream, choice, chosen=True) if t.topic == stream.topic else t
+                for t in topics
+            ]
+    topics += [TopicSummary(c.topic, c.msgtype, "other", c.num_messages) for c in index.others]
+    transforms = []
+    for child, transform in sorted(index.tree.transforms.items()):
+        x, y, z = (float(v) for v in transform.pose.translation)
+        transforms.append(
+            TransformSummary(
+                transform.parent, child, transform.origin, x, y, z, *transform.pose.rpy,
+                transform.count, transform.moved_m, transform.moved_rad,
+            )
+        )  # fmt: skip
+    return Inventory(
+        kind=index.container.kind,
+        topics=tuple(sorted(topics, key=lambda topic: topic.topic)),
+        transforms=tuple(transforms),
+        base_frame=choice.base_frame,
+        findings=tuple(findings),
+    )
+
+
+def _summary(stream: Stream, choice: Choice, *, chosen: bool) -> TopicSummary:
+    reason = choice.reasons.get(stream.topic, "")
+    if stream.role == "tf" and not reason:
+        reason = "transforms"
+    if not stream.stamps:
+        reason = "no message"
+    return TopicSummary(
+        topic=stream.topic,
+        msgtype=stream.msgtype,
+        role=stream.role,
+        count=len(stream.stamps),
+        frames=stream.frame_names,
+        child_frames=tuple(frame for frame, _ in stream.child_frames.most_common()),
+        num_undecodable=sum(stream.undecodable.values()),
+        stamps=stamp_statistics(stream),
+        chosen=chosen,
+        reason=reason,
+    )
+
+
+def describe(inventory: Inventory, profile: SensorProfile) -> str:
+    """Return what is in a recording, and what is used of it and why."""
+    lines = []
+    for topic in inventory.topics:
+        if topic.role not in ("scan", "cloud", "odometry", "imu") or not topic.count:
+            continue
+        rate = f", {topic.stamps.rate:.3g} Hz" if topic.stamps is not None else ""
+        verb = "used" if topic.chosen else "not used"
+        kind = topic.msgtype.rsplit("/", 1)[-1]
+        because = f" ({topic.reason})" if topic.reason else ""
+        lines.append(f"{topic.topic}  {kind}, {topic.count} messages{rate}: {verb}{because}")
+    others = [t.topic for t in inventory.topics if t.role == "other"]
+    if others:
+        more = ", ..." if len(others) > _MAX_OTHERS else ""
+        lines.append(f"other topics  {', '.join(others[:_MAX_OTHERS])}{more}: not used")
+    lines.append(f"tracking frame  {inventory.base_frame}")
+    return "\n".join((*lines, profile.describe()))

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where frames stand on the robot: poses in space, and the tree of them that a recording tells."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.sensor.pose import Pose
+
+FloatArray = NDArray[np.float64]
+Origin = Literal["urdf", "robot_description", "tf_static", "tf"]
+
+MOVES_METERS = 0.005
+MOVES_RADIANS = math.radians(0.5)
+
+
+@dataclass(frozen=True, eq=False)
+class Pose3:
+    """A pose in space, of child in parent: ``p_parent = rotation @ p_child + translation``.
+
+    Attributes
+    ----------
+    rotation : float64, shape (3, 3).
+    translation : float64, shape (3,) [m].
+    """
+
+    rotation: FloatArray
+    translation: FloatArray
+
+    @staticmethod
+    def identity() -> Pose3:
+        """Return the pose of a frame in itself."""
+        return Pose3(np.eye(3), np.zeros(3))
+
+    @staticmethod
+    def from_quaternion(translation: tuple[float, ...], quaternion: tuple[float, ...]) -> Pose3:
+        """Return the pose of translation x y z [m] and quaternion x y z w, of any length.
+
+        Raises
+        ------
+        ValueError
+            A number is not finite, or the quaternion is 0.
+        """
+        q = np.array(quaternion)
+        norm = float(np.linalg.norm(q))
+        if not (np.isfinite(norm) and np.isfinite(translation).all() and norm > 1e-6):
+            raise ValueError("no rotation")
+        x, y, z, w = (q / norm).tolist()
+        rotation = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        return Pose3(rotation, np.array(translation, dtype=np.float64))
+
+    @staticmethod
+    def from_rpy(translation: tuple[float, ...], roll: float, pitch: float, yaw: float) -> Pose3:
+        """Return the pose of translation [m] and Rz(yaw) Ry(pitch) Rx(roll) [rad]."""
+        cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
+        cy, sy = math.cos(yaw), math.sin(yaw)
+        rotation = np.array(
+            [
+                [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+                [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+                [-sp, cp * sr, cp * cr],
+            ]
+        )
+        return Pose3(rotation, np.array(translation, dtype=np.float64))
+
+    @staticmethod
+    def from_plane(pose: Pose) -> Pose3:
+        """Return the pose in space of a pose in the plane."""
+        return Pose3.from_rpy((pose.x, pose.y, 0.0), 0.0, 0.0, pose.theta)
+
+    def __matmul__(self, other: Pose3) -> Pose3:
+        """Return ``tf_a_b @ tf_b_c``, which is tf_a_c."""
+        return Pose3(
+            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
+        )
+
+    def inverse(self) -> Pose3:
+        """Return the pose of parent in child."""
+        return Pose3(self.rotation.T, -self.rotation.T @ self.translation)
+
+    @property
+    def rpy(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw [rad] with ``rotation == Rz(yaw) Ry(pitch) Rx(roll)``."""
+        r = self.rotation
+        pitch = math.asin(min(1.0, max(-1.0, -float(r[2, 0]))))
+        if abs(r[2, 0]) > 1.0 - 1e-9:  # looking straight up or down: only a sum is known
+            return 0.0, pitch, math.atan2(-r[0, 1], r[1, 1])
+        return math.atan2(r[2, 1], r[2, 2]), pitch, math.atan2(r[1, 0], r[0, 0])
+
+    @property
+    def plane(self) -> Pose:
+        """The pose as seen from above."""
+        return Pose(float(self.translation[0]), float(self.translation[1]), self.rpy[2])
+
+    def distance(self, other: Pose3) -> tuple[float, float]:
+        """Return how far apart two poses are [m], and how much they are turned [rad]."""
+        trace = float(np.trace(self.rotation.T @ other.rotation))
+        turn = math.acos(min(1.0, max(-1.0, 0.5 * (trace - 1.0))))
+        return float(np.linalg.norm(self.translation - other.translation)), turn
+
+
+@dataclass(eq=False)
+class Transform:
+    """What a recording says of the pose of one frame in another.
+
+    Attributes
+    ----------
+    parent, child : names of the frames.
+    origin : who says it.
+    pose : of child in parent, when first seen.
+    count : how often it was sent.
+    moved_m, moved_rad : how far from there it was ever seen.
+    """
+
+    parent: str
+    child: str
+    origin: Origin
+    pose: Pose3
+    count: int = 1
+    moved_m: float = 0.0
+    moved_rad: float = 0.0
+    last_values: tuple[float, ...] = ()
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is no fixed mounting."""
+        return self.moved_m > MOVES_METERS or self.moved_rad > MOVES_RADIANS
+
+
+class TransformTree:
+    """All transforms of a recording. Each frame has one parent: who says so first is believed.
+
+    Attributes
+    ----------
+    transforms : by the name of the child.
+    conflicts : child, and the parents that are named besides the one believed.
+    """
+
+    def __init__(self) -> None:
+        self.transforms: dict[str, Transform] = {}
+        self.conflicts: dict[str, set[str]] = {}
+
+    def add(self, parent: str, child: str, pose: Pose3, origin: Origin) -> Transform | None:
+        """Take in a transform; return it if it is the first of this child, and so believed."""
+        if child in self.transforms:
+            known = self.transforms[child]
+            if known.parent != parent:
+                self.conflicts.setdefault(child, set()).add(parent)
+            elif known.origin == origin:
+                meters, radians = known.pose.distance(pose)
+                known.moved_m = max(known.moved_m, meters)
+                known.moved_rad = max(known.moved_rad, radians)
+            return None
+        # A loop would leave frames without a root.
+        if child == parent or parent in self.below(child):
+            return None
+        self.transforms[child] = Transform(parent, child, origin, pose)
+        return self.transforms[child]
+
+    def add_sent(self, parent: str, child: str, values: tuple[float, ...], origin: Origin) -> None:
+        """Take in a transform as sent: x y z [m], quaternion x y z w.
+
+        Raises
+        ------
+        ValueError
+            A number is not finite, or the quaternion is 0.
+        """
+        known = self.transforms.get(child)
+        if known is not None and known.parent == parent and known.origin == origin:
+            known.count += 1
+            if known.last_values == values:
+                return  # mostly the same is sent again and again
+        pose = Pose3.from_quaternion(values[:3], values[3:])
+        self.add(parent, child, pose, origin)
+        known = self.transforms.get(child)
+        if known is not None and known.parent == parent and known.origin == origin:
+            known.last_values = values
+
+    @property
+    def frames(self) -> set[str]:
+        """Names of all frames."""
+        return set(self.transforms) | {t.parent for t in self.transforms.values()}
+
+    def above(self, frame: str) -> list[str]:
+        """Return the frame, its parent, and so on up to the root."""
+        chain = [frame]
+        while chain[-1] in self.transforms:
+            chain.append(self.transforms[chain[-1]].parent)
+        return chain
+
+    def below(self, frame: str) -> set[str]:
+        """Return the frame and all that hang on it."""
+        found = {frame}
+        grown = True
+        while grown:
+            more = {c for c, t in self.transforms.items() if t.parent in found} - found
+            found |= more
+            grown = bool(more)
+        return found
+
+    def lookup(self, target: str, source: str) -> tuple[Pose3, list[Transform]] | None:
+        """Return tf_target_source and the transforms on the way, or None if there is no way."""
+        up_target, up_source = self.above(target), self.above(source)
+        common = next((frame for frame in up_source if frame in up_target), None)
+        if common is None:
+            return None
+        way: list[Transform] = []
+        poses = []
+        for chain in (up_target, up_source):
+            pose = Pose3.identity()
+            for frame in chain[: chain.index(common)]:
+                way.append(self.transforms[frame])
+                pose = self.transforms[frame].pose @ pose
+            poses.append(pose)
+        return poses[0].inverse() @ poses[1], way

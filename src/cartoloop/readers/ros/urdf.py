@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fixed joints of a robot's description (URDF): where its sensors are screwed on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+from cartoloop.errors import InputError
+from cartoloop.readers.ros.transforms import Pose3
+
+_MAX_BYTES = 64 << 20
+
+
+class FixedJoint(NamedTuple):
+    """The pose of the link `child` in the link `parent`."""
+
+    parent: str
+    child: str
+    pose: Pose3
+
+
+def read_urdf(path: Path) -> list[FixedJoint]:
+    """Return the fixed joints of a URDF file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or is no URDF.
+    """
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise InputError(f"{path}: is too large for a URDF file; give the robot's description")
+        text = path.read_bytes()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"{path}: cannot be read ({reason}); check the path") from None
+    return parse_urdf(text, str(path))
+
+
+def parse_urdf(text: bytes, name: str) -> list[FixedJoint]:
+    """Return the fixed joints of a robot's description; `name` is what messages call it.
+
+    Raises
+    ------
+    InputError
+        It is no URDF.
+    """
+    # No URDF needs a document type, and entities are how XML is made to harm its readers.
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+        raise InputError(f"{name}: declares XML entities, which are not read; remove them")
+    if b"<xacro:" in text:
+        raise InputError(f"{name}: is a xacro file; expand it first: xacro FILE > robot.urdf")
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise InputError(f"{name}: is no URDF ({error}); give the robot's description") from None
+    if root.tag != "robot":
+        raise InputError(f"{name}: is no URDF (it holds no <robot>); give the robot's description")
+    return [_joint(joint, name) for joint in root.findall("joint") if joint.get("type") == "fixed"]
+
+
+def _joint(joint: ElementTree.Element, name: str) -> FixedJoint:
+    parent, child, origin = joint.find("parent"), joint.find("child"), joint.find("origin")
+    above = parent.get("link", "") if parent is not None else ""
+    below = child.get("link", "") if child is not None else ""
+    what = f"{name}: joint {joint.get('name', '?')!r}"
+    if not (above and below):
+        raise InputError(f"{what} names no parent or child link; correct it")
+    xyz, rpy = "0 0 0", "0 0 0"
+    if origin is not None:
+        xyz, rpy = origin.get("xyz", xyz), origin.get("rpy", rpy)
+    return FixedJoint(above, below, Pose3.from_rpy(_three(xyz, what), *_three(rpy, what)))
+
+
+def _three(text: str, what: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(word) for word in text.split())
+    except ValueError:
+        raise InputError(f"{what}: {text!r} are not three numbers; correct it") from None
+    if not all(abs(value) < 1e6 for value in (x, y, z)):
+        raise InputError(f"{what}: {text!r} are not three finite numbers; correct it")
+    return x, y, z
