@@ -4,14 +4,16 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.kernels.correlative import match_correlative, window_sums
-from tests.reference.naive_correlative import naive_scores, nearest_probability
+from cartoloop.kernels.correlative import match_correlative
+from cartoloop.kernels.window_bounds import box_sizes, index_points, quantize_cells
+from tests.reference.naive_correlative import exhaustive_match, naive_scores, nearest_probability
 
 UNKNOWN, RESOLUTION = 0.1, 0.05
 ORIGIN = (-0.4, 0.25)
@@ -86,23 +88,99 @@ def test_the_best_candidate_equals_that_of_an_exhaustive_search(
     assert pose == pytest.approx(np.array((x, y, theta)) + steps, abs=1e-12)
 
 
-@settings(deadline=None, max_examples=40)
+def plateau_grid(rng, num_values):
+    """A grid of few different values: many candidates are equally good."""
+    values = rng.choice((0.0, 0.1, 0.3, 0.55, 0.9), num_values, replace=False)
+    return rng.choice(values, (14, 17)).astype(np.float32)
+
+
+@settings(deadline=None, max_examples=150)
 @given(
     seed=seeds,
-    cells=st.lists(st.tuples(st.integers(-9, 25), st.integers(-9, 22)), max_size=12),
-    half_width=st.integers(0, 4),
+    x=st.floats(-1.5, 1.5),
+    y=st.floats(-1.0, 2.0),
+    theta=st.floats(-4.0, 4.0),
+    num_points=st.integers(1, 40),
+    half_width=st.integers(0, 6),
+    half_turns=st.integers(0, 4),
+    weights=st.just((0.0, 0.0)) | st.tuples(st.floats(0.0, 5.0), st.floats(0.0, 5.0)),
+    num_values=st.integers(1, 5) | st.none(),
 )
-def test_the_sums_of_a_window_equal_one_look_up_after_the_other(seed, cells, half_width):
+def test_what_is_found_is_the_first_best_candidate_to_the_last_bit(
+    seed, x, y, theta, num_points, half_width, half_turns, weights, num_values
+):
+    rng = np.random.default_rng(seed)
+    grid = random_grid(rng) if num_values is None else plateau_grid(rng, num_values)
+    points, step, estimate = rng.uniform(-0.5, 0.5, (num_points, 2)), 0.07, (x, y, theta)
+
+    pose, score = match(grid, points, estimate, half_width, half_turns, step, weights)
+
+    expected, expected_score = exhaustive_match(
+        grid, UNKNOWN, ORIGIN, RESOLUTION, points, estimate, half_width, half_turns, step, weights
+    )
+    assert tuple(pose) == expected
+    assert score == expected_score
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    seed=seeds,
+    first_col=st.integers(-25, 25),
+    first_row=st.integers(-25, 25),
+    shape=st.tuples(st.integers(1, 20), st.integers(1, 20)),
+)
+def test_bytes_are_probabilities_rounded_up(seed, first_col, first_row, shape):
     grid = random_grid(np.random.default_rng(seed))
-    steps = range(-half_width, half_width + 1)
-    expected = [
-        [sum(nearest_probability(grid, UNKNOWN, c + dx, r + dy) for c, r in cells) for dx in steps]
-        for dy in steps
-    ]
-    sums = np.full((2 * half_width + 1,) * 2, np.nan, dtype=np.float32)
-    cols, rows = np.array(cells, dtype=np.int64).reshape(-1, 2).T.copy()
-    window_sums(grid, np.float32(UNKNOWN), cols, rows, half_width, sums)
-    assert sums == pytest.approx(np.array(expected), rel=1e-5)
+    cells = np.zeros(shape[0] * shape[1], dtype=np.uint8)
+    quantize_cells(grid, UNKNOWN, first_col, first_row, shape[1], cells)
+    exact = np.array(
+        [
+            [
+                nearest_probability(grid, UNKNOWN, first_col + c, first_row + r)
+                for c in range(shape[1])
+            ]
+            for r in range(shape[0])
+        ]
+    )
+    excess = cells.reshape(shape) - 255.0 * exact
+    assert (excess >= -1e-4).all()
+    assert (excess < 1.0 + 1e-4).all()
+
+
+@pytest.mark.parametrize("width", range(1, 30))
+def test_boxes_shrink_to_single_cells_and_quarters_cover_them(width):
+    sizes = box_sizes(width).tolist()
+    assert sizes[0] == width
+    assert sizes[-1] == 1
+    assert all(half < size <= 2 * half for size, half in pairwise(sizes))
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    cells=st.lists(st.tuples(st.integers(-40, 50), st.integers(-40, 50)), min_size=1, max_size=12),
+    half_width=st.integers(0, 6),
+)
+def test_the_part_of_the_grid_that_is_looked_at_holds_all_windows_that_touch_the_grid(
+    cells, half_width
+):
+    num_cols, num_rows, width = 17, 14, 2 * half_width + 1
+    cols, rows = np.array(cells, dtype=np.int32).T.copy()
+    index = np.full(len(cells), -1, dtype=np.int32)
+    part = np.full(4, -1, dtype=np.int64)
+    index_points(cols, rows, half_width, num_cols, num_rows, index, part)
+    first_col, first_row, row_length, height = part.tolist()
+    for (col, row), at in zip(cells, index.tolist(), strict=True):
+        in_row, in_col = divmod(at, row_length)
+        assert 0 <= in_col <= row_length - width
+        assert 0 <= in_row <= height - width
+        for first, begin, found, size in (
+            (col, first_col, in_col, num_cols),
+            (row, first_row, in_row, num_rows),
+        ):
+            wanted = first - half_width
+            seen = begin + found
+            is_outside = wanted + width <= 0 or wanted >= size
+            assert (seen + width <= 0 or seen >= size) if is_outside else seen == wanted
 
 
 def test_a_displaced_scan_is_found_to_the_pixel_and_the_step():

@@ -200,7 +200,7 @@ def _match_workloads(driven: Drive) -> Iterator[Workload]:
     )  # fmt: skip
     wide = CorrelativeMatcherConfig(linear_search_window=0.1, angular_search_window_deg=20.0)
     yield Workload(
-        "correlative", ("correlative",), {**case, "window": "±0.1 m, ±20°"},
+        "correlative", ("correlative", "window_bounds"), {**case, "window": "±0.1 m, ±20°"},
         partial(correlative.match, submap.grid, points, start, wide), len(points), "points",
     )  # fmt: skip
 

@@ -35,7 +35,7 @@ def rotation_step(points: FloatArray, resolution: float) -> float:
 def match(
     grid: ProbabilityGrid, points: FloatArray, tf_grid_scan: Pose, config: CorrelativeMatcherConfig
 ) -> CorrelativeMatch:
-    """Return the best pose in the window around an estimate, by exhaustive search.
+    """Return the best pose in the window around an estimate.
 
     Parameters
     ----------

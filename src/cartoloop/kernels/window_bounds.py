@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Upper bounds for boxes of translations of a scan at one rotation, for the correlative matcher.
+
+Probabilities rounded up to bytes, and the maxima of these over boxes of several sizes, bound the
+scores of all translations in a box by one look-up for each point. Sums of bytes are whole numbers,
+exact in any order.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop._jit import kernel
+from cartoloop.kernels.precomputation_grid import widen_boxes
+
+ByteArray = NDArray[np.uint8]
+CellArray = NDArray[np.int32]
+IntArray = NDArray[np.int64]
+
+MAX_BYTE = 255.0
+"""The byte of probability 1."""
+
+# Columns of a node on the stack: level in the tree, translation of its box's first cell from that
+# of the window, and sum of the bytes.
+LEVEL, COL, ROW, SUM = range(4)
+
+
+@kernel
+def box_sizes(width: int) -> IntArray:
+    """Return the widths of the boxes of each level: `width`, half of it rounded up, ..., 1."""
+    num_levels = 1
+    size = width
+    while size > 1:
+        size = (size + 1) // 2
+        num_levels += 1
+    sizes = np.empty(num_levels, dtype=np.int64)
+    size = width
+    for level in range(num_levels):
+        sizes[level] = size
+        size = (size + 1) // 2
+    return sizes
+
+
+@kernel
+def index_points(
+    cols: CellArray,
+    rows: CellArray,
+    half_width: int,
+    num_cols: int,
+    num_rows: int,
+    out_index: CellArray,
+    out_part: IntArray,
+) -> None:
+    """Write where the points look up their windows' first cells, and in which part of the grid.
+
+    Parameters
+    ----------
+    cols, rows : int32, shape (n,), cells of the points without translation.
+    half_width : w of eq. (8), in cells.
+    num_cols, num_rows : size of the grid.
+    out_index : int32, shape (n,), into the part of the grid.
+    out_part : int64, shape (4,), first column, first row, number of columns and of rows of the part
+        of the grid that all windows together meet. Of windows wholly outside, those next to the
+        grid are taken.
+    """
+    width = 2 * half_width + 1
+    shift, outside = np.int32(half_width), np.int32(-width)
+    last_col, last_row = np.int32(num_cols), np.int32(num_rows)
+    min_col, max_col, min_row, max_row = last_col, outside, last_row, outside
+    for k in range(cols.size):
+        col = min(max(np.int32(cols[k] - shift), outside), last_col)
+        row = min(max(np.int32(rows[k] - shift), outside), last_row)
+        min_col, max_col = min(min_col, col), max(max_col, col)
+        min_row, max_row = min(min_row, row), max(max_row, row)
+    row_length = np.int32(max_col - min_col + width)
+    for k in range(cols.size):
+        col = min(max(np.int32(cols[k] - shift), outside), last_col)
+        row = min(max(np.int32(rows[k] - shift), outside), last_row)
+        out_index[k] = (row - min_row) * row_length + (col - min_col)
+    out_part[0], out_part[1] = min_col, min_row
+    out_part[2], out_part[3] = row_length, max_row - min_row + width
+
+
+@kernel
+def quantize_cells(
+    grid: NDArray[np.float32],
+    unknown: float,
+    first_col: int,
+    first_row: int,
+    row_length: int,
+    out_cells: ByteArray,
+) -> None:
+    """Write a part of a grid, probabilities rounded up to bytes, into `out_cells`.
+
+    Parameters
+    ----------
+    grid : float32, shape (num_rows, num_cols), probabilities; 0 where never observed.
+    unknown : the value of cells never observed or outside.
+    first_col, first_row : of the part; may lie outside of the grid.
+    row_length : number of columns of the part.
+    out_cells : uint8, shape (n,), row after row.
+    """
+    num_rows, num_cols = grid.shape
+    scale = np.float32(MAX_BYTE)
+    least = np.float32(unknown)
+    out_cells[:] = np.uint8(np.ceil(least * scale))
+    begin = max(-first_col, 0)
+    end = min(num_cols - first_col, row_length)
+    if begin >= end:
+        return
+    for row in range(max(-first_row, 0), min(num_rows - first_row, out_cells.size // row_length)):
+        source = grid[first_row + row, first_col + begin : first_col + end]
+        target = out_cells[row * row_length + begin : row * row_length + end]
+        for k in range(source.size):
+            target[k] = np.uint8(np.int32(np.ceil(max(source[k], least) * scale)))
+
+
+@kernel
+def bounding_grids(
+    grid: NDArray[np.float32],
+    unknown: float,
+    first_col: int,
+    first_row: int,
+    row_length: int,
+    num_rows: int,
+    sizes: IntArray,
+) -> ByteArray:
+    """Return the maxima over the boxes of each level, uint8, one grid after the other.
+
+    Parameters
+    ----------
+    grid, unknown, first_col, first_row, row_length : as in :func:`quantize_cells`.
+    num_rows : of the part.
+    sizes : int64, shape (num_levels,), see :func:`box_sizes`. A box begins at its cell; those that
+        reach beyond the part are of no use.
+    """
+    area = row_length * num_rows
+    last = sizes.size - 1
+    cells = np.empty(sizes.size * area, dtype=np.uint8)
+    quantize_cells(grid, unknown, first_col, first_row, row_length, cells[last * area :])
+    for level in range(last - 1, -1, -1):
+        begin = level * area
+        growth = sizes[level] - sizes[level + 1]
+        boxes, wider = cells[begin + area : begin + 2 * area], cells[begin : begin + area]
+        widen_boxes(boxes, growth, row_length, wider)
+    return cells
+
+
+@kernel
+def sum_one(
+    cells: ByteArray, index: CellArray, first: int, num_points: int, shift: int
+) -> np.int64:
+    """Return the sum of the cells at ``index[first : first + num_points] + shift``."""
+    total = np.int64(0)
+    for k in range(first, first + num_points):
+        total += np.int64(cells[np.uint64(index[np.uint64(k)] + shift)])  # unsigned: no wraparound
+    return total
+
+
+@kernel
+def sum_quarters(
+    cells: ByteArray,
+    index: CellArray,
+    first: int,
+    num_points: int,
+    shift: int,
+    right: int,
+    above: int,
+) -> tuple[np.int64, np.int64, np.int64, np.int64]:
+    """Return the sums as :func:`sum_one`, and of the cells to the right, above, above right."""
+    a, b, c, d = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
+    for k in range(first, first + num_points):
+        i = np.uint64(index[np.uint64(k)] + shift)  # unsigned: no test for counts from the end
+        a += np.int64(cells[i])
+        b += np.int64(cells[i + np.uint64(right)])
+        c += np.int64(cells[i + np.uint64(above)])
+        d += np.int64(cells[i + np.uint64(above + right)])
+    return a, b, c, d
+
+
+@kernel
+def push_quarters(
+    cells: ByteArray,
+    index: CellArray,
+    first: int,
+    num_points: int,
+    area: int,
+    row_length: int,
+    sizes: IntArray,
+    stack: IntArray,
+    top: int,
+) -> int:
+    """Replace the node ``stack[top]`` by its quarters, the best uppermost; return its new height.
+
+    Parameters
+    ----------
+    cells, area, row_length : grids of maxima over the boxes of each level, `area` bytes each.
+    index, first, num_points : where the points at the rotation look up the window's first cell.
+    sizes : int64, shape (num_levels,), see :func:`box_sizes`.
+    stack : int64, shape (m, 4): nodes.
+    top : of the node on the stack; it is not of the last level.
+    """
+    level, col, row = stack[top, LEVEL] + 1, stack[top, COL], stack[top, ROW]
+    step = sizes[level - 1] - sizes[level]
+    shift = level * area + row * row_length + col
+    sums = sum_quarters(cells, index, first, num_points, shift, step, step * row_length)
+    for quarter in range(4):
+        stack[top + quarter, LEVEL] = level
+        stack[top + quarter, COL] = col + step * (quarter % 2)
+        stack[top + quarter, ROW] = row + step * (quarter // 2)
+    stack[top, SUM], stack[top + 1, SUM], stack[top + 2, SUM], stack[top + 3, SUM] = sums
+    for i in range(top, top + 3):
+        least = i
+        for k in range(i + 1, top + 4):
+            if stack[k, SUM] < stack[least, SUM]:
+                least = k
+        for column in range(4):
+            stack[i, column], stack[least, column] = stack[least, column], stack[i, column]
+    return top + 4
