@@ -21,6 +21,7 @@ MAX_TILT = math.radians(15.0)
 BASE_FRAMES = ("base_footprint", "base_link", "base", "base_frame", "robot_base", "chassis")
 _WORLD_FRAMES = frozenset(("map", "odom", "world", "earth", "odom_combined"))
 _SAME_SWEEPS = 0.5  # share of equal stamps at which two topics are one scanner
+_ABSURD = 1e6  # m/s^2
 _GRAVITY_MISFIT = math.radians(45.0)
 
 # Parts of names, and how welcome the topic is: the smaller the better.
@@ -449,7 +450,8 @@ def _mean_acceleration(stream: Stream) -> np.ndarray[tuple[int], np.dtype[np.flo
         for s in stream.samples
         if isinstance(s, ImuMessage) and s.linear_acceleration is not None
     ]
-    array = np.array([v for v in values if np.isfinite(v).all()]).reshape(-1, 3)
+    sound = [v for v in values if all(abs(part) < _ABSURD for part in v)]
+    array = np.array(sound).reshape(-1, 3)
     return array.mean(axis=0) if len(array) else np.zeros(3)
 
 

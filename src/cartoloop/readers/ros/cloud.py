@@ -65,7 +65,8 @@ def decode_cloud(raw: bytes, is_ros1: bool) -> CloudMessage:
     if missing := [name for name in "xyz" if name not in fields]:
         raise DecodeError(f"cloud without field {missing[0]}")
     table = _Table(data, order, height, width, point_step, row_step)
-    columns = [table.column(*fields[name]).astype(np.float64) for name in "xyz"]
+    with np.errstate(invalid="ignore"):  # odd kinds of NaN make NumPy warn
+        columns = [table.column(*fields[name]).astype(np.float64) for name in "xyz"]
     points = np.column_stack(columns)
     kept = np.isfinite(points).all(axis=1) & (points != 0.0).any(axis=1)
     times = None

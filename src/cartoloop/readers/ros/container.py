@@ -7,6 +7,8 @@ import weakref
 from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+from cartoloop.readers.ros.inventory import Finding
+
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
@@ -37,11 +39,13 @@ class Container(Protocol):
     kind : what it is, for the user.
     channels : what is in it.
     damage : what is wrong with it, or ""; known after the first pass.
+    notes : what else is worth telling.
     """
 
     kind: str
     channels: list[Channel]
     damage: str
+    notes: list[Finding]
 
     def messages(self, keys: Collection[int]) -> Iterator[tuple[int, int, bytes]]:
         """Yield key, time of recording [ns] and bytes, in the order of recording. Never raises."""
@@ -58,6 +62,7 @@ class LibraryContainer:
     def __init__(self, reader: Any, kind: str, is_ros1: bool) -> None:  # noqa: ANN401 - untyped
         self.kind = kind
         self.damage = ""
+        self.notes: list[Finding] = []
         self._reader = reader
         reader.open()
         weakref.finalize(self, reader.close)
@@ -98,7 +103,7 @@ class ChainedContainer:
     def __init__(self, parts: list[Container], kind: str) -> None:
         self._parts = parts
         self.kind = kind
-        self.note = ""
+        self.notes = [note for part in parts for note in part.notes]
         self.damage = ""
         self.channels = []
         self._places: list[tuple[int, int]] = []

@@ -27,6 +27,7 @@ from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.sensor_profile import SensorProfile
 
 _MAX_GEOMETRIES = 256
+_ABSURD = 1e6  # rad/s or m/s^2
 _NEAREST_OF_CLOUDS = 0.3  # nearer points are mostly the robot itself [m]
 
 
@@ -177,7 +178,7 @@ class OdometryDecoder:
         try:
             pose = Pose3.from_quaternion(values[:3], values[3:])
         except ValueError:
-            raise DecodeError("odometry pose is not finite or has no rotation") from None
+            raise DecodeError("odometry pose is none") from None
         return Odometry(stamp, time, (pose @ self._tf_child_base).plane)
 
 
@@ -204,7 +205,7 @@ class ImuDecoder:
             raise DecodeError("IMU reading without acceleration or angular velocity")
         acceleration = self._in_base(message.linear_acceleration)
         velocity = self._in_base(message.angular_velocity)
-        if not all(map(math.isfinite, (*acceleration, *velocity))):
+        if not all(abs(value) < _ABSURD for value in (*acceleration, *velocity)):
             raise DecodeError("IMU reading is not finite")
         if self._scale != 1.0:
             x, y, z = acceleration

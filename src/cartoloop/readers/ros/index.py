@@ -30,6 +30,7 @@ ROLES: dict[str, Role] = {
 NO_STAMP = -1
 """Stands for the stamp of a message that cannot be read."""
 
+_LATEST = 2**63 - 1
 _SAMPLES: dict[Role, int] = {"scan": 300, "cloud": 6, "imu": 600, "odometry": 300}
 
 Sample = ros.ScanMessage | ros.ImuMessage | ros.OdometryMessage | CloudMessage
@@ -154,7 +155,8 @@ def index_recording(container: Container, options: ReadOptions) -> RecordingInde
         by_key[channel.key] = stream
     is_ros1 = {channel.key: channel.is_ros1 for channel in container.channels}
     edges: dict[tuple[str, str], Stream] = {}
-    for key, record, raw in container.messages(by_key.keys() | described):
+    for key, recorded, raw in container.messages(by_key.keys() | described):
+        record = min(recorded, _LATEST)
         if key in described:
             findings += _describe(tree, raw, is_ros1[key])
             continue
@@ -226,7 +228,7 @@ def _add_transforms(
                 transform.parent, transform.child, transform.values, "tf_static" if static else "tf"
             )
         except ValueError:
-            stream.undecodable["transform without a rotation"] += 1
+            stream.undecodable["transform that is no pose"] += 1
     if static:
         return
     for parent, child in {(t.parent, t.child) for t in sent if "odom" in t.parent.lower()}:

@@ -94,10 +94,16 @@ def decode_scan(raw: bytes, is_ros1: bool) -> ScanMessage:
     first = start + _HEAD_SIZE + 4
     try:
         count = _BEAMS[order].unpack_from(raw, start)[7]
-        ranges = np.frombuffer(raw, _FLOAT32[order], count, first).astype(np.float64)
+        ranges = _float64(np.frombuffer(raw, _FLOAT32[order], count, first))
     except (struct.error, ValueError):
         raise DecodeError("cut off") from None
     return ScanMessage(header, raw[start : start + _HEAD_SIZE], ranges)
+
+
+def _float64(values: NDArray[np.float32]) -> FloatArray:
+    """Return the values as float64; of odd kinds of NaN, which make NumPy warn, as well."""
+    with np.errstate(invalid="ignore"):
+        return values.astype(np.float64)
 
 
 def decode_multi_echo(raw: bytes, is_ros1: bool, echo: Echo = "first") -> ScanMessage:
@@ -118,7 +124,7 @@ def decode_multi_echo(raw: bytes, is_ros1: bool, echo: Echo = "first") -> ScanMe
         strong_first, strong_count, _ = _echo_places(words, end)
         if np.array_equal(strong_count, num_echoes):
             chosen = chosen + _strongest(floats, strong_first[has_echo], num_echoes[has_echo])
-    ranges[has_echo] = floats[chosen]
+    ranges[has_echo] = _float64(floats[chosen])
     return ScanMessage(header, raw[start:body], ranges)
 
 

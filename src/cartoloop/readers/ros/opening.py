@@ -20,6 +20,7 @@ from cartoloop.readers.ros.container import (
     LibraryContainer,
     one_line,
 )
+from cartoloop.readers.ros.inventory import Finding
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -87,7 +88,7 @@ def _open_folder(path: Path) -> list[Container]:
         raise InputError(f"{path}: is a folder without a recording; give the recording itself")
     parts = [_open_file(p)[0] for p in sorted(files, key=_by_number)]
     chained = ChainedContainer(parts, "ROS 2 recording")
-    chained.note = note
+    chained.notes.append(Finding("warning", "no_metadata", note, "its files are read all the same"))
     return [chained]
 
 
@@ -104,6 +105,7 @@ def _open_file(path: Path) -> list[Container]:
     if magic == ZSTD_MAGIC:
         return _open_compressed(path)
     attempts: list[Container] = []
+    refusal = ""
     try:
         if magic == BAG1_MAGIC:
             from rosbags.rosbag1 import Reader as Reader1
@@ -120,17 +122,41 @@ def _open_file(path: Path) -> list[Container]:
             attempts.append(LibraryContainer(reader, "ROS 2 database", is_ros1=False))
     except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
         refusal = one_line(error)
-    else:
-        refusal = ""
     if magic == BAG1_MAGIC:
-        attempts.append(Bag1Salvage(path, refusal))
+        attempts.append(Bag1Salvage(path))
     elif magic == MCAP_MAGIC:
-        attempts.append(McapSalvage(path, refusal))
+        attempts.append(McapSalvage(path))
     elif magic == SQLITE_MAGIC:
-        attempts.append(SqliteSalvage(path, refusal))
+        attempts.append(SqliteSalvage(path))
     else:
         raise InputError(_why_nothing(path))
+    for attempt in attempts:
+        attempt.notes += _notes(path, refusal)
     return attempts
+
+
+def _notes(path: Path, refusal: str) -> list[Finding]:
+    """Return what to tell besides damage: `refusal` is why the library would not read it."""
+    notes = []
+    if "not indexed" in refusal:
+        notes.append(
+            Finding(
+                "warning",
+                "unindexed",
+                "the bag has no index: its recorder was not ended properly",
+                "it is read from the front; `rosbag reindex` would restore the index",
+            )
+        )
+    if has_unwritten_log(path):
+        notes.append(
+            Finding(
+                "warning",
+                "unwritten_log",
+                f"messages still stand in {path.name}-wal, which is not read",
+                f"take them in first: sqlite3 {path.name} 'PRAGMA wal_checkpoint'",
+            )
+        )
+    return notes
 
 
 def _open_compressed(path: Path) -> list[Container]:

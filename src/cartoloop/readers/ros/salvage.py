@@ -18,6 +18,7 @@ from typing import BinaryIO
 
 from cartoloop.errors import InputError
 from cartoloop.readers.ros.container import Channel, one_line
+from cartoloop.readers.ros.inventory import Finding
 from cartoloop.readers.ros.wire import NANO
 
 _U32 = struct.Struct("<I")
@@ -46,11 +47,11 @@ def _exactly(file: BinaryIO, size: int) -> bytes:
 class _Scanned:
     """What the readers of this module share: one pass that finds the channels and counts."""
 
-    def __init__(self, path: Path, kind: str, refusal: str) -> None:
+    def __init__(self, path: Path, kind: str) -> None:
         self.kind = kind
         self.path = path
-        self.refusal = refusal
         self.damage = ""
+        self.notes: list[Finding] = []
         self._found: dict[int, Channel] = {}
         counts: dict[int, int] = {}
         for key, _, _ in self._records(None):
@@ -70,8 +71,8 @@ class _Scanned:
 class Bag1Salvage(_Scanned):
     """A ROS 1 bag from front to back; needs no index."""
 
-    def __init__(self, path: Path, refusal: str = "") -> None:
-        super().__init__(path, "ROS 1 bag", refusal)
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "ROS 1 bag")
 
     def _records(self, keys: frozenset[int] | None) -> Iterator[Record]:
         with self.path.open("rb") as file:
@@ -178,9 +179,9 @@ class Bag1Salvage(_Scanned):
 class McapSalvage(_Scanned):
     """An MCAP file from front to back; needs no index, and reads ROS 1 messages as well."""
 
-    def __init__(self, path: Path, refusal: str = "") -> None:
+    def __init__(self, path: Path) -> None:
         self._schemas: dict[int, str] = {}
-        super().__init__(path, "MCAP file", refusal)
+        super().__init__(path, "MCAP file")
 
     def _records(self, keys: frozenset[int] | None) -> Iterator[Record]:
         with self.path.open("rb") as file:
@@ -284,8 +285,8 @@ def _text(data: bytes, place: int) -> tuple[str, int]:
 class SqliteSalvage(_Scanned):
     """A damaged database of ROS 2, row by row until it breaks off."""
 
-    def __init__(self, path: Path, refusal: str = "") -> None:
-        super().__init__(path, "ROS 2 database", refusal)
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "ROS 2 database")
 
     def _records(self, keys: frozenset[int] | None) -> Iterator[Record]:
         try:
@@ -293,7 +294,9 @@ class SqliteSalvage(_Scanned):
                 if keys is None:
                     rows = connection.execute("SELECT id, name, type FROM topics")
                     for key, topic, msgtype in rows:
-                        self._found[int(key)] = Channel(int(key), topic, msgtype, False, 0)
+                        self._found[int(key)] = Channel(
+                            int(key), str(topic), str(msgtype), False, 0
+                        )
                 for key, time, data in connection.execute(
                     "SELECT topic_id, timestamp, data FROM messages"
                 ):
@@ -306,4 +309,8 @@ class SqliteSalvage(_Scanned):
         from urllib.parse import quote
 
         # Immutable: a recording is only read, and may lie where nothing can be written.
-        return sqlite3.connect(f"file:{quote(str(self.path))}?mode=ro&immutable=1", uri=True)
+        name = f"file:{quote(str(self.path))}?mode=ro&immutable=1"
+        connection = sqlite3.connect(name, uri=True)
+        # Otherwise a file that lacks its last pages is refused as a whole.
+        connection.execute("PRAGMA writable_schema=ON")
+        return connection

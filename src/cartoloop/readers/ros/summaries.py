@@ -17,20 +17,7 @@ _MAX_OTHERS = 8
 
 def container_findings(container: Container) -> list[Finding]:
     """Return what is wrong with the files of a recording."""
-    found = []
-    note = getattr(container, "note", "")
-    if note:
-        found.append(Finding("warning", "no_metadata", f"{note}; its files are read all the same"))
-    refusal = getattr(container, "refusal", "")
-    if "not indexed" in refusal:
-        found.append(
-            Finding(
-                "warning",
-                "unindexed",
-                "the bag has no index: its recorder was not ended properly",
-                "it is read from the front; `rosbag reindex` would restore the index",
-            )
-        )
+    found = list(container.notes)
     if container.damage:
         found.append(
             Finding(

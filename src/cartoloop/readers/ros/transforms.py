@@ -15,6 +15,9 @@ from cartoloop.sensor.pose import Pose
 FloatArray = NDArray[np.float64]
 Origin = Literal["urdf", "robot_description", "tf_static", "tf"]
 
+ABSURD_METERS = 1e9
+"""No robot goes so far; such numbers come from damage and break what is computed with them."""
+
 MOVES_METERS = 0.005
 MOVES_RADIANS = math.radians(0.5)
 
@@ -44,13 +47,13 @@ class Pose3:
         Raises
         ------
         ValueError
-            A number is not finite, or the quaternion is 0.
+            A number is not finite or absurd, or the quaternion is 0.
         """
-        q = np.array(quaternion)
-        norm = float(np.linalg.norm(q))
-        if not (np.isfinite(norm) and np.isfinite(translation).all() and norm > 1e-6):
-            raise ValueError("no rotation")
-        x, y, z, w = (q / norm).tolist()
+        norm = math.hypot(*quaternion)
+        farthest = max(map(abs, translation))
+        if not (1e-6 < norm < ABSURD_METERS and farthest < ABSURD_METERS):
+            raise ValueError("no pose")
+        x, y, z, w = (value / norm for value in quaternion)
         rotation = np.array(
             [
                 [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
