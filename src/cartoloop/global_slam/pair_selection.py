@@ -13,10 +13,9 @@ from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from cartoloop.config import ConstraintSearchConfig
+from cartoloop.kernels.shortest_ways import shortest_ways
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -30,7 +29,10 @@ class PairSelection:
 
     def __init__(self, config: ConstraintSearchConfig) -> None:
         self._config = config
-        self._ways = csr_array((0, 0))
+        self._num_submaps = 0
+        self._firsts = np.zeros(1, dtype=np.int64)
+        self._neighbours = np.empty(0, dtype=np.int64)
+        self._edge_lengths = np.empty(0, dtype=np.float64)
         self._lengths: dict[int, FloatArray] = {}
         self._num_found: Counter[tuple[int, int]] = Counter()
         self._num_sought_bound: Counter[tuple[int, int]] = Counter()
@@ -53,8 +55,13 @@ class PairSelection:
                 np.full(len(pairs), CLOSURE_LENGTH_M),
             )
         )
-        edges = np.divmod(np.concatenate((chain, pairs)), m)
-        self._ways = coo_array((lengths, edges), shape=(m, m)).tocsr()
+        one, other = np.divmod(np.concatenate((chain, pairs)), m)
+        ends = np.concatenate((one, other))
+        order = np.argsort(ends, kind="stable")
+        self._firsts = np.searchsorted(ends[order], np.arange(m + 1))
+        self._neighbours = np.concatenate((other, one))[order]
+        self._edge_lengths = np.tile(lengths, 2)[order]
+        self._num_submaps = m
         self._lengths = {}
 
     @property
@@ -76,7 +83,7 @@ class PairSelection:
         node_from_its_submap : how far the robot had gone since that was begun [m].
         travelled : how far it went between beginning the two submaps and the node [m].
         """
-        if max(submap, node_submap) >= self._ways.shape[0]:
+        if max(submap, node_submap) >= self._num_submaps:
             return travelled
         between = float(self._lengths_from(max(submap, node_submap))[min(submap, node_submap)])
         return min(travelled, between + node_from_its_submap)
@@ -87,8 +94,14 @@ class PairSelection:
         One of the submaps that is asked about is always among the newest: few are ever needed.
         """
         if submap not in self._lengths:
-            self._lengths[submap] = dijkstra(
-                self._ways, directed=False, indices=submap, limit=self._longest_way
+            lengths = self._lengths[submap] = np.empty(self._num_submaps)
+            shortest_ways(
+                self._firsts,
+                self._neighbours,
+                self._edge_lengths,
+                submap,
+                self._longest_way,
+                lengths,
             )
         return self._lengths[submap]
 
