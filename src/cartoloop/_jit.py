@@ -65,7 +65,7 @@ def kernel(function: F) -> F:
     previous = _config.CACHE_DIR
     _config.CACHE_DIR = str(kernel_cache_folder())
     try:
-        compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
         if not _config.DISABLE_JIT:
             compiled._cache = cast(Any, _KernelCache)(function)
     finally:
