@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cartoloop.kernels.decimal_text import POWERS_OF_TEN, parse_decimals
@@ -22,6 +22,7 @@ words = st.one_of(
 )
 
 
+@settings(deadline=None)
 @given(st.lists(words, max_size=5), st.sampled_from([" ", "  ", "\t", " \r\n"]), st.integers(0, 5))
 def test_numbers_are_those_that_python_reads(parts, blank, count):
     text = (blank + blank.join(parts)).encode()

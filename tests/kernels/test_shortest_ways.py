@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 from cartoloop.kernels.shortest_ways import shortest_ways
 
 
+@settings(deadline=None)
 @given(st.integers(1, 12), st.integers(0, 40), st.floats(0.0, 20.0), st.integers(0, 2**32 - 1))
 def test_ways_are_as_long_as_scipy_finds_them(num_vertices, num_edges, limit, seed):
     random = np.random.default_rng(seed)

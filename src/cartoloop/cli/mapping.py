@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from cartoloop.cli.memory import return_large_blocks
 from cartoloop.cli.progress import format_duration, progress
 from cartoloop.cli.stop_signals import StopRequest, stop_signals
 from cartoloop.errors import InputError, Interrupted
@@ -45,6 +46,7 @@ def map_recording(log: Log, loaded: LoadedConfig, out: Path, layers: Collection[
     from cartoloop.map_output.save import prepare_folder, save, save_report
 
     start = time.perf_counter()
+    return_large_blocks()
     prepare_folder(out)
 
     from cartoloop.mapper import Mapper

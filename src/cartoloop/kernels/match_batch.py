@@ -100,7 +100,8 @@ def match_all_least_squares(
             limit,
         )
         if squares > limit:
-            out_matches[i, :3] = starts[i]
+            for k in range(3):
+                out_matches[i, k] = starts[i, k]
             out_matches[i, 3:9] = 0.0
             out_matches[i, 9:] = np.inf
             continue

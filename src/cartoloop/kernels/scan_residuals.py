@@ -264,9 +264,9 @@ def match_least_squares(
             pose_y = try_y
             pose_t = try_t
             best_cost = cost
-            out_match[3:9] = points_system[0:6]
             out_match[9] = squares
             for k in range(6):
+                out_match[3 + k] = points_system[k]
                 system[k] = point_weight * points_system[k] + trust * prior_information[k]
             system[6] = point_weight * points_system[6] + trust * pull_x
             system[7] = point_weight * points_system[7] + trust * pull_y

@@ -47,6 +47,18 @@ def voxel_filter(points: FloatArray, num_points: int, edge: float, out_points: F
 
 
 @kernel
+def copy_points(points: FloatArray, num_points: int, out_points: FloatArray) -> int:
+    """Write the first of the points, float64, shape (n, 2), into `out_points`; return how many.
+
+    Slices are not assigned: that a compiler may say how their shapes differ doubles its work.
+    """
+    for k in range(num_points):
+        out_points[k, 0] = points[k, 0]
+        out_points[k, 1] = points[k, 1]
+    return num_points
+
+
+@kernel
 def adaptive_voxel_filter(
     points: FloatArray,
     max_length: float,
@@ -78,8 +90,7 @@ def adaptive_voxel_filter(
             near[num_near, 1] = points[k, 1]
             num_near += 1
     if num_near <= min_num_points:
-        out_points[:num_near] = near[:num_near]
-        return num_near
+        return copy_points(near, num_near, out_points)
     kept = voxel_filter(near, num_near, max_length, out_points)
     if kept >= min_num_points:
         return kept
@@ -90,8 +101,7 @@ def adaptive_voxel_filter(
         low = 0.5 * low
         kept = voxel_filter(near, num_near, low, out_points)
     if kept < min_num_points:
-        out_points[:num_near] = near[:num_near]
-        return num_near
+        return copy_points(near, num_near, out_points)
     while high - low > 0.1 * low:
         middle = 0.5 * (low + high)
         if voxel_filter(near, num_near, middle, out_points) >= min_num_points:

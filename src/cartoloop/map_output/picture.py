@@ -35,6 +35,7 @@ _MARGIN = 40
 _FOOTER = 64
 _FONT_SIZE = 20
 _SMALLEST_EDGE, _LARGEST_EDGE = 1600, 4000
+_STRIP_ROWS = 64  # so many are shaded at a time
 _SMOOTHING = 2  # lines are drawn this much larger, and shrunk
 
 
@@ -59,12 +60,14 @@ def draw_map(
     shaded = _shaded(occupancy_map.probability)
     zoom = _zoom(max(shaded.size))
     size = (max(1, round(shaded.width * zoom)), max(1, round(shaded.height * zoom)))
-    shaded = shaded.resize(size, Image.Resampling.BICUBIC)
+    if size != shaded.size:
+        shaded = shaded.resize(size, Image.Resampling.BICUBIC)
     canvas = Image.new(
         "RGB", (max(size[0], 480) + 2 * _MARGIN, size[1] + _MARGIN + _FOOTER), BACKGROUND
     )
     offset = np.array(((canvas.width - size[0]) // 2, _MARGIN), dtype=np.float64)
     canvas.paste(shaded, (int(offset[0]), int(offset[1])))
+    del shaded  # as large as the canvas
 
     def to_canvas(points_map: FloatArray) -> FloatArray:
         return occupancy_map.to_pixels(points_map) * zoom + offset
@@ -86,11 +89,14 @@ def _shaded(probability: NDArray[np.float32]) -> Image.Image:
     """Return the picture of the cells alone, a pixel each."""
     # A table of colours, for a map may have tens of millions of pixels.
     table = palette()
-    pixels = np.empty((*probability.shape, 3), dtype=np.uint8)
-    for shown, row in zip(pixels[::-1], probability, strict=True):
-        level = np.where(row < 0.0, np.float32(256.0), row * np.float32(255.0))
-        shown[:] = table[np.rint(level).astype(np.int16)]
-    return Image.fromarray(pixels)
+    num_rows, num_cols = probability.shape
+    shaded = Image.new("RGB", (num_cols, num_rows))
+    for first in range(0, num_rows, _STRIP_ROWS):
+        part = probability[first : first + _STRIP_ROWS][::-1]
+        level = np.where(part < 0.0, np.float32(256.0), part * np.float32(255.0))
+        pixels = table[np.rint(level).astype(np.int16)]
+        shaded.paste(Image.fromarray(pixels), (0, num_rows - first - len(part)))
+    return shaded
 
 
 def palette() -> NDArray[np.uint8]:
@@ -122,7 +128,7 @@ def _draw_lines(
     for line in np.round(lines * _SMOOTHING, 2).tolist():
         points = [(x, y) for x, y in line]
         draw.line(points, fill=round(255 * opacity), width=width * _SMOOTHING, joint="curve")
-    canvas.paste(Image.new("RGB", canvas.size, colour), mask=mask.reduce(_SMOOTHING))
+    canvas.paste(colour, mask=mask.reduce(_SMOOTHING))
 
 
 def _draw_footer(

@@ -62,22 +62,19 @@ def save(
         result.submap_grids, result.graph.submap_poses, result.config.local_slam.submaps
     )
     options = result.config.map_output
+    write_file(folder / "map.pgm", pgm_bytes(occupancy_map, options))
+    write_file(folder / "map.yaml", yaml_text(occupancy_map, options, "map.pgm"))
+    write_file(folder / "map.png", _png_bytes(result, occupancy_map, layers))
+    del occupancy_map  # the largest of all, and the texts are not small either
+    write_file(folder / "trajectory.tum", tum_text(result.stamps, result.trajectory))
+    write_file(folder / "local_trajectory.tum", tum_text(result.stamps, result.local_trajectory))
+    write_file(folder / "graph.g2o", g2o_text(result.graph))
+    write_file(folder / "nodes.csv", nodes_csv(result))
+    write_file(folder / "closures.csv", closures_csv(result))
+    write_file(folder / map_file.FILE_NAME, map_bytes(result))
     toml = config_toml(result.config, origins, without=MACHINE_PARAMETERS)
-    left_out = ", ".join(sorted(MACHINE_PARAMETERS))
-    files: dict[str, str | bytes] = {
-        "map.pgm": pgm_bytes(occupancy_map, options),
-        "map.yaml": yaml_text(occupancy_map, options, "map.pgm"),
-        "map.png": _png_bytes(result, occupancy_map, layers),
-        "trajectory.tum": tum_text(result.stamps, result.trajectory),
-        "local_trajectory.tum": tum_text(result.stamps, result.local_trajectory),
-        "graph.g2o": g2o_text(result.graph),
-        "nodes.csv": nodes_csv(result),
-        "closures.csv": closures_csv(result),
-        map_file.FILE_NAME: map_bytes(result),
-        "config.toml": f"{toml}\n# Without {left_out}: the result does not depend on it.\n",
-    }
-    for name, content in files.items():
-        write_file(folder / name, content)
+    left_out = f"Without {', '.join(sorted(MACHINE_PARAMETERS))}: the result does not depend on it."
+    write_file(folder / "config.toml", f"{toml}\n# {left_out}\n")
     save_report(replace(result.report, config_hash=config_hash(result.config)), folder)
 
 

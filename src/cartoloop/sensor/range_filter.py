@@ -77,4 +77,4 @@ def thin(points: FloatArray, config: AdaptiveVoxelFilterConfig) -> FloatArray:
     kept = adaptive_voxel_filter(
         points, config.max_length, config.min_num_points, config.max_range, thinned
     )
-    return thinned[:kept]
+    return thinned[:kept].copy()  # a view would keep the memory of all

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The C library is told how to deal with large blocks where it can be told."""
+
+from __future__ import annotations
+
+import ctypes
+from types import SimpleNamespace
+
+import pytest
+
+from cartoloop.cli.memory import return_large_blocks
+
+
+def test_glibc_is_told_to_return_blocks_of_a_megabyte(monkeypatch):
+    told = []
+    library = SimpleNamespace(mallopt=lambda option, value: told.append((option, value)))
+    monkeypatch.setattr(ctypes, "CDLL", lambda name: library)
+    return_large_blocks()
+    assert told == [(-3, 1048576)]
+
+
+@pytest.mark.parametrize("error", [AttributeError, OSError, TypeError])
+def test_other_systems_are_left_alone(monkeypatch, error):
+    def no_such_library(name):
+        raise error
+
+    monkeypatch.setattr(ctypes, "CDLL", no_such_library)
+    return_large_blocks()
