@@ -33,6 +33,10 @@ def probability(grid, col, row):
     return float(grid.cells[row - grid.first_row, col - grid.first_col])
 
 
+def free_cells(cells):
+    return [(col, row) for row, first, after in cells.free.tolist() for col in range(first, after)]
+
+
 def insert(grid, sensor, returns, misses=()):
     cells = scan_cells(Pose(*sensor, 0.0), points(returns), points(misses), RESOLUTION)
     insert_cells(grid, cells, CONFIG)
@@ -49,16 +53,17 @@ def test_the_sets_equal_exact_geometry_wherever_the_scan_was_taken(place, offset
     all_points = points([place, *returns, *misses])
     first = np.floor(all_points.min(axis=0) / RESOLUTION).astype(int) - 1
     hits, missed = naive_scan_cells(place, returns, misses, RESOLUTION, *first.tolist(), SUBPIXELS)
-    cells = [tuple(cell) for cell in found.cells.tolist()]
-    assert len(set(cells)) == len(cells)
-    assert set(cells[: found.num_hits]) == hits
-    assert set(cells[found.num_hits :]) == missed
+    found_hits, found_missed = [tuple(cell) for cell in found.hits.tolist()], free_cells(found)
+    assert len(set(found_hits)) == len(found_hits)
+    assert set(found_hits) == hits
+    assert len(set(found_missed)) == len(found_missed)
+    assert set(found_missed) == missed
 
 
 def test_cells_are_those_of_the_nearest_grid_points():
     found = scan_cells(Pose(0.0, 0.0, 0.0), points([(0.26, 0.0)]), points([]), RESOLUTION)
-    assert found.num_hits == 1
-    assert found.cells.tolist() == [[3, 0], [0, 0], [1, 0], [2, 0]]
+    assert found.hits.tolist() == [[3, 0]]
+    assert found.free.tolist() == [[0, 0, 3]]
 
 
 def test_hits_and_misses_of_a_first_scan_get_their_probabilities():

@@ -161,7 +161,7 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
     resolution = config.local_slam.submaps.resolution
     rays = len(returns) + len(misses)
     yield Workload(
-        "cast rays", ("ray_casting",), case,
+        "cast rays", ("ray_casting", "ray_fan", "pixel_rows"), case,
         partial(scan_cells, sensor, returns, misses, resolution), rays, "rays",
     )  # fmt: skip
     submap = copy.deepcopy(_growing(driven))
@@ -170,7 +170,8 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
         round(submap.tf_local_submap.x / resolution), round(submap.tf_local_submap.y / resolution),
     )  # fmt: skip
     update = partial(insert_cells, submap.grid, cells, config.local_slam.submaps, origin)
-    yield Workload("update cells", ("ray_casting",), case, update, len(cells.cells), "cells")
+    num_cells = len(cells.hits) + int((cells.free[:, 2] - cells.free[:, 1]).sum())
+    yield Workload("update cells", ("grid_update",), case, update, num_cells, "cells")
 
     def insert() -> None:
         insert_cells(
@@ -180,7 +181,7 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
             origin,
         )
 
-    yield Workload("insert", ("ray_casting",), case, insert, rays, "rays")
+    yield Workload("insert", ("ray_casting", "grid_update"), case, insert, rays, "rays")
 
 
 def _match_workloads(driven: Drive) -> Iterator[Workload]:

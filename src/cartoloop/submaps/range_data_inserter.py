@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,23 +10,25 @@ from numpy.typing import NDArray
 
 from cartoloop.config import SubmapConfig
 from cartoloop.kernels import ray_casting
+from cartoloop.kernels.grid_update import update_cells
 from cartoloop.sensor.pose import FloatArray, Pose
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY
 from cartoloop.submaps.probability_grid import ProbabilityGrid
 
 
 class ScanCells(NamedTuple):
-    """The grid points that a scan hits and misses.
+    """The grid points that a scan hits and misses: disjoint sets.
 
     Attributes
     ----------
-    cells : int32, shape (n, 2), lattice (column, row), each once, hits first.
-    num_hits : how many of them are hits.
+    hits : int32, shape (h, 2), lattice (column, row), each once.
+    free : int32, shape (f, 3), the misses as runs along rows: lattice row, first column, column
+        after the last.
     first_col, first_row, last_col, last_row : lattice box that holds them all.
     """
 
-    cells: NDArray[np.int32]
-    num_hits: int
+    hits: NDArray[np.int32]
+    free: NDArray[np.int32]
     first_col: int
     first_row: int
     last_col: int
@@ -37,7 +38,7 @@ class ScanCells(NamedTuple):
 def scan_cells(
     tf_grid_sensor: Pose, returns: FloatArray, misses: FloatArray, resolution: float
 ) -> ScanCells:
-    """Return the disjoint hit and miss sets of a scan.
+    """Return the hit and miss sets of a scan.
 
     Parameters
     ----------
@@ -45,29 +46,9 @@ def scan_cells(
     returns, misses : float64, shapes (n, 2), (k, 2), ends of the rays [m, grid frame].
     resolution : pixel edge r [m].
     """
-    low_x = high_x = tf_grid_sensor.x
-    low_y = high_y = tf_grid_sensor.y
-    for ends in (returns, misses):
-        if len(ends):
-            x, y = ends[:, 0], ends[:, 1]
-            low_x, high_x = min(low_x, float(x.min())), max(high_x, float(x.max()))
-            low_y, high_y = min(low_y, float(y.min())), max(high_y, float(y.max()))
-    first_col, first_row = math.floor(low_x / resolution) - 1, math.floor(low_y / resolution) - 1
-    last_col, last_row = math.floor(high_x / resolution) + 1, math.floor(high_y / resolution) + 1
-    marks = np.zeros((last_row - first_row + 1, last_col - first_col + 1), dtype=np.uint8)
-    cells = np.empty((marks.size, 2), dtype=np.int32)
-    num_hits, num_cells = ray_casting.scan_cells(
-        tf_grid_sensor.x,
-        tf_grid_sensor.y,
-        returns,
-        misses,
-        resolution,
-        marks,
-        first_col,
-        first_row,
-        cells,
+    return ScanCells(
+        *ray_casting.scan_cells(tf_grid_sensor.x, tf_grid_sensor.y, returns, misses, resolution)
     )
-    return ScanCells(cells[:num_cells], num_hits, first_col, first_row, last_col, last_row)
 
 
 def insert_cells(
@@ -80,19 +61,18 @@ def insert_cells(
     cells : in the lattice of a frame that may differ from the grid's by whole cells.
     origin : lattice coordinates of the grid's frame in it.
     """
-    if len(cells.cells) == 0:
+    if len(cells.hits) + len(cells.free) == 0:
         return
     col, row = origin
     grid.cover(
         cells.first_col - col, cells.first_row - row, cells.last_col - col, cells.last_row - row
     )
-    ray_casting.update_cells(
+    update_cells(
         grid.cells,
         grid.first_col + col,
         grid.first_row + row,
-        cells.cells,
-        cells.num_hits,
-        len(cells.cells),
+        cells.hits,
+        cells.free,
         config.hit_probability,
         config.miss_probability,
         MIN_PROBABILITY,
