@@ -31,6 +31,12 @@ class SensorConfig(Section):
     missing_data_ray_length: float = Field(
         5.0, ge=0, description="free space cleared along a beam without a return [m]"
     )
+    min_z: float = Field(
+        -0.8,
+        description="of tilted scans and clouds, lower points are floor: seen upright from the "
+        "tracking frame [m]",
+    )
+    max_z: float = Field(2.0, description="and higher ones are ceiling [m]")
     voxel_filter_size: float = Field(
         0.025, gt=0, description="edge of the fixed filter's cells: one point in each [m]"
     )
@@ -143,6 +149,13 @@ class LocalSlamConfig(Section):
     """Section IV: scans to poses in the local frame."""
 
     use_odometry: bool = Field(True, description="predict with wheel odometry where there is any")
+    use_imu: bool = Field(True, description="tell heading and gravity by an IMU if there is one")
+    imu_gravity_time_constant: float = Field(
+        10.0, gt=0, description="gravity is the acceleration's mean over about so long [s]"
+    )
+    project_to_horizontal: bool = Field(
+        True, description="project scans onto the plane across gravity, where an IMU tells it"
+    )
     adaptive_voxel_filter: AdaptiveVoxelFilterConfig = AdaptiveVoxelFilterConfig()
     correlative_matcher: CorrelativeMatcherConfig = CorrelativeMatcherConfig()
     least_squares_matcher: LeastSquaresMatcherConfig = LeastSquaresMatcherConfig()

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from cartoloop.map_output.report import (
     summarize_constraints,
 )
 from cartoloop.map_output.result import Result
+from cartoloop.sensor.event_faults import fault_of
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
 from cartoloop.sensor.pose import FloatArray, Pose, compose
 from cartoloop.stage_timer import StageTimer
@@ -50,8 +52,10 @@ class Mapper:
         self._skipped: Counter[str] = Counter()
         self._last_scan: LocalSlamResult | None = None
         self._num_scans = 0
+        self._waiting: deque[LaserScan | PointCloud] = deque()
         self._first_time = math.nan
         self._last_time = -math.inf
+        self._last_time_of: dict[str, float] = {}
 
     @property
     def num_scans(self) -> int:
@@ -109,8 +113,12 @@ class Mapper:
         return np.array([self._stamps[scan] for scan in self._node_scan_index[first:]])
 
     def add(self, event: SensorEvent) -> None:
-        """Take in one sensor event. Bad data never raises: it is skipped, and counted by reason."""
-        if isinstance(event, LaserScan):
+        """Take in one sensor event. Bad data never raises: it is skipped, and counted by reason.
+
+        A scan that is measured beam by beam waits until what follows tells how the robot moved
+        meanwhile.
+        """
+        if isinstance(event, LaserScan | PointCloud):
             self._num_scans += 1
         if reason := self._objection(event):
             self._skipped[reason] += 1
@@ -119,12 +127,15 @@ class Mapper:
             self._local_slam.add_odometry(event)
         elif isinstance(event, Imu):
             self._local_slam.add_imu(event)
-        elif isinstance(event, LaserScan):
-            self._add_scan(event)
+        else:
+            self._last_time = self._last_time_of[event.geometry.sensor] = event.time
+            self._waiting.append(event)
+        self._add_scans_that_ended(event.time)
 
     def finish(self) -> Result:
         """Close the last loops, adjust all and return the map; nothing can be added after."""
         try:
+            self._add_scans_that_ended(math.inf)
             self._global_slam.finish(self._local_slam.active_submaps)
         finally:
             self.close()
@@ -156,26 +167,29 @@ class Mapper:
 
     def _objection(self, event: SensorEvent) -> str | None:
         """Return why an event cannot be used, or None."""
-        if not math.isfinite(event.time):
-            return "time is not finite"
-        if event.time < self._last_time and not isinstance(event, Imu):
+        if fault := fault_of(event):
+            return fault
+        if isinstance(event, Imu):
+            return None
+        if event.time < self._last_time:
             return "time runs backwards"
         if isinstance(event, Odometry):
-            if not all(map(math.isfinite, event.tf_odom_tracking)):
-                return "odometry is not finite"
-        elif isinstance(event, PointCloud):
-            return "point clouds are not mapped"
-        elif isinstance(event, LaserScan) and event.ranges.shape != (event.geometry.num_beams,):
-            return "number of ranges does not match the scanner"
-        return None
+            return None
+        repeats = self._last_time_of.get(event.geometry.sensor) == event.time
+        return "two scans at one time" if repeats else None
 
-    def _add_scan(self, scan: LaserScan) -> None:
-        if self._stamps and scan.time == self._last_time:
-            self._skipped["two scans at one time"] += 1
-            return
+    def _add_scans_that_ended(self, time: float) -> None:
+        """Hand on the scans of which nothing more is to be known at a time."""
+        waiting = self._waiting
+        while waiting:
+            scan = waiting[0]
+            if scan.time + scan.sweep[1] > time and self._local_slam.extrapolator.follows_motion:
+                return
+            self._add_scan(waiting.popleft())
+
+    def _add_scan(self, scan: LaserScan | PointCloud) -> None:
         if not self._stamps:
             self._first_time = scan.time
-        self._last_time = scan.time
         result = self._local_slam.add_scan(scan)
         if not result.was_matched and result.node is None:
             self._skipped["too few returns to match: pose as predicted"] += 1
@@ -194,7 +208,6 @@ class Mapper:
         return [grids[index] for index in range(graph.num_submaps)]
 
     def _report(self, graph: PoseGraph, trajectory: FloatArray) -> Report:
-        model = self._local_slam.extrapolator.odometry_model
         steps = np.diff(trajectory[:, :2], axis=0)
         return Report(
             input=InputSummary(
@@ -213,15 +226,39 @@ class Mapper:
             adjustment=AdjustmentSummary.of_runs(self._global_slam.adjustments),
             stages=self._timer.summary(),
             skipped=dict(sorted(self._skipped.items())),
-            extra={
-                "odometry": {
-                    "time_offset_s": model.time_offset,
-                    "rotation_scale": model.rotation_scale,
-                    "translation_scale": model.translation_scale,
-                    "yaw_rad": model.yaw,
-                    "lever_m": [model.lever_x, model.lever_y],
-                    "rotation_error_rad": model.rotation_error if model.is_known else None,
-                    "translation_error_m": model.translation_error if model.is_known else None,
-                }
-            },
+            extra=self._what_sensors_told(),
         )
+
+    def _what_sensors_told(self) -> dict[str, Any]:
+        """Return what has turned out about odometry, IMU and scanners, for the report."""
+        extrapolator = self._local_slam.extrapolator
+        model, imu = extrapolator.odometry_model, extrapolator.imu
+        told: dict[str, Any] = {
+            "odometry": {
+                "time_offset_s": model.time_offset,
+                "rotation_scale": model.rotation_scale,
+                "translation_scale": model.translation_scale,
+                "yaw_rad": model.yaw,
+                "lever_m": [model.lever_x, model.lever_y],
+                "rotation_error_rad": model.rotation_error if model.is_known else None,
+                "translation_error_m": model.translation_error if model.is_known else None,
+                "jumps": extrapolator.num_odometry_jumps,
+            },
+        }
+        if imu is not None:
+            calibration = extrapolator.imu_calibration
+            told["imu"] = {
+                "readings": imu.num_readings,
+                "tells_gravity": imu.tells_gravity,
+                "max_tilt_rad": imu.max_tilt,
+                "gyro_bias_rad_s": list(imu.gyro_bias),
+                "rests": imu.num_rests,
+                "tells_heading": calibration.agrees,
+                "time_offset_s": calibration.time_offset if calibration.is_measured else None,
+            }
+        scanners = self._local_slam.num_scans_of
+        if len(scanners) > 1:
+            told["scanners"] = scanners
+        if extrapolator.num_overlong_sweeps:
+            told["sweeps_too_long"] = extrapolator.num_overlong_sweeps
+        return told

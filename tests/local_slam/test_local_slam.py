@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cartoloop.config import Config
+from cartoloop.config import Config, LocalSlamConfig
 from cartoloop.local_slam.local_slam import MIN_RETURNS
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
 from cartoloop.simulation import OdometryModel, make_world, simulate
@@ -207,13 +207,26 @@ def test_a_robot_that_never_moves_stays_where_it_is(recording):
     assert sum(result.node is not None for result in results) < 8
 
 
-def test_inertial_readings_change_nothing_yet(recording, mapped):
+def test_a_gyroscope_that_disagrees_with_the_scans_does_no_harm(recording, mapped):
     def with_imu():
         for event in recording.events():
-            yield Imu(event.stamp, event.time, (0.0, 0.0, 9.81), (0.0, 0.0, 0.1))
+            yield Imu(event.stamp, event.time, (0.0, 0.0, 9.81), (0.0, 0.0, 0.3))
             yield event
 
-    assert np.array_equal(run(with_imu())[0], mapped[0])
+    poses, _, slam = run(with_imu())
+    distance, _ = errors(poses, recording.true_poses)
+    assert distance.max() < 0.1
+    assert not slam.extrapolator.imu_calibration.agrees
+
+
+def test_an_imu_can_be_left_out(recording, mapped):
+    def with_imu():
+        for event in recording.events():
+            yield Imu(event.stamp, event.time, (0.0, 1.0, 9.81), (0.0, 0.0, 0.3))
+            yield event
+
+    config = Config(local_slam=LocalSlamConfig(use_imu=False))
+    assert np.array_equal(run(with_imu(), config)[0], mapped[0])
 
 
 def test_no_scan_at_all_is_no_error():

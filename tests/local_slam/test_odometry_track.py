@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S, OdometryTrack
-from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.pose import Pose, relative
 
 
 def track(*readings):
@@ -74,3 +74,35 @@ def test_readings_older_than_the_last_are_ignored():
     readings = track((1.0, 0.0, 0.0), (2.0, 1.0, 0.0), (1.5, 77.0, 0.0), (3.0, 2.0, 0.0))
     assert readings.arrays()[0].tolist() == [1.0, 2.0, 3.0]
     assert readings.at(1.5).x == pytest.approx(0.5)
+
+
+def test_odometry_that_was_reset_goes_on_from_where_it_was():
+    readings = track((1.0, 5.0, 0.5), (1.2, 5.2, 0.5), (1.4, 0.0, 0.0), (1.6, 0.1, 0.0))
+    assert readings.num_jumps == 1
+    assert readings.at(1.4) == pytest.approx(readings.at(1.2))
+    moved = relative(readings.at(1.4), readings.at(1.6))
+    assert moved == pytest.approx(Pose(0.1, 0.2, 0.0))
+
+
+def test_a_heading_that_jumps_alone_is_a_reset_as_well():
+    readings = track((1.0, 0.0, 0.0), (1.02, 0.0, 2.5), (1.04, 0.0, 2.55))
+    assert readings.num_jumps == 1
+    assert readings.at(1.04).theta == pytest.approx(0.05)
+
+
+def test_a_single_stray_reading_moves_nothing():
+    readings = track((1.0, 0.0, 0.0), (1.2, 0.1, 0.0), (1.4, 90.0, 0.0), (1.6, 0.3, 0.0))
+    assert readings.num_jumps == 2
+    assert readings.at(1.6) == pytest.approx(Pose(0.1, 0.2, 0.0))
+
+
+def test_a_long_way_in_a_long_time_is_no_jump():
+    readings = track((1.0, 0.0, 0.0), (11.0, 8.0, 3.0))
+    assert readings.num_jumps == 0
+    assert readings.at(11.0) == pytest.approx(Pose(8.0, 16.0, 3.0))
+
+
+def test_a_second_reading_at_the_time_of_a_reset_takes_its_place():
+    readings = track((1.0, 5.0, 0.0), (1.2, 0.0, 0.0), (1.2, 0.01, 0.0), (1.4, 0.11, 0.0))
+    assert readings.num_jumps == 1
+    assert readings.at(1.4).x == pytest.approx(5.11)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from cartoloop.config import PredictionConfig
@@ -100,10 +101,98 @@ def test_other_guesses_are_at_hand_for_when_odometry_fails(extrapolator):
     assert extrapolator.at_constant_velocity(1.5) == pytest.approx(Pose(1.5, 0.0, 0.0))
 
 
-def test_inertial_readings_are_taken_in_without_harm(extrapolator):
-    extrapolator.add_pose(0.0, Pose(1.0, 0.0, 0.0))
-    extrapolator.add_imu(Imu(0.1, 0.1, (0.0, 0.0, 9.81), (0.0, 0.0, 0.3)))
-    assert extrapolator.predict(0.2).tf_local_tracking == pytest.approx(Pose(1.0, 0.0, 0.0))
+def turning(extrapolator, rate, end, acceleration=(0.0, 0.0, 9.81), begin=0.0):
+    """IMU readings every 10 ms until `end`."""
+    for k in range(round((end - begin) * 100) + 1):
+        time = begin + 0.01 * k
+        extrapolator.add_imu(Imu(time, time, acceleration, (0.0, 0.0, rate)))
+
+
+def test_the_gyroscope_tells_the_turn_and_the_velocity_the_way(extrapolator):
+    extrapolator.add_pose(0.0, IDENTITY)
+    extrapolator.add_pose(0.1, Pose(0.1, 0.0, 0.0))
+    turning(extrapolator, 1.5, 0.2)
+    prediction = extrapolator.predict(0.2)
+    assert not prediction.by_odometry
+    assert prediction.tf_local_tracking == pytest.approx(Pose(0.2, 0.0, 0.15))
+    assert extrapolator.velocity_sigmas(0.2)[1] < 0.01
+
+
+def test_the_gyroscope_knows_the_turn_better_than_wheels(extrapolator):
+    turning(extrapolator, 1.5, 0.2)
+    extrapolator.add_odometry(0.1, IDENTITY)
+    extrapolator.add_pose(0.1, IDENTITY)
+    extrapolator.add_odometry(0.2, Pose(0.1, 0.0, 0.5))
+    prediction = extrapolator.predict(0.2)
+    assert prediction.by_odometry
+    assert prediction.tf_local_tracking == pytest.approx(Pose(0.1, 0.0, 0.15))
+
+
+def test_an_imu_can_be_switched_off_and_its_old_readings_tell_nothing():
+    extrapolator = PoseExtrapolator(PredictionConfig(), use_odometry=True, use_imu=False)
+    turning(extrapolator, 1.5, 0.2)
+    assert extrapolator.imu is None
+    stopped = PoseExtrapolator(PredictionConfig(), use_odometry=True)
+    turning(stopped, 1.5, 0.2)
+    stopped.add_pose(0.2, Pose(1.0, 0.0, 0.0))
+    assert stopped.predict(0.6).tf_local_tracking == pytest.approx(Pose(1.0, 0.0, 0.0))
+
+
+def test_the_motion_of_a_sweep_follows_the_odometry(extrapolator):
+    for k in range(5):
+        extrapolator.add_odometry(0.05 * k, Pose(0.1 * k, 0.0, 0.0))
+    motion = extrapolator.sweep_motion(0.05, 0.0, 0.1)
+    assert motion.start + motion.step * (len(motion.knots) - 1) == pytest.approx(0.1)
+    assert motion.knots[0] == pytest.approx((0.0,) * 5)
+    assert motion.knots[-1] == pytest.approx((0.2, 0.0, 0.0, 0.0, 0.0))
+
+
+def test_a_sweep_may_lie_before_its_stamp(extrapolator):
+    for k in range(5):
+        extrapolator.add_odometry(0.05 * k, Pose(0.1 * k, 0.0, 0.0))
+    assert extrapolator.sweep_motion(0.2, -0.1, 0.0).knots[0, 0] == pytest.approx(-0.2)
+
+
+def test_a_scan_at_once_by_a_robot_without_imu_needs_no_motion(extrapolator):
+    extrapolator.add_odometry(0.0, IDENTITY)
+    assert extrapolator.sweep_motion(0.0, 0.0, 0.0) is None
+
+
+def test_gravity_tells_roll_and_pitch_of_every_scan(extrapolator):
+    turning(extrapolator, 0.0, 1.0, (-math.sin(0.1), 0.0, math.cos(0.1)))
+    motion = extrapolator.sweep_motion(0.5, 0.0, 0.0)
+    assert motion.knots == pytest.approx(np.array([(0.0, 0.0, 0.0, 0.0, 0.1)]))
+
+
+def test_projection_can_be_switched_off():
+    extrapolator = PoseExtrapolator(
+        PredictionConfig(), use_odometry=True, project_to_horizontal=False
+    )
+    turning(extrapolator, 0.0, 1.0, (-math.sin(0.1), 0.0, math.cos(0.1)))
+    assert extrapolator.sweep_motion(0.5, 0.0, 0.0) is None
+
+
+def test_a_sweep_that_is_said_to_last_for_minutes_is_taken_at_once(extrapolator):
+    assert extrapolator.sweep_motion(0.0, 0.0, 100.0) is None
+    assert extrapolator.num_overlong_sweeps == 1
+
+
+def test_a_match_tells_how_the_robot_moved_during_its_sweep(extrapolator):
+    """It set off to turn at 1 rad/s, unforeseen: the middle of the sweep is where it was found."""
+    extrapolator.add_pose(0.0, IDENTITY, extrapolator.sweep_motion(0.0, 0.0, 0.08))
+    assumed = extrapolator.sweep_motion(0.1, 0.0, 0.08)
+    corrected = extrapolator.corrected_motion(0.1, Pose(0.0, 0.0, 0.1), assumed)
+    assert corrected.knots[-1, 2] == pytest.approx(0.08)
+    extrapolator.add_pose(0.1, Pose(0.0, 0.0, 0.06), corrected)
+    assert extrapolator.corrected_motion(0.2, Pose(0.0, 0.0, 0.16), corrected) is None
+
+
+def test_a_motion_that_sensors_tell_is_not_corrected(extrapolator):
+    for k in range(5):
+        extrapolator.add_odometry(0.05 * k, IDENTITY)
+    extrapolator.add_pose(0.0, IDENTITY)
+    assumed = extrapolator.sweep_motion(0.1, 0.0, 0.08)
+    assert extrapolator.corrected_motion(0.1, Pose(0.0, 0.0, 0.1), assumed) is None
 
 
 def test_a_known_offset_of_the_clock_is_taken_into_account():
@@ -124,3 +213,37 @@ def test_a_known_offset_of_the_clock_is_taken_into_account():
     predicted = extrapolator.predict(times[-1] + period).tf_local_tracking
     assert predicted[:2] == pytest.approx(expected[:2], abs=0.02)
     assert predicted.theta == pytest.approx(expected.theta, abs=0.03)
+
+
+def test_the_offset_of_the_imu_s_clock_is_found_and_taken_into_account():
+    offset, period = 0.3, 0.2
+
+    def heading(time):
+        return 1.5 * math.sin(0.9 * time)
+
+    extrapolator = PoseExtrapolator(PredictionConfig(), use_odometry=True)
+    for k in range(300):
+        begin = period * k
+        for j in range(20):
+            time = begin + 0.01 * j
+            rate = 1.5 * 0.9 * math.cos(0.9 * (time + offset))
+            extrapolator.add_imu(Imu(time, time, (0.0, 0.0, 9.81), (0.0, 0.0, rate)))
+        extrapolator.add_pose(begin, Pose(0.0, 0.0, heading(begin)))
+    assert extrapolator.imu_calibration.time_offset == pytest.approx(offset, abs=0.02)
+    expected = heading(300 * period)
+    predicted = extrapolator.predict(300 * period).tf_local_tracking.theta
+    assert predicted == pytest.approx(expected, abs=0.01)
+
+
+def test_a_gyroscope_that_hangs_upside_down_is_not_heeded():
+    extrapolator = PoseExtrapolator(PredictionConfig(), use_odometry=True)
+    for k in range(100):
+        time = 0.2 * k
+        for j in range(10):
+            extrapolator.add_imu(
+                Imu(time + 0.02 * j, time + 0.02 * j, (0.0, 0.0, 9.81), (0.0, 0.0, -0.5))
+            )
+        extrapolator.add_pose(time, Pose(0.0, 0.0, math.remainder(0.5 * time, math.tau)))
+    assert not extrapolator.imu_calibration.agrees
+    ahead = extrapolator.predict(20.0).tf_local_tracking.theta
+    assert math.remainder(ahead - 10.0, math.tau) == pytest.approx(0.0, abs=0.01)

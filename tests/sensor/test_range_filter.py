@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from cartoloop.config import AdaptiveVoxelFilterConfig, SensorConfig
-from cartoloop.sensor.events import LaserScan, ScanGeometry
+from cartoloop.sensor.events import CloudGeometry, LaserScan, PointCloud, ScanGeometry
 from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.range_filter import USEFUL_RANGE, RangeFilter, thin
+from cartoloop.sensor.sweep_motion import AT_REST, SweepMotion
 
 QUARTER_TURNS = ScanGeometry(
     angle_min=-math.pi / 2,
@@ -135,3 +136,93 @@ def test_a_configured_mounting_takes_the_place_of_the_recorded_one():
 
     assert data.tf_tracking_sensor == Pose(0.5, 0.0, math.pi / 2)
     np.testing.assert_allclose(data.returns, [[0.5, 1.0], [-1.5, 0.0]], atol=1e-12)
+
+
+def test_several_scanners_are_kept_apart():
+    other = replace(QUARTER_TURNS, sensor="rear", tf_tracking_sensor=Pose(-1.0, 0.0, math.pi))
+    range_filter = RangeFilter(SensorConfig())
+    for _ in range(2):
+        for geometry, ahead in ((QUARTER_TURNS, (2.0, 0.0)), (other, (-3.0, 0.0))):
+            scan = LaserScan(0.0, 0.0, np.array((math.nan, 2.0, math.nan)), geometry)
+            assert_points(range_filter.apply(scan).returns, [ahead])
+
+
+def test_many_geometries_do_not_fill_the_memory():
+    range_filter = RangeFilter(SensorConfig())
+    for beams in range(1, 300):
+        geometry = ScanGeometry(0.0, 0.001, beams, 0.1, 20.0)
+        data = range_filter.apply(LaserScan(0.0, 0.0, np.full(beams, 2.0), geometry))
+        assert data.returns[0] == pytest.approx((2.0, 0.0))
+    assert len(range_filter._scanners) < 100
+
+
+def test_a_configured_pose_is_that_of_the_first_scanner():
+    other = replace(QUARTER_TURNS, sensor="rear", tf_tracking_sensor=Pose(-1.0, 0.0, math.pi))
+    range_filter = RangeFilter(SensorConfig(laser_pose=(0.5, 0.0, 0.0)))
+    seen = [
+        range_filter.apply(LaserScan(0.0, 0.0, np.array((math.nan, 2.0, math.nan)), geometry))
+        for geometry in (QUARTER_TURNS, other)
+    ]
+    assert_points(seen[0].returns, [(2.5, 0.0)])
+    assert_points(seen[1].returns, [(-3.0, 0.0)])
+
+
+def test_a_scanner_that_hangs_upside_down_looks_the_other_way_round():
+    hanging = replace(QUARTER_TURNS, roll=math.pi)
+    assert_points(filtered([1.0, 2.0, 3.0], hanging).returns, [(0, 1), (2, 0), (0, -3)])
+
+
+def test_what_a_pitched_scanner_sees_of_the_floor_is_no_wall():
+    pitched = replace(QUARTER_TURNS, pitch=math.radians(30.0), height=0.5)
+    data = filtered([1.0, 2.0, math.nan], pitched)
+    assert_points(data.returns, [(0.0, -1.0), (2.0 * math.cos(math.radians(30.0)), 0.0)])
+    assert_points(filtered([1.0, 3.0, math.nan], pitched).returns, [(0.0, -1.0)])
+
+
+def test_a_level_robot_at_rest_sees_the_same_with_and_without_being_told_so():
+    told = RangeFilter(SensorConfig()).apply(
+        LaserScan(0.0, 0.0, np.array((1.0, math.inf, 3.0)), QUARTER_TURNS), AT_REST
+    )
+    plain = filtered([1.0, math.inf, 3.0])
+    assert_points(told.returns, plain.returns)
+    assert_points(told.misses, plain.misses)
+
+
+def cloud_of(points, times=None, config=None, motion=None, **geometry):
+    cloud = PointCloud(0.0, 0.0, np.array(points, dtype=float), times, CloudGeometry(**geometry))
+    return RangeFilter(config or SensorConfig()).apply(cloud, motion)
+
+
+def test_the_nearest_point_of_each_direction_of_a_cloud_counts():
+    data = cloud_of([(3.0, 0.0, 0.0), (2.0, 0.001, 0.3), (0.0, 4.0, 0.0), (math.nan, 1.0, 0.0)])
+    assert sorted(map(tuple, data.returns.tolist())) == [(0.0, 4.0), (2.0, 0.001)]
+    assert len(data.misses) == 0
+
+
+def test_of_a_cloud_what_is_about_as_high_as_its_scanner_counts():
+    points = [(3.0, 0.0, -0.5), (0.0, 3.0, 0.0), (-3.0, 0.0, 0.9)]
+    assert_points(cloud_of(points, height=0.6).returns, [(0.0, 3.0)])
+
+
+def test_a_cloud_is_cut_at_the_heights_that_are_told_and_configured():
+    points = [(3.0, 0.0, -0.5), (0.0, 3.0, 0.0), (-3.0, 0.0, 0.9)]
+    low = cloud_of(points, min_z=-0.6, max_z=0.5)
+    assert_points(low.returns, [(3.0, 0.0), (0.0, 3.0)])
+    config = SensorConfig(min_z=-0.2, max_z=0.95)
+    high = cloud_of(points, config=config, min_z=-5.0, max_z=5.0)
+    assert_points(high.returns, [(0.0, 3.0), (-3.0, 0.0)])
+
+
+def test_a_cloud_is_cut_at_the_ranges_of_its_scanner():
+    near_and_far = [(0.2, 0.0, 0.0), (0.0, 2.0, 0.0), (-9.0, 0.0, 0.0)]
+    assert_points(cloud_of(near_and_far, range_min=0.5, range_max=8.0).returns, [(0.0, 2.0)])
+
+
+def test_points_of_a_cloud_are_moved_back_by_their_own_time():
+    ahead = SweepMotion(-0.1, 0.1, np.array([(-0.3, 0, 0, 0, 0), (0.0, 0, 0, 0, 0)]))
+    data = cloud_of([(2.0, 0.0, 0.0), (0.0, 2.0, 0.0)], times=np.array((-0.1, 0.0)), motion=ahead)
+    assert_points(sorted(data.returns.tolist()), [(0.0, 2.0), (1.7, 0.0)])
+
+
+def test_an_empty_cloud_shows_nothing():
+    assert len(cloud_of(np.empty((0, 3))).returns) == 0

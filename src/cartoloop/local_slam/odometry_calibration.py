@@ -14,16 +14,10 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.local_slam.clock_offset import MIN_TURN_RAD, clock_offset
 from cartoloop.local_slam.odometry_track import OdometryTrack
 from cartoloop.sensor.pose import FloatArray, Pose, relative_all
-
-OFFSETS_S: FloatArray = np.arange(-20.0, 61.0) * 0.02
-"""Clock offsets tried [s]; positive: the odometry is newer than the scan of the same stamp."""
-
-MIN_TURN_RAD = 0.02
-"""Steps that turn by less tell nothing of the offset."""
 
 MIN_STEPS = 25
 """How many turning steps tell the clock offset, how many steps in motion the rest."""
@@ -124,7 +118,7 @@ def estimate(
     offset, rotation_scale = previous.time_offset, previous.rotation_scale
     turns_enough = np.count_nonzero(turning) >= MIN_STEPS
     if turns_enough:
-        found = _clock_offset(times, steps[:, 2], turning, odometry_times, heading)
+        found = clock_offset(times, steps[:, 2], turning, odometry_times, heading)
         if found is None:
             return previous
         offset = found
@@ -146,45 +140,6 @@ def estimate(
         rotation_error=float(np.median(errors[:, 2])),
         translation_error=float(np.median(np.hypot(errors[:, 0], errors[:, 1]))),
     )
-
-
-def _clock_offset(
-    times: FloatArray,
-    turns: FloatArray,
-    turning: NDArray[np.bool_],
-    odometry_times: FloatArray,
-    heading: FloatArray,
-) -> float | None:
-    """Return the offset [s] at which the odometry turns when the scans do; None if at none it does.
-
-    Parameters
-    ----------
-    times : of the scans, shape (n,).
-    turns, turning : rotation of each step between them [rad], and whether it is one to go by.
-    odometry_times, heading : of the odometry, shape (k,), heading unwrapped [rad].
-    """
-    costs = np.array(
-        [
-            np.abs(turns - np.diff(np.interp(times - offset, odometry_times, heading)))[
-                turning
-            ].mean()
-            for offset in OFFSETS_S
-        ]
-    )
-    best = int(np.argmin(costs))
-    if costs[best] > 0.9 * np.abs(turns[turning]).mean():
-        return None
-    return _refined_minimum(OFFSETS_S, costs, best)
-
-
-def _refined_minimum(grid: FloatArray, costs: FloatArray, best: int) -> float:
-    """Return where a parabola through the lowest cost and its neighbours is lowest."""
-    if not 0 < best < len(grid) - 1:
-        return float(grid[best])
-    left, middle, right = costs[best - 1 : best + 2]
-    curvature = left - 2.0 * middle + right
-    shift = 0.5 * (left - right) / curvature if curvature > 0.0 else 0.0
-    return float(grid[best] + shift * (grid[1] - grid[0]))
 
 
 def _robust_scale(reported: FloatArray, true: FloatArray) -> float:

@@ -3,20 +3,45 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 
 import numpy as np
 
-from cartoloop.sensor.pose import FloatArray, Pose, interpolate
+from cartoloop.sensor.pose import (
+    IDENTITY,
+    FloatArray,
+    Pose,
+    compose,
+    interpolate,
+    inverse,
+    wrap_angle,
+)
 
 MAX_EXTRAPOLATION_S = 0.5
 """Beyond the last reading the motion is continued for so long, then held."""
 
+MAX_STEP_M, MAX_SPEED = 1.0, 10.0
+"""A step of more than this and that speed [m], [m/s] is no motion, but a counter that was reset."""
+
+MAX_STEP_RAD, MAX_TURN_RATE = 1.0, 10.0
+"""The same of the heading [rad], [rad/s]."""
+
 
 class OdometryTrack:
-    """The odometry readings so far, by their time."""
+    """The odometry readings so far, by their time.
+
+    Where they jump further than a robot can go, they were reset: the track goes on from where it
+    was, as if the robot had stood meanwhile.
+
+    Attributes
+    ----------
+    num_jumps : how often that happened.
+    """
 
     def __init__(self) -> None:
+        self.num_jumps = 0
+        self._tf_track_odom = IDENTITY
         self._times: list[float] = []
         self._poses: list[Pose] = []
 
@@ -27,10 +52,26 @@ class OdometryTrack:
         """Add a reading; of several at one time the last holds, older ones are ignored."""
         if self._times and time <= self._times[-1]:
             if time == self._times[-1]:
-                self._poses[-1] = tf_odom_tracking
+                self._poses.pop()
+                self._times.pop()
+                self._append(time, tf_odom_tracking)
             return
+        self._append(time, tf_odom_tracking)
+
+    def _append(self, time: float, tf_odom_tracking: Pose) -> None:
         self._times.append(time)
-        self._poses.append(tf_odom_tracking)
+        self._poses.append(self._in_track(time, tf_odom_tracking))
+
+    def _in_track(self, time: float, tf_odom_tracking: Pose) -> Pose:
+        """Return a new reading in the frame of the track, anchored anew if it jumps."""
+        pose = tf_odom_tracking
+        if self.num_jumps:
+            pose = compose(self._tf_track_odom, pose)
+        if self._poses and _is_jump(self._poses[-1], pose, time - self._times[-2]):
+            self.num_jumps += 1
+            self._tf_track_odom = compose(self._poses[-1], inverse(tf_odom_tracking))
+            return self._poses[-1]
+        return pose
 
     def at(self, time: float) -> Pose | None:
         """Return tf_odom_tracking at a time, or None where the readings do not reach."""
@@ -50,3 +91,13 @@ class OdometryTrack:
     def arrays(self) -> tuple[FloatArray, FloatArray]:
         """Return times, shape (n,), and poses, shape (n, 3)."""
         return np.array(self._times), np.array(self._poses).reshape(-1, 3)
+
+
+def _is_jump(before: Pose, after: Pose, duration: float) -> bool:
+    """Return whether no robot goes from one pose to the other in a time [s]."""
+    distance = math.hypot(after.x - before.x, after.y - before.y)
+    turn = abs(wrap_angle(after.theta - before.theta))
+    return (
+        distance > MAX_STEP_M + MAX_SPEED * duration
+        or turn > MAX_STEP_RAD + MAX_TURN_RATE * duration
+    )

@@ -74,7 +74,8 @@ class CloudGeometry:
     height, roll, pitch : the rest of it: above the tracking frame [m], tilted [rad].
     range_min, range_max : nearer points, and those from the latter on, are no measurements [m].
     min_z, max_z : lower and higher points are left out [m], measured upright from the origin of
-        the tracking frame; whatever the configuration cuts off is left out as well.
+        the tracking frame; whatever the configuration cuts off is left out as well. -inf and inf:
+        nothing is told, and what is about as high as the scanner counts.
     """
 
     sensor: str = ""
@@ -106,6 +107,12 @@ class LaserScan:
     ranges: FloatArray
     geometry: ScanGeometry
 
+    @property
+    def sweep(self) -> tuple[float, float]:
+        """When the first and the last beam are measured, from `time` on [s], the earlier first."""
+        last = self.geometry.time_increment * max(self.geometry.num_beams - 1, 0)
+        return (last, 0.0) if last < 0.0 else (0.0, last)
+
 
 @dataclass(frozen=True, slots=True)
 class PointCloud:
@@ -127,6 +134,13 @@ class PointCloud:
     points: FloatArray
     times: FloatArray | None
     geometry: CloudGeometry
+
+    @property
+    def sweep(self) -> tuple[float, float]:
+        """When the first and the last point are measured, from `time` on [s]."""
+        if self.times is None or len(self.times) == 0:
+            return (0.0, 0.0)
+        return (float(self.times.min()), float(self.times.max()))
 
 
 @dataclass(frozen=True, slots=True)

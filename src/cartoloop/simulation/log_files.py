@@ -16,6 +16,7 @@ from cartoloop.simulation.text_writer import write_text
 
 if TYPE_CHECKING:
     from cartoloop.simulation.recording import Recording
+    from cartoloop.simulation.rig_recording import RigRecording
 
 FloatArray = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ LOOP_DETOUR = 20.0
 LOOP_DISTANCE = 2.0
 
 
-def write_truth(recording: Recording, path: Path) -> None:
+def write_truth(recording: Recording | RigRecording, path: Path) -> None:
     """Write the true poses as a TUM trajectory: ``stamp tx ty tz qx qy qz qw`` for each scan.
 
     Raises
@@ -47,7 +48,7 @@ def write_truth(recording: Recording, path: Path) -> None:
 
 
 def write_relations(
-    recording: Recording, path: Path, num_relations: int = 1000, seed: int = 0
+    recording: Recording | RigRecording, path: Path, num_relations: int = 1000, seed: int = 0
 ) -> None:
     """Write true relations, ``stamp1 stamp2 x y z roll pitch yaw``: the pose of 2 as seen from 1.
 

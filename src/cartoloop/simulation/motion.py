@@ -49,6 +49,15 @@ class Motion:
         return np.column_stack((x, y, wrap_angles(theta)))
 
 
+def delayed(motion: Motion, seconds: float) -> Motion:
+    """Return the motion after a while of standing [s]."""
+    if seconds <= 0.0:
+        return motion
+    return Motion(
+        np.append(0.0, motion.times + seconds), np.vstack((motion.poses[:1], motion.poses))
+    )
+
+
 class Pace(NamedTuple):
     """How fast a way is gone, and how closely its corners.
 

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the IMU relates to the scans: offset of its clock, whether it tells the heading at all."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cartoloop.local_slam.clock_offset import MIN_TURN_RAD, clock_offset
+from cartoloop.sensor.imu_track import ImuTrack
+from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle, wrap_angles
+
+MIN_TURNS = 25
+"""So many turning steps tell the offset."""
+
+MIN_OFFSET_S = 0.015
+"""A smaller offset is the search's own step: none."""
+
+MAX_UNEXPLAINED = 0.4
+"""A gyroscope that misses a larger share of the turns is turned itself, or broken."""
+
+MIN_STEP_S = 0.15
+"""Scans that follow each other faster are left out: their steps turn too little."""
+
+WINDOW = 1500
+"""Scans that are looked at."""
+
+BIAS_TIME_S = 30.0
+"""The bias about gravity follows the scans over about so long."""
+
+MAX_BIAS_STEP_RAD = 0.03
+"""A larger difference between gyroscope and scans in one step is an error of one of them."""
+
+
+class ImuCalibration:
+    """Lays the headings of matched scans against those of the gyroscope.
+
+    Attributes
+    ----------
+    time_offset : IMU readings of a stamp show the robot this much later than the scan of it [s].
+    is_measured : whether the robot has turned enough to tell.
+    agrees : whether the gyroscope turns as the scans do; False where an axis or a sign is wrong.
+    """
+
+    def __init__(self) -> None:
+        self.time_offset = 0.0
+        self.is_measured = False
+        self.agrees = True
+        self._times: list[float] = []
+        self._headings: list[float] = []
+        self._last: tuple[float, float] | None = None
+        self._num_kept = 0
+        self._due = 50
+
+    def add(self, time: float, pose: Pose, track: ImuTrack) -> None:
+        """Add a scan's pose as matched; now and then, estimate anew."""
+        if self._last is not None:
+            self._correct_bias(time, pose.theta, *self._last, track)
+        self._last = (time, pose.theta)
+        if self._times and time - self._times[-1] < MIN_STEP_S:
+            return
+        self._times.append(time)
+        self._headings.append(pose.theta)
+        self._num_kept += 1
+        if self._num_kept >= self._due:
+            self._due = self._num_kept + max(50, min(self._num_kept // 4, 500))
+            del self._times[:-WINDOW], self._headings[:-WINDOW]
+            self._estimate(np.array(self._times), np.array(self._headings), track)
+
+    def _correct_bias(
+        self, time: float, heading: float, last_time: float, last_heading: float, track: ImuTrack
+    ) -> None:
+        before, now = last_time - self.time_offset, time - self.time_offset
+        if not (self.agrees and now > before and track.covers(before, now)):
+            return
+        turned = track.at(np.array((before, now)))[:, 2]
+        excess = wrap_angle(float(turned[1] - turned[0]) - (heading - last_heading))
+        if abs(excess) < MAX_BIAS_STEP_RAD:
+            track.correct_bias(excess / BIAS_TIME_S)
+
+    def _estimate(self, times: FloatArray, headings: FloatArray, track: ImuTrack) -> None:
+        reading_times, reading_headings = track.headings()
+        turns = wrap_angles(np.diff(headings))
+        known = (times >= reading_times[0]) & (times <= reading_times[-1])
+        turning = (np.abs(turns) > MIN_TURN_RAD) & known[:-1] & known[1:]
+        if np.count_nonzero(turning) < MIN_TURNS:
+            return
+        found = clock_offset(
+            times, turns, turning, reading_times, reading_headings, MAX_UNEXPLAINED
+        )
+        self.is_measured = True
+        self.agrees = found is not None
+        if found is not None:
+            self.time_offset = found if abs(found) >= MIN_OFFSET_S else 0.0

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What makes a sensor event useless by itself, whatever came before it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
+
+
+def fault_of(event: SensorEvent) -> str | None:
+    """Return what is wrong with an event, in a few words to count it by; None if nothing is."""
+    if not math.isfinite(event.time):
+        return "time is not finite"
+    match event:
+        case Imu(linear_acceleration=acceleration, angular_velocity=rate):
+            if not all(map(math.isfinite, (*acceleration, *rate))):
+                return "IMU reading is not finite"
+        case Odometry(tf_odom_tracking=pose):
+            if not all(map(math.isfinite, pose)):
+                return "odometry is not finite"
+        case LaserScan(ranges=ranges, geometry=geometry):
+            if ranges.shape != (geometry.num_beams,):
+                return "number of ranges does not match the scanner"
+        case PointCloud():
+            return _fault_of_cloud(event)
+    return None
+
+
+def _fault_of_cloud(cloud: PointCloud) -> str | None:
+    if cloud.points.ndim != 2 or cloud.points.shape[1] != 3:
+        return "points of a cloud are not three numbers each"
+    if cloud.times is None:
+        return None
+    if cloud.times.shape != cloud.points.shape[:1]:
+        return "number of times does not match the points of a cloud"
+    return None if np.isfinite(cloud.times).all() else "times of a cloud are not finite"

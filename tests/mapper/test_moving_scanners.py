@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scanners that tilt, turn while they sweep, are several, or see in space: maps against the truth.
+
+Loop closure is off: the errors are those of local SLAM in a room that it keeps seeing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cartoloop.config import Config, GlobalSlamConfig, LocalSlamConfig
+from cartoloop.mapper import Mapper
+from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
+from cartoloop.sensor.pose import Pose
+from cartoloop.simulation import Lidar, OdometryModel, drive
+from cartoloop.simulation.gait import Gait
+from cartoloop.simulation.imu import ImuModel
+from cartoloop.simulation.motion import delayed
+from cartoloop.simulation.rig import MountedLidar
+from cartoloop.simulation.rig_recording import simulate_rig
+from tests.local_slam.small_world import furnished_room
+
+WIDE = Lidar(
+    num_beams=541, angle_min=math.radians(-135.0), angle_increment=math.radians(0.5), rate=10.0
+)
+HALF = Lidar(rate=10.0)
+STANDING_S = 2.0
+
+
+def mapped(events, **local_slam):
+    config = Config(
+        local_slam=LocalSlamConfig(**local_slam),
+        global_slam=GlobalSlamConfig(optimize_every_n_nodes=0),
+    )
+    mapper = Mapper(config)
+    for event in events:
+        mapper.add(event)
+    return mapper.finish()
+
+
+def error(result, recording):
+    """Root mean square distance [m] of the trajectory, laid onto the truth as well as it can be."""
+    found, truth = (
+        (poses[:, 0] - poses[:, 0].mean()) + 1j * (poses[:, 1] - poses[:, 1].mean())
+        for poses in (result.trajectory, recording.true_poses)
+    )
+    turn = np.angle(np.vdot(found, truth))
+    return float(np.sqrt(np.mean(np.abs(found * np.exp(1j * turn) - truth) ** 2)))
+
+
+def walk(seed=1, speed=1.0, turn_rate=1.0, rounds=2, **kwargs):
+    world = furnished_room()
+    motion = drive(np.vstack([world.route] * rounds), speed, turn_rate)
+    standing = STANDING_S if kwargs.get("gait") else 0.0
+    return simulate_rig(world, motion=delayed(motion, standing), seed=seed, **kwargs)
+
+
+def at_once(events):
+    """The events, of scans that do not tell that they were measured beam by beam."""
+    geometries = {}
+    for event in events:
+        if isinstance(event, LaserScan):
+            geometry = geometries.setdefault(
+                event.geometry, replace(event.geometry, time_increment=0.0)
+            )
+            yield replace(event, geometry=geometry)
+        else:
+            yield event
+
+
+def test_swaying_by_eight_degrees_costs_less_than_half_as_much_again_with_gravity():
+    walker = Gait(math.radians(8.0), bounce=0.015, start=STANDING_S)
+    scanners = [MountedLidar(WIDE, sweep=0.075)]
+    level, swaying, unprojected = [], [], []
+    for seed in (1, 2):
+        plain = walk(seed, scanners=scanners, gait=Gait(start=STANDING_S), imu=ImuModel())
+        level.append(error(mapped(plain.events()), plain))
+        tilted = walk(seed, scanners=scanners, gait=walker, imu=ImuModel())
+        swaying.append(error(mapped(tilted.events()), tilted))
+        flat = mapped(tilted.events(), project_to_horizontal=False)
+        unprojected.append(error(flat, tilted))
+    assert np.mean(swaying) < 1.5 * np.mean(level)
+    assert np.mean(unprojected) > 1.5 * np.mean(level)
+
+
+@pytest.mark.parametrize("told_by", ["odometry", "imu"])
+def test_turning_at_two_radians_a_second_costs_less_than_a_third_more_when_undone(told_by):
+    sensors = {told_by: OdometryModel() if told_by == "odometry" else ImuModel()}
+    still, undone, distorted = [], [], []
+    for seed in (1, 2):
+        plain = walk(seed, 0.8, 2.0, scanners=[MountedLidar(WIDE)], **sensors)
+        still.append(error(mapped(plain.events()), plain))
+        moving = walk(seed, 0.8, 2.0, scanners=[MountedLidar(WIDE, sweep=0.075)], **sensors)
+        undone.append(error(mapped(moving.events()), moving))
+        distorted.append(error(mapped(at_once(moving.events())), moving))
+    assert np.mean(undone) < 1.3 * np.mean(still)
+    assert np.mean(distorted) > 3.0 * np.mean(still)
+
+
+def test_scans_alone_tell_the_motion_during_their_sweeps_nearly_as_well():
+    still, undone = [], []
+    for seed in (1, 2):
+        plain = walk(seed, 0.8, 2.0, scanners=[MountedLidar(WIDE)])
+        still.append(error(mapped(plain.events()), plain))
+        moving = walk(seed, 0.8, 2.0, scanners=[MountedLidar(WIDE, sweep=0.075)])
+        undone.append(error(mapped(moving.events()), moving))
+    assert np.mean(undone) < 1.5 * np.mean(still)
+
+
+FRONT = MountedLidar(replace(HALF, tf_tracking_sensor=Pose(0.3, 0.1, 0.2)), "front", sweep=0.05)
+REAR = MountedLidar(
+    replace(HALF, rate=7.0, tf_tracking_sensor=Pose(-0.3, -0.1, math.pi)), "rear", delay=0.03
+)
+
+
+def test_two_scanners_make_one_map():
+    recording = walk(rounds=1, scanners=[FRONT, REAR])
+    result = mapped(recording.events())
+
+    assert error(result, recording) < 0.02
+    assert result.report.skipped == {}
+    counts = result.report.extra["scanners"]
+    assert counts["front"] > counts["rear"] > 100
+    assert sum(counts.values()) == len(result.stamps) == result.report.input.scans
+    names = [event.geometry.sensor for event in recording.events() if isinstance(event, LaserScan)]
+    nodes = [names[index] for index in result.node_scan_index]
+    assert 0.5 < nodes.count("rear") / nodes.count("front") < 1.1
+
+
+def test_two_scanners_that_measure_at_the_same_moments_both_count():
+    twin = replace(REAR, lidar=replace(REAR.lidar, rate=10.0), delay=0.0, sweep=0.05)
+    recording = walk(rounds=1, scanners=[FRONT, twin], odometry=OdometryModel())
+    result = mapped(recording.events())
+    assert result.report.skipped == {}
+    assert error(result, recording) < 0.02
+
+
+RINGS = MountedLidar(
+    Lidar(num_beams=360, angle_min=-math.pi, angle_increment=math.radians(1.0), rate=10.0),
+    "rings",
+    height=0.3,
+    sweep=0.09,
+    elevations=tuple(np.radians(np.arange(-15.0, 16.0, 5.0))),
+)
+
+
+def test_clouds_are_mapped_and_clear_free_space():
+    recording = walk(rounds=1, scanners=[RINGS])
+    result = mapped(recording.events())
+    assert error(result, recording) < 0.03
+    assert sum(isinstance(event, PointCloud) for event in recording.events()) == len(result.stamps)
+    grid = result.submap_grids[0]
+    assert grid is not None
+    assert result.report.skipped == {}
+
+
+def test_a_cloud_and_a_scan_of_a_swaying_body_make_one_map():
+    recording = walk(
+        rounds=1,
+        scanners=[RINGS, FRONT],
+        gait=Gait(math.radians(8.0), 0.015, STANDING_S),
+        imu=ImuModel(),
+    )
+    assert error(mapped(recording.events()), recording) < 0.03
+
+
+def test_a_scanner_that_is_mounted_pitched_and_one_upside_down_see_the_same_room():
+    scanners = [
+        replace(FRONT, pitch=math.radians(10.0)),
+        replace(REAR, roll=math.pi, height=0.2),
+    ]
+    recording = walk(rounds=1, scanners=scanners, odometry=OdometryModel())
+    assert error(mapped(recording.events()), recording) < 0.03
+
+
+def test_odometry_that_is_reset_on_the_way_does_no_harm():
+    recording = walk(rounds=1, scanners=[FRONT], odometry=OdometryModel())
+
+    def with_reset():
+        middle = recording.start_stamp + 0.5 * recording.duration
+        for event in recording.events():
+            if isinstance(event, Odometry) and event.time > middle:
+                moved = event.tf_odom_tracking
+                yield replace(event, tf_odom_tracking=moved._replace(x=moved.x - 7.0))
+            else:
+                yield event
+
+    result = mapped(with_reset())
+    assert result.report.extra["odometry"]["jumps"] == 1
+    assert error(result, recording) < 0.02
+
+
+def test_what_the_imu_told_stands_in_the_report():
+    recording = walk(
+        rounds=1,
+        scanners=[FRONT],
+        gait=Gait(math.radians(8.0), 0.015, STANDING_S),
+        imu=ImuModel(),
+    )
+    told = mapped(recording.events()).report.extra["imu"]
+    assert told["readings"] == sum(isinstance(event, Imu) for event in recording.events())
+    assert told["tells_gravity"]
+    assert told["tells_heading"]
+    assert told["rests"] >= 1
+    assert math.radians(5.0) < told["max_tilt_rad"] < math.radians(13.0)
+    assert told["gyro_bias_rad_s"] == pytest.approx(ImuModel().gyro_bias, abs=0.003)
+
+
+def test_the_same_events_give_the_same_map():
+    recording = walk(rounds=1, scanners=[FRONT, REAR], imu=ImuModel())
+    first, second = mapped(recording.events()), mapped(recording.events())
+    assert np.array_equal(first.trajectory, second.trajectory)
+
+
+def test_scans_that_still_wait_are_mapped_in_the_end():
+    recording = walk(rounds=1, scanners=[FRONT], odometry=OdometryModel())
+    scans = [event for event in recording.events() if isinstance(event, LaserScan)]
+    mapper = Mapper()
+    mapper.add(Odometry(scans[0].time, scans[0].time, Pose(0.0, 0.0, 0.0)))
+    mapper.add(scans[0])
+    assert len(mapper.result().stamps) == 0
+    mapper.add(scans[1])
+    assert len(mapper.result().stamps) == 1
+    assert len(mapper.finish().stamps) == 2
