@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""(CS): the smooth map, its derivatives, the normal equations and their minimum."""
+"""(CS): the normal equations and their minimum."""
 
 from __future__ import annotations
 
@@ -14,22 +14,17 @@ from scipy.optimize import least_squares, minimize
 from cartoloop.kernels.scan_residuals import (
     accumulate_match,
     match_least_squares,
-    smooth_probability,
     solve_3x3,
 )
-from tests.reference.naive_scan_residuals import (
-    central_differences,
-    naive_errors,
-    naive_smooth_probability,
-)
+from cartoloop.kernels.smooth_map import NUM_ROWS, PATCH_CELLS
+from tests.reference.naive_scan_residuals import central_differences, naive_errors
 
 UNKNOWN = 0.1
-ROWS, COLS = 7, 9
 
 seeds = st.integers(0, 2**32 - 1)
 
 
-def random_grid(seed, shape=(ROWS, COLS)):
+def random_grid(seed, shape):
     """Probabilities, a third of the cells never observed."""
     rng = np.random.default_rng(seed)
     grid = rng.uniform(0.1, 0.9, shape)
@@ -37,51 +32,13 @@ def random_grid(seed, shape=(ROWS, COLS)):
     return grid.astype(np.float32)
 
 
-# From well outside of the grid on one side to well outside on the other.
-col_places = st.floats(-4.0, COLS + 3.0)
-row_places = st.floats(-4.0, ROWS + 3.0)
-
-
-@settings(deadline=None, max_examples=150)
-@given(seed=seeds, col=col_places, row=row_places)
-def test_the_smooth_map_equals_plain_bicubic_interpolation(seed, col, row):
-    grid = random_grid(seed)
-    expected = naive_smooth_probability(grid, UNKNOWN, col, row)
-    assert smooth_probability(grid, UNKNOWN, col, row)[0] == pytest.approx(expected, abs=1e-12)
-
-
-@settings(deadline=None, max_examples=150)
-@given(seed=seeds, col=col_places, row=row_places)
-def test_the_smooth_map_s_gradient_equals_finite_differences(seed, col, row):
-    grid = random_grid(seed)
-
-    def value(at):
-        return naive_smooth_probability(grid, UNKNOWN, at[0], at[1])
-
-    numeric = central_differences(value, (col, row), 1e-6)
-    assert smooth_probability(grid, UNKNOWN, col, row)[1:] == pytest.approx(numeric, abs=1e-5)
-
-
-@settings(deadline=None, max_examples=100)
-@given(seed=seeds, border=st.integers(-3, COLS + 2), along=row_places, transposed=st.booleans())
-def test_value_and_gradient_are_continuous_across_borders_of_pixels(
-    seed, border, along, transposed
-):
-    grid = random_grid(seed, (COLS, ROWS) if transposed else (ROWS, COLS))
-    places = [(border + off, along) for off in (-1e-9, 0.0, 1e-9)]
-    if transposed:
-        places = [place[::-1] for place in places]
-    before, at, after = (smooth_probability(grid, UNKNOWN, *place) for place in places)
-    assert before == pytest.approx(at, abs=1e-7)
-    assert after == pytest.approx(at, abs=1e-7)
-
-
-def test_the_smooth_map_goes_through_the_centres_of_cells():
-    grid = random_grid(3)
-    for row in range(ROWS):
-        for col in range(COLS):
-            expected = float(grid[row, col]) or UNKNOWN
-            assert smooth_probability(grid, UNKNOWN, col, row)[0] == pytest.approx(expected)
+def scratch(num_points):
+    """What the kernel works in: cells, patches, samples."""
+    return (
+        np.empty((2, num_points), dtype=np.int64),
+        np.empty((PATCH_CELLS, num_points), dtype=np.float32),
+        np.empty((NUM_ROWS, num_points)),
+    )
 
 
 @settings(deadline=None, max_examples=40)
@@ -100,7 +57,9 @@ def test_the_normal_equations_equal_finite_differences(seed, num_points, x, y, t
         return naive_errors(grid, UNKNOWN, origin, resolution, points, pose)
 
     system = np.empty(9)
-    total = accumulate_match(grid, UNKNOWN, *origin, resolution, points, x, y, theta, system)
+    total = accumulate_match(
+        grid, UNKNOWN, *origin, resolution, points, x, y, theta, *scratch(num_points), system
+    )
 
     at = errors((x, y, theta))
     jacobian = central_differences(errors, (x, y, theta), 1e-7)
@@ -187,6 +146,7 @@ def run(
     weight=1.0,
     iterations=200,
     prior_scale=TRUSTED,
+    max_start_squares=math.inf,
 ):
     grid, origin_x, origin_y = map_and_origin
     found = np.full(11, np.nan)
@@ -203,6 +163,7 @@ def run(
         prior_scale,
         weight,
         iterations,
+        max_start_squares,
         found,
     )
     return found, count
@@ -344,7 +305,14 @@ def test_the_match_tells_the_curvature_and_the_sum_of_squares_at_the_pose_found(
     found, _ = run(grid, walls, (0.03, 0.02, 0.01), (0.0, 0.0, 0.0), weight=5.0)
     system = np.empty(9)
     total = accumulate_match(
-        grid[0], UNKNOWN, *grid[1:], RESOLUTION, walls, *found[:3].tolist(), system
+        grid[0],
+        UNKNOWN,
+        *grid[1:],
+        RESOLUTION,
+        walls,
+        *found[:3].tolist(),
+        *scratch(len(walls)),
+        system,
     )
     assert found[3:9].tolist() == system[:6].tolist()
     assert found[9] == total
@@ -355,3 +323,19 @@ def test_one_iteration_looks_at_the_start_only():
     found, count = run(grid, walls, (0.03, 0.02, 0.01), (0.0, 0.0, 0.0), iterations=1)
     assert count == 1
     assert found[:3].tolist() == [0.03, 0.02, 0.01]
+
+
+def test_a_scan_that_fits_too_poorly_at_the_start_is_left_there():
+    grid, walls = room()
+    start = (0.03, 0.02, 0.01)
+    found, _ = run(grid, walls, start, (0.0, 0.0, 0.0), iterations=1)
+    squares = found[9]
+    kept, _ = run(grid, walls, start, (0.0, 0.0, 0.0), iterations=1, max_start_squares=squares)
+    left, count = run(
+        grid, walls, start, (0.0, 0.0, 0.0), max_start_squares=np.nextafter(squares, 0.0)
+    )
+    assert kept.tolist() == found.tolist()
+    assert count == 1
+    assert left[:3].tolist() == list(start)
+    assert left[3:9].tolist() == [0.0] * 6
+    assert np.isinf(left[9:]).all()

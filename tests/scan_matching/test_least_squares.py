@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from cartoloop.config import SubmapConfig
-from cartoloop.kernels.scan_residuals import smooth_probability
 from cartoloop.scan_matching.least_squares import SmoothMap, match
 from cartoloop.sensor.pose import Pose, inverse, transform_points, wrap_angle
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 from cartoloop.submaps.probability_grid import ProbabilityGrid
 from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
+from tests.reference.naive_scan_residuals import naive_smooth_probability
 
 RESOLUTION = 0.05
 WEAK = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
@@ -87,12 +87,12 @@ def test_the_residual_is_the_root_mean_square_of_what_the_points_lack(room):
     ends = transform_points(found.tf_grid_scan, points)
     lacks = [
         1.0
-        - smooth_probability(
+        - naive_smooth_probability(
             room.cells,
             MIN_PROBABILITY,
             (x - room.origin_x) / RESOLUTION,
             (y - room.origin_y) / RESOLUTION,
-        )[0]
+        )
         for x, y in ends.tolist()
     ]
     assert found.residual == pytest.approx(math.sqrt(np.mean(np.square(lacks))))

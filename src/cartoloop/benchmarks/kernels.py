@@ -195,7 +195,7 @@ def _match_workloads(driven: Drive) -> Iterator[Workload]:
     start = compose(in_submap, Pose(0.03, -0.02, 0.01))
     finished = FinishedSubmap(0, submap.grid.finish(), 1.0)
     yield Workload(
-        "match", ("scan_residuals",), case,
+        "match", ("scan_residuals", "smooth_map"), case,
         partial(refine, finished.smooth_map, points, start, search),
         len(points), "points",
     )  # fmt: skip
@@ -239,7 +239,7 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
         )  # fmt: skip
     finished = FinishedSubmap(0, grid, 1.0)
     yield Workload(
-        "match again", ("match_batch", "scan_residuals"), case,
+        "match again", ("match_batch", "scan_residuals", "smooth_map"), case,
         partial(
             refinement.match_again, finished, np.zeros(3), range(len(own)), np.array(in_submap),
             points, search,

@@ -1,55 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Matches of many scans to one grid by (CS); those that cannot fit are told from a part of them."""
+"""Matches of many scans to one grid by (CS)."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-from cartoloop.kernels.scan_residuals import match_least_squares, smooth_probability
+from cartoloop.kernels.scan_residuals import match_least_squares
 
 FloatArray = NDArray[np.float64]
-
-
-@kernel
-def sum_of_squares(
-    grid: NDArray[np.float32],
-    unknown: float,
-    origin_x: float,
-    origin_y: float,
-    resolution: float,
-    points: FloatArray,
-    x: float,
-    y: float,
-    theta: float,
-    limit: float,
-) -> float:
-    """Return the sum of (1 - M_smooth)^2 over the points, or a part of it that is beyond `limit`.
-
-    Parameters
-    ----------
-    grid, unknown, origin_x, origin_y, resolution, points, x, y, theta : as
-        :func:`cartoloop.kernels.scan_residuals.accumulate_match`.
-    limit : once the sum is larger, no more points are looked at.
-    """
-    c = math.cos(theta)
-    s = math.sin(theta)
-    scale = 1.0 / resolution
-    total = 0.0
-    for k in range(points.shape[0]):
-        hx = c * points[k, 0] - s * points[k, 1]
-        hy = s * points[k, 0] + c * points[k, 1]
-        value, _, _ = smooth_probability(
-            grid, unknown, (x + hx - origin_x) * scale, (y + hy - origin_y) * scale
-        )
-        error = 1.0 - value
-        total += error * error
-        if total > limit:
-            break
-    return total
 
 
 @kernel
@@ -86,25 +46,6 @@ def match_all_least_squares(
     """
     for i in range(starts.shape[0]):
         scan = points[first_points[i] : first_points[i + 1]]
-        limit = max_start_residual**2 * scan.shape[0]
-        squares = sum_of_squares(
-            grid,
-            unknown,
-            origin_x,
-            origin_y,
-            resolution,
-            scan,
-            starts[i, 0],
-            starts[i, 1],
-            starts[i, 2],
-            limit,
-        )
-        if squares > limit:
-            for k in range(3):
-                out_matches[i, k] = starts[i, k]
-            out_matches[i, 3:9] = 0.0
-            out_matches[i, 9:] = np.inf
-            continue
         match_least_squares(
             grid,
             unknown,
@@ -118,5 +59,6 @@ def match_all_least_squares(
             prior_scale,
             point_weight,
             max_num_iterations,
+            max_start_residual**2 * scan.shape[0],
             out_matches[i],
         )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The least-squares scan matcher (CS), section IV-C: smooth map, gradient, damped Gauss-Newton."""
+"""The least-squares scan matcher (CS), section IV-C: residuals, damped Gauss-Newton."""
 
 from __future__ import annotations
 
@@ -9,6 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.kernels.smooth_map import (
+    ARM_X,
+    ARM_Y,
+    D_COL,
+    D_ROW,
+    NUM_ROWS,
+    PATCH_CELLS,
+    VALUE,
+    sample_smooth_map,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -17,84 +27,6 @@ MIN_DAMPING = 0.7
 
 SMALL_DECREASE = 1e-5
 """The search ends when a step promises to lower the cost by no more than this share of it."""
-
-
-@kernel
-def smooth_probability(
-    grid: NDArray[np.float32], unknown: float, col: float, row: float
-) -> tuple[float, float, float]:
-    """Return M_smooth at a point and its derivatives along columns and rows.
-
-    Parameters
-    ----------
-    grid : shape (num_rows, num_cols), probabilities; 0 where never observed.
-    unknown : the value of cells never observed or outside of the grid.
-    col, row : the point in cells, cell centres at whole numbers.
-
-    Notes
-    -----
-    Bicubic (Catmull-Rom) interpolation over 4 x 4 cells: continuous first derivatives.
-    """
-    col0 = np.int64(np.floor(col))
-    row0 = np.int64(np.floor(row))
-    num_rows, num_cols = grid.shape
-    if col0 < -2 or row0 < -2 or col0 > num_cols or row0 > num_rows:
-        return unknown, 0.0, 0.0
-    u = col - col0
-    v = row - row0
-    # Catmull-Rom weights and their derivatives.
-    wu0 = ((-0.5 * u + 1.0) * u - 0.5) * u
-    wu1 = (1.5 * u - 2.5) * u * u + 1.0
-    wu2 = ((-1.5 * u + 2.0) * u + 0.5) * u
-    wu3 = (0.5 * u - 0.5) * u * u
-    du0 = (-1.5 * u + 2.0) * u - 0.5
-    du1 = (4.5 * u - 5.0) * u
-    du2 = (-4.5 * u + 4.0) * u + 0.5
-    du3 = (1.5 * u - 1.0) * u
-    value = 0.0
-    d_col = 0.0
-    d_row = 0.0
-    inside = col0 >= 1 and row0 >= 1 and col0 + 2 < num_cols and row0 + 2 < num_rows
-    for i in range(4):
-        r = row0 - 1 + i
-        p0 = p1 = p2 = p3 = 0.0
-        if inside:
-            p0 = np.float64(grid[r, col0 - 1])
-            p1 = np.float64(grid[r, col0])
-            p2 = np.float64(grid[r, col0 + 1])
-            p3 = np.float64(grid[r, col0 + 2])
-        else:
-            if 0 <= r < num_rows:
-                if 0 <= col0 - 1 < num_cols:
-                    p0 = np.float64(grid[r, col0 - 1])
-                if 0 <= col0 < num_cols:
-                    p1 = np.float64(grid[r, col0])
-                if 0 <= col0 + 1 < num_cols:
-                    p2 = np.float64(grid[r, col0 + 1])
-                if 0 <= col0 + 2 < num_cols:
-                    p3 = np.float64(grid[r, col0 + 2])
-        p0 = p0 if p0 > 0.0 else unknown
-        p1 = p1 if p1 > 0.0 else unknown
-        p2 = p2 if p2 > 0.0 else unknown
-        p3 = p3 if p3 > 0.0 else unknown
-        along = wu0 * p0 + wu1 * p1 + wu2 * p2 + wu3 * p3
-        slope = du0 * p0 + du1 * p1 + du2 * p2 + du3 * p3
-        if i == 0:
-            w = ((-0.5 * v + 1.0) * v - 0.5) * v
-            d = (-1.5 * v + 2.0) * v - 0.5
-        elif i == 1:
-            w = (1.5 * v - 2.5) * v * v + 1.0
-            d = (4.5 * v - 5.0) * v
-        elif i == 2:
-            w = ((-1.5 * v + 2.0) * v + 0.5) * v
-            d = (-4.5 * v + 4.0) * v + 0.5
-        else:
-            w = (0.5 * v - 0.5) * v * v
-            d = (1.5 * v - 1.0) * v
-        value += w * along
-        d_col += w * slope
-        d_row += d * along
-    return value, d_col, d_row
 
 
 @kernel
@@ -108,6 +40,9 @@ def accumulate_match(
     x: float,
     y: float,
     theta: float,
+    cells: NDArray[np.int64],
+    patches: NDArray[np.float32],
+    samples: FloatArray,
     out_system: FloatArray,
 ) -> float:
     """Write the normal equations of (CS) at a pose into `out_system`; return the sum of squares.
@@ -119,22 +54,19 @@ def accumulate_match(
     origin_x, origin_y, resolution : centre of cell (0, 0) and pixel edge [m].
     points : float64, shape (n, 2), scan frame [m].
     x, y, theta : pose of the scan in the grid's frame.
+    cells, patches, samples : scratch, see :func:`smooth_map.sample_smooth_map`.
     out_system : float64, shape (9,): upper triangle of J^T J (xx, xy, xt, yy, yt, tt), then J^T e.
     """
-    c = math.cos(theta)
-    s = math.sin(theta)
+    sample_smooth_map(
+        grid, unknown, origin_x, origin_y, resolution, points, x, y, theta, cells, patches, samples
+    )
     scale = 1.0 / resolution
     xx = xy = xt = yy = yt = tt = bx = by = bt = total = 0.0
     for k in range(points.shape[0]):
-        hx = c * points[k, 0] - s * points[k, 1]
-        hy = s * points[k, 0] + c * points[k, 1]
-        value, d_col, d_row = smooth_probability(
-            grid, unknown, (x + hx - origin_x) * scale, (y + hy - origin_y) * scale
-        )
-        error = 1.0 - value
-        jx = -d_col * scale
-        jy = -d_row * scale
-        jt = -jx * hy + jy * hx
+        error = 1.0 - samples[VALUE, k]
+        jx = -samples[D_COL, k] * scale
+        jy = -samples[D_ROW, k] * scale
+        jt = -jx * samples[ARM_Y, k] + jy * samples[ARM_X, k]
         xx += jx * jx
         xy += jx * jy
         xt += jx * jt
@@ -200,6 +132,7 @@ def match_least_squares(
     prior_scale: float,
     point_weight: float,
     max_num_iterations: int,
+    max_start_squares: float,
     out_match: FloatArray,
 ) -> int:
     """Write the minimum of (CS) plus the pull towards `prior` into `out_match`; return iterations.
@@ -213,6 +146,8 @@ def match_least_squares(
     prior_scale : from so many standard deviations on the pull wanes: predictions fail now and then.
     point_weight : factor of the sum of squares of the points.
     max_num_iterations : evaluations at the most.
+    max_start_squares : where the points' sum of squares is larger at the start, the scan is left
+        there, its curvature 0, sum of squares and cost infinite.
     out_match : float64, shape (11,): pose, upper triangle of J^T J of the points alone at it
         (unweighted), sum of squares of the points, total cost.
 
@@ -225,6 +160,9 @@ def match_least_squares(
     pose_x = start[0]
     pose_y = start[1]
     pose_t = start[2]
+    cells = np.empty((2, points.shape[0]), dtype=np.int64)
+    patches = np.empty((PATCH_CELLS, points.shape[0]), dtype=np.float32)
+    samples = np.empty((NUM_ROWS, points.shape[0]))
     points_system = np.empty(9)
     system = np.empty(9)
     step = np.zeros(3)
@@ -247,8 +185,17 @@ def match_least_squares(
             try_x,
             try_y,
             try_t,
+            cells,
+            patches,
+            samples,
             points_system,
         )
+        if iterations == 1 and squares > max_start_squares:
+            for k in range(3):
+                out_match[k] = start[k]
+            out_match[3:9] = 0.0
+            out_match[9:] = np.inf
+            return iterations
         dx = try_x - prior[0]
         dy = try_y - prior[1]
         dt = try_t - prior[2]

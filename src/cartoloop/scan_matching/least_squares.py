@@ -83,6 +83,7 @@ def match(
         prior_scale,
         point_weight,
         max_num_iterations,
+        math.inf,
         found,
     )
     x, y, theta, xx, xy, xt, yy, yt, tt, squares, cost = found.tolist()

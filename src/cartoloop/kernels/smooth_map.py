@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""M_smooth of (CS) and its gradient at all points of a scan: bicubic (Catmull-Rom) interpolation.
+
+Each step goes over all points before the next begins. Those that do arithmetic have no branches,
+and find what they need of neighbouring points side by side in memory, so that the compiler handles
+several points at once.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop._jit import kernel
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+PatchArray = NDArray[np.float32]
+
+# Rows of `samples`: arm from the scan's origin to the point, in the grid's axes [m]; how far the
+# point is beyond the cell below it, along columns and rows [cells]; M_smooth, and its derivatives
+# along columns and rows.
+ARM_X, ARM_Y, BEYOND_COL, BEYOND_ROW, VALUE, D_COL, D_ROW = range(7)
+NUM_ROWS = 7
+
+PATCH_CELLS = 16
+"""Rows of `patches`: the 4 x 4 cells around a point, row after row."""
+
+
+@kernel
+def place_points(
+    origin_x: float,
+    origin_y: float,
+    resolution: float,
+    points: FloatArray,
+    x: float,
+    y: float,
+    theta: float,
+    out_samples: FloatArray,
+    out_cells: IntArray,
+) -> None:
+    """Write where the points are, the scan being at a pose, into the `out_` arrays.
+
+    Parameters
+    ----------
+    origin_x, origin_y, resolution : centre of cell (0, 0) and pixel edge [m].
+    points : float64, shape (n, 2), scan frame [m].
+    x, y, theta : pose of the scan in the grid's frame.
+    out_samples : float64, shape (7, n), the first four rows.
+    out_cells : int64, shape (2, n), column and row of the cell below each point.
+    """
+    c = math.cos(theta)
+    s = math.sin(theta)
+    scale = 1.0 / resolution
+    for k in range(points.shape[0]):
+        arm_x = c * points[k, 0] - s * points[k, 1]
+        arm_y = s * points[k, 0] + c * points[k, 1]
+        col = (x + arm_x - origin_x) * scale
+        row = (y + arm_y - origin_y) * scale
+        below_col = np.floor(col)
+        below_row = np.floor(row)
+        out_samples[ARM_X, k] = arm_x
+        out_samples[ARM_Y, k] = arm_y
+        out_samples[BEYOND_COL, k] = col - below_col
+        out_samples[BEYOND_ROW, k] = row - below_row
+        out_cells[0, k] = np.int64(below_col)
+        out_cells[1, k] = np.int64(below_row)
+
+
+@kernel
+def copy_patches(grid: PatchArray, cells: IntArray, out_patches: PatchArray) -> bool:
+    """Write the 4 x 4 cells around each point into `out_patches`; return if all are well inside.
+
+    Parameters
+    ----------
+    grid : float32, shape (num_rows, num_cols), probabilities; 0 where never observed.
+    cells : int64, shape (2, n), column and row of the cell below each point.
+    out_patches : float32, shape (16, n); 0 outside of the grid.
+    """
+    num_rows, num_cols = grid.shape
+    num_points = cells.shape[1]
+    flat, patches = grid.reshape(-1), out_patches.reshape(-1)
+    stride, length = np.uint64(num_points), np.uint64(num_cols)
+    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
+    all_inside = True
+    for k in range(num_points):
+        col = cells[0, k] - 1
+        row = cells[1, k] - 1
+        if col >= 0 and row >= 0 and col + 3 < num_cols and row + 3 < num_rows:
+            # Unsigned indices: no test for those that count from the end.
+            at = np.uint64(row * num_cols + col)
+            to = np.uint64(k)
+            for _ in range(4):
+                patches[to] = flat[at]
+                patches[to + stride] = flat[at + one]
+                patches[to + two * stride] = flat[at + two]
+                patches[to + three * stride] = flat[at + three]
+                at += length
+                to += np.uint64(4) * stride
+            continue
+        all_inside = False
+        for i in range(4):
+            for j in range(4):
+                value = np.float32(0.0)
+                if 0 <= row + i < num_rows and 0 <= col + j < num_cols:
+                    value = grid[row + i, col + j]
+                out_patches[4 * i + j, k] = value
+    return all_inside
+
+
+@kernel
+def cubic_weights(u: float) -> tuple[float, float, float, float]:
+    """Return the Catmull-Rom weights of the four cells around a place `u` in [0, 1) cells."""
+    return (
+        ((-0.5 * u + 1.0) * u - 0.5) * u,
+        (1.5 * u - 2.5) * u * u + 1.0,
+        ((-1.5 * u + 2.0) * u + 0.5) * u,
+        (0.5 * u - 0.5) * u * u,
+    )
+
+
+@kernel
+def cubic_slopes(u: float) -> tuple[float, float, float, float]:
+    """Return the derivatives of :func:`cubic_weights`."""
+    return (
+        (-1.5 * u + 2.0) * u - 0.5,
+        (4.5 * u - 5.0) * u,
+        (-4.5 * u + 4.0) * u + 0.5,
+        (1.5 * u - 1.0) * u,
+    )
+
+
+@kernel
+def along_row(
+    p0: np.float32,
+    p1: np.float32,
+    p2: np.float32,
+    p3: np.float32,
+    unknown: float,
+    weights: tuple[float, float, float, float],
+    slopes: tuple[float, float, float, float],
+) -> tuple[float, float]:
+    """Return four cells of a row interpolated, and the derivative along it."""
+    a = np.float64(p0) if p0 > 0.0 else unknown
+    b = np.float64(p1) if p1 > 0.0 else unknown
+    c = np.float64(p2) if p2 > 0.0 else unknown
+    d = np.float64(p3) if p3 > 0.0 else unknown
+    return (
+        weights[0] * a + weights[1] * b + weights[2] * c + weights[3] * d,
+        slopes[0] * a + slopes[1] * b + slopes[2] * c + slopes[3] * d,
+    )
+
+
+@kernel
+def interpolate_patches(p: PatchArray, unknown: float, samples: FloatArray) -> None:
+    """Write M_smooth and its derivatives at the points into `samples`.
+
+    Parameters
+    ----------
+    p : float32, shape (16, n), the cells around each point; 0 where never observed.
+    unknown : the value of cells never observed.
+    samples : float64, shape (7, n), where the points are in their cells; the last three rows are
+        written.
+    """
+    for k in range(samples.shape[1]):
+        u, v = samples[BEYOND_COL, k], samples[BEYOND_ROW, k]
+        weights, slopes = cubic_weights(u), cubic_slopes(u)
+        a0, s0 = along_row(p[0, k], p[1, k], p[2, k], p[3, k], unknown, weights, slopes)
+        a1, s1 = along_row(p[4, k], p[5, k], p[6, k], p[7, k], unknown, weights, slopes)
+        a2, s2 = along_row(p[8, k], p[9, k], p[10, k], p[11, k], unknown, weights, slopes)
+        a3, s3 = along_row(p[12, k], p[13, k], p[14, k], p[15, k], unknown, weights, slopes)
+        w0, w1, w2, w3 = cubic_weights(v)
+        d0, d1, d2, d3 = cubic_slopes(v)
+        samples[VALUE, k] = w0 * a0 + w1 * a1 + w2 * a2 + w3 * a3
+        samples[D_COL, k] = w0 * s0 + w1 * s1 + w2 * s2 + w3 * s3
+        samples[D_ROW, k] = d0 * a0 + d1 * a1 + d2 * a2 + d3 * a3
+
+
+@kernel
+def sample_smooth_map(
+    grid: PatchArray,
+    unknown: float,
+    origin_x: float,
+    origin_y: float,
+    resolution: float,
+    points: FloatArray,
+    x: float,
+    y: float,
+    theta: float,
+    cells: IntArray,
+    patches: PatchArray,
+    out_samples: FloatArray,
+) -> None:
+    """Write M_smooth and its derivatives at the points, the scan at a pose, into `out_samples`.
+
+    Parameters
+    ----------
+    grid : float32, shape (num_rows, num_cols), probabilities; 0 where never observed.
+    unknown : the value of cells never observed or outside.
+    origin_x, origin_y, resolution, points, x, y, theta : as in :func:`place_points`.
+    cells : int64, shape (2, n), scratch.
+    patches : float32, shape (16, n), scratch.
+    out_samples : float64, shape (7, n); derivatives are per cell.
+    """
+    place_points(origin_x, origin_y, resolution, points, x, y, theta, out_samples, cells)
+    all_inside = copy_patches(grid, cells, patches)
+    interpolate_patches(patches, unknown, out_samples)
+    if all_inside:
+        return
+    num_rows, num_cols = grid.shape
+    for k in range(cells.shape[1]):
+        col, row = cells[0, k], cells[1, k]
+        if col < -2 or row < -2 or col > num_cols or row > num_rows:
+            # Nothing but unknown cells: flat, without the rounding of sixteen weights.
+            out_samples[VALUE, k] = unknown
+            out_samples[D_COL, k] = 0.0
+            out_samples[D_ROW, k] = 0.0
