@@ -5,6 +5,7 @@ CartoloopError
 ├── InputError          the recording (or a file given) cannot be used: what, where, what to do
 ├── ConfigError         an unknown or impossible parameter
 ├── OutputError         the result cannot be written
+├── ServeError          the viewer cannot be served
 └── Interrupted         the user stopped the run; what was mapped is kept
 
 Every message is one line: what is wrong, where (file, line, topic, time stamp), what to do.
@@ -27,6 +28,10 @@ class ConfigError(CartoloopError):
 
 class OutputError(CartoloopError):
     """A result cannot be written."""
+
+
+class ServeError(CartoloopError):
+    """The viewer cannot be served where it was asked for."""
 
 
 class Interrupted(CartoloopError):  # noqa: N818 - it is not a fault

@@ -21,6 +21,7 @@ from cartoloop.cli.demo_command import demo_command
 from cartoloop.cli.evaluate_command import evaluate_app
 from cartoloop.cli.map_command import map_command
 from cartoloop.cli.simulate_command import simulate_command
+from cartoloop.cli.view_command import view_command
 from cartoloop.errors import CartoloopError, ConfigError, Interrupted
 
 app = typer.Typer(
@@ -34,6 +35,7 @@ app = typer.Typer(
 app.command("demo")(demo_command)
 app.command("map")(map_command)
 app.command("simulate")(simulate_command)
+app.command("view")(view_command)
 app.add_typer(evaluate_app, name="evaluate")
 app.add_typer(bench_app, name="bench")
 app.add_typer(config_app, name="config")

@@ -23,6 +23,15 @@ from cartoloop.cli.options import (
     read_options,
     settings_with_threads,
 )
+from cartoloop.cli.view_command import (
+    HostOption,
+    PortOption,
+    SpeedOption,
+    ViewOption,
+    open_view,
+    require_view,
+    wait_for_stop,
+)
 
 
 def map_command(
@@ -41,9 +50,14 @@ def map_command(
     urdf: UrdfOption = None,
     laser_pose: LaserPoseOption = None,
     echo: EchoOption = "first",
+    view: ViewOption = False,
+    host: HostOption = None,
+    port: PortOption = None,
+    speed: SpeedOption = None,
 ) -> None:
     """Map a recording: CARMEN log, ROS 1 bag, or ROS 2 recording (folder, .mcap, .db3)."""
     layers = parse_layers(draw)
+    require_view(view, host=host, port=port, speed=speed)
     options = read_options(scan_topics, odom_topic, imu_topic, urdf, laser_pose, echo)
 
     from cartoloop.config_file import load_config
@@ -55,4 +69,15 @@ def map_command(
 
     log = open_logs(logs, options)
     typer.echo(log.description)
-    map_recording(log, loaded, out, layers)
+    if not view:
+        map_recording(log, loaded, out, layers)
+        return
+    shown = open_view(log, loaded.config, host, port, speed)
+    try:
+        map_recording(log, loaded, out, layers, shown)
+        if shown.failure is not None:
+            typer.echo(f"warning: the view failed: {shown.failure}", err=True)
+        else:
+            wait_for_stop(f"view           {shown.url}")
+    finally:
+        shown.close()

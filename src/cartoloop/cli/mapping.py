@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
     from cartoloop.readers import Log
+    from cartoloop.viewer.view import LiveView
 
 COMPILE_TIME_S = 30
 """About how long compiling all kernels takes."""
@@ -33,8 +34,14 @@ COMPILE_TIME_S = 30
 _MAX_PROBLEMS_SHOWN = 5
 
 
-def map_recording(log: Log, loaded: LoadedConfig, out: Path, layers: Collection[Layer]) -> Result:
-    """Map a recording, save the result and tell about it.
+def map_recording(
+    log: Log,
+    loaded: LoadedConfig,
+    out: Path,
+    layers: Collection[Layer],
+    view: LiveView | None = None,
+) -> Result:
+    """Map a recording, save the result and tell about it; the `view` shows how it comes about.
 
     Raises
     ------
@@ -54,10 +61,13 @@ def map_recording(log: Log, loaded: LoadedConfig, out: Path, layers: Collection[
     with stop_signals() as stop, compilation_told() as compiler:
         typer.echo(f"mapping {log.num_scans} scans", err=True)
         try:
-            result, failure = _run(Mapper(loaded.config), log, stop, compiler)
+            result, failure = _run(Mapper(loaded.config), log, stop, compiler, view)
             typer.echo(f"writing {out}", err=True)
             report = _completed(result, log, time.perf_counter() - start)
-            save(replace(result, report=report), out, layers=layers, origins=loaded.origins)
+            result = replace(result, report=report)
+            if view is not None:
+                view.finished(result, failure)
+            save(result, out, layers=layers, origins=loaded.origins)
         except KeyboardInterrupt as interrupt:
             raise Interrupted(f"stopped at once; files in {out} may be missing") from interrupt
     report = _completed(result, log, time.perf_counter() - start)
@@ -92,12 +102,14 @@ def _tell_of_compilation() -> None:
 
 
 def _run(
-    mapper: Mapper, log: Log, stop: StopRequest, compiler: CompileWatch
+    mapper: Mapper, log: Log, stop: StopRequest, compiler: CompileWatch, view: LiveView | None
 ) -> tuple[Result, Exception | None]:
     """Return the result of the log, or of what was mapped until a stop or a failure, and that."""
     try:
-        _add_all(mapper, log, stop, compiler)
+        _add_all(mapper, log, stop, compiler, view)
         if not stop.made:
+            if view is not None:
+                view.finishing()
             typer.echo("closing the last loops", err=True)
             with stop.at_once():
                 return mapper.finish(), None
@@ -112,13 +124,23 @@ def _run(
     return mapper.result(), None
 
 
-def _add_all(mapper: Mapper, log: Log, stop: StopRequest, compiler: CompileWatch) -> None:
+def _add_all(
+    mapper: Mapper, log: Log, stop: StopRequest, compiler: CompileWatch, view: LiveView | None
+) -> None:
     first_time = None
-    with progress(log.num_scans, paused_s=lambda: compiler.seconds) as shown:
+
+    def paused_s() -> float:
+        return compiler.seconds + (view.paused_s if view is not None else 0.0)
+
+    with progress(log.num_scans, paused_s=paused_s) as shown:
         for event in log:
             if stop.made:
                 return
+            if view is not None:
+                view.before_event(mapper, event, lambda: stop.made)
             mapper.add(event)
+            if view is not None:
+                view.after_event(mapper)
             first_time = event.time if first_time is None else first_time
             shown.update(mapper.num_scans, event.time - first_time, mapper.num_loop_closures)
 

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The web application: the packaged page, and one WebSocket for each page that looks."""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import mimetypes
+from contextlib import suppress
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from ipaddress import ip_address
+from urllib.parse import urlsplit
+
+from starlette.applications import Starlette
+from starlette.requests import Request as HttpRequest
+from starlette.responses import Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from cartoloop.errors import CartoloopError
+from cartoloop.viewer import protocol, requests
+from cartoloop.viewer.live_state import LiveState, Subscription
+from cartoloop.viewer.pictures import picture_png
+from cartoloop.viewer.playback import Playback
+from cartoloop.viewer.protocol import MessageType
+from cartoloop.viewer.requests import BadRequestError, parse_request
+
+REQUEST_PERIOD_S = 0.05
+"""No page is answered more often than this."""
+
+_MAX_ANSWERS = 4  # beyond these a page's requests are not read until it takes the answers
+_NOT_TEXT, _NO_REQUEST, _TOO_LONG = 1003, 1008, 1009
+
+_HEADERS = {
+    "Cache-Control": "no-cache",
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; "
+    "style-src 'self' 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+_TYPES = {".js": "text/javascript", ".mjs": "text/javascript", ".css": "text/css"}
+
+
+def create_app(state: LiveState, playback: Playback | None = None, token: str = "") -> Starlette:
+    """Return the application that shows a state.
+
+    Parameters
+    ----------
+    state : what is shown; to be touched in the application's event loop only.
+    playback : what pages may pause; None where there is nothing to be paused.
+    token : what pages must know; "" lets in whoever runs on this machine.
+    """
+    static = static_files()
+    pictures = asyncio.Lock()
+
+    async def file(request: HttpRequest) -> Response:
+        content = static.get(request.path_params.get("name") or "index.html")
+        if content is None:
+            return Response("there is no such page", 404, _HEADERS, "text/plain")
+        return Response(content[0], 200, _HEADERS, content[1])
+
+    async def socket(websocket: WebSocket) -> None:
+        if not is_welcome(websocket, token):
+            await websocket.close()  # before it was accepted: status 403
+            return
+        await websocket.accept()
+        await _Session(websocket, state, playback, pictures).run()
+
+    return Starlette(
+        routes=[
+            Route("/", file),
+            WebSocketRoute("/socket", socket),
+            Route("/{name:path}", file),
+        ]
+    )
+
+
+def static_files() -> dict[str, tuple[bytes, str]]:
+    """Return content and type of all that is served, by its path; read once, from the package."""
+    found: dict[str, tuple[bytes, str]] = {}
+
+    def collect(folder: Traversable, prefix: str) -> None:
+        for entry in folder.iterdir():
+            name = f"{prefix}{entry.name}"
+            if entry.is_dir():
+                collect(entry, f"{name}/")
+            else:
+                suffix = name[name.rfind(".") :]
+                guess = _TYPES.get(suffix) or mimetypes.guess_type(name)[0]
+                found[name] = entry.read_bytes(), guess or "application/octet-stream"
+
+    collect(files("cartoloop.viewer") / "static", "")
+    return found
+
+
+def is_welcome(websocket: WebSocket, token: str) -> bool:
+    """Return whether a page may look: it is our own, and it knows the token if there is one.
+
+    Without a token, it must have been called by a name of this machine itself: a foreign site whose
+    name was made to lead here is no page of ours.
+    """
+    host = websocket.headers.get("host", "")
+    if urlsplit(websocket.headers.get("origin", "")).netloc != host or not host:
+        return False
+    if token:
+        given = websocket.query_params.get("token", "")
+        return hmac.compare_digest(given.encode(), token.encode())
+    return is_loopback(urlsplit(f"//{host}").hostname or "")
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether a name or an address is of this machine alone."""
+    if host == "localhost":
+        return True
+    with suppress(ValueError):
+        return ip_address(host).is_loopback
+    return False
+
+
+class _Session:
+    """One connection with one page."""
+
+    def __init__(
+        self,
+        websocket: WebSocket,
+        state: LiveState,
+        playback: Playback | None,
+        pictures: asyncio.Lock,
+    ) -> None:
+        self._websocket = websocket
+        self._state = state
+        self._playback = playback
+        self._pictures = pictures
+        self._answers: asyncio.Queue[bytes] = asyncio.Queue(_MAX_ANSWERS)
+
+    async def run(self) -> None:
+        """Inform the page and answer it until one of the two has had enough."""
+        subscription = self._state.subscribe()
+        sending = asyncio.create_task(self._send(subscription))
+        receiving = asyncio.create_task(self._receive(subscription))
+        try:
+            done, _ = await asyncio.wait((sending, receiving), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            self._state.unsubscribe(subscription)
+            for task in (sending, receiving):
+                task.cancel()
+            await asyncio.gather(sending, receiving, return_exceptions=True)
+        with suppress(WebSocketDisconnect):
+            for task in done:
+                if (close := task.result()) is not None:
+                    await self._websocket.close(*close)
+
+    async def _send(self, subscription: Subscription) -> None:
+        """Send answers and what has changed; each send waits until the page takes it."""
+        while True:
+            await subscription.changed.wait()
+            while not self._answers.empty():
+                await self._websocket.send_bytes(self._answers.get_nowait())
+            if bundle := subscription.bundle(self._state.parts):
+                await self._websocket.send_bytes(bundle)
+
+    async def _receive(self, subscription: Subscription) -> tuple[int, str] | None:
+        """Answer requests; return code and reason where the connection must end for one."""
+        while True:
+            received = await self._websocket.receive()
+            if received["type"] == "websocket.disconnect":
+                return None
+            text = received.get("text")
+            if text is None:
+                return _NOT_TEXT, "requests are text"
+            if len(text) > requests.MAX_REQUEST_BYTES:
+                return _TOO_LONG, "requests are short"
+            try:
+                answer = await self._answer(parse_request(text))
+            except BadRequestError as error:
+                return _NO_REQUEST, str(error)[:100]
+            if answer:
+                await self._answers.put(answer)
+                subscription.changed.set()
+            await asyncio.sleep(REQUEST_PERIOD_S)
+
+    async def _answer(self, request: requests.Request) -> bytes:
+        """Do what was asked; return the answer, b"" where the state tells."""
+        match request:
+            case requests.Ping():
+                return protocol.json_message(MessageType.PONG, {"id": request.id})
+            case requests.Play() | requests.Pause() | requests.Speed():
+                self._steer(request)
+                return b""
+            case _:
+                try:
+                    return await self._look_up(request)
+                except (LookupError, CartoloopError) as error:
+                    problem = {"id": request.id, "text": str(error)}
+                    return protocol.json_message(MessageType.PROBLEM, problem)
+
+    def _steer(self, request: requests.Play | requests.Pause | requests.Speed) -> None:
+        if self._playback is None:
+            return
+        match request:
+            case requests.Play():
+                self._playback.play()
+            case requests.Pause():
+                self._playback.pause()
+            case requests.Speed():
+                self._playback.set_speed(request.value)
+        self._state.refresh()
+
+    async def _look_up(
+        self, request: requests.ClosureDetails | requests.NodeScan | requests.Picture
+    ) -> bytes:
+        match request:
+            case requests.ClosureDetails():
+                content = self._state.closure(request.constraint) | {"id": request.id}
+                return protocol.json_message(MessageType.CLOSURE, content)
+            case requests.NodeScan():
+                return self._state.node_scan(request.node)
+            case requests.Picture():
+                async with self._pictures:
+                    drawing = self._state.drawing()
+                    png = await asyncio.to_thread(picture_png, drawing)
+                return protocol.message(MessageType.PICTURE, png)

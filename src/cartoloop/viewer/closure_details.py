@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All that is known of one loop closure, for the operator to judge it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cartoloop.sensor.pose import FloatArray, Pose, relative, wrap_angle
+from cartoloop.viewer.protocol import ConstraintRows, WireConstraint
+
+if TYPE_CHECKING:
+    from cartoloop.global_slam.loop_closure import LoopClosure
+
+CLOSURES = (WireConstraint.LOOP_CLOSURE, WireConstraint.REJECTED)
+
+
+def closure_details(
+    constraint: int,
+    rows: ConstraintRows,
+    tf_map_submaps: FloatArray,
+    tf_map_nodes: FloatArray,
+    node_points: Sequence[FloatArray],
+    found: LoopClosure | None,
+) -> dict[str, Any]:
+    """Return the content of a CLOSURE message.
+
+    Parameters
+    ----------
+    constraint : row of a loop closure, rejected or not.
+    rows : all constraints.
+    tf_map_submaps, tf_map_nodes : float64 (m, 3), (n, 3), present poses.
+    node_points : of each node [m], node frame.
+    found : the closure as the search found it, where that is still known.
+
+    Raises
+    ------
+    LookupError
+        That row is no loop closure, or its ends are not known yet.
+    """
+    if constraint >= len(rows.kinds) or rows.kinds[constraint] not in CLOSURES:
+        raise LookupError(f"constraint {constraint} is no loop closure")
+    submap, node = int(rows.index_a[constraint]), int(rows.index_b[constraint])
+    if submap >= len(tf_map_submaps) or node >= len(tf_map_nodes):
+        raise LookupError(f"the ends of constraint {constraint} are not known yet")
+    tf_map_submap = Pose(*tf_map_submaps[submap].tolist())
+    tf_map_node = Pose(*tf_map_nodes[node].tolist())
+    measured = Pose(*rows.relative_poses[constraint].tolist())
+    expected = relative(tf_map_submap, tf_map_node)
+    other, tf_submap_other = _nearest_own_node(rows, submap, measured)
+    request = found.request if found is not None else None
+    return {
+        "constraint": constraint,
+        "submap": submap,
+        "node": node,
+        "score": _or_null(float(rows.scores[constraint])),
+        "runner_up": _or_null(float(rows.runner_ups[constraint])),
+        "residual_m": math.hypot(measured.x - expected.x, measured.y - expected.y),
+        "residual_deg": math.degrees(abs(wrap_angle(measured.theta - expected.theta))),
+        "tf_submap_node": list(measured),
+        "window": None
+        if request is None
+        else {
+            "tf_submap_node": list(request.tf_submap_node),
+            "linear_m": request.linear_window,
+            "angular_rad": request.angular_window,
+        },
+        "tf_map_submap": list(tf_map_submap),
+        "tf_map_node": list(tf_map_node),
+        "points": _points(node_points, node),
+        "other_node": other,
+        "tf_submap_other": tf_submap_other,
+        "other_points": [] if other is None else _points(node_points, other),
+    }
+
+
+def _nearest_own_node(
+    rows: ConstraintRows, submap: int, tf_submap_node: Pose
+) -> tuple[int | None, list[float] | None]:
+    """Return the node of the submap's own that stands nearest, and where it stands in it."""
+    own = np.flatnonzero((rows.kinds == WireConstraint.INTRA_SUBMAP) & (rows.index_a == submap))
+    if len(own) == 0:
+        return None, None
+    offset = rows.relative_poses[own, :2] - np.array(tf_submap_node[:2], np.float32)
+    nearest = own[np.argmin(np.hypot(offset[:, 0], offset[:, 1]))]
+    return int(rows.index_b[nearest]), rows.relative_poses[nearest].tolist()
+
+
+def _points(node_points: Sequence[FloatArray], node: int) -> list[list[float]]:
+    if node >= len(node_points):
+        return []
+    points: list[list[float]] = np.round(node_points[node], 3).tolist()
+    return points
+
+
+def _or_null(value: float) -> float | None:
+    return None if math.isnan(value) else value

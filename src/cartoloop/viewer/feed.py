@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the mapping thread hands to the viewer: references and small copies, one at a time.
+
+There is room for one update. While it lies there, a scan costs the mapping thread one comparison;
+once it was taken, the next scan lays down another, of all that has changed meanwhile. So the viewer
+gets the latest state as often as it can use it, and mapping never waits for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose
+
+if TYPE_CHECKING:
+    from cartoloop.global_slam.global_slam import AdjustmentRun
+    from cartoloop.global_slam.loop_closure import LoopClosure
+    from cartoloop.map_output.result import Result
+    from cartoloop.mapper import Mapper
+    from cartoloop.submaps.finished_grid import FinishedGrid
+
+_NO_POINTS = np.zeros((0, 2))
+
+
+class GrowingCells(NamedTuple):
+    """The grid of a submap that still grows.
+
+    Attributes
+    ----------
+    submap : its number.
+    cells : float32, shape (rows, cols), probabilities, 0 where never observed. The mapper's own:
+        scans may be inserted while one looks at them, so that some cells may be newer than others.
+    origin_x, origin_y : centre of ``cells[0, 0]`` [m, submap frame].
+    resolution : edge of a cell [m].
+    """
+
+    submap: int
+    cells: NDArray[np.float32]
+    origin_x: float
+    origin_y: float
+    resolution: float
+
+
+class ConstraintColumns(NamedTuple):
+    """Constraints from some row on, as :class:`PoseGraph` holds them."""
+
+    kinds: NDArray[np.int64]
+    index_a: NDArray[np.int64]
+    index_b: NDArray[np.int64]
+    relative_poses: FloatArray
+    scores: FloatArray
+    runner_ups: FloatArray
+
+    @classmethod
+    def of(cls, graph: PoseGraph, first: int = 0) -> ConstraintColumns:
+        """Return the rows from `first` on; they are never written to again."""
+        return cls(
+            graph.kinds[first:],
+            graph.index_a[first:],
+            graph.index_b[first:],
+            graph.relative_poses[first:],
+            graph.scores[first:],
+            graph.runner_ups[first:],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Update:
+    """What has changed since the update before, and the newest of what always does.
+
+    Attributes
+    ----------
+    submap_poses : float64 (m, 3), of all submaps.
+    first_node, node_poses, node_stamps : rows of the nodes from `first_node` on: all of them if
+        poses were adjusted, otherwise the new ones. The stamps: of the new ones, always.
+    adjusted : whether poses of before have changed.
+    first_constraint, constraints : rows from there on; 0 if all are to be replaced.
+    finished : grids of submaps that were finished, by number.
+    active : the submaps that still grow.
+    found : all loop closures so far; to be read only up to `num_found`.
+    node_points : of each node the returns that are sought in submaps; at least those of the nodes.
+    rejected : loop closures taken out in the end.
+    time : when this was [s, perf_counter].
+    """
+
+    submap_poses: FloatArray
+    first_node: int
+    node_poses: FloatArray
+    node_stamps: FloatArray
+    adjusted: bool
+    first_constraint: int
+    constraints: ConstraintColumns
+    finished: dict[int, FinishedGrid]
+    active: tuple[GrowingCells, ...] = ()
+    found: Sequence[LoopClosure] = ()
+    num_found: int = 0
+    node_points: Sequence[FloatArray] = ()
+    rejected: tuple[LoopClosure, ...] = ()
+    stamp: float = 0.0
+    recorded_s: float = 0.0
+    num_scans: int = 0
+    pose: Pose = IDENTITY
+    returns: FloatArray = field(default_factory=lambda: _NO_POINTS)
+    last_information: FloatArray | None = None
+    tf_map_local: Pose = IDENTITY
+    backlog: int = 0
+    num_adjustments: int = 0
+    last_adjustment: AdjustmentRun | None = None
+    skipped: dict[str, int] = field(default_factory=dict)
+    time: float = 0.0
+
+
+class Feed:
+    """Gathers updates in the mapping thread, for one taker in another thread."""
+
+    def __init__(self) -> None:
+        self._ready: Update | None = None
+        self._graph: PoseGraph | None = None
+        self._num_scans = 0
+        self._num_nodes = 0
+        self._num_constraints = 0
+        self._num_adjustments = 0
+        self._finished: set[int] = set()
+
+    def after_event(self, mapper: Mapper) -> None:
+        """Lay down an update if the one before was taken; to be called in the mapping thread."""
+        if self._ready is None and mapper.num_scans != self._num_scans and mapper.last_scan:
+            self._num_scans = mapper.num_scans
+            self._ready = self._update(mapper)
+
+    def take(self) -> Update | None:
+        """Return the update that is ready, if any; to be called in the viewer's thread."""
+        update = self._ready
+        if update is not None:
+            self._ready = None
+        return update
+
+    def _update(self, mapper: Mapper) -> Update:
+        slam, last = mapper.global_slam, mapper.last_scan
+        assert last is not None
+        graph, runs = slam.graph, slam.adjustments
+        if graph is not self._graph:  # constraints were taken out: all rows are others
+            self._graph, self._num_constraints = graph, 0
+        adjusted = len(runs) != self._num_adjustments
+        first_node = 0 if adjusted else self._num_nodes
+        grids = slam.finished_grids()
+        new = grids.keys() - self._finished
+        update = Update(
+            submap_poses=graph.submap_poses.copy(),
+            first_node=first_node,
+            node_poses=graph.node_poses[first_node:].copy(),
+            node_stamps=mapper.node_stamps(self._num_nodes),
+            adjusted=adjusted,
+            first_constraint=self._num_constraints,
+            constraints=ConstraintColumns.of(graph, self._num_constraints),
+            finished={index: grids[index] for index in sorted(new)},
+            active=tuple(
+                GrowingCells(
+                    submap.index,
+                    submap.grid.cells,
+                    submap.grid.origin_x,
+                    submap.grid.origin_y,
+                    submap.grid.resolution,
+                )
+                for submap in mapper.active_submaps
+                if submap.index not in grids
+            ),
+            found=slam.found,
+            num_found=len(slam.found),
+            node_points=slam.node_points,
+            stamp=mapper.last_stamp,
+            recorded_s=mapper.recorded_s,
+            num_scans=mapper.num_scans,
+            pose=mapper.pose,
+            returns=last.returns,
+            last_information=last.node.information if last.node else None,
+            tf_map_local=slam.tf_map_local,
+            backlog=slam.search.backlog,
+            num_adjustments=len(runs),
+            last_adjustment=runs[-1] if runs else None,
+            skipped=dict(mapper.skipped),
+            time=perf_counter(),
+        )
+        self._num_nodes, self._num_adjustments = graph.num_nodes, len(runs)
+        self._num_constraints = graph.num_constraints
+        self._finished |= new
+        return update
+
+
+def whole(result: Result) -> Update:
+    """Return the update that replaces all by a finished map."""
+    graph, report = result.graph, result.report
+    runs = report.adjustment.each
+    stamps = result.stamps[result.node_scan_index]
+    return Update(
+        submap_poses=graph.submap_poses.copy(),
+        first_node=0,
+        node_poses=graph.node_poses.copy(),
+        node_stamps=stamps,
+        adjusted=True,
+        first_constraint=0,
+        constraints=ConstraintColumns.of(graph),
+        finished=dict(enumerate(result.submap_grids)),
+        found=result.found,
+        num_found=len(result.found),
+        node_points=result.node_points,
+        rejected=result.rejected,
+        stamp=float(result.stamps[-1]) if len(result.stamps) else 0.0,
+        recorded_s=report.input.duration_s,
+        num_scans=report.input.scans,
+        pose=Pose(*result.trajectory[-1].tolist()) if len(result.trajectory) else IDENTITY,
+        num_adjustments=report.adjustment.runs,
+        last_adjustment=runs[-1] if runs else None,
+        skipped=dict(report.skipped),
+        time=perf_counter(),
+    )

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What pages may ask for; anything else is refused. See ``docs/viewer-protocol.md``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from cartoloop.viewer.playback import MAX_SPEED, MIN_SPEED
+
+MAX_REQUEST_BYTES = 1000
+
+Number = Annotated[int, Field(ge=0, lt=2**53)]
+
+
+class _Request(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class Play(_Request):
+    """Go on."""
+
+    type: Literal["play"]
+
+
+class Pause(_Request):
+    """Stop where it is."""
+
+    type: Literal["pause"]
+
+
+class Speed(_Request):
+    """Map so many times as fast as recorded, or as fast as possible."""
+
+    type: Literal["speed"]
+    value: Annotated[float, Field(ge=MIN_SPEED, le=MAX_SPEED, allow_inf_nan=False)] | None
+
+
+class ClosureDetails(_Request):
+    """Tell of a loop closure, by its row."""
+
+    type: Literal["closure"]
+    id: Number
+    constraint: Number
+
+
+class NodeScan(_Request):
+    """Send the points of a node."""
+
+    type: Literal["node_scan"]
+    id: Number
+    node: Number
+
+
+class Picture(_Request):
+    """Send the map as a PNG file."""
+
+    type: Literal["picture"]
+    id: Number
+
+
+class Ping(_Request):
+    """Answer."""
+
+    type: Literal["ping"]
+    id: Number
+
+
+Request = Play | Pause | Speed | ClosureDetails | NodeScan | Picture | Ping
+
+_ANY: TypeAdapter[Request] = TypeAdapter(Annotated[Request, Field(discriminator="type")])
+
+
+class BadRequestError(Exception):
+    """A page has sent what is no request; the connection must end."""
+
+
+def parse_request(text: str) -> Request:
+    """Return the request that a page has sent.
+
+    Raises
+    ------
+    BadRequestError
+        It is none.
+    """
+    try:
+        return _ANY.validate_json(text)
+    except ValidationError as error:
+        fault = error.errors(include_url=False, include_context=False, include_input=False)[0]
+        raise BadRequestError(fault["msg"]) from error

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Serves a state to any number of pages, in a thread of its own with its own event loop."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import socket
+from collections.abc import Callable
+from threading import Event, Thread
+from time import perf_counter
+
+import uvicorn
+
+from cartoloop.errors import ServeError
+from cartoloop.viewer.app import create_app, is_loopback
+from cartoloop.viewer.feed import Feed
+from cartoloop.viewer.live_state import LiveState
+from cartoloop.viewer.playback import Playback
+from cartoloop.viewer.requests import MAX_REQUEST_BYTES
+
+DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 8765
+
+UPDATE_PERIOD_S = 0.1
+"""Pages are told what has changed so often [s]."""
+
+READINGS_PERIOD_S = 0.25
+
+MAX_SHARE = 0.2
+"""Share of the time that the thread spends on taking updates in, at the most."""
+
+MAX_REST_S = 1.0
+"""But pages never wait for longer than this, if anything has changed [s]."""
+
+_PORTS_TRIED = 20
+_ANY_HOST = ("0.0.0.0", "::")
+
+
+class ViewServer:
+    """A running server.
+
+    Parameters
+    ----------
+    state : what is shown; from now on it belongs to the server's thread.
+    feed : where updates come from; None where the state stays as it is.
+    playback : what pages may pause.
+    host, port : where it is served; where the port is taken, one of the next.
+
+    Attributes
+    ----------
+    url : what a browser on this machine, or on another if the host allows that, must open.
+
+    Raises
+    ------
+    ServeError
+        It cannot be served there.
+    """
+
+    def __init__(
+        self,
+        state: LiveState,
+        feed: Feed | None = None,
+        playback: Playback | None = None,
+        host: str = DEFAULT_HOST,
+        port: int = DEFAULT_PORT,
+    ) -> None:
+        self._state = state
+        self._feed = feed
+        self.failure: Exception | None = None
+        token = "" if is_loopback(host) else secrets.token_urlsafe(16)
+        self._socket = _listen(host, port)
+        self.port: int = self._socket.getsockname()[1]
+        self.url = _url(host, self.port, token)
+        config = uvicorn.Config(
+            create_app(state, playback, token),
+            http="h11",
+            ws="websockets-sansio",
+            ws_max_size=MAX_REQUEST_BYTES,
+            ws_per_message_deflate=False,
+            lifespan="off",
+            log_config=None,
+            log_level="critical",
+            access_log=False,
+            server_header=False,
+            timeout_graceful_shutdown=1,
+        )
+        self._server = uvicorn.Server(config)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._is_up = Event()
+        self._thread = Thread(target=self._run, name="viewer", daemon=True)
+        self._thread.start()
+        self._is_up.wait()
+
+    def call(self, task: Callable[[], None]) -> None:
+        """Have something done in the server's thread, soon."""
+        if self._loop is not None and self._thread.is_alive():
+            self._loop.call_soon_threadsafe(task)
+
+    def call_and_wait(self, task: Callable[[], None], timeout: float = 60.0) -> None:
+        """Have something done in the server's thread, and return when it is done."""
+        done = Event()
+
+        def run() -> None:
+            try:
+                task()
+            except Exception as failure:  # noqa: BLE001 - kept, and told by who asks
+                self.failure = self.failure or failure
+            finally:
+                done.set()
+
+        self.call(run)
+        if self._thread.is_alive():
+            done.wait(timeout)
+
+    def close(self) -> None:
+        """Take leave of all pages and end the thread."""
+        self._server.should_exit = True
+        self._thread.join(timeout=5.0)
+        self._socket.close()
+
+    def _run(self) -> None:
+        try:
+            asyncio.run(self._serve())
+        except Exception as failure:  # noqa: BLE001 - mapping must go on; told in the end
+            self.failure = failure
+        finally:
+            self._is_up.set()
+
+    async def _serve(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._is_up.set()
+        updating = asyncio.create_task(self._update())
+        updating.add_done_callback(self._note_failure)
+        try:
+            await self._server.serve(sockets=[self._socket])
+        finally:
+            updating.cancel()
+
+    def _note_failure(self, task: asyncio.Task[None]) -> None:
+        if not task.cancelled() and (failure := task.exception()) is not None:
+            self.failure = failure if isinstance(failure, Exception) else None
+
+    async def _update(self) -> None:
+        """Take in updates as they come, and keep the readings fresh."""
+        refreshed = -READINGS_PERIOD_S
+        while True:
+            start = perf_counter()
+            if self._feed is not None and (update := self._feed.take()) is not None:
+                self._state.apply(update)
+            if start - refreshed >= READINGS_PERIOD_S:
+                self._state.refresh()
+                refreshed = start
+            took = perf_counter() - start
+            rest = min(took * (1.0 / MAX_SHARE - 1.0), MAX_REST_S)
+            await asyncio.sleep(max(UPDATE_PERIOD_S - took, rest))
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    """Return a listening socket at the first port that is free."""
+    try:
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    except (OSError, OverflowError) as error:
+        raise ServeError(f"--host {host}: there is no such host ({error}); give an address of this "
+                         "machine") from error  # fmt: skip
+    last: OSError | None = None
+    for number in range(port, min(port + _PORTS_TRIED, 2**16) if port else 1):
+        listening = socket.socket(family, socket.SOCK_STREAM)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listening.bind((address[0], number))
+            listening.listen()
+            return listening
+        except OSError as error:
+            listening.close()
+            last = error
+    reason = last.strerror if last else "no such port"
+    raise ServeError(
+        f"the viewer cannot be served on {host}, ports {port} and following: {reason}; choose "
+        "another with --port"
+    )
+
+
+def _url(host: str, port: int, token: str) -> str:
+    name = socket.gethostname() if host in _ANY_HOST else host
+    if ":" in name:
+        name = f"[{name}]"
+    return f"http://{name}:{port}/" + (f"?token={token}" if token else "")

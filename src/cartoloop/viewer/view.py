@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A view of a map: of one that is being made, or of a finished one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from cartoloop.viewer.feed import Feed, whole
+from cartoloop.viewer.live_state import LiveState
+from cartoloop.viewer.playback import Playback
+from cartoloop.viewer.readings import Readings
+from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT, ViewServer
+
+if TYPE_CHECKING:
+    from cartoloop.config import Config
+    from cartoloop.map_output.result import Result
+    from cartoloop.mapper import Mapper
+    from cartoloop.sensor.events import SensorEvent
+
+
+class LiveView:
+    """Serves the view of a map while it is being made, and after.
+
+    The mapping thread calls `before_event` and `after_event`; neither waits for any page, except
+    where the operator wants the recording slower.
+
+    Parameters
+    ----------
+    name : of the recording or the source.
+    config : that of the mapper.
+    scans_total, duration_s : of the recording; None for a live source.
+    speed : pace of the recording, 1 being real time; None as fast as possible.
+    host, port : where it is served.
+    live : whether the scans come from a scanner that does not wait.
+
+    Raises
+    ------
+    ServeError
+        It cannot be served there.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        config: Config,
+        *,
+        scans_total: int | None = None,
+        duration_s: float | None = None,
+        speed: float | None = None,
+        host: str = DEFAULT_HOST,
+        port: int = DEFAULT_PORT,
+        live: bool = False,
+    ) -> None:
+        self._playback = None if live else Playback(speed)
+        self._readings = Readings(scans_total, duration_s, live=live)
+        self._state = LiveState(
+            name,
+            "live" if live else "recording",
+            config.local_slam.submaps,
+            self._readings,
+            self._playback,
+        )
+        self._feed = Feed()
+        self._server = ViewServer(self._state, self._feed, self._playback, host, port)
+
+    @property
+    def url(self) -> str:
+        """What a browser must open."""
+        return self._server.url
+
+    @property
+    def failure(self) -> Exception | None:
+        """What ended the view, if anything did; mapping goes on without it."""
+        return self._server.failure
+
+    @property
+    def paused_s(self) -> float:
+        """How long the operator has let mapping stand still [s]."""
+        return self._playback.paused_s if self._playback is not None else 0.0
+
+    def before_event(
+        self, mapper: Mapper, event: SensorEvent, is_stopped: Callable[[], bool]
+    ) -> None:
+        """Return when it is time for an event, which is at once unless it is to be slowed."""
+        if self._playback is not None:
+            self._playback.wait_for(event.time, is_stopped, lambda: self.after_event(mapper))
+
+    def after_event(self, mapper: Mapper) -> None:
+        """Let the view know that the map may have changed; also while no event comes.
+
+        It takes in one change at a time: what came too quickly is seen with the next call.
+        """
+        self._feed.after_event(mapper)
+
+    def finishing(self) -> None:
+        """Say that the last loops are being closed."""
+        self._server.call(lambda: self._readings.end("finishing"))
+
+    def finished(self, result: Result, failure: Exception | None = None) -> None:
+        """Show the finished map, or what was mapped until a failure."""
+
+        def show() -> None:
+            self._feed.take()
+            self._readings.real_time_factor = result.report.real_time_factor
+            self._readings.end("failed" if failure else "finished", str(failure or ""))
+            self._state.apply(whole(result))
+            self._state.refresh()
+
+        self._server.call_and_wait(show)
+
+    def close(self) -> None:
+        """Take leave of all pages."""
+        self._server.close()
+
+
+def serve_result(
+    result: Result, name: str, host: str = DEFAULT_HOST, port: int = DEFAULT_PORT
+) -> ViewServer:
+    """Serve the view of a finished map and return the running server.
+
+    Raises
+    ------
+    ServeError
+        It cannot be served there.
+    """
+    readings = Readings(result.report.input.scans, result.report.input.duration_s)
+    state = LiveState(name, "finished", result.config.local_slam.submaps, readings)
+    readings.real_time_factor = result.report.real_time_factor or None
+    readings.end("finished")
+    state.apply(whole(result))
+    state.refresh()
+    return ViewServer(state, host=host, port=port)

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A page that looks at a finished map: it sees what was exported, and gets what it asks for."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from cartoloop import Mapper
+from cartoloop.map_file.load import load_map
+from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.map_output.picture import palette
+from cartoloop.simulation import ring, simulate
+from cartoloop.viewer.protocol import MessageType, WireConstraint
+from cartoloop.viewer.view import serve_result
+from tests.viewer.page_twin import join, look
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    """A ring of corridors with loops closed, saved and loaded."""
+    mapper = Mapper()
+    for event in simulate(ring(), seed=1, duration=125.0).events():
+        mapper.add(event)
+    out = tmp_path_factory.mktemp("ring")
+    mapper.finish().save(out)
+    return load_map(out)
+
+
+@pytest.fixture(scope="module")
+def server(result):
+    server = serve_result(result, "ring", port=0)
+    yield server
+    server.close()
+    assert server.failure is None
+
+
+@pytest.fixture
+def connection(server):
+    with join(server.url) as connection:
+        yield connection
+
+
+@pytest.fixture
+def page(connection):
+    return look(connection)
+
+
+def ask(connection, page, **request):
+    page.answers.clear()
+    connection.send(json.dumps(request))
+    look(connection, page, lambda page: page.answers)
+    return page.answers[0]
+
+
+def test_the_page_draws_the_exported_map(page, result):
+    exported = compose_map(
+        result.submap_grids, result.graph.submap_poses, result.config.local_slam.submaps
+    )
+    level = np.where(exported.probability < 0.0, 256, np.rint(exported.probability * 255.0))
+    expected = palette()[level.astype(int)].astype(int)
+    lower = np.rint(np.array((exported.origin_x, exported.origin_y)) / exported.resolution)
+
+    shown, between = page.compose(lower, exported.probability.shape)
+
+    difference = np.abs(shown.astype(int) - expected).max(axis=2)
+    assert difference[~between].max() <= 2
+    assert (difference > 2).mean() < 0.005  # at the rim of the first submap, which is not turned
+    assert (difference == 0).mean() > 0.99
+    assert len(np.unique(expected[..., 0])) > 50
+
+
+def test_all_of_the_map_comes_in_the_order_told(page, result):
+    graph = result.graph
+    assert page.order[0] == MessageType.HELLO
+    assert page.order[-1] == MessageType.COMPLETE
+    assert page.order.count(MessageType.SUBMAP) == graph.num_submaps > 3
+    assert [kind for kind in dict.fromkeys(page.order) if kind != MessageType.LATEST_CLOSURE] == [
+        MessageType.HELLO, MessageType.PLAYBACK, MessageType.READINGS, MessageType.SUBMAP_POSES,
+        MessageType.NODES, MessageType.NODE_TIMES, MessageType.SUBMAP, MessageType.CONSTRAINTS,
+        MessageType.SCAN, MessageType.COMPLETE,
+    ]  # fmt: skip
+    assert (page.hello["protocol"], page.hello["mode"], page.hello["name"]) == (
+        1, "finished", "ring",
+    )  # fmt: skip
+    assert np.array_equal(page.tables["submap_poses"], graph.submap_poses)
+    assert np.allclose(page.tables["nodes"], graph.node_poses, atol=1e-5)
+    assert np.array_equal(page.tables["node_times"], result.stamps[result.node_scan_index])
+    assert len(page.tables["constraints"]) == graph.num_constraints + len(result.rejected)
+    assert np.all(page.tables["constraints"][graph.num_constraints :, 7] == WireConstraint.REJECTED)
+    constraints = page.tables["constraints"][: graph.num_constraints]
+    assert np.array_equal(constraints[:, 0], graph.index_a)
+    assert np.array_equal(constraints[:, 1], graph.index_b)
+    assert np.allclose(constraints[:, 2:5], graph.relative_poses, atol=1e-5)
+    assert np.allclose(constraints[:, 5], graph.scores, atol=1e-6, equal_nan=True)
+    assert np.array_equal(constraints[:, 7], graph.kinds)
+    assert page.readings["state"] == "finished"
+    assert page.readings["nodes"] == graph.num_nodes
+    assert page.readings["loop_closures"] == result.report.constraints.loop_closure > 0
+    assert page.playback == {
+        "paused": False, "speed": None, "can_pause": False, "can_set_speed": False,
+        "can_scrub": True,
+    }  # fmt: skip
+
+
+def test_details_of_a_closure(connection, page, result):
+    row = int(np.flatnonzero(result.graph.kinds == 1)[0])
+
+    kind, closure = ask(connection, page, type="closure", id=5, constraint=row)
+
+    graph = result.graph
+    assert (kind, closure["id"], closure["constraint"]) == (MessageType.CLOSURE, 5, row)
+    assert (closure["submap"], closure["node"]) == (graph.index_a[row], graph.index_b[row])
+    assert closure["score"] == pytest.approx(graph.scores[row], abs=1e-6)
+    assert closure["residual_m"] < 0.2
+    assert closure["residual_deg"] < 1.0
+    assert len(closure["points"]) == len(result.node_points[closure["node"]]) > 20
+    assert len(closure["other_points"]) > 20
+    # laid over each other, both scans show the same walls
+    ours = place(closure["tf_submap_node"], closure["points"])
+    theirs = place(closure["tf_submap_other"], closure["other_points"])
+    distance = np.linalg.norm(ours[:, None] - theirs[None], axis=2).min(axis=1)
+    assert np.median(distance) < 0.5
+
+
+def test_points_of_a_node(connection, page, result):
+    kind, scan = ask(connection, page, type="node_scan", id=6, node=3)
+
+    assert (kind, scan["number"]) == (MessageType.NODE_SCAN, 3)
+    assert scan["time"] == result.stamps[result.node_scan_index[3]]
+    assert np.allclose(scan["pose"], result.graph.node_poses[3])
+    assert np.allclose(scan["points"], result.node_points[3], atol=1e-5)
+
+
+def test_picture(connection, page):
+    kind, png = ask(connection, page, type="picture", id=7)
+
+    assert kind == MessageType.PICTURE
+    with Image.open(io.BytesIO(png)) as picture:
+        assert picture.format == "PNG"
+        assert min(picture.size) > 400
+
+
+def test_ping(connection, page):
+    assert ask(connection, page, type="ping", id=9) == (MessageType.PONG, {"id": 9})
+
+
+@pytest.mark.parametrize(
+    ("request_", "why"),
+    [
+        ({"type": "closure", "constraint": 0}, "constraint 0 is no loop closure"),
+        ({"type": "closure", "constraint": 10**9}, "is no loop closure"),
+        ({"type": "node_scan", "node": 10**9}, "there is no node"),
+    ],
+)
+def test_what_is_not_there_is_told(connection, page, request_, why):
+    kind, problem = ask(connection, page, id=8, **request_)
+
+    assert (kind, problem["id"]) == (MessageType.PROBLEM, 8)
+    assert why in problem["text"]
+
+
+def test_playback_requests_do_nothing_to_a_finished_map(connection, page):
+    connection.send('{"type": "pause"}')
+
+    assert ask(connection, page, type="ping", id=1)[0] == MessageType.PONG
+    assert page.playback["paused"] is False
+
+
+def test_joining_again_brings_the_same_state(server, page):
+    for _ in range(3):
+        with join(server.url) as connection:
+            again = look(connection)
+        assert again.hello["session"] == page.hello["session"]
+        assert again.submaps.keys() == page.submaps.keys()
+        assert all(
+            np.array_equal(texture["cells"], page.submaps[submap]["cells"])
+            for submap, texture in again.submaps.items()
+        )
+
+
+def place(pose, points):
+    x, y, theta = pose
+    points = np.array(points)
+    rotation = np.array([(np.cos(theta), -np.sin(theta)), (np.sin(theta), np.cos(theta))])
+    return points @ rotation.T + (x, y)

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pages that look while a map grows: late, again, slowly, or not at all."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from cartoloop import Config, Mapper
+from cartoloop.simulation import ring, simulate
+from cartoloop.viewer.protocol import MessageType
+from cartoloop.viewer.view import LiveView
+from tests.viewer.page_twin import join, look
+
+
+@pytest.fixture(scope="module")
+def events():
+    """Once round a ring and on a bit: a loop closes."""
+    return list(simulate(ring(), seed=1, duration=125.0).events())
+
+
+@pytest.fixture
+def view():
+    view = LiveView("ring", Config(), scans_total=625, duration_s=125.0, port=0)
+    yield view
+    view.close()
+    assert view.failure is None
+
+
+def add(mapper, view, events):
+    for event in events:
+        view.before_event(mapper, event, lambda: False)
+        mapper.add(event)
+        view.after_event(mapper)
+
+
+def same_picture(page, other):
+    assert page.submaps.keys() == other.submaps.keys()
+    for submap, texture in page.submaps.items():
+        assert texture["version"] == other.submaps[submap]["version"]
+        assert np.array_equal(texture["cells"], other.submaps[submap]["cells"])
+    for name in ("submap_poses", "nodes", "node_times", "constraints"):
+        assert np.array_equal(page.tables[name], other.tables[name], equal_nan=True), name
+
+
+def look_at_all(connection, page, mapper, view):
+    """Receive until the page has seen the mapper's last scan, which may take two updates."""
+
+    def has_seen(page):
+        view.after_event(mapper)
+        return page.is_complete and page.readings["scans"] == mapper.num_scans
+
+    return look(connection, page, has_seen)
+
+
+def test_one_that_was_there_all_along_and_one_that_joins_late_see_the_same(view, events):
+    mapper = Mapper()
+    with join(view.url) as early:
+        page = look(early)
+        assert page.readings["state"] == "starting"
+        assert page.submaps == {}
+        add(mapper, view, events)
+        look_at_all(early, page, mapper, view)
+        with join(view.url) as late:
+            late_page = look(late)
+
+        same_picture(page, late_page)
+        assert MessageType.SUBMAP_PATCH in page.order
+        assert MessageType.SUBMAP_PATCH not in late_page.order
+        assert len(page.tables["nodes"]) == mapper.num_nodes
+        assert page.readings["loop_closures"] == mapper.num_loop_closures > 0
+        assert page.scan["number"] == mapper.num_scans
+        assert np.allclose(page.scan["pose"], mapper.pose)
+        assert len(page.scan["points"]) == len(mapper.last_scan.returns)
+
+        view.finishing()
+        look(early, page, lambda page: page.readings["state"] == "finishing")
+        result = mapper.finish()
+        view.finished(result)
+        look(early, page, lambda page: page.readings["state"] == "finished")
+        with join(view.url) as late:
+            same_picture(page, look(late))
+        assert all(texture["finished"] for texture in page.submaps.values())
+        assert np.array_equal(page.tables["submap_poses"], result.graph.submap_poses)
+
+
+def test_the_latest_closure_tells_where_it_was_sought(view, events):
+    mapper = Mapper()
+    with join(view.url) as connection:
+        page = look(connection)
+        add(mapper, view, events)
+        look(connection, page, lambda page: MessageType.LATEST_CLOSURE in page.json)
+        closure = page.json[MessageType.LATEST_CLOSURE]
+
+        found = mapper.global_slam.found
+        ends = {(one.submap, one.node): one for one in found}
+        request = ends[closure["submap"], closure["node"]].request
+        assert closure["window"]["linear_m"] == request.linear_window
+        assert closure["window"]["angular_rad"] == request.angular_window
+        assert closure["window"]["tf_submap_node"] == list(request.tf_submap_node)
+        assert len(closure["points"]) == len(request.points)
+        assert 0.0 < closure["score"] < 1.0
+    mapper.close()
+
+
+def test_patches_and_pieces_add_up_to_what_is_sent_whole(view, events):
+    mapper = Mapper()
+    with join(view.url) as connection:
+        page = look(connection)
+        for first in range(0, 300, 20):
+            add(mapper, view, islice(events, first, first + 20))
+            look_at_all(connection, page, mapper, view)
+        with join(view.url) as other:
+            same_picture(page, look(other))
+        assert page.order.count(MessageType.SUBMAP_PATCH) >= 5
+        own = {submap.index: submap.grid.finish() for submap in mapper.active_submaps}
+        for submap, grid in own.items():
+            known = page.submaps[submap]["cells"] != 0
+            assert np.count_nonzero(known) == np.count_nonzero(grid.cells)
+    mapper.close()
+
+
+def test_a_page_that_reads_nothing_delays_nobody_and_then_gets_the_latest(view, events):
+    mapper = Mapper()
+    with join(view.url, max_queue=1) as frozen, join(view.url) as quick:
+        frozen_page, page = look(frozen), look(quick)
+        start = time.perf_counter()
+        add(mapper, view, events)
+        view.finished(mapper.finish())
+        took = time.perf_counter() - start
+        look(quick, page, lambda page: page.readings["state"] == "finished")
+        look(frozen, frozen_page, lambda page: page.readings["state"] == "finished")
+        same_picture(page, frozen_page)
+    assert took < 60.0
+
+
+def test_pausing_stops_mapping_and_playing_goes_on(view, events):
+    mapper = Mapper()
+    with join(view.url) as connection:
+        page = look(connection)
+        assert page.playback["can_pause"]
+        connection.send('{"type": "pause"}')
+        look(connection, page, lambda page: page.playback["paused"])
+        mapping = threading.Thread(target=add, args=(mapper, view, events[:100]))
+        mapping.start()
+        time.sleep(0.3)
+        assert mapper.num_scans == 0
+        connection.send('{"type": "speed", "value": 1000.0}')
+        look(connection, page, lambda page: page.playback["speed"] == 1000.0)
+        assert mapper.num_scans == 0
+        connection.send('{"type": "play"}')
+        mapping.join(20.0)
+        assert not mapping.is_alive()
+        look(connection, page, lambda page: not page.playback["paused"])
+        assert view.paused_s >= 0.3
+    mapper.close()
+
+
+def test_ten_pages_come_and_go(view, events):
+    mapper = Mapper()
+    mapping = threading.Thread(target=add, args=(mapper, view, events))
+    mapping.start()
+    for _ in range(10):
+        with join(view.url) as connection:
+            page = look(connection)
+            connection.send(json.dumps({"type": "ping", "id": 1}))
+            look(connection, page, lambda page: page.answers)
+    mapping.join(60.0)
+    assert mapper.num_scans == sum(hasattr(event, "ranges") for event in events)
+    mapper.close()
