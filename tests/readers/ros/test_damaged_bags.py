@@ -12,7 +12,8 @@ from rosbags.rosbag1 import Reader as Reader1
 
 from cartoloop.errors import InputError
 from cartoloop.readers import open_log
-from cartoloop.readers.ros.salvage import Bag1Salvage, McapSalvage, SqliteSalvage
+from cartoloop.readers.ros.salvage_bag import BagSalvage
+from cartoloop.readers.ros.salvage_ros2 import DatabaseSalvage, McapSalvage
 from cartoloop.sensor.events import LaserScan
 from tests.readers.ros.bag_files import FORMATS, BagMaker, drive
 
@@ -102,7 +103,7 @@ def test_no_damage_gives_more_than_a_line(files, form, compression, tmp_path, cu
 def test_readers_from_the_front_agree_with_the_library(files, form, tmp_path):
     path = tmp_path / f"drive.{form}"
     path.write_bytes(files[form, None])
-    salvage = {"bag": Bag1Salvage, "mcap": McapSalvage, "db3": SqliteSalvage}[form](path)
+    salvage = {"bag": BagSalvage, "mcap": McapSalvage, "db3": DatabaseSalvage}[form](path)
     assert salvage.damage == ""
     topics = {c.topic: c.num_messages for c in salvage.channels}
     assert topics == {"/tf_static": 1, "/scan": 30, "/odom": 60, "/imu": 150}

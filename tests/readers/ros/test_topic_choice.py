@@ -6,6 +6,7 @@ import pytest
 
 from cartoloop.errors import InputError
 from cartoloop.readers import ReadOptions, open_log
+from cartoloop.readers.ros.bag import inspect_recording
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
 from cartoloop.sensor.pose import Pose
 from tests.readers.ros.bag_files import START, BagMaker, ranges_of
@@ -277,3 +278,64 @@ def test_a_recording_without_scans_names_what_it_holds(tmp_path):
         bag.add("/odom", bag.make.odometry(START + i, (0, 0, 0)), i)
     with pytest.raises(InputError, match="no laser scans and no point clouds, only /odom"):
         open_log(bag.write(tmp_path))
+
+
+def test_what_cannot_be_mapped_is_taken_stock_of_all_the_same(tmp_path):
+    bag = BagMaker("db3")
+    for i in range(3):
+        bag.add("/odom", bag.make.odometry(START + i, (0, 0, 0)), i)
+    inventory, log = inspect_recording(bag.write(tmp_path))
+    assert log is None
+    assert inventory.findings[0].code == "unusable"
+    assert "no laser scans" in inventory.findings[0].message
+    assert [(t.topic, t.count, t.chosen) for t in inventory.topics] == [("/odom", 3, False)]
+
+
+def test_what_can_be_mapped_is_taken_stock_of_with_its_log(tmp_path):
+    inventory, log = inspect_recording(recording(tmp_path, {"/scan": "base_link"}))
+    assert inventory is log.inventory
+    assert [t.topic for t in inventory.chosen] == ["/scan"]
+
+
+@pytest.mark.parametrize(
+    ("values", "code"),
+    [
+        ({"angle_max": 3.0}, "angle_max"),
+        ({"angle_increment": 0.0}, "angle_max"),
+        ({"time_increment": 0.1}, "time_increment"),
+        ({"range_min": 5.0, "range_max": 5.0}, "range_limits"),
+        ({"range_max": math.nan}, "range_limits"),
+    ],
+)
+def test_beams_that_do_not_fit_are_noted_and_mapped(tmp_path, values, code):
+    bag = BagMaker("bag")
+    for i in range(12):
+        scan = bag.make.scan(START + 0.1 * i, ranges_of(i), "base_link", **values)
+        bag.add("/scan", scan, 0.1 * i)
+    log = open_log(bag.write(tmp_path))
+    (finding,) = log.inventory.findings
+    assert (finding.severity, finding.code) == ("note", code)
+    geometry = scans_of(log)[0].geometry
+    assert geometry.angle_increment == pytest.approx(0.05, rel=1e-5)
+    assert geometry.time_increment == 0.0
+    assert geometry.range_min < 1.0
+    assert geometry.range_max > 4.0
+
+
+def test_a_topic_with_several_frames_is_told(tmp_path):
+    bag = BagMaker("bag")
+    for i in range(12):
+        frame = "base_link" if i % 3 else "other"
+        bag.add("/scan", bag.make.scan(START + 0.1 * i, ranges_of(i), frame), 0.1 * i)
+    log = open_log(bag.write(tmp_path))
+    assert codes(log) == ["several_frames"]
+    assert "(base_link, other)" in log.problems[0].message
+
+
+def test_transforms_that_are_none_are_told(tmp_path):
+    def rubbish(bag, t, i):
+        if i == 3:
+            bag.add_raw("/tf", "tf2_msgs/msg/TFMessage", bytes([255] * 20), t)
+
+    log = open_log(recording(tmp_path, {"/scan": "base_link"}, extra=rubbish))
+    assert codes(log) == ["undecodable"]

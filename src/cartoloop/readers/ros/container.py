@@ -40,12 +40,14 @@ class Container(Protocol):
     channels : what is in it.
     damage : what is wrong with it, or ""; known after the first pass.
     notes : what else is worth telling.
+    needs : what must not go before it.
     """
 
     kind: str
     channels: list[Channel]
     damage: str
     notes: list[Finding]
+    needs: object
 
     def messages(self, keys: Collection[int]) -> Iterator[tuple[int, int, bytes]]:
         """Yield key, time of recording [ns] and bytes, in the order of recording. Never raises."""
@@ -63,6 +65,7 @@ class LibraryContainer:
         self.kind = kind
         self.damage = ""
         self.notes: list[Finding] = []
+        self.needs: object = None
         self._reader = reader
         reader.open()
         weakref.finalize(self, reader.close)
@@ -105,6 +108,7 @@ class ChainedContainer:
         self.kind = kind
         self.notes = [note for part in parts for note in part.notes]
         self.damage = ""
+        self.needs: object = None
         self.channels = []
         self._places: list[tuple[int, int]] = []
         for number, part in enumerate(parts):

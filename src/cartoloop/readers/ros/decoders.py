@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cartoloop.readers.options import ReadOptions
 from cartoloop.readers.ros import messages as ros
-from cartoloop.readers.ros.choice import ImuChoice, OdometryChoice, ScannerChoice
+from cartoloop.readers.ros.chosen import ImuChoice, OdometryChoice, ScannerChoice
 from cartoloop.readers.ros.cloud import decode_cloud
 from cartoloop.readers.ros.transforms import Pose3
 from cartoloop.readers.ros.wire import DecodeError
@@ -102,7 +102,7 @@ class ScanDecoder:
             range_max=range_max if sound else math.inf,
             no_return_is_free=False,
             tf_tracking_sensor=Pose(self._x, self._y, self._yaw),
-            time_increment=self._time_increment(time_increment, count),
+            time_increment=self.time_increment(time_increment, count),
             sensor=self._stream.topic,
             height=self._height,
             roll=self._roll,
@@ -117,7 +117,7 @@ class ScanDecoder:
         is_sign = value is not None and math.isfinite(value) and value > 0.0
         return replace(profile.apply(geometry), no_return_is_free=is_sign)
 
-    def _time_increment(self, sent: float, count: int) -> float:
+    def time_increment(self, sent: float, count: int) -> float:
         """Return the time between beams [s], 0 if what is sent cannot be."""
         if not (math.isfinite(sent) and sent > 0.0):
             return 0.0
@@ -172,6 +172,10 @@ class OdometryDecoder:
             The message is cut off, or its pose is none.
         """
         return self.event(ros.decode_odometry(raw, self._is_ros1).values, stamp, time)
+
+    def decode_pose(self, raw: bytes, stamp: float, time: float) -> Odometry:
+        """Return the event of seven float64, as `event` takes them; raises as `decode`."""
+        return self.event(tuple(np.frombuffer(raw, dtype=np.float64).tolist()), stamp, time)
 
     def event(self, values: tuple[float, ...], stamp: float, time: float) -> Odometry:
         """Return the event of a pose: x y z [m], quaternion x y z w; raises as `decode`."""

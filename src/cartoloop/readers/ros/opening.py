@@ -2,7 +2,7 @@
 """From a path to the messages in it: what kind of recording it is, and who can read it.
 
 Sound recordings are read by the library rosbags; what it refuses, because the recorder died or
-the file is cut off, by `cartoloop.readers.ros.salvage`.
+the file is cut off, by `salvage_bag.py` and `salvage_ros2.py`.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -47,8 +48,8 @@ def is_recording(path: Path) -> bool:
     return path.suffix in (".bag", ".db3", ".mcap", ".active")
 
 
-def open_containers(path: Path) -> list[Container]:
-    """Return the readers of a path to try, best first.
+def open_containers(path: Path) -> Iterator[Container]:
+    """Yield the readers of a path to try, best first; each is opened when it is its turn.
 
     Raises
     ------
@@ -58,11 +59,12 @@ def open_containers(path: Path) -> list[Container]:
     if path.name == "metadata.yaml" and path.is_file():
         path = path.parent
     if path.is_dir():
-        return _open_folder(path)
-    return _open_file(path)
+        yield _open_folder(path)
+    else:
+        yield from _open_file(path)
 
 
-def _open_folder(path: Path) -> list[Container]:
+def _open_folder(path: Path) -> Container:
     inside = sorted(path.iterdir())
     files = [p for p in inside if _magic(p) in (MCAP_MAGIC, SQLITE_MAGIC)]
     bags = [p for p in inside if _magic(p) == BAG1_MAGIC]
@@ -70,7 +72,7 @@ def _open_folder(path: Path) -> list[Container]:
         from rosbags.rosbag2 import Reader
 
         try:
-            return [LibraryContainer(Reader(path), "ROS 2 recording", is_ros1=False)]
+            return LibraryContainer(Reader(path), "ROS 2 recording", is_ros1=False)
         except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
             if not files:
                 raise InputError(
@@ -86,10 +88,10 @@ def _open_folder(path: Path) -> list[Container]:
         )
     else:
         raise InputError(f"{path}: is a folder without a recording; give the recording itself")
-    parts = [_open_file(p)[0] for p in sorted(files, key=_by_number)]
+    parts = [next(_open_file(p)) for p in sorted(files, key=_by_number)]
     chained = ChainedContainer(parts, "ROS 2 recording")
     chained.notes.append(Finding("warning", "no_metadata", note, "its files are read all the same"))
-    return [chained]
+    return chained
 
 
 def _by_number(path: Path) -> tuple[int, str]:
@@ -98,41 +100,43 @@ def _by_number(path: Path) -> tuple[int, str]:
     return (int(number) if number.isdigit() else -1, path.name)
 
 
-def _open_file(path: Path) -> list[Container]:
-    from cartoloop.readers.ros.salvage import Bag1Salvage, McapSalvage, SqliteSalvage
+def _open_file(path: Path) -> Iterator[Container]:
+    """Yield the library's reader of a file, unless it refuses it, then the one from the front."""
+    from cartoloop.readers.ros.salvage_bag import BagSalvage
+    from cartoloop.readers.ros.salvage_ros2 import DatabaseSalvage, McapSalvage
 
     magic = _magic(path)
     if magic == ZSTD_MAGIC:
-        return _open_compressed(path)
-    attempts: list[Container] = []
+        yield from _open_compressed(path)
+        return
+    if not magic:
+        raise InputError(_why_nothing(path))
     refusal = ""
     try:
-        if magic == BAG1_MAGIC:
-            from rosbags.rosbag1 import Reader as Reader1
-
-            attempts.append(LibraryContainer(Reader1(path), "ROS 1 bag", is_ros1=True))
-        elif magic == MCAP_MAGIC:
-            from rosbags.rosbag2.storage_mcap import McapReader
-
-            attempts.append(LibraryContainer(_Bare(McapReader(path)), "MCAP file", is_ros1=False))
-        elif magic == SQLITE_MAGIC:
-            from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
-
-            reader = _Bare(Sqlite3Reader(path))
-            attempts.append(LibraryContainer(reader, "ROS 2 database", is_ros1=False))
+        container = _open_by_library(path, magic)
     except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
         refusal = one_line(error)
-    if magic == BAG1_MAGIC:
-        attempts.append(Bag1Salvage(path))
-    elif magic == MCAP_MAGIC:
-        attempts.append(McapSalvage(path))
-    elif magic == SQLITE_MAGIC:
-        attempts.append(SqliteSalvage(path))
     else:
-        raise InputError(_why_nothing(path))
-    for attempt in attempts:
-        attempt.notes += _notes(path, refusal)
-    return attempts
+        container.notes += _notes(path, refusal)
+        yield container
+    salvages = {BAG1_MAGIC: BagSalvage, MCAP_MAGIC: McapSalvage, SQLITE_MAGIC: DatabaseSalvage}
+    salvage: Container = salvages[magic](path)
+    salvage.notes += _notes(path, refusal)
+    yield salvage
+
+
+def _open_by_library(path: Path, magic: bytes) -> LibraryContainer:
+    if magic == BAG1_MAGIC:
+        from rosbags.rosbag1 import Reader
+
+        return LibraryContainer(Reader(path), "ROS 1 bag", is_ros1=True)
+    if magic == MCAP_MAGIC:
+        from rosbags.rosbag2.storage_mcap import McapReader
+
+        return LibraryContainer(_Bare(McapReader(path)), "MCAP file", is_ros1=False)
+    from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+    return LibraryContainer(_Bare(Sqlite3Reader(path)), "ROS 2 database", is_ros1=False)
 
 
 def _notes(path: Path, refusal: str) -> list[Finding]:
@@ -159,29 +163,40 @@ def _notes(path: Path, refusal: str) -> list[Finding]:
     return notes
 
 
-def _open_compressed(path: Path) -> list[Container]:
-    """Return the readers of what a zstd file holds, unpacked into a folder of its own."""
+class _Unpacked:
+    """A folder of its own for an unpacked file; gone when no reader needs it any more."""
+
+    def __init__(self, name: str) -> None:
+        folder = tempfile.mkdtemp(prefix="cartoloop-")
+        self.file = Path(folder) / name
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+
+
+def _open_compressed(path: Path) -> Iterator[Container]:
+    """Yield the readers of what a zstd file holds."""
     from cartoloop.readers.ros.zstd import zstd
 
-    folder = Path(tempfile.mkdtemp(prefix="cartoloop-"))
-    plain = folder / path.stem
+    unpacked = _Unpacked(path.stem)
+    damage = ""
     try:
         with (
             path.open("rb") as packed,
-            zstd.open(packed, "rb") as unpacked,
-            plain.open("wb") as out,
+            zstd.open(packed, "rb") as plain,
+            unpacked.file.open("wb") as out,
         ):
-            shutil.copyfileobj(unpacked, out)
+            shutil.copyfileobj(plain, out)
     except (OSError, EOFError, zstd.ZstdError) as error:
-        if not plain.exists() or plain.stat().st_size == 0:
-            shutil.rmtree(folder, ignore_errors=True)
+        damage = one_line(error)
+        if unpacked.file.stat().st_size == 0:
             raise InputError(
-                f"{path}: cannot be unpacked ({one_line(error)}); copy or download it again"
+                f"{path}: cannot be unpacked ({damage}); copy or download it again"
             ) from None
-    attempts = _open_file(plain)
-    for attempt in attempts:
-        weakref.finalize(attempt, shutil.rmtree, folder, ignore_errors=True)
-    return attempts
+    for container in _open_file(unpacked.file):
+        container.needs = unpacked
+        if damage:
+            what = f"it cannot be unpacked whole ({damage})"
+            container.notes.append(Finding("error", "damaged", what, "copy it again for the rest"))
+        yield container
 
 
 def _magic(path: Path) -> bytes:

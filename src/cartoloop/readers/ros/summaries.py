@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cartoloop.readers.ros.choice import Choice
+from cartoloop.readers.ros.chosen import Choice
 from cartoloop.readers.ros.container import Container
 from cartoloop.readers.ros.index import RecordingIndex, Stream
 from cartoloop.readers.ros.inventory import Finding, Inventory, TopicSummary, TransformSummary
@@ -27,6 +27,23 @@ def container_findings(container: Container) -> list[Finding]:
                 "copy or record it again for the rest",
             )
         )
+    return found
+
+
+def stream_findings(index: RecordingIndex) -> list[Finding]:
+    """Return what is odd about single topics: several frames, transforms that cannot be read."""
+    found = []
+    for stream in index.streams:
+        frames = stream.frame_names
+        if stream.edge is None and len(frames) > 1:
+            what = f"{stream.topic}: its messages are in several frames ({', '.join(frames[:4])})"
+            remedy = "all are taken for the first; let each sensor have a topic of its own"
+            found.append(Finding("warning", "several_frames", what, remedy, stream.topic))
+        if stream.role == "tf" and stream.undecodable:
+            count = sum(stream.undecodable.values())
+            why = ", ".join(sorted(stream.undecodable))
+            what = f"{stream.topic}: {count} transforms or messages cannot be used ({why})"
+            found.append(Finding("warning", "undecodable", what, "left out", stream.topic, count))
     return found
 
 

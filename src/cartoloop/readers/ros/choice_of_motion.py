@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which odometry and which IMU of a recording are used, and why."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.readers.options import NO_TOPIC, ReadOptions
+from cartoloop.readers.ros.chosen import (
+    ODOMETRY_NAMES,
+    Choice,
+    ImuChoice,
+    OdometryChoice,
+    asked_for,
+    rank,
+)
+from cartoloop.readers.ros.index import RecordingIndex, Stream
+from cartoloop.readers.ros.inventory import Finding
+from cartoloop.readers.ros.messages import ImuMessage, OdometryMessage
+from cartoloop.readers.ros.transforms import Pose3
+
+FloatArray = NDArray[np.float64]
+
+STANDARD_GRAVITY = 9.80665
+"""One g [m/s^2]."""
+
+_ABSURD = 1e6  # m/s^2
+_GRAVITY_MISFIT = math.radians(45.0)
+
+
+def choose_odometry(index: RecordingIndex, options: ReadOptions, choice: Choice, name: str) -> None:
+    """Add the odometry to a choice whose base frame is known: a topic, else a moving transform.
+
+    Raises
+    ------
+    InputError
+        The topic asked for holds none.
+    """
+    streams = sorted(index.with_role("odometry"), key=lambda s: rank(s, ODOMETRY_NAMES))
+    if options.odom_topic == NO_TOPIC:
+        choice.reasons.update({s.topic: "no odometry is asked for" for s in streams})
+        return
+    moving = [stream for stream in streams if not _stands_still(stream)]
+    if options.odom_topic is not None:
+        chosen: Stream | None = asked_for(index, options.odom_topic, "odometry", name)
+        why = "asked for"
+    elif moving:
+        chosen = moving[0]
+        why = "the only odometry" if len(streams) == 1 else "the most likely wheel odometry"
+    else:
+        chosen = _edge_of(index, choice)
+        edge = " -> ".join(chosen.edge or ()) if chosen is not None else ""
+        why = f"{edge} serves as odometry: no topic holds any"
+    for stream in streams:
+        other = f"{chosen.topic} is used; --odom-topic for this one" if chosen else ""
+        choice.reasons[stream.topic] = other if stream in moving else "its pose never changes"
+    if chosen is None:
+        return
+    choice.reasons[chosen.topic] = why
+    child = chosen.child_frame or choice.base_frame
+    found = index.tree.lookup(child, choice.base_frame)
+    if found is None:
+        choice.findings.append(
+            Finding(
+                "warning",
+                "missing_transform",
+                f"no transform from {child} to {choice.base_frame}: {chosen.topic} is taken for "
+                f"the way of {choice.base_frame}",
+                "record /tf_static, or give --urdf FILE",
+                chosen.topic,
+            )
+        )
+    choice.odometry = OdometryChoice(chosen, found[0] if found else Pose3.identity())
+
+
+def _stands_still(stream: Stream) -> bool:
+    poses = {s.values for s in stream.samples if isinstance(s, OdometryMessage)}
+    return len(stream.samples) > 3 and len(poses) == 1
+
+
+def _edge_of(index: RecordingIndex, choice: Choice) -> Stream | None:
+    """Return the poses on ``/tf`` of the base below an odometry frame, if they move."""
+    above = index.tree.above(choice.base_frame)
+    for edge in index.edges:
+        parent, child = edge.edge or ("", "")
+        transform = index.tree.transforms.get(child)
+        moves = transform is not None and transform.parent == parent and transform.moves
+        if moves and (child in above or len(index.edges) == 1):
+            return edge
+    return None
+
+
+def choose_imu(index: RecordingIndex, options: ReadOptions, choice: Choice, name: str) -> None:
+    """Add the IMU to a choice whose base frame is known.
+
+    Raises
+    ------
+    InputError
+        The topic asked for holds no readings.
+    """
+    streams = index.with_role("imu")
+    if options.imu_topic == NO_TOPIC:
+        choice.reasons.update({s.topic: "no IMU is asked for" for s in streams})
+        return
+    for stream in streams:
+        choice.reasons[stream.topic] = "it measures no acceleration or no angular velocity"
+    whole = [s for s in streams if any(_is_whole(sample) for sample in s.samples)]
+    if options.imu_topic is not None:
+        asked = asked_for(index, options.imu_topic, "imu", name)
+        whole = [s for s in whole if s is asked]
+    if not whole:
+        return
+    tree, base = index.tree, choice.base_frame
+    whole.sort(key=lambda s: (tree.lookup(base, s.frame) is None, -len(s.stamps), s.topic))
+    for stream in whole[1:]:
+        choice.reasons[stream.topic] = f"{whole[0].topic} is used; --imu-topic for this one"
+    stream = whole[0]
+    found = tree.lookup(base, stream.frame)
+    pose = found[0] if found else Pose3.identity()
+    gravity = _mean_acceleration(stream)
+    if found is None and not _points_up(pose, gravity):
+        choice.reasons[stream.topic] = (
+            f"no transform from {base} to {stream.frame}, and its z axis does not point up"
+        )
+        return
+    choice.findings += _imu_doubts(stream, base, pose, gravity, is_placed=found is not None)
+    choice.reasons[stream.topic] = "asked for" if options.imu_topic else "the IMU"
+    scale = STANDARD_GRAVITY if _is_in_g(gravity) else 1.0
+    choice.imu = ImuChoice(stream, pose, scale)
+
+
+def _imu_doubts(
+    stream: Stream, base: str, pose: Pose3, gravity: FloatArray, *, is_placed: bool
+) -> list[Finding]:
+    """Return what is doubtful about an IMU that is used all the same."""
+    doubts = []
+    if _is_in_g(gravity):
+        doubts.append((
+            "acceleration_in_g",
+            f"{stream.topic}: accelerations are in g ({np.linalg.norm(gravity):.2f} on average), "
+            "not in m/s^2",
+            f"multiplied by {STANDARD_GRAVITY}; let the driver send m/s^2",
+        ))  # fmt: skip
+    if not is_placed:
+        doubts.append((
+            "missing_transform",
+            f"no transform from {base} to {stream.frame or 'the IMU'} ({stream.topic}): its "
+            f"axes are taken for those of {base}",
+            "record /tf_static, or give --urdf FILE",
+        ))  # fmt: skip
+    elif not _points_up(pose, gravity):
+        doubts.append((
+            "imu_upside_down",
+            f"{stream.topic}: gravity does not point down in {base} on average",
+            "correct the transform to the IMU, or give --imu-topic none",
+        ))  # fmt: skip
+    return [
+        Finding("warning", code, message, remedy, stream.topic) for code, message, remedy in doubts
+    ]
+
+
+def _is_in_g(gravity: FloatArray) -> bool:
+    return bool(0.8 < np.linalg.norm(gravity) < 1.2)
+
+
+def _is_whole(sample: object) -> bool:
+    return (
+        isinstance(sample, ImuMessage)
+        and sample.linear_acceleration is not None
+        and sample.angular_velocity is not None
+    )
+
+
+def _mean_acceleration(stream: Stream) -> FloatArray:
+    values = [
+        s.linear_acceleration
+        for s in stream.samples
+        if isinstance(s, ImuMessage) and s.linear_acceleration is not None
+    ]
+    sound = [v for v in values if all(abs(part) < _ABSURD for part in v)]
+    array = np.array(sound).reshape(-1, 3)
+    return array.mean(axis=0) if len(array) else np.zeros(3)
+
+
+def _points_up(pose: Pose3, gravity: FloatArray) -> bool:
+    size = float(np.linalg.norm(gravity))
+    up = float((pose.rotation @ gravity)[2])
+    return size > 0.0 and up > math.cos(_GRAVITY_MISFIT) * size

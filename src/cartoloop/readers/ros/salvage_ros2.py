@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ROS 2 recordings whose recorder died or whose end is lost, read from the front.
+
+Also MCAP files that other programs than ROS 2 wrote, with ROS 1 messages in them or others.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+
+from cartoloop.readers.ros.container import Channel, one_line
+from cartoloop.readers.ros.salvage import (
+    LARGEST_RECORD,
+    CutError,
+    Record,
+    Scanned,
+    exactly,
+    unpack_as_far,
+)
+
+_U32 = struct.Struct("<I")
+_U64 = struct.Struct("<Q")
+_MCAP_SCHEMA, _MCAP_CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK = 3, 4, 5, 6
+_MCAP_ENDS = (0x0F, 0x02)  # the data are over: what follows is the summary
+
+
+class McapSalvage(Scanned):
+    """An MCAP file from front to back; needs no index, and reads ROS 1 messages as well."""
+
+    def __init__(self, path: Path) -> None:
+        self._schemas: dict[int, str] = {}
+        super().__init__(path, "MCAP file")
+
+    def _records(self, keys: frozenset[int] | None) -> Iterator[Record]:
+        with self.path.open("rb") as file:
+            file.seek(8)
+            try:
+                yield from self._all(file, keys)
+            except EOFError:
+                self.damage = self.damage or "the file is cut off"
+            except CutError as cut:
+                self.damage = str(cut)
+
+    def _all(self, file: BinaryIO, keys: frozenset[int] | None) -> Iterator[Record]:
+        while True:
+            code = file.read(1)
+            if not code:
+                raise EOFError
+            if code[0] in _MCAP_ENDS:
+                return
+            size = _U64.unpack(exactly(file, 8))[0]
+            data = file.read(min(size, LARGEST_RECORD))
+            whole = len(data) == size
+            if code[0] == _MCAP_CHUNK:
+                plain = self._unpacked(data)
+                # Its end is no damage; a broken record costs the rest of this chunk alone.
+                with suppress(EOFError):
+                    yield from self._chunk(plain, keys)
+            elif whole:
+                yield from self._record(code[0], data, keys)
+            if not whole:
+                raise CutError("the file is cut off")
+
+    def _chunk(self, plain: bytes, keys: frozenset[int] | None) -> Iterator[Record]:
+        try:
+            yield from self._all(BytesIO(plain), keys)
+        except CutError:
+            self.damage = "a chunk is damaged"
+
+    def _unpacked(self, data: bytes) -> bytes:
+        """Return as much of a chunk as can be unpacked."""
+        try:
+            name_size = _U32.unpack_from(data, 28)[0]
+            compression = data[32 : 32 + name_size]
+            packed = data[40 + name_size :]
+        except struct.error:
+            return b""
+        if compression == b"":
+            return packed
+        unpack: Callable[[bytes], bytes]
+        if compression == b"lz4":
+            from lz4.frame import LZ4FrameDecompressor
+
+            unpack = LZ4FrameDecompressor().decompress
+        elif compression == b"zstd":
+            from cartoloop.readers.ros.zstd import zstd
+
+            unpack = zstd.ZstdDecompressor().decompress
+        else:
+            raise CutError(f"a chunk has an unknown compression {compression!r}")
+        plain, damaged = unpack_as_far(unpack, packed)
+        if damaged:
+            self.damage = "a chunk is damaged"
+        return plain
+
+    def _record(self, code: int, data: bytes, keys: frozenset[int] | None) -> Iterator[Record]:
+        try:
+            if code == _MCAP_MESSAGE:
+                key = struct.unpack_from("<H", data)[0]
+                if key in self._found and (keys is None or key in keys):
+                    yield key, _U64.unpack_from(data, 6)[0], b"" if keys is None else data[22:]
+            elif code == _MCAP_SCHEMA:
+                self._schemas[struct.unpack_from("<H", data)[0]] = _text(data, 2)[0]
+            elif code == _MCAP_CHANNEL and keys is None:
+                self._note_channel(data)
+        except (struct.error, IndexError):
+            raise CutError("a record makes no sense") from None
+
+    def _note_channel(self, data: bytes) -> None:
+        from rosbags.typesys.msg import normalize_msgtype
+
+        key, schema = struct.unpack_from("<HH", data)
+        topic, place = _text(data, 4)
+        encoding, _ = _text(data, place)
+        msgtype = self._schemas.get(schema, "")
+        if encoding not in ("cdr", "ros1"):
+            msgtype = f"{msgtype} ({encoding})"
+        elif encoding == "ros1":
+            msgtype = normalize_msgtype(msgtype)
+        self._found.setdefault(key, Channel(key, topic, msgtype, encoding == "ros1", 0))
+
+
+def _text(data: bytes, place: int) -> tuple[str, int]:
+    size = _U32.unpack_from(data, place)[0]
+    end = place + 4 + size
+    return data[place + 4 : end].decode("utf-8", "replace"), end
+
+
+class DatabaseSalvage(Scanned):
+    """A damaged database of ROS 2, row by row until it breaks off."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "ROS 2 database")
+
+    def _records(self, keys: frozenset[int] | None) -> Iterator[Record]:
+        try:
+            with closing(self._connect()) as connection:
+                if keys is None:
+                    rows = connection.execute("SELECT id, name, type FROM topics")
+                    for key, topic, msgtype in rows:
+                        self._found[int(key)] = Channel(
+                            int(key), str(topic), str(msgtype), False, 0
+                        )
+                for key, time, data in connection.execute(
+                    "SELECT topic_id, timestamp, data FROM messages"
+                ):
+                    if key in self._found and (keys is None or key in keys):
+                        yield int(key), int(time), b"" if keys is None else bytes(data)
+        except (sqlite3.Error, TypeError, ValueError) as error:
+            self.damage = one_line(error)
+
+    def _connect(self) -> sqlite3.Connection:
+        from urllib.parse import quote
+
+        # Immutable: a recording is only read, and may lie where nothing can be written.
+        name = f"file:{quote(str(self.path))}?mode=ro&immutable=1"
+        connection = sqlite3.connect(name, uri=True)
+        # Otherwise a file that lacks its last pages is refused as a whole.
+        connection.execute("PRAGMA writable_schema=ON")
+        return connection
