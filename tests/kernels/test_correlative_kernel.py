@@ -29,6 +29,8 @@ def random_grid(rng, shape=(14, 17)):
 
 def match(grid, points, estimate, half_width, half_turns, step, weights=(0.0, 0.0)):
     pose = np.full(3, np.nan)
+    width = 2 * half_width + 1
+    num_cells = (grid.shape[0] + 2 * width) * (grid.shape[1] + 2 * width)
     score = match_correlative(
         grid,
         UNKNOWN,
@@ -40,6 +42,8 @@ def match(grid, points, estimate, half_width, half_turns, step, weights=(0.0, 0.
         half_turns,
         step,
         *weights,
+        np.empty(3 * len(points) * (2 * half_turns + 1), dtype=np.int32),
+        np.empty(len(box_sizes(width)) * num_cells, dtype=np.uint8),
         pose,
     )
     return pose, score

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cartoloop.config import CorrelativeMatcherConfig, SubmapConfig
-from cartoloop.scan_matching.correlative import REACH, match, rotation_step
+from cartoloop.kernels.window_bounds import box_sizes
+from cartoloop.scan_matching.correlative import REACH, Scratch, match, rotation_step
 from cartoloop.sensor.pose import Pose, inverse, transform_points, wrap_angle
 from cartoloop.submaps.probability_grid import ProbabilityGrid
 from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
@@ -113,3 +114,22 @@ def test_a_window_of_nothing_is_the_estimate_alone(grid):
     window = CorrelativeMatcherConfig(linear_search_window=0.0, angular_search_window_deg=0.0)
     estimate = Pose(0.123, -0.045, 0.01)
     assert match(grid, l_shaped_walls(), estimate, window).tf_grid_scan == pytest.approx(estimate)
+
+
+def test_scratch_of_an_earlier_match_changes_nothing(grid):
+    scratch = Scratch()
+    narrow = CorrelativeMatcherConfig(linear_search_window=0.05, angular_search_window_deg=2.0)
+    estimate = Pose(0.1, -0.05, 0.3)
+    for window, points in (
+        (WINDOW, l_shaped_walls()),
+        (narrow, l_shaped_walls()[::7]),
+        (WINDOW, l_shaped_walls()[::2]),
+    ):
+        alone = match(grid, points, estimate, window)
+        assert match(grid, points, estimate, window, scratch) == alone
+
+
+@settings(deadline=None, max_examples=60)
+@given(half_width=st.integers(0, 200))
+def test_the_scratch_has_room_for_all_sizes_of_boxes(half_width):
+    assert len(box_sizes(2 * half_width + 1)) == 1 + (2 * half_width).bit_length()

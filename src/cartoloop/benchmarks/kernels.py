@@ -202,7 +202,8 @@ def _match_workloads(driven: Drive) -> Iterator[Workload]:
     wide = CorrelativeMatcherConfig(linear_search_window=0.1, angular_search_window_deg=20.0)
     yield Workload(
         "correlative", ("correlative", "window_bounds"), {**case, "window": "±0.1 m, ±20°"},
-        partial(correlative.match, submap.grid, points, start, wide), len(points), "points",
+        partial(correlative.match, submap.grid, points, start, wide, correlative.Scratch()),
+        len(points), "points",
     )  # fmt: skip
 
 

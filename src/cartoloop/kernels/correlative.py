@@ -133,6 +133,8 @@ def match_correlative(
     rotation_step: float,
     translation_weight: float,
     rotation_weight: float,
+    places: CellArray,
+    cells: NDArray[np.uint8],
     out_pose: FloatArray,
 ) -> float:
     """Write the best pose of the window into `out_pose`; return its mean probability in [0, 1].
@@ -146,6 +148,9 @@ def match_correlative(
     rotation_step : delta_theta of eq. (7) [rad].
     translation_weight, rotation_weight : candidates are compared by their mean probability times
         ``exp(-(translation_weight * distance + rotation_weight * |rotation|)^2)``; not negative.
+    places : int32, scratch, three entries for each point and rotation.
+    cells : uint8, scratch, for each of :func:`window_bounds.box_sizes` an entry for each cell of
+        the grid and of a margin around it as wide as the window.
     out_pose : float64, shape (3,).
 
     Notes
@@ -154,8 +159,10 @@ def match_correlative(
     """
     num_points, num_rotations = points.shape[0], 2 * half_num_rotations + 1
     width = 2 * half_width + 1
-    cols = np.empty((num_rotations, num_points), dtype=np.int32)
-    rows = np.empty((num_rotations, num_points), dtype=np.int32)
+    count = num_rotations * num_points
+    cols = places[:count].reshape((num_rotations, num_points))
+    rows = places[count : 2 * count].reshape((num_rotations, num_points))
+    index = places[2 * count : 3 * count]
     by_axis = points.T.copy()
     for j in range(num_rotations):
         theta = estimate[2] + (j - half_num_rotations) * rotation_step
@@ -163,14 +170,20 @@ def match_correlative(
             by_axis, origin_x, origin_y, resolution, estimate[0], estimate[1], theta,
             cols[j], rows[j],
         )  # fmt: skip
-    index = np.empty(num_rotations * num_points, dtype=np.int32)
     part = np.empty(4, dtype=np.int64)
     index_points(
-        cols.reshape(-1), rows.reshape(-1), half_width, grid.shape[1], grid.shape[0], index, part
+        places[:count],
+        places[count : 2 * count],
+        half_width,
+        grid.shape[1],
+        grid.shape[0],
+        index,
+        part,
     )
     row_length, num_rows = part[2], part[3]
     sizes = box_sizes(width)
-    cells = bounding_grids(grid, unknown, part[0], part[1], row_length, num_rows, sizes)
+    cells = cells[: sizes.size * row_length * num_rows]
+    bounding_grids(grid, unknown, part[0], part[1], row_length, num_rows, sizes, cells)
     # A sum of bytes times its rotation's factor is no less than the score of any candidate in the
     # box times its penalty, although that score is a rounded sum of float32.
     rounding = 1.0 + 2.4e-7 * (num_points + 16)

@@ -125,8 +125,9 @@ def bounding_grids(
     row_length: int,
     num_rows: int,
     sizes: IntArray,
-) -> ByteArray:
-    """Return the maxima over the boxes of each level, uint8, one grid after the other.
+    out_cells: ByteArray,
+) -> None:
+    """Write the maxima over the boxes of each level, one grid after the other, into `out_cells`.
 
     Parameters
     ----------
@@ -134,17 +135,16 @@ def bounding_grids(
     num_rows : of the part.
     sizes : int64, shape (num_levels,), see :func:`box_sizes`. A box begins at its cell; those that
         reach beyond the part are of no use.
+    out_cells : uint8, shape (num_levels * row_length * num_rows,).
     """
     area = row_length * num_rows
     last = sizes.size - 1
-    cells = np.empty(sizes.size * area, dtype=np.uint8)
-    quantize_cells(grid, unknown, first_col, first_row, row_length, cells[last * area :])
+    quantize_cells(grid, unknown, first_col, first_row, row_length, out_cells[last * area :])
     for level in range(last - 1, -1, -1):
         begin = level * area
         growth = sizes[level] - sizes[level + 1]
-        boxes, wider = cells[begin + area : begin + 2 * area], cells[begin : begin + area]
+        boxes, wider = out_cells[begin + area : begin + 2 * area], out_cells[begin : begin + area]
         widen_boxes(boxes, growth, row_length, wider)
-    return cells
 
 
 @kernel

@@ -62,6 +62,7 @@ class ScanMatcher:
             }
         )
         self._usual_residual = FIRST_RESIDUAL
+        self._scratch = correlative.Scratch()
         self.num_correlative = 0
         self.num_lost = 0
 
@@ -85,7 +86,7 @@ class ScanMatcher:
         best = self._refine(submap, points, prior, prior, pull)
         if best.residual > self._usual_residual * self._window.poor_residual_ratio:
             self.num_correlative += 1
-            coarse = correlative.match(submap.grid, points, prior, self._window).tf_grid_scan
+            coarse = self._search(submap, points, prior, self._window)
             found = self._refine(submap, points, coarse, prior, pull)
             if found.cost < best.cost:
                 best = found
@@ -110,11 +111,16 @@ class ScanMatcher:
         limit = best.residual * self._window.lost_improvement
         for tf_local_guess in guesses:
             centre = relative(submap.tf_local_submap, tf_local_guess)
-            coarse = correlative.match(submap.grid, points, centre, self._lost_window).tf_grid_scan
+            coarse = self._search(submap, points, centre, self._lost_window)
             found = self._refine(submap, points, coarse, coarse, self._lost_pull())
             if found.residual < min(limit, best.residual):
                 best = found
         return best
+
+    def _search(
+        self, submap: Submap, points: FloatArray, centre: Pose, window: CorrelativeMatcherConfig
+    ) -> Pose:
+        return correlative.match(submap.grid, points, centre, window, self._scratch).tf_grid_scan
 
     def _refine(
         self, submap: Submap, points: FloatArray, start: Pose, prior: Pose, pull: FloatArray

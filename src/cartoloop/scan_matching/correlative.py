@@ -7,6 +7,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cartoloop.config import CorrelativeMatcherConfig
 from cartoloop.kernels.correlative import match_correlative
@@ -25,6 +26,26 @@ class CorrelativeMatch(NamedTuple):
     score: float
 
 
+class Scratch:
+    """Memory that matches, one at a time, work in: new pages would cost more than the search."""
+
+    def __init__(self) -> None:
+        self._places = np.empty(0, dtype=np.int32)
+        self._cells = np.empty(0, dtype=np.uint8)
+
+    def places(self, size: int) -> NDArray[np.int32]:
+        """Return at least so many entries, int32, of any content."""
+        if len(self._places) < size:
+            self._places = np.empty(size + size // 2, dtype=np.int32)
+        return self._places
+
+    def cells(self, size: int) -> NDArray[np.uint8]:
+        """Return at least so many entries, uint8, of any content."""
+        if len(self._cells) < size:
+            self._cells = np.empty(size + size // 2, dtype=np.uint8)
+        return self._cells
+
+
 def rotation_step(points: FloatArray, resolution: float) -> float:
     """Return delta_theta of eq. (7) [rad]: the farthest point in reach moves by a pixel at most."""
     farthest = min(float(np.sqrt((points * points).sum(axis=1).max())), REACH)
@@ -33,7 +54,11 @@ def rotation_step(points: FloatArray, resolution: float) -> float:
 
 
 def match(
-    grid: ProbabilityGrid, points: FloatArray, tf_grid_scan: Pose, config: CorrelativeMatcherConfig
+    grid: ProbabilityGrid,
+    points: FloatArray,
+    tf_grid_scan: Pose,
+    config: CorrelativeMatcherConfig,
+    scratch: Scratch | None = None,
 ) -> CorrelativeMatch:
     """Return the best pose in the window around an estimate.
 
@@ -41,8 +66,14 @@ def match(
     ----------
     points : float64, shape (n, 2), scan frame [m]; n > 0.
     tf_grid_scan : the estimate in the window's centre.
+    scratch : of the caller, for its matches in turn.
     """
     step = rotation_step(points, grid.resolution)
+    half_width = math.ceil(config.linear_search_window / grid.resolution)
+    half_num_rotations = math.ceil(math.radians(config.angular_search_window_deg) / step)
+    scratch = scratch or Scratch()
+    num_rows, num_cols = grid.cells.shape
+    margin, num_levels = 2 * (2 * half_width + 1), 1 + (2 * half_width).bit_length()
     pose = np.empty(3)
     score = match_correlative(
         grid.cells,
@@ -52,11 +83,13 @@ def match(
         grid.resolution,
         points,
         np.array(tf_grid_scan),
-        math.ceil(config.linear_search_window / grid.resolution),
-        math.ceil(math.radians(config.angular_search_window_deg) / step),
+        half_width,
+        half_num_rotations,
         step,
         config.translation_delta_cost_weight,
         config.rotation_delta_cost_weight,
+        scratch.places(3 * len(points) * (2 * half_num_rotations + 1)),
+        scratch.cells(num_levels * (num_rows + margin) * (num_cols + margin)),
         pose,
     )
     return CorrelativeMatch(Pose(float(pose[0]), float(pose[1]), wrap_angle(float(pose[2]))), score)
