@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.global_slam.reduced_system import plan_factorization
+from cartoloop.global_slam.factorization import plan_factorization
 from cartoloop.kernels import block_cholesky
 from cartoloop.kernels.cholesky_ordering import minimum_degree
 from cartoloop.kernels.cholesky_structure import front_rows

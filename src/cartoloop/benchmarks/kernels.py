@@ -262,7 +262,8 @@ def _graph_workloads() -> Iterator[Workload]:
         case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
         size = len(graph.kinds)
         adjusting = (
-            "pose_residuals", "schur_complement", "schur_structure", "block_cholesky",
+            "pose_residuals", "node_packing", "node_linearization", "node_elimination",
+            "node_steps", "kept_constraints", "schur_structure", "block_cholesky",
             "cholesky_ordering", "cholesky_structure",
         )  # fmt: skip
         for name, iterations in (("adjust", 50), ("adjust, one step", 1)):

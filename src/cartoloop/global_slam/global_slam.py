@@ -20,7 +20,7 @@ from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest, loop_
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
-    adjust,
+    PoseAdjuster,
     constraint_residuals,
 )
 from cartoloop.global_slam.pose_graph import (
@@ -66,6 +66,7 @@ class GlobalSlam:
         self._config = config
         self._timer = timer
         self.graph = PoseGraph()
+        self._adjuster = PoseAdjuster(self.graph)
         self.search = ConstraintSearch(config.constraint_search, config.num_threads)
         self.found: list[LoopClosure] = []
         self.adjustments: list[AdjustmentRun] = []
@@ -271,7 +272,9 @@ class GlobalSlam:
             relative_tolerance=config.tolerance,
         )
         start = perf_counter()
-        done = adjust(self.graph, options)
+        if self._adjuster.graph is not self.graph:
+            self._adjuster = PoseAdjuster(self.graph)
+        done = self._adjuster.adjust(options)
         self.adjustments.append(
             AdjustmentRun(
                 nodes=self.graph.num_nodes,
@@ -287,20 +290,25 @@ class GlobalSlam:
 
     def _true_closures(self) -> NDArray[np.int64]:
         """Return submap and submap of the node of the closures that hold, shape (k, 2)."""
-        graph = self.graph
-        holds = (graph.kinds == ConstraintKind.LOOP_CLOSURE) & ~self._is_violated()
-        first_submap: NDArray[np.int64] = self._first_submap.view[graph.index_b[holds]]
-        return np.column_stack((graph.index_a[holds], first_submap))
+        closures, is_violated = self._closures()
+        holds = closures[~is_violated]
+        first_submap: NDArray[np.int64] = self._first_submap.view[self.graph.index_b[holds]]
+        return np.column_stack((self.graph.index_a[holds], first_submap))
 
-    def _is_violated(self) -> NDArray[np.bool_]:
-        """Return which constraints are violated by so much that they must be false."""
-        translation_error, rotation_error = constraint_residuals(self.graph)
-        return (translation_error > TRUE_TRANSLATION_M) | (rotation_error > TRUE_ROTATION_RAD)
+    def _closures(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Return the loop closures, and which are violated by so much that they must be false."""
+        closures = np.flatnonzero(self.graph.kinds == ConstraintKind.LOOP_CLOSURE)
+        translation_error, rotation_error = constraint_residuals(self.graph, closures)
+        return closures, (
+            (translation_error > TRUE_TRANSLATION_M) | (rotation_error > TRUE_ROTATION_RAD)
+        )
 
     def _reject_false_closures(self, max_num_iterations: int) -> None:
         """Drop the loop closures that the rest contradicts, and adjust without them."""
-        is_false = (self.graph.kinds == ConstraintKind.LOOP_CLOSURE) & self._is_violated()
-        if is_false.any():
+        closures, is_violated = self._closures()
+        if is_violated.any():
+            is_false = np.zeros(self.graph.num_constraints, dtype=bool)
+            is_false[closures[is_violated]] = True
             self.rejected = loop_closures(self.graph, is_false)
             self.graph = self.graph.without(is_false)
             self._adjust(max_num_iterations)

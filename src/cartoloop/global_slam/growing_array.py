@@ -38,6 +38,13 @@ class GrowingArray:
         self._buffer[self._size : end] = rows
         self._size = end
 
+    def grow(self, count: int) -> NDArray[Any]:
+        """Add rows with nothing in them yet at the end; return them, shape (count, ...)."""
+        first = self._size
+        self._reserve(first + count)
+        self._size = first + count
+        return self._buffer[first : self._size]
+
     def _reserve(self, size: int) -> None:
         if size <= len(self._buffer):
             return

@@ -13,8 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.global_slam.packed_nodes import PackedNodes
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.global_slam.reduced_system import ReducedSystem
+from cartoloop.global_slam.reduced_system import (
+    ReducedSystem,
+    constraint_ends,
+    kept_nodes,
+    measured_rows,
+)
 from cartoloop.global_slam.robust_loss import (
     DEFAULT_SCALE,
     KERNEL_LOSS,
@@ -22,8 +28,9 @@ from cartoloop.global_slam.robust_loss import (
     initial_convexity,
     truncated_weights,
 )
-from cartoloop.kernels.pose_residuals import NO_LOSS
-from cartoloop.sensor.pose import relative_all, wrap_angles
+from cartoloop.kernels import pose_residuals
+from cartoloop.kernels.pose_residuals import GIVEN, NO_LOSS
+from cartoloop.sensor.pose import wrap_angles
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -34,6 +41,7 @@ _MAX_DAMPING = 1e8
 _DAMPING_GROWTH = 10.0
 _GRADUATION = 1.4
 _VANISHING_COST = 1e-20
+_LAST_STEP = 1e-3  # predicted share of the cost, below which the step is likely to be the last
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,68 +83,100 @@ class AdjustmentResult:
     weights: FloatArray
 
 
-def adjust(graph: PoseGraph, options: AdjustmentOptions | None = None) -> AdjustmentResult:
-    """Move the nodes and submaps of a graph to where its constraints agree best, in place.
+class PoseAdjuster:
+    """Adjusts a graph again and again while it grows.
 
-    Fixed nodes and submaps stay. A part of the graph that is connected with none of these is held
-    at its first submap (or first node); what no constraint touches stays where it is.
+    What it has made of a constraint it keeps, so that the next run prepares only what is new.
 
     Parameters
     ----------
-    graph : its poses are written to; nothing else is.
-    options : None for the defaults.
-
-    Notes
-    -----
-    Same graph, same options, same bytes. Cost per iteration: linear in the constraints, plus the
-    sparse factorization of the submaps (and of nodes tied to other nodes).
+    graph : constraints may be added to it; those that it has must stay as they are.
     """
-    options = options or AdjustmentOptions()
-    scale = DEFAULT_SCALE[options.loss] if options.loss_scale is None else options.loss_scale
-    loss_of_kind = np.array(
-        [
-            KERNEL_LOSS[options.loss] if k in options.robust_kinds else NO_LOSS
-            for k in ConstraintKind
-        ],
-        dtype=np.int64,
-    )
-    poses = np.concatenate((graph.submap_poses, graph.node_poses))
-    system = ReducedSystem(graph, loss_of_kind)
-    if options.loss is Loss.GRADUATED_NON_CONVEXITY:
-        run = _graduate(system, poses, scale, options)
-    else:
-        run = _descend(system, poses, scale, options)
-    poses[:, 2] = wrap_angles(poses[:, 2])
-    graph.submap_poses[:] = poses[: graph.num_submaps]
-    graph.node_poses[:] = poses[graph.num_submaps :]
-    weights = np.empty(graph.num_constraints)
-    weights[system.order] = system.weights
-    return AdjustmentResult(run.cost, run.initial_cost, run.iterations, run.converged, weights)
+
+    def __init__(self, graph: PoseGraph) -> None:
+        self.graph = graph
+        self._packed = PackedNodes(kept_nodes(graph))
+
+    def adjust(self, options: AdjustmentOptions | None = None) -> AdjustmentResult:
+        """Move the nodes and submaps to where the constraints agree best, in place.
+
+        Fixed nodes and submaps stay. A part of the graph that is connected with none of these is
+        held at its first submap (or first node); what no constraint touches stays where it is.
+
+        Parameters
+        ----------
+        options : None for the defaults.
+
+        Notes
+        -----
+        Same graph, same options, same bytes, however often it was adjusted as it grew to what it is
+        with the same poses. Cost per iteration: linear in the constraints, plus the sparse
+        factorization of the submaps (and of nodes tied to other nodes).
+        """
+        graph, options = self.graph, options or AdjustmentOptions()
+        scale = DEFAULT_SCALE[options.loss] if options.loss_scale is None else options.loss_scale
+        loss_of_kind = np.array(
+            [
+                KERNEL_LOSS[options.loss] if k in options.robust_kinds else NO_LOSS
+                for k in ConstraintKind
+            ],
+            dtype=np.int64,
+        )
+        kept = kept_nodes(graph)
+        if not np.array_equal(kept, self._packed.kept_nodes):
+            self._packed = PackedNodes(kept)
+        self._packed.extend(graph)
+        poses = np.concatenate((graph.submap_poses, graph.node_poses))
+        system = ReducedSystem(graph, self._packed, loss_of_kind)
+        if options.loss is Loss.GRADUATED_NON_CONVEXITY:
+            run = _graduate(graph, system, poses, scale, options)
+        else:
+            run = _descend(system, poses, scale, options)
+        poses[:, 2] = wrap_angles(poses[:, 2])
+        graph.submap_poses[:] = poses[: graph.num_submaps]
+        graph.node_poses[:] = poses[graph.num_submaps :]
+        weights = system.weights(graph.num_constraints)
+        return AdjustmentResult(run.cost, run.initial_cost, run.iterations, run.converged, weights)
 
 
-def constraint_residuals(graph: PoseGraph) -> tuple[FloatArray, FloatArray]:
-    """Return by how much each constraint is violated at the current poses.
+def adjust(graph: PoseGraph, options: AdjustmentOptions | None = None) -> AdjustmentResult:
+    """Adjust a graph once, in place; see :meth:`PoseAdjuster.adjust`."""
+    return PoseAdjuster(graph).adjust(options)
+
+
+def constraint_residuals(
+    graph: PoseGraph, constraints: IntArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return by how much constraints are violated at the current poses.
+
+    Parameters
+    ----------
+    constraints : which, shape (n,); None for all.
 
     Returns
     -------
-    translation_error : shape (num_constraints,) [m].
-    rotation_error : shape (num_constraints,) [rad], not negative.
+    translation_error : shape (n,) [m].
+    rotation_error : shape (n,) [rad], not negative.
 
     Notes
     -----
     A loop closure counts as true where these are at most 20 cm and 1 degree (section VI, table IV).
     """
-    if graph.num_constraints == 0:
-        return np.zeros(0), np.zeros(0)
-    between_nodes = (graph.kinds == ConstraintKind.NODE_TO_NODE)[:, np.newaxis]
-    # the other sort's index may be out of range for this one: any row will do there
-    from_node = graph.node_poses[np.where(between_nodes[:, 0], graph.index_a, 0)]
-    if graph.num_submaps > 0:
-        from_submap = graph.submap_poses[np.where(between_nodes[:, 0], 0, graph.index_a)]
-        from_node = np.where(between_nodes, from_node, from_submap)
-    seen = relative_all(from_node, graph.node_poses[graph.index_b])
-    error = graph.relative_poses - seen
-    return np.hypot(error[:, 0], error[:, 1]), np.abs(wrap_angles(error[:, 2]))
+    if constraints is None:
+        constraints = np.arange(graph.num_constraints)
+    errors = np.empty((2, constraints.size))
+    pose_residuals.residual_sizes(
+        constraints,
+        graph.kinds == ConstraintKind.NODE_TO_NODE,
+        graph.index_a,
+        graph.index_b,
+        graph.relative_poses,
+        graph.submap_poses,
+        graph.node_poses,
+        errors[0],
+        errors[1],
+    )
+    return errors[0], errors[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,22 +195,27 @@ def _descend(
     trial = poses.copy()  # vertices that are held are never written
     damping = least_damping = 0.0
     growth = _DAMPING_GROWTH
-    initial_cost = cost = system.linearize(poses, scale)
+    initial_cost = cost = system.linearize(poses, scale, damping)
+    is_ready, ready_for = True, damping  # the system is at `poses`, nodes eliminated, so damped
     converged = cost <= _VANISHING_COST
     iterations = 0
     while not converged and iterations < options.max_iterations and damping <= _MAX_DAMPING:
         iterations += 1
-        predicted, definite = system.solve() if system.reduce(damping) else (0.0, False)
+        if not is_ready or ready_for != damping:
+            system.linearize(poses, scale, damping)
+        predicted, definite = system.solve(damping)
+        is_ready, ready_for = definite, damping
         if not definite:
             damping = least_damping = max(_DAMPING_GROWTH * damping, _FIRST_DAMPING)
             continue
         system.move(poses, trial)
-        trial_cost = system.linearize(trial, scale)
+        is_ready = predicted > _LAST_STEP * cost and iterations < options.max_iterations
+        trial_cost = system.linearize(trial, scale, damping, eliminate=is_ready)
         if not trial_cost < cost:
             converged = predicted <= tolerance * cost
             damping = max(growth * damping, _FIRST_DAMPING)
             growth *= 2.0
-            system.linearize(poses, scale)
+            is_ready = False
             continue
         decrease = cost - trial_cost
         # what the model of an undamped step was wrong by is about what the next one could gain
@@ -185,29 +230,46 @@ def _descend(
 
 
 def _graduate(
-    system: ReducedSystem, poses: FloatArray, scale: float, options: AdjustmentOptions
+    graph: PoseGraph,
+    system: ReducedSystem,
+    poses: FloatArray,
+    scale: float,
+    options: AdjustmentOptions,
 ) -> _Run:
     """Graduated non-convexity: alternate weights and poses while the loss hardens step by step."""
-    initial_cost = system.linearize(poses, scale)
-    losses = system.losses.copy()
-    robust = losses != NO_LOSS
-    system.losses[:] = NO_LOSS
+    initial_cost = system.linearize(poses, scale, eliminate=False)
+    losses = system.loss_of_kind.copy()
+    robust = (losses != NO_LOSS)[graph.kinds]
+    system.loss_of_kind[losses != NO_LOSS] = GIVEN
+    weights = np.ones(graph.num_constraints)
+    system.set_weights(weights)
     run = _descend(system, poses, scale, options)
     iterations = run.iterations
-    weights = np.ones(int(robust.sum()))
-    if weights.size > 0:
-        mu = initial_convexity(system.squared_residuals(poses)[robust], scale)
+    if robust.any():
+        mu = initial_convexity(_squared_residuals(graph, poses)[robust], scale)
         while np.isfinite(mu) and iterations < options.max_iterations * 10:
-            system.rows[robust, -1] = 1.0
-            weights = truncated_weights(system.squared_residuals(poses)[robust], scale, mu)
-            system.rows[robust, -1] = weights
+            squared = _squared_residuals(graph, poses)[robust]
+            weights[robust] = truncated_weights(squared, scale, mu)
+            system.set_weights(weights)
             run = _descend(system, poses, scale, options)
             iterations += run.iterations
             if np.all((weights == 0.0) | (weights == 1.0)):
                 break
             mu *= _GRADUATION
-    system.rows[robust, -1] = 1.0
-    system.losses[:] = losses
-    cost = system.linearize(poses, scale)
-    system.weights[robust] = weights
+    system.loss_of_kind[:] = losses
+    cost = system.linearize(poses, scale, eliminate=False)
+    system.set_weights(weights)
     return _Run(cost, initial_cost, iterations, run.converged)
+
+
+def _squared_residuals(graph: PoseGraph, poses: FloatArray) -> FloatArray:
+    """Return E^2 (eq. 4) of every constraint, poses of shape (num_vertices, 3)."""
+    squared = np.empty(graph.num_constraints)
+    pose_residuals.squared_residuals(
+        poses,
+        np.column_stack((np.cos(poses[:, 2]), np.sin(poses[:, 2]))),
+        *constraint_ends(graph),
+        measured_rows(graph, np.arange(graph.num_constraints)),
+        squared,
+    )
+    return squared

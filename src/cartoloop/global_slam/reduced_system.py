@@ -8,87 +8,19 @@ Schur complement) or *kept* (solved for by sparse Cholesky factorization).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.global_slam.factorization import Factorization
+from cartoloop.global_slam.packed_nodes import PackedNodes
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.kernels import (
-    block_cholesky,
-    cholesky_structure,
-    pose_residuals,
-    schur_complement,
-    schur_structure,
-)
-from cartoloop.kernels.cholesky_ordering import minimum_degree
-from cartoloop.kernels.pose_residuals import LINEAR_SIZE, ROW_SIZE
+from cartoloop.kernels import kept_constraints, pose_residuals, schur_structure
+from cartoloop.kernels.pose_residuals import LINEAR_SIZE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_MAX_ZEROS_OF_A_FRONT = 8
-"""Blocks of zeros that merging small fronts may store: 0 to 64 were tried on the public graphs."""
-
-
-@dataclass(frozen=True)
-class Fronts:
-    """The plan of the factorization; see :mod:`cartoloop.kernels.cholesky_structure`."""
-
-    order: IntArray
-    group_begin: IntArray
-    row_begin: IntArray
-    rows: IntArray
-    factor_begin: IntArray
-    place_in_parent: IntArray
-    num_children: IntArray
-    target: IntArray
-    stride: IntArray
-    transposed: IntArray
-    depth: IntArray
-    even_size: int
-    odd_size: int
-    max_width: int
-
-
-def plan_factorization(row_begin: IntArray, columns: IntArray) -> Fronts:
-    """Return how to factor a system with these blocks above its diagonal.
-
-    Parameters
-    ----------
-    row_begin : int64, shape (n + 1,).
-    columns : int64, block columns of row k in columns[row_begin[k]:row_begin[k + 1]], all > k.
-    """
-    begin, neighbours = schur_structure.both_halves(row_begin, columns)
-    order, group_begin, num_groups = minimum_degree(begin, neighbours)
-    group_begin = group_begin[: num_groups + 1]
-    front_begin, _, parent = cholesky_structure.front_rows(begin, neighbours, order, group_begin)
-    order, group_begin = cholesky_structure.merge_small_fronts(
-        order, group_begin, front_begin, parent, _MAX_ZEROS_OF_A_FRONT
-    )
-    front_begin, rows, parent = cholesky_structure.front_rows(begin, neighbours, order, group_begin)
-    factor_begin, place_in_parent, num_children, depth, even_size, odd_size, max_width = (
-        cholesky_structure.plan_fronts(group_begin, front_begin, rows, parent)
-    )
-    target, stride, transposed = cholesky_structure.place_blocks(
-        row_begin, columns, order, group_begin, front_begin, rows, factor_begin
-    )
-    return Fronts(
-        order,
-        group_begin,
-        front_begin,
-        rows,
-        factor_begin,
-        place_in_parent,
-        num_children,
-        target,
-        stride,
-        transposed,
-        depth,
-        even_size,
-        odd_size,
-        max_width,
-    )
+_NONE = np.zeros(0, dtype=np.int64)
 
 
 def constraint_ends(graph: PoseGraph) -> tuple[IntArray, IntArray]:
@@ -114,222 +46,182 @@ def held_vertices(graph: PoseGraph, vertex_a: IntArray, vertex_b: IntArray) -> N
     return held
 
 
-def _aligned(size: int) -> FloatArray:
-    """Return an uninitialised array that begins a cache line: factorization is twice as fast."""
-    numbers = np.empty(size + 7)
-    first = -(numbers.ctypes.data // 8) % 8
-    return numbers[first : first + size]
+def kept_nodes(graph: PoseGraph) -> IntArray:
+    """Return the nodes that cannot be eliminated one by one: tied to other nodes, or fixed."""
+    is_kept = np.zeros(graph.num_nodes, dtype=bool)
+    between_nodes = graph.kinds == ConstraintKind.NODE_TO_NODE
+    is_kept[graph.index_a[between_nodes]] = True
+    is_kept[graph.index_b[between_nodes]] = True
+    is_kept[list(graph.fixed_nodes)] = True
+    return np.flatnonzero(is_kept)
+
+
+def measured_rows(graph: PoseGraph, constraints: IntArray) -> FloatArray:
+    """Return constraints as :mod:`cartoloop.kernels.pose_residuals` reads them, shape (n, 9)."""
+    rows = np.empty((constraints.size, pose_residuals.ROW_SIZE))
+    informations = graph.informations.reshape(-1, 9)
+    kept_constraints.fill_rows(constraints, graph.relative_poses, informations, rows)
+    return rows
 
 
 class ReducedSystem:
     """Linearises a pose graph's constraints, solves for a step and takes it; allocates once.
 
-    Call :meth:`linearize`, :meth:`reduce`, :meth:`solve` and :meth:`move` in this order.
+    Call :meth:`linearize`, :meth:`solve` and :meth:`move` in this order.
+
+    Parameters
+    ----------
+    graph : what is adjusted.
+    packed : the constraints of its nodes that can be eliminated.
 
     Attributes
     ----------
-    order : which constraint of the graph each of ours is, shape (num_constraints,).
-    rows : ours, see :mod:`cartoloop.kernels.pose_residuals`; the last column may be written to.
-    losses : which loss acts on each of ours.
-    weights : rho' of each of ours, as of the last evaluation.
+    loss_of_kind : which loss acts on which kind of constraint, shape (num_kinds,); may be written.
     """
 
-    def __init__(self, graph: PoseGraph, loss_of_kind: IntArray) -> None:
-        vertex_a, vertex_b = constraint_ends(graph)
-        self._classify(graph, vertex_a, vertex_b)
-        begin, order, kept_order = schur_structure.sort_by_node(
-            vertex_a, vertex_b, self._eliminated_of_vertex, self._kept_of_vertex, self.nodes.size
-        )
-        self._begin = begin
-        self._split = order.size
-        self.order = np.concatenate((order, kept_order))
-        count = self.order.size
-        self.rows = np.empty((count, ROW_SIZE))
-        self.losses = np.empty(count, dtype=np.int64)
-        self._vertex_a = np.empty(count, dtype=np.int64)
-        self._vertex_b = np.empty(count, dtype=np.int64)
-        schur_structure.pack_constraints(
-            self.order,
-            vertex_a,
-            vertex_b,
-            graph.kinds,
-            graph.relative_poses,
-            graph.informations.reshape(-1, 9),
-            loss_of_kind,
-            self._vertex_a,
-            self._vertex_b,
-            self.rows,
-            self.losses,
-        )
-        kept_a = self._kept_of_vertex[self._vertex_a]
-        self._node_kept_a, self._kept_a = kept_a[: self._split], kept_a[self._split :]
-        self._kept_b = self._kept_of_vertex[self._vertex_b[self._split :]]
-        self._pair_slots, self._slots, row_begin, columns = schur_structure.couple_kept_vertices(
-            self.kept.size, begin, self._node_kept_a, self._kept_a, self._kept_b
-        )
-        self._fronts = plan_factorization(row_begin, columns)
-        self._allocate(graph.num_submaps + graph.num_nodes, columns.size)
-
-    def _classify(self, graph: PoseGraph, vertex_a: IntArray, vertex_b: IntArray) -> None:
-        """Decide which vertices are held, kept and eliminated."""
-        m = graph.num_submaps
+    def __init__(self, graph: PoseGraph, packed: PackedNodes, loss_of_kind: IntArray) -> None:
+        self.loss_of_kind = loss_of_kind.copy()
+        self._packed = packed
+        self._num_submaps = m = graph.num_submaps
         num_vertices = m + graph.num_nodes
-        held = held_vertices(graph, vertex_a, vertex_b)
-        tied = np.zeros(num_vertices, dtype=bool)
-        tied[:m] = True
-        between_nodes = graph.kinds == ConstraintKind.NODE_TO_NODE
-        tied[vertex_a[between_nodes]] = True
-        tied[vertex_b[between_nodes]] = True
-        self.kept = np.flatnonzero(tied & ~held)
-        self.nodes = np.flatnonzero(~tied & ~held)
-        self._kept_of_vertex = np.full(num_vertices, self.kept.size, dtype=np.int64)
-        self._kept_of_vertex[self.kept] = np.arange(self.kept.size)
-        self._eliminated_of_vertex = np.full(num_vertices, -1, dtype=np.int64)
-        self._eliminated_of_vertex[self.nodes] = np.arange(self.nodes.size)
-        self._turning = np.flatnonzero(tied | held)
-
-    def _allocate(self, num_vertices: int, num_couplings: int) -> None:
-        num_kept, fronts = self.kept.size, self._fronts
-        most = int(np.diff(self._begin).max(initial=1))
-        self._squared = np.empty(self.order.size)
-        self._linear = np.empty((self.order.size, LINEAR_SIZE))
-        self._rotations = np.empty((num_vertices, 2))
-        self._blocks = np.empty((num_kept + 1 + num_couplings, 9))
-        self._gradient = np.empty((num_kept + 1, 3))
-        self._steps = np.zeros((num_kept + 1, 3))
-        self._couplings = np.empty((most, 9))
-        self._node_factors = np.empty((self.nodes.size, 9))
-        self.weights = np.ones(self.order.size)
-        self._factor = _aligned(int(fronts.factor_begin[-1]))
-        self._diagonal = np.empty((num_kept, 3))
-        self._even_stack = _aligned(fronts.even_size)
-        self._odd_stack = _aligned(fronts.odd_size)
-        self._waiting = np.empty(fronts.num_children.size, dtype=np.int64)
-        self._scratch = np.empty(3 * fronts.max_width)
-        self._damping = 0.0
-        self._node_decrease = 0.0
-
-    def squared_residuals(self, poses: FloatArray) -> FloatArray:
-        """Return E^2 (eq. 4) of each of our constraints; valid until the next call."""
-        schur_complement.rotations_of(poses, self._turning, self._rotations)
-        pose_residuals.squared_residuals(
-            poses, self._rotations, self._vertex_a, self._vertex_b, self.rows, self._squared
+        is_kept = np.zeros(graph.num_nodes, dtype=bool)
+        is_kept[packed.kept_nodes] = True
+        self._ids = np.flatnonzero(is_kept[graph.index_b]) if packed.kept_nodes.size else _NONE
+        self._kinds = graph.kinds[self._ids]
+        self._rows = measured_rows(graph, self._ids)
+        between_nodes = self._kinds == ConstraintKind.NODE_TO_NODE
+        self._vertex_a = graph.index_a[self._ids] + np.where(between_nodes, m, 0)
+        self._vertex_b = graph.index_b[self._ids] + m
+        self._choose_kept(graph)
+        self._kept_a = self._kept_of_vertex[self._vertex_a]
+        self._kept_b = self._kept_of_vertex[self._vertex_b]
+        self._slot_blocks, self._edge_blocks, row_begin, columns = (
+            schur_structure.couple_kept_vertices(
+                self.kept.size,
+                self._kept_of_vertex,
+                packed.windows,
+                packed.slot_ends,
+                self._vertex_a,
+                self._vertex_b,
+            )
         )
-        return self._squared
+        self._factorization = Factorization(row_begin, columns)
+        self._linear = np.empty((self._ids.size, LINEAR_SIZE))
+        self._weights = np.ones(self._ids.size)
+        self._rotations = np.empty((num_vertices, 2))
+        self._blocks = np.empty((self.kept.size + 1 + columns.size, 9))
+        self._gradient = np.empty((self.kept.size + 1, 3))
+        self._steps = np.zeros((self.kept.size + 1, 3))
+        self._node_decrease, self._definite = 0.0, False
 
-    def linearize(self, poses: FloatArray, scale: float) -> float:
+    def _choose_kept(self, graph: PoseGraph) -> None:
+        """Decide which submaps, and which nodes that are not packed, are kept, and which held."""
+        m, packed = self._num_submaps, self._packed
+        slot_ends = schur_structure.slots_in_use(packed.windows, packed.slot_ends)
+        # nodes that are packed connect nothing that these slots do not
+        held = held_vertices(
+            graph,
+            np.concatenate((slot_ends[:, 0], self._vertex_a)),
+            np.concatenate((slot_ends[:, 1], self._vertex_b)),
+        )
+        self._turning = np.concatenate((np.arange(m), m + packed.kept_nodes))
+        self.kept = self._turning[~held[self._turning]]
+        self._kept_of_vertex = np.full(held.size, self.kept.size, dtype=np.int64)
+        self._kept_of_vertex[self.kept] = np.arange(self.kept.size)
+
+    def linearize(
+        self, poses: FloatArray, scale: float, damping: float = 0.0, *, eliminate: bool = True
+    ) -> float:
         """Replace the constraints by quadratic models at these poses; return the cost (eq. SPA).
 
         Parameters
         ----------
         poses : of all vertices, shape (num_vertices, 3) [m, m, rad].
         scale : of the loss, in units of E.
+        damping : share of the diagonal that is added to it (Marquardt).
+        eliminate : False if only the cost and the weights are wanted: :meth:`solve` cannot follow.
         """
-        schur_complement.rotations_of(poses, self._turning, self._rotations)
-        return pose_residuals.linearize_constraints(
+        kept_constraints.rotations_of(poses, self._turning, self._rotations)
+        cost, self._node_decrease, self._definite = self._packed.linearize(
+            poses,
+            self._rotations[: self._num_submaps],
+            self.loss_of_kind,
+            scale,
+            damping,
+            eliminate,
+        )
+        cost += pose_residuals.linearize_constraints(
             poses,
             self._rotations,
             self._vertex_a,
             self._vertex_b,
-            self.rows,
-            self.losses,
+            self._rows,
+            self.loss_of_kind[self._kinds],
             scale,
             self._linear,
-            self.weights,
+            self._weights,
         )
+        return cost
 
-    def reduce(self, damping: float) -> bool:
-        """Build the reduced normal equations of the linearised constraints.
-
-        Parameters
-        ----------
-        damping : share of the diagonal that is added to it (Marquardt).
-
-        Returns
-        -------
-        definite : whether every eliminated node could be factored; if not, damp more.
-        """
-        self._blocks.fill(0.0)
-        self._gradient.fill(0.0)
-        self._damping = damping
-        self._node_decrease, definite = schur_complement.eliminate_nodes(
-            self._begin,
-            self._node_kept_a,
-            self._linear[: self._split],
-            damping,
-            self._pair_slots,
-            self._couplings,
-            self._blocks,
-            self._gradient,
-            self._node_factors,
-        )
-        schur_complement.add_kept_constraints(
-            self._kept_a,
-            self._kept_b,
-            self._linear[self._split :],
-            self._slots,
-            self._blocks,
-            self._gradient,
-        )
-        return definite
-
-    def solve(self) -> tuple[float, bool]:
-        """Solve the reduced normal equations for the step.
+    def solve(self, damping: float) -> tuple[float, bool]:
+        """Solve the reduced normal equations for the step, damped as in :meth:`linearize`.
 
         Returns
         -------
         decrease : of the cost, as the (damped) quadratic model predicts it.
-        definite : whether the system could be factored; if not, damp more.
+        definite : whether the system could be factored; if not, linearise with more damping.
         """
-        fronts = self._fronts
-        block_cholesky.assemble_blocks(
-            self._blocks,
-            self.kept.size,
-            self._damping,
-            fronts.target,
-            fronts.stride,
-            fronts.transposed,
-            self._factor,
-            self._diagonal,
-        )
-        if not block_cholesky.factor_fronts(
-            fronts.order,
-            fronts.group_begin,
-            fronts.row_begin,
-            fronts.place_in_parent,
-            fronts.num_children,
-            fronts.depth,
-            fronts.factor_begin,
-            self._diagonal,
-            self._even_stack,
-            self._odd_stack,
-            self._waiting,
-            self._factor,
-        ):
+        if not self._definite:
             return 0.0, False
-        decrease = block_cholesky.solve_fronts(
-            fronts.order,
-            fronts.group_begin,
-            fronts.row_begin,
-            fronts.rows,
-            fronts.factor_begin,
-            self._factor,
+        self._blocks.fill(0.0)
+        self._gradient.fill(0.0)
+        packed = self._packed
+        kept_constraints.sum_windows(
+            packed.windows,
+            packed.slot_ends,
+            self._slot_blocks,
+            packed.sums,
+            self._blocks,
             self._gradient,
-            self._scratch,
-            self._steps,
         )
-        return decrease + self._node_decrease, True
+        kept_constraints.add_kept_constraints(
+            self._kept_a,
+            self._kept_b,
+            self._linear,
+            self._edge_blocks,
+            self._blocks,
+            self._gradient,
+        )
+        decrease, definite = self._factorization.solve(
+            self._blocks, self._gradient, damping, self._steps
+        )
+        return decrease + self._node_decrease, definite
 
     def move(self, poses: FloatArray, out_poses: FloatArray) -> None:
-        """Write the poses after the step into `out_poses`, save those of vertices that are held."""
-        schur_complement.move_vertices(
+        """Write the poses after the step into `out_poses`, save those of vertices that are held.
+
+        Parameters
+        ----------
+        poses : of the last call of :meth:`linearize`.
+        out_poses : shape (num_vertices, 3).
+        """
+        m = self._num_submaps
+        kept_constraints.move_vertices(poses, self.kept, self._steps, out_poses)
+        self._packed.move(
             poses,
-            self.kept,
-            self._steps,
-            self.nodes,
-            self._begin,
-            self._node_kept_a,
-            self._linear,
-            self._node_factors,
+            self._rotations[:m],
+            self._steps[self._kept_of_vertex[:m]],
             out_poses,
         )
+
+    def weights(self, num_constraints: int) -> FloatArray:
+        """Return rho' of all constraints as of the last linearisation."""
+        weights = np.ones(num_constraints)
+        self._packed.read_weights(weights)
+        weights[self._ids] = self._weights
+        return weights
+
+    def set_weights(self, weights: FloatArray) -> None:
+        """Set the weights of constraints whose loss is `GIVEN`; shape (num_constraints,)."""
+        self._packed.set_weights(weights)
+        self._weights[:] = weights[self._ids]

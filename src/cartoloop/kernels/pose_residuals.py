@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Residual, loss and linearisation of one constraint of sparse pose adjustment (eq. SPA, 4, 5).
 
-A constraint is one row of ten numbers: tf_a_b as measured (x, y, theta), the upper half of its
-information matrix in the frame of a (xx, xy, xt, yy, yt, tt) and a factor on that matrix.
+A constraint is one row of nine numbers: tf_a_b as measured (x, y, theta) and the upper half of its
+information matrix in the frame of a (xx, xy, xt, yy, yt, tt). Here constraints are worked through
+one by one; those of nodes that hang on submaps alone are, the same way,
+eight at a time, in :mod:`cartoloop.kernels.node_elimination`.
 
 Notes
 -----
@@ -33,8 +35,10 @@ HUBER = 1
 CAUCHY = 2
 DYNAMIC_COVARIANCE_SCALING = 3
 TRUNCATED = 4
+GIVEN = 5
+"""No loss: the weight is what the caller has set."""
 
-ROW_SIZE = 10
+ROW_SIZE = 9
 LINEAR_SIZE = 11
 
 _TURN = 2.0 * math.pi
@@ -104,19 +108,19 @@ def turned_residual(
 
 @kernel
 def turned_information(
-    cos_a: float, sin_a: float, factor: float, xx: float, xy: float, xt: float, yy: float, yt: float
+    cos_a: float, sin_a: float, xx: float, xy: float, xt: float, yy: float, yt: float
 ) -> tuple[float, float, float, float, float]:
     """Return xx, xy, xt, yy, yt of an information matrix turned from the frame of a to the map's.
 
-    `factor` multiplies it; the last element, tt, only needs that.
+    The last element, tt, stays what it is.
     """
-    cos2, sin2, cross = factor * cos_a * cos_a, factor * sin_a * sin_a, factor * cos_a * sin_a
+    cos2, sin2, cross = cos_a * cos_a, sin_a * sin_a, cos_a * sin_a
     return (
         cos2 * xx + sin2 * yy - 2.0 * cross * xy,
         cross * (xx - yy) + (cos2 - sin2) * xy,
-        factor * (cos_a * xt - sin_a * yt),
+        cos_a * xt - sin_a * yt,
         sin2 * xx + cos2 * yy + 2.0 * cross * xy,
-        factor * (sin_a * xt + cos_a * yt),
+        sin_a * xt + cos_a * yt,
     )
 
 
@@ -136,12 +140,12 @@ def squared_residuals(
     poses : float64, shape (num_vertices, 3) [m, m, rad], map frame.
     rotations : float64, shape (num_vertices, 2), cosine and sine where a constraint starts.
     vertex_a, vertex_b : int64, shape (n,).
-    rows : float64, shape (n, 10).
+    rows : float64, shape (n, 9).
     out_squared : float64, shape (n,).
     """
     for e in range(rows.shape[0]):
         a, b = vertex_a[e], vertex_b[e]
-        cos_a, sin_a, factor = rotations[a, 0], rotations[a, 1], rows[e, 9]
+        cos_a, sin_a = rotations[a, 0], rotations[a, 1]
         ex, ey, et = turned_residual(
             poses[b, 0] - poses[a, 0],
             poses[b, 1] - poses[a, 1],
@@ -153,15 +157,63 @@ def squared_residuals(
             rows[e, 2],
         )
         xx, xy, xt, yy, yt = turned_information(
-            cos_a, sin_a, factor, rows[e, 3], rows[e, 4], rows[e, 5], rows[e, 6], rows[e, 7]
+            cos_a, sin_a, rows[e, 3], rows[e, 4], rows[e, 5], rows[e, 6], rows[e, 7]
         )
-        tt = factor * rows[e, 8]
+        tt = rows[e, 8]
         squared = (
             ex * (xx * ex + 2.0 * (xy * ey + xt * et))
             + ey * (yy * ey + 2.0 * yt * et)
             + tt * et * et
         )
         out_squared[e] = max(squared, 0.0)  # rounding may leave a semidefinite form below it
+
+
+@kernel
+def residual_sizes(
+    constraints: IntArray,
+    between_nodes: NDArray[np.bool_],
+    index_a: IntArray,
+    index_b: IntArray,
+    relative_poses: FloatArray,
+    submap_poses: FloatArray,
+    node_poses: FloatArray,
+    out_translation: FloatArray,
+    out_rotation: FloatArray,
+) -> None:
+    """Write the lengths of the two parts of e of eq. (5) of some constraints into the outputs (n,).
+
+    Parameters
+    ----------
+    constraints : int64, shape (n,), which.
+    between_nodes : bool, shape (num_constraints,), whether a is a node, not a submap.
+    index_a, index_b, relative_poses : of the graph, shapes (num_constraints,) and (.., 3).
+    submap_poses, node_poses : float64, shapes (num_submaps, 3), (num_nodes, 3) [m, m, rad].
+    """
+    submap_rotations = np.empty((submap_poses.shape[0], 2))
+    for a in range(submap_poses.shape[0]):
+        submap_rotations[a, 0] = math.cos(submap_poses[a, 2])
+        submap_rotations[a, 1] = math.sin(submap_poses[a, 2])
+    for i in range(constraints.size):
+        c = constraints[i]
+        a, b = index_a[c], index_b[c]
+        if between_nodes[c]:
+            ax, ay, at = node_poses[a, 0], node_poses[a, 1], node_poses[a, 2]
+            cos_a, sin_a = math.cos(at), math.sin(at)
+        else:
+            ax, ay, at = submap_poses[a, 0], submap_poses[a, 1], submap_poses[a, 2]
+            cos_a, sin_a = submap_rotations[a, 0], submap_rotations[a, 1]
+        ex, ey, et = turned_residual(
+            node_poses[b, 0] - ax,
+            node_poses[b, 1] - ay,
+            node_poses[b, 2] - at,
+            cos_a,
+            sin_a,
+            relative_poses[c, 0],
+            relative_poses[c, 1],
+            relative_poses[c, 2],
+        )
+        out_translation[i] = math.sqrt(ex * ex + ey * ey)
+        out_rotation[i] = abs(et)
 
 
 @kernel
@@ -184,7 +236,7 @@ def linearize_constraints(
     losses : int64, shape (n,), and scale : float64, see :func:`robust_loss`.
     out_linear : float64, shape (n, 11): d_x, d_y; b = w I e' (3); A = w I (xx, xy, xt, yy, yt, tt),
         with w = rho'(E^2) and I the information matrix in the map frame.
-    out_weights : float64, shape (n,), w.
+    out_weights : float64, shape (n,), w; where the loss is `GIVEN`, it is read.
 
     Notes
     -----
@@ -196,19 +248,23 @@ def linearize_constraints(
     cost = 0.0
     for e in range(rows.shape[0]):
         a, b = vertex_a[e], vertex_b[e]
-        cos_a, sin_a, factor = rotations[a, 0], rotations[a, 1], rows[e, 9]
+        cos_a, sin_a = rotations[a, 0], rotations[a, 1]
         dx, dy = poses[b, 0] - poses[a, 0], poses[b, 1] - poses[a, 1]
         ex, ey, et = turned_residual(
             dx, dy, poses[b, 2] - poses[a, 2], cos_a, sin_a, rows[e, 0], rows[e, 1], rows[e, 2]
         )
         xx, xy, xt, yy, yt = turned_information(
-            cos_a, sin_a, factor, rows[e, 3], rows[e, 4], rows[e, 5], rows[e, 6], rows[e, 7]
+            cos_a, sin_a, rows[e, 3], rows[e, 4], rows[e, 5], rows[e, 6], rows[e, 7]
         )
-        tt = factor * rows[e, 8]
+        tt = rows[e, 8]
         bx = xx * ex + xy * ey + xt * et
         by = xy * ex + yy * ey + yt * et
         bt = xt * ex + yt * ey + tt * et
-        rho, weight = robust_loss(losses[e], scale, max(ex * bx + ey * by + et * bt, 0.0))
+        squared = max(ex * bx + ey * by + et * bt, 0.0)
+        if losses[e] == GIVEN:
+            rho, weight = out_weights[e] * squared, out_weights[e]
+        else:
+            rho, weight = robust_loss(losses[e], scale, squared)
         cost += 0.5 * rho
         out_weights[e] = weight
         out_linear[e, 0] = dx

@@ -50,186 +50,92 @@ def first_vertex_of_component(
 
 
 @kernel
-def sort_by_node(
-    vertex_a: IntArray,
-    vertex_b: IntArray,
-    eliminated_of_vertex: IntArray,
-    kept_of_vertex: IntArray,
-    num_eliminated: int,
-) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the constraints of each node that is eliminated, and those between kept vertices.
-
-    Parameters
-    ----------
-    vertex_a, vertex_b : int64, shape (num_constraints,).
-    eliminated_of_vertex : int64, shape (num_vertices,), rank among the eliminated, else -1.
-    kept_of_vertex : int64, shape (num_vertices,), row in the reduced system.
-    num_eliminated : int64.
-
-    Returns
-    -------
-    begin : int64, shape (num_eliminated + 1,).
-    order : int64, constraints begin[i]:begin[i + 1] of eliminated node i, their submaps ascending.
-    kept_order : int64, the other constraints, ascending.
-    """
-    begin = np.zeros(num_eliminated + 1, dtype=np.int64)
-    num_kept = 0
-    for i in range(vertex_b.size):
-        node = eliminated_of_vertex[vertex_b[i]]
-        if node < 0:
-            num_kept += 1
-        else:
-            begin[node + 1] += 1
-    for node in range(num_eliminated):
-        begin[node + 1] += begin[node]
-    filled = begin.copy()
-    order = np.empty(vertex_b.size - num_kept, dtype=np.int64)
-    kept_order = np.empty(num_kept, dtype=np.int64)
-    num_kept = 0
-    for i in range(vertex_b.size):
-        node = eliminated_of_vertex[vertex_b[i]]
-        if node < 0:
-            kept_order[num_kept] = i
-            num_kept += 1
-            continue
-        key = kept_of_vertex[vertex_a[i]]
-        place = filled[node]
-        while place > begin[node] and kept_of_vertex[vertex_a[order[place - 1]]] > key:
-            order[place] = order[place - 1]
-            place -= 1
-        order[place] = i
-        filled[node] += 1
-    return begin, order, kept_order
-
-
-@kernel
-def pack_constraints(
-    order: IntArray,
-    vertex_a: IntArray,
-    vertex_b: IntArray,
-    kinds: IntArray,
-    relative_poses: FloatArray,
-    informations: FloatArray,
-    loss_of_kind: IntArray,
-    out_vertex_a: IntArray,
-    out_vertex_b: IntArray,
-    out_rows: FloatArray,
-    out_losses: IntArray,
-) -> None:
-    """Write constraints, in the given order, into the rows that the pose kernels read.
-
-    Parameters
-    ----------
-    order : int64, shape (n,).
-    vertex_a, vertex_b, kinds : int64, shape (num_constraints,).
-    relative_poses : float64, shape (num_constraints, 3).
-    informations : float64, shape (num_constraints, 9), row by row.
-    loss_of_kind : int64, shape (num_kinds,), which loss acts on which kind of constraint.
-    out_vertex_a, out_vertex_b, out_losses : int64, shape (n,).
-    out_rows : float64, shape (n, 10), see :mod:`cartoloop.kernels.pose_residuals`.
-    """
-    for i in range(order.size):
-        c = order[i]
-        out_vertex_a[i] = vertex_a[c]
-        out_vertex_b[i] = vertex_b[c]
-        out_losses[i] = loss_of_kind[kinds[c]]
-        out_rows[i, 0] = relative_poses[c, 0]
-        out_rows[i, 1] = relative_poses[c, 1]
-        out_rows[i, 2] = relative_poses[c, 2]
-        out_rows[i, 3] = informations[c, 0]
-        out_rows[i, 4] = informations[c, 1]
-        out_rows[i, 5] = informations[c, 2]
-        out_rows[i, 6] = informations[c, 4]
-        out_rows[i, 7] = informations[c, 5]
-        out_rows[i, 8] = informations[c, 8]
-        out_rows[i, 9] = 1.0
+def slots_in_use(windows: IntArray, slot_ends: IntArray) -> IntArray:
+    """Return the ends (n, 2) of all slots that belong to a window, see :func:`pack_windows`."""
+    count = 0
+    for w in range(windows.shape[0]):
+        count += windows[w, 3] - windows[w, 2]
+    ends = np.empty((count, 2), dtype=np.int64)
+    count = 0
+    for w in range(windows.shape[0]):
+        for s in range(windows[w, 2], windows[w, 3]):
+            ends[count, 0] = slot_ends[s, 0]
+            ends[count, 1] = slot_ends[s, 1]
+            count += 1
+    return ends
 
 
 @kernel
 def couple_kept_vertices(
-    num_kept: int, begin: IntArray, kept_ends: IntArray, kept_a: IntArray, kept_b: IntArray
+    num_kept: int,
+    kept_of_vertex: IntArray,
+    windows: IntArray,
+    slot_ends: IntArray,
+    vertex_a: IntArray,
+    vertex_b: IntArray,
 ) -> tuple[IntArray, IntArray, IntArray, IntArray]:
-    """Return which blocks the reduced system has, and which of them each constraint adds to.
+    """Return which blocks the reduced system has, and to which of them all that is summed is added.
 
     Parameters
     ----------
     num_kept : int64, rows of the reduced system; the number itself stands for vertices held.
-    begin : int64, shape (num_eliminated + 1,).
-    kept_ends : int64, shape (begin[-1],), of the constraints sorted by node.
-    kept_a, kept_b : int64, shape (n,), ends of the constraints between kept vertices.
+    kept_of_vertex : int64, shape (num_vertices,), row in the reduced system, ascending.
+    windows, slot_ends : int64, see :func:`pack_windows`.
+    vertex_a, vertex_b : int64, shape (n,), ends of the constraints between kept vertices.
 
     Returns
     -------
-    pair_slots : int64, block of every pair of constraints of one node: (0, 1), (0, 2), (1, 2), ...
-    slots : int64, shape (n,), block of every constraint between kept vertices.
+    slot_blocks : int64, shape (num_slots,), block of every slot of the windows.
+    blocks : int64, shape (n,), block of every constraint between kept vertices.
     row_begin : int64, shape (num_kept + 1,).
-    columns : int64: columns[row_begin[k]:row_begin[k + 1]] > k are coupled with k; block
-        row_begin[k] + i of them has slot num_kept + 1 + row_begin[k] + i.
+    columns : int64: columns[row_begin[k]:row_begin[k + 1]] > k are coupled with k; number i of
+        all has block num_kept + 1 + i.
     """
-    num_sorted = kept_ends.size
-    last = np.empty(num_sorted, dtype=np.int64)
-    pair_begin = np.empty(num_sorted, dtype=np.int64)  # where the pairs of e begin, less the node's
-    num_pairs = 0
-    for n in range(begin.size - 1):
-        for e in range(begin[n], begin[n + 1]):
-            last[e] = begin[n + 1]
-            pair_begin[e] = num_pairs - begin[n]
-            num_pairs += e - begin[n]
-    incident_begin, incident = _by_value(kept_ends, num_kept + 1)
-    lower = np.empty(kept_a.size, dtype=np.int64)
-    upper = np.empty(kept_a.size, dtype=np.int64)
-    for e in range(kept_a.size):
-        lower[e] = min(kept_a[e], kept_b[e])
-        upper[e] = max(kept_a[e], kept_b[e])
-    direct_begin, direct = _by_value(lower, num_kept + 1)
-    pair_slots = filled(num_pairs, num_kept)
-    slots = filled(kept_a.size, num_kept)
+    slot_blocks = filled(slot_ends.shape[0], num_kept)
+    blocks = filled(vertex_a.size, num_kept)
+    begin = np.zeros(num_kept + 2, dtype=np.int64)
+    for w in range(windows.shape[0]):
+        for s in range(windows[w, 2], windows[w, 3]):
+            begin[kept_of_vertex[slot_ends[s, 0]] + 1] += 1
+    for e in range(vertex_a.size):
+        begin[kept_of_vertex[min(vertex_a[e], vertex_b[e])] + 1] += 1
+    for k in range(num_kept + 1):
+        begin[k + 1] += begin[k]
+    end = begin.copy()
+    upper = np.empty(begin[num_kept + 1], dtype=np.int64)
+    source = np.empty(begin[num_kept + 1], dtype=np.int64)  # a slot, or -1 - constraint
+    for w in range(windows.shape[0]):
+        for s in range(windows[w, 2], windows[w, 3]):
+            k = kept_of_vertex[slot_ends[s, 0]]
+            upper[end[k]] = kept_of_vertex[slot_ends[s, 1]]
+            source[end[k]] = s
+            end[k] += 1
+    for e in range(vertex_a.size):
+        k = kept_of_vertex[min(vertex_a[e], vertex_b[e])]
+        upper[end[k]] = kept_of_vertex[max(vertex_a[e], vertex_b[e])]
+        source[end[k]] = -1 - e
+        end[k] += 1
     row_begin = np.zeros(num_kept + 1, dtype=np.int64)
-    columns = np.empty(num_pairs + kept_a.size, dtype=np.int64)
-    slot_of = np.empty(num_kept + 1, dtype=np.int64)
+    columns = np.empty(upper.size, dtype=np.int64)
+    block_of = np.empty(num_kept + 1, dtype=np.int64)
     seen_by = filled(num_kept + 1, -1)
-    slot_of[num_kept] = num_kept
     count = 0
     for k in range(num_kept):
-        seen_by[num_kept] = k
-        seen_by[k] = k
-        slot_of[k] = k
-        for i in range(incident_begin[k], incident_begin[k + 1]):
-            e = incident[i]
-            for f in range(e + 1, last[e]):
-                other = kept_ends[f]
-                if seen_by[other] != k:
-                    seen_by[other] = k
-                    slot_of[other] = num_kept + 1 + count
-                    columns[count] = other
-                    count += 1
-                pair_slots[pair_begin[f] + e] = slot_of[other]
-        for i in range(direct_begin[k], direct_begin[k + 1]):
-            other = upper[direct[i]]
+        seen_by[k] = seen_by[num_kept] = k
+        block_of[k], block_of[num_kept] = k, num_kept
+        for i in range(begin[k], begin[k + 1]):
+            other = upper[i]
             if seen_by[other] != k:
                 seen_by[other] = k
-                slot_of[other] = num_kept + 1 + count
+                block_of[other] = num_kept + 1 + count
                 columns[count] = other
                 count += 1
-            slots[direct[i]] = slot_of[other]
+            if source[i] >= 0:
+                slot_blocks[source[i]] = block_of[other]
+            else:
+                blocks[-1 - source[i]] = block_of[other]
         row_begin[k + 1] = count
-    return pair_slots, slots, row_begin, columns[:count]
-
-
-@kernel
-def _by_value(values: IntArray, num_values: int) -> tuple[IntArray, IntArray]:
-    """Return where 0 to num_values - 1 begin in a stable sort of `values`, and the sort."""
-    begin = np.zeros(num_values + 1, dtype=np.int64)
-    for i in range(values.size):
-        begin[values[i] + 1] += 1
-    for value in range(num_values):
-        begin[value + 1] += begin[value]
-    filled = begin.copy()
-    order = np.empty(values.size, dtype=np.int64)
-    for i in range(values.size):
-        order[filled[values[i]]] = i
-        filled[values[i]] += 1
-    return begin, order
+    return slot_blocks, blocks, row_begin, columns[:count]
 
 
 @kernel
