@@ -4,9 +4,14 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 from pathlib import Path
 
+import numpy as np
+
+from cartoloop.sensor.events import LaserScan
 from cartoloop.simulation import corridor, simulate
+from cartoloop.simulation.lidar import Lidar
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -19,7 +24,7 @@ def load(name):
 
 
 def test_every_example_is_tested():
-    tested = {"map_a_recording", "feed_your_own_scans"}
+    tested = {"map_a_recording", "feed_your_own_scans", "own_reader"}
     assert {path.stem for path in EXAMPLES.glob("*.py")} == tested
 
 
@@ -37,3 +42,21 @@ def test_feed_your_own_scans(capsys):
 
     assert error < 0.05
     assert "200 scans mapped" in capsys.readouterr().out
+
+
+def test_own_reader(tmp_path, capsys):
+    lidar = Lidar(num_beams=120, angle_min=0.0, angle_increment=math.radians(3.0), no_return=30.0)
+    drive = simulate(corridor(), lidar, seed=1, duration=10.0)
+    with (tmp_path / "my.log").open("w") as file:
+        for k, scan in enumerate(e for e in drive.events() if isinstance(e, LaserScan)):
+            ranges = np.where(scan.ranges < 30.0, scan.ranges, 0.0)
+            x, y, theta = drive.true_poses[k]
+            pose = f"{1e3 * x:.0f} {1e3 * y:.0f} {math.degrees(theta):.1f}"
+            numbers = " ".join(f"{100 * r:.0f}" for r in ranges)
+            print(f"SCAN {1e3 * scan.stamp:.0f} | {pose} | {numbers}", file=file)
+        print("SCAN 99999 | here", file=file)
+
+    load("own_reader").main(str(tmp_path / "my.log"), str(tmp_path / "out"))
+
+    assert (tmp_path / "out" / "map.png").exists()
+    assert "skipped: {'damaged line': 1}" in capsys.readouterr().out

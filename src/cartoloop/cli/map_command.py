@@ -55,7 +55,7 @@ def map_command(
     port: PortOption = None,
     speed: SpeedOption = None,
 ) -> None:
-    """Map a recording: CARMEN log, ROS 1 bag, or ROS 2 recording (folder, .mcap, .db3)."""
+    """Map a recording: CARMEN log, ROS 1 bag, ROS 2 recording (folder, .mcap, .db3), CSV."""
     layers = parse_layers(draw)
     require_view(view, host=host, port=port, speed=speed)
     options = read_options(scan_topics, odom_topic, imu_topic, urdf, laser_pose, echo)

@@ -9,11 +9,24 @@ from pathlib import Path
 from cartoloop.errors import InputError
 from cartoloop.readers.carmen import CarmenLog
 from cartoloop.readers.chain import LogChain
+from cartoloop.readers.line_log import LineError, LineFormat, LineLog, Reading, head_of
 from cartoloop.readers.log import Log, Problem
 from cartoloop.readers.options import ReadOptions
+from cartoloop.readers.source import Source
 from cartoloop.sensor.events import SensorEvent
 
-__all__ = ["Log", "Problem", "ReadOptions", "open_log", "open_logs", "read"]
+__all__ = [
+    "LineError",
+    "LineFormat",
+    "LineLog",
+    "Log",
+    "Problem",
+    "ReadOptions",
+    "Reading",
+    "open_log",
+    "open_logs",
+    "read",
+]
 
 
 def read(path: str | Path, options: ReadOptions | None = None) -> Iterator[SensorEvent]:
@@ -37,8 +50,8 @@ def open_log(path: str | Path, options: ReadOptions | None = None) -> Log:
 
     Parameters
     ----------
-    path : a CARMEN log, plain or gzip; a ROS 1 bag; a ROS 2 recording: its folder, .db3 or .mcap
-        file. What it is, is found out from its content.
+    path : a CARMEN, DP-SLAM, tinySLAM or CSV text log, plain or gzip; a ROS 1 bag; a ROS 2
+        recording: its folder, .db3 or .mcap file. What it is, is found out from its content.
     options : what you know better than the recording.
 
     Raises
@@ -60,7 +73,20 @@ def open_log(path: str | Path, options: ReadOptions | None = None) -> Log:
             f"{path}: is no ROS recording, so {options.bag_only[0]} means nothing here; "
             "leave it out"
         )
-    return CarmenLog(path, laser_pose=options.laser_pose)
+    return _open_text(Source(path), options)
+
+
+def _open_text(source: Source, options: ReadOptions) -> Log:
+    """Return a text recording by its first lines."""
+    from cartoloop.readers.csv_log import CSV
+    from cartoloop.readers.dpslam import DPSLAM
+    from cartoloop.readers.tinyslam import TINYSLAM
+
+    head = head_of(source)
+    for line_format in (DPSLAM, TINYSLAM, CSV):
+        if line_format.recognise(head):
+            return LineLog(source, line_format, laser_pose=options.laser_pose)
+    return CarmenLog(source, laser_pose=options.laser_pose)
 
 
 def open_logs(paths: Sequence[str | Path], options: ReadOptions | None = None) -> Log:

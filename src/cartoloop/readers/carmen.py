@@ -40,12 +40,13 @@ from cartoloop.readers.carmen_lines import (
     parse_stamp,
     read_scan_line,
 )
+from cartoloop.readers.line_times import line_times, note_damage, note_times
 from cartoloop.readers.log import Problem, Problems
 from cartoloop.readers.source import Source
 from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry, SensorEvent
 from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.sensor_profile import SensorProfile, profile_sensor
-from cartoloop.sensor.time_repair import TimeReport, jump_length, repair_times, times_between
+from cartoloop.sensor.time_repair import TimeReport
 
 FloatArray = NDArray[np.float64]
 GeometryKey = tuple[bytes, int, tuple[bytes, ...]]
@@ -61,7 +62,7 @@ class CarmenLog:
 
     Parameters
     ----------
-    path : the file, plain or gzip.
+    source : the file, plain or gzip, or its path.
     laser_pose : where the main scanner sits on the robot, if the log is not to be asked.
 
     Attributes
@@ -74,8 +75,8 @@ class CarmenLog:
         If the file cannot be read, is no CARMEN log, or holds no usable scan.
     """
 
-    def __init__(self, path: str | Path, *, laser_pose: Pose | None = None) -> None:
-        self._source = Source(path)
+    def __init__(self, source: Source | str | Path, *, laser_pose: Pose | None = None) -> None:
+        self._source = source if isinstance(source, Source) else Source(source)
         self.name = self._source.name
         self._found = Problems()  # while opening; does not change any more
         self._index = index_log(self._source)
@@ -205,28 +206,8 @@ class CarmenLog:
     def _repair_times(self) -> tuple[FloatArray, TimeReport]:
         """Return a time for each line with an event, NaN for others, and what was wrong."""
         index = self._index
-        times = np.full(len(index.kinds), np.nan)
-        for tag in reversed(self._tags):  # the main scanner last: its report is the log's
-            lines = np.flatnonzero(index.kinds == scan_kind(tag))
-            times[lines], report = repair_times(index.stamps[lines])
-        scans = np.flatnonzero(np.isfinite(times))
-        times[scans] = np.maximum.accumulate(times[scans])
-        odom = np.flatnonzero(index.kinds == ODOM)
-        if len(odom):
-            times[odom] = times_between(
-                index.stamps[odom], odom, index.stamps[scans], times[scans], scans
-            )
-        # Scans may pause while odometry goes on: it is a gap only where both are silent.
-        events = np.flatnonzero(np.isfinite(times))
-        silence = np.diff(times[events])
-        gaps = np.flatnonzero(silence > jump_length(report.period))
-        report = replace(
-            report,
-            gaps=tuple(events[gaps + 1].tolist()),
-            gap_lengths=tuple(silence[gaps].tolist()),
-            resets=tuple(lines[list(report.resets)].tolist()),
-        )
-        return times, report
+        scans = [np.flatnonzero(index.kinds == scan_kind(tag)) for tag in self._tags]
+        return line_times(index.stamps, scans, np.flatnonzero(index.kinds == ODOM))
 
     def _find_offset(self, tag: bytes) -> Pose:
         """Return where the scanner sits, from the scans' two poses or else from PARAM lines."""
@@ -281,22 +262,8 @@ class CarmenLog:
 
     def _note_what_was_found(self) -> None:
         """Turn what opening found into problems."""
-        if self._source.damage:
-            last = len(self._index.kinds)
-            self._found.add(
-                "error",
-                f"{self.name}:{last}: {self._source.damage} after this line; "
-                "what precedes is used, fetch the file again for the rest",
-            )
-        report = self.time_report
-        if not report.is_sound:
-            self._found.add("warning", f"{self.name}: {report.describe()}; file order is kept")
-        for line, length in zip(report.gaps, report.gap_lengths, strict=True):
-            message = f"nothing was recorded for {length:.6g} s before this line"
-            self._found.add("warning", self._at(line, message), "gap")
-        for line in report.resets:
-            message = "the clock starts anew at this line; times go on from the line before"
-            self._found.add("warning", self._at(line, message), "reset")
+        note_damage(self._found, self._source, len(self._index.kinds))
+        note_times(self._found, self.name, self.time_report)
         beams = self.profile.num_beams
         if self._tags[0] == b"FLASER" and beams not in _CUSTOMARY_BEAMS:
             self._found.add(
@@ -336,8 +303,9 @@ class CarmenLog:
         if (kinds == ODOM).any() or (kinds == IGNORED).any():
             return f"{path}: holds no laser scans; record FLASER or ROBOTLASER1 lines"
         return (
-            f"{path}: is no CARMEN log (no line starts with FLASER, ROBOTLASER1, ODOM); "
-            "give a CARMEN text log, plain or gzip"
+            f"{path}: is no CARMEN log (no line starts with FLASER, ROBOTLASER1, ODOM), nor any "
+            "other recording that is known; give a CARMEN, DP-SLAM, tinySLAM or CSV text log, "
+            "plain or gzip, or a ROS bag"
         )
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from array import array
 from dataclasses import dataclass, field
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,17 +35,19 @@ REAR_TAGS = (b"ROBOTLASER2", b"RLASER", b"RAWLASER2")
 _GROUP = 3  # successive scans, for the estimate of noise
 _MAX_SAMPLE = 192  # groups
 
+Scan = TypeVar("Scan")
 
-class ScanSample:
+
+class ScanSample(Generic[Scan]):
     """Some of the scans' lines, in groups of three, spread evenly over all that were offered."""
 
     def __init__(self) -> None:
-        self.lines: list[tuple[int, bytes]] = []
+        self.lines: list[tuple[int, Scan]] = []
         self._num_offered = 0
         self._stride = 1
 
-    def offer(self, number: int, line: bytes) -> None:
-        """Take the line number and the line if its turn has come."""
+    def offer(self, number: int, line: Scan) -> None:
+        """Take the line number and the line (or what is in it) if its turn has come."""
         group = self._num_offered // _GROUP
         self._num_offered += 1
         if group % self._stride:
@@ -71,7 +74,7 @@ class LogIndex:
     kinds: KindArray
     stamps: FloatArray
     params: dict[str, float] = field(default_factory=dict)
-    samples: dict[bytes, ScanSample] = field(default_factory=dict)
+    samples: dict[bytes, ScanSample[bytes]] = field(default_factory=dict)
 
     def count(self, tag: bytes) -> int:
         """Return how many scan lines there are of a tag."""
@@ -96,7 +99,7 @@ def scan_kind(tag: bytes) -> int:
 def index_log(source: Source) -> LogIndex:
     """Return what each line of the log is."""
     kinds, stamps = bytearray(), array("d")
-    samples = {tag: ScanSample() for tag in SCAN_TAGS}
+    samples: dict[bytes, ScanSample[bytes]] = {tag: ScanSample() for tag in SCAN_TAGS}
     kind_of_tag = {tag: scan_kind(tag) for tag in SCAN_TAGS}
     params: dict[str, float] = {}
     for number, line in enumerate(source.lines()):

@@ -77,7 +77,8 @@ class Source:
             )
         if b"\x00" in head[:65536]:
             raise InputError(
-                f"{self.path}: is binary, not a CARMEN log; give a CARMEN text log, plain or gzip"
+                f"{self.path}: is binary, and no ROS bag; "
+                "give a ROS bag, or a text log, plain or gzip"
             )
 
     def _load(self) -> None:
