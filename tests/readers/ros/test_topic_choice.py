@@ -59,6 +59,17 @@ def test_several_scanners_are_used_each_with_its_pose_if_asked_for(tmp_path):
     assert log.num_scans == len(scans_of(log)) == 24
 
 
+def test_all_level_scanners_of_known_place_are_used_the_front_one_first(tmp_path):
+    log = open_log(recording(tmp_path, TWO, MOUNTINGS))
+    assert list(log.profiles) == ["/scan", "/back_scan"]
+    assert {scan.geometry.sensor for scan in scans_of(log)} == {"/scan", "/back_scan"}
+    assert "at x -0.40, y 0.00, z 0.30 m" in reason(log, "/back_scan")
+    (tmp_path / "drive.bag").unlink()
+    log = open_log(recording(tmp_path, TWO, MOUNTINGS[:2]))
+    assert list(log.profiles) == ["/scan"]
+    assert reason(log, "/back_scan") == "no transform from base_footprint to back"
+
+
 def test_a_topic_that_is_not_there_is_named_with_those_that_are(tmp_path):
     path = recording(tmp_path, TWO, MOUNTINGS)
     with pytest.raises(InputError, match=r"/laser holds no scans; there is .*/scan"):

@@ -169,12 +169,6 @@ def _choose_scanners(
             continue
         choice.findings += _moving(way, stream)
         _use(choice, stream, pose, _where(choice, stream, pose))
-    if not asked:
-        for scanner in choice.scanners[1:]:
-            choice.reasons[scanner.stream.topic] = (
-                f"{choice.scanners[0].stream.topic} is used; --scan-topic for this one"
-            )
-        del choice.scanners[1:]
     for stream, tilt in tilted:
         told = f"its plane is tilted by {math.degrees(tilt):.0f} deg"
         if choice.scanners:
