@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from cartoloop.readers import Log
     from cartoloop.viewer.view import LiveView
 
-COMPILE_TIME_S = 30
+COMPILE_TIME_S = 20
 """About how long compiling all kernels takes."""
 
 _MAX_PROBLEMS_SHOWN = 5

@@ -31,6 +31,22 @@ _MAX_CELLS = 2**29  # 2.5 GB while composing; buildings need a hundredth of it
 _MARGIN_CELLS = 5
 
 
+@dataclass(frozen=True, slots=True)
+class MapFrame:
+    """Where the cells of a map lie: how many rows, and the rest as in `OccupancyMap`."""
+
+    num_rows: int
+    origin_x: float
+    origin_y: float
+    resolution: float
+
+    def to_pixels(self, points_map: FloatArray) -> FloatArray:
+        """Return points (n, 2) [m, map frame] as image (column, row), 0 at the top left corner."""
+        column = (points_map[:, 0] - self.origin_x) / self.resolution
+        row = self.num_rows - (points_map[:, 1] - self.origin_y) / self.resolution
+        return np.column_stack((column, row))
+
+
 @dataclass(frozen=True)
 class OccupancyMap:
     """The map as a grid.
@@ -47,11 +63,14 @@ class OccupancyMap:
     origin_y: float
     resolution: float
 
+    @property
+    def frame(self) -> MapFrame:
+        """Where the cells lie, without them."""
+        return MapFrame(len(self.probability), self.origin_x, self.origin_y, self.resolution)
+
     def to_pixels(self, points_map: FloatArray) -> FloatArray:
         """Return points (n, 2) [m, map frame] as image (column, row), 0 at the top left corner."""
-        column = (points_map[:, 0] - self.origin_x) / self.resolution
-        row = len(self.probability) - (points_map[:, 1] - self.origin_y) / self.resolution
-        return np.column_stack((column, row))
+        return self.frame.to_pixels(points_map)
 
 
 def compose_map(

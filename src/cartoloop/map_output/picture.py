@@ -57,46 +57,66 @@ def draw_map(
     -----
     Small maps are enlarged and large ones reduced, both smoothly, so that walls are not stairs.
     """
-    shaded = _shaded(occupancy_map.probability)
-    zoom = _zoom(max(shaded.size))
-    size = (max(1, round(shaded.width * zoom)), max(1, round(shaded.height * zoom)))
-    if size != shaded.size:
-        shaded = shaded.resize(size, Image.Resampling.BICUBIC)
-    canvas = Image.new(
-        "RGB", (max(size[0], 480) + 2 * _MARGIN, size[1] + _MARGIN + _FOOTER), BACKGROUND
-    )
-    offset = np.array(((canvas.width - size[0]) // 2, _MARGIN), dtype=np.float64)
-    canvas.paste(shaded, (int(offset[0]), int(offset[1])))
-    del shaded  # as large as the canvas
-
-    def to_canvas(points_map: FloatArray) -> FloatArray:
-        return occupancy_map.to_pixels(points_map) * zoom + offset
-
-    legend: list[tuple[str, Colour]] = []
-    if closures is not None:
-        ends = np.hstack((to_canvas(closures[:, :2]), to_canvas(closures[:, 2:])))
-        _draw_lines(canvas, ends.reshape(-1, 2, 2), CLOSURE_COLOUR, width=1, opacity=0.35)
-        legend.append((f"{len(closures)} loop closures", CLOSURE_COLOUR))
-    if trajectory is not None:
-        path = to_canvas(trajectory[:, :2])[np.newaxis]
-        _draw_lines(canvas, path, TRAJECTORY_COLOUR, width=2, opacity=0.75)
-        legend.append(("trajectory", TRAJECTORY_COLOUR))
-    _draw_footer(canvas, zoom / occupancy_map.resolution, legend)
-    return canvas
+    picture = MapPicture(occupancy_map)
+    picture.draw(trajectory=trajectory, closures=closures)
+    return picture.canvas
 
 
-def _shaded(probability: NDArray[np.float32]) -> Image.Image:
-    """Return the picture of the cells alone, a pixel each."""
+class MapPicture:
+    """A picture that has no more need of the map it was made of, which is as large.
+
+    Attributes
+    ----------
+    canvas : the picture, in RGB.
+    """
+
+    def __init__(self, occupancy_map: OccupancyMap) -> None:
+        rows, cols = occupancy_map.probability.shape
+        self._frame = occupancy_map.frame
+        self._zoom = zoom = _zoom(max(rows, cols))
+        size = (max(1, round(cols * zoom)), max(1, round(rows * zoom)))
+        canvas_size = (max(size[0], 480) + 2 * _MARGIN, size[1] + _MARGIN + _FOOTER)
+        self.canvas = Image.new("RGB", canvas_size, BACKGROUND)
+        left = (self.canvas.width - size[0]) // 2
+        self._offset = np.array((left, _MARGIN), dtype=np.float64)
+        if size == (cols, rows):
+            _shade(occupancy_map.probability, self.canvas, (left, _MARGIN))
+        else:
+            shaded = Image.new("RGB", (cols, rows))
+            _shade(occupancy_map.probability, shaded, (0, 0))
+            self.canvas.paste(shaded.resize(size, Image.Resampling.BICUBIC), (left, _MARGIN))
+
+    def draw(self, *, trajectory: FloatArray | None, closures: FloatArray | None) -> None:
+        """Draw what there is, see `draw_map`, and tell what it is and how large."""
+        legend: list[tuple[str, Colour]] = []
+        if closures is not None:
+            ends = np.hstack((self._to_canvas(closures[:, :2]), self._to_canvas(closures[:, 2:])))
+            lines = ends.reshape(-1, 2, 2)
+            _draw_lines(self.canvas, lines, CLOSURE_COLOUR, width=1, opacity=0.35)
+            legend.append((f"{len(closures)} loop closures", CLOSURE_COLOUR))
+        if trajectory is not None:
+            path = self._to_canvas(trajectory[:, :2])[np.newaxis]
+            _draw_lines(self.canvas, path, TRAJECTORY_COLOUR, width=2, opacity=0.75)
+            legend.append(("trajectory", TRAJECTORY_COLOUR))
+        _draw_footer(self.canvas, self._zoom / self._frame.resolution, legend)
+
+    def _to_canvas(self, points_map: FloatArray) -> FloatArray:
+        return self._frame.to_pixels(points_map) * self._zoom + self._offset
+
+
+def _shade(
+    probability: NDArray[np.float32], out_image: Image.Image, left_top: tuple[int, int]
+) -> None:
+    """Draw the cells alone, a pixel each, into a part of an image."""
     # A table of colours, for a map may have tens of millions of pixels.
     table = palette()
-    num_rows, num_cols = probability.shape
-    shaded = Image.new("RGB", (num_cols, num_rows))
+    left, top = left_top
+    num_rows = len(probability)
     for first in range(0, num_rows, _STRIP_ROWS):
         part = probability[first : first + _STRIP_ROWS][::-1]
         level = np.where(part < 0.0, np.float32(256.0), part * np.float32(255.0))
         pixels = table[np.rint(level).astype(np.int16)]
-        shaded.paste(Image.fromarray(pixels), (0, num_rows - first - len(part)))
-    return shaded
+        out_image.paste(Image.fromarray(pixels), (left, top + num_rows - first - len(part)))
 
 
 def palette() -> NDArray[np.uint8]:

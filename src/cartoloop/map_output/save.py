@@ -21,8 +21,8 @@ from cartoloop.map_file import schema as map_file
 from cartoloop.map_file.save import map_bytes
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
 from cartoloop.map_output.map_files import pgm_bytes, yaml_text
-from cartoloop.map_output.occupancy_map import OccupancyMap, compose_map
-from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer, draw_map
+from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer, MapPicture
 from cartoloop.map_output.text_files import g2o_text, tum_text
 
 if TYPE_CHECKING:
@@ -64,8 +64,10 @@ def save(
     options = result.config.map_output
     write_file(folder / "map.pgm", pgm_bytes(occupancy_map, options))
     write_file(folder / "map.yaml", yaml_text(occupancy_map, options, "map.pgm"))
-    write_file(folder / "map.png", _png_bytes(result, occupancy_map, layers))
-    del occupancy_map  # the largest of all, and the texts are not small either
+    picture = MapPicture(occupancy_map)
+    del occupancy_map  # the largest of all, and what follows is not small either
+    write_file(folder / "map.png", _png_bytes(result, picture, layers))
+    del picture
     write_file(folder / "trajectory.tum", tum_text(result.stamps, result.trajectory))
     write_file(folder / "local_trajectory.tum", tum_text(result.stamps, result.local_trajectory))
     write_file(folder / "graph.g2o", g2o_text(result.graph))
@@ -122,14 +124,13 @@ def write_file(path: Path, content: str | bytes) -> None:
         raise OutputError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _png_bytes(result: Result, occupancy_map: OccupancyMap, layers: Collection[Layer]) -> bytes:
-    picture = draw_map(
-        occupancy_map,
+def _png_bytes(result: Result, picture: MapPicture, layers: Collection[Layer]) -> bytes:
+    picture.draw(
         trajectory=result.trajectory if "trajectory" in layers else None,
         closures=_closure_ends(result.graph) if "closures" in layers else None,
     )
     buffer = io.BytesIO()
-    picture.save(buffer, format="png")
+    picture.canvas.save(buffer, format="png")
     return buffer.getvalue()
 
 
