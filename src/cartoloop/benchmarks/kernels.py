@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 from functools import partial
 
@@ -16,14 +15,17 @@ from cartoloop.benchmarks.adjustment.problem import OwnProgram, Problem
 from cartoloop.benchmarks.adjustment.synthetic_graphs import bipartite_graph
 from cartoloop.benchmarks.drives import DRIVES, Drive, drive, replay
 from cartoloop.benchmarks.environment import environment
+from cartoloop.benchmarks.input_kernels import INPUT_KERNELS, input_workloads
 from cartoloop.benchmarks.measuring import alternate
 from cartoloop.benchmarks.record import Case, Figure, Record, Row
-from cartoloop.config import CorrelativeMatcherConfig
+from cartoloop.benchmarks.workload import Workload
+from cartoloop.config import Config, CorrelativeMatcherConfig
 from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.chordal_initialization import initialize_from_constraints
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
 from cartoloop.global_slam.loop_closure import refine
+from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, constraint_residuals
 from cartoloop.kernels import exhaustive_search, plain_search
 from cartoloop.map_output.occupancy_map import compose_map
@@ -32,8 +34,6 @@ from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
 from cartoloop.sensor.pose import Pose, compose, relative, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
-from cartoloop.simulation import make_world
-from cartoloop.simulation.lidar import make_lidar, true_ranges
 from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
 from cartoloop.submaps.submap import Submap
 
@@ -51,31 +51,9 @@ DRIVE_KERNELS = (
     "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
     "finish", "precompute", "mean score", "branch and bound", "match again", "compose map",
 )  # fmt: skip
-GRAPH_KERNELS = ("adjust", "adjust, one step", "residuals", "chordal start")
-SIMULATION = "simulate a scan"
-KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, SIMULATION)
+GRAPH_KERNELS = ("adjust", "adjust, one step", "residuals", "chordal start", "ways")
+KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
 """The names of what is measured, by what they are measured on."""
-
-
-@dataclass(frozen=True, slots=True)
-class Workload:
-    """Something to time.
-
-    Attributes
-    ----------
-    kernel : name of the step.
-    modules : modules of ``cartoloop.kernels`` that it exercises.
-    case : the size of the problem.
-    call : does it once.
-    items : how many of `item` a call handles, for the time of one.
-    """
-
-    kernel: str
-    modules: tuple[str, ...]
-    case: Case
-    call: Callable[[], object]
-    items: int
-    item: str
 
 
 def run(repeats: int, only: Sequence[str] = ()) -> Record:
@@ -115,8 +93,9 @@ def workloads(only: Sequence[str] = KERNELS) -> Iterator[Workload]:
             yield from _submap_workloads(driven)
     if set(only) & set(GRAPH_KERNELS):
         yield from _graph_workloads()
-    if SIMULATION in only:
-        yield _simulation_workload()
+        yield _ways_workload()
+    if set(only) & set(INPUT_KERNELS):
+        yield from input_workloads()
 
 
 def _row(workload: Workload, repeats: int) -> Row:
@@ -281,13 +260,21 @@ def _graph_workloads() -> Iterator[Workload]:
         )  # fmt: skip
 
 
-def _simulation_workload() -> Workload:
-    world, lidar = make_world("museum"), make_lidar("backpack")
-    pose = np.array(((*world.route[0].tolist(), 0.3),))
+def _ways_workload() -> Workload:
+    """Return how far it is from the newest submap of the larger graph to all others."""
+    _, submaps, _ = GRAPHS[-1]
+    again = np.arange(submaps // 2)
+    closures = np.column_stack((again, again + submaps // 2))  # all of it was walked twice
+    travelled = np.arange(0.0, 17.0 * submaps, 17.0)
+    selection = PairSelection(Config().global_slam.constraint_search)
+
+    def find() -> None:
+        selection.update(travelled, closures)
+        selection.uncertain_length(submaps - 1, 0, 0.0, math.inf)
+
     return Workload(
-        SIMULATION, ("wall_ranges",), {"input": f"museum, {len(world.walls):,} walls"},
-        partial(true_ranges, world.walls, pose, lidar), lidar.num_beams, "beams",
-    )  # fmt: skip
+        "ways", ("shortest_ways",), {"input": f"{submaps} submaps"}, find, submaps, "submaps"
+    )
 
 
 def _growing(driven: Drive) -> Submap:
