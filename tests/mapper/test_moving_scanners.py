@@ -194,6 +194,28 @@ def test_odometry_that_is_reset_on_the_way_does_no_harm():
     assert error(result, recording) < 0.02
 
 
+@pytest.mark.parametrize(
+    "slips",
+    [
+        OdometryModel(slips_per_metre=0.5, slip_angle=0.3),
+        OdometryModel(skids_per_metre=0.3, skid_length=0.2),
+    ],
+    ids=["one wheel", "both"],
+)
+def test_wheels_that_slip_do_little_harm(slips):
+    recording = walk(rounds=1, scanners=[FRONT], odometry=slips)
+    assert error(mapped(recording.events()), recording) < 0.03
+
+
+@pytest.mark.parametrize("offset", [-0.2, 0.14, 0.64])
+def test_the_offset_of_the_odometry_s_clock_is_told(offset):
+    recording = walk(rounds=1, scanners=[FRONT], odometry=OdometryModel(time_offset=offset))
+    result = mapped(recording.events())
+    assert result.report.extra["odometry"]["time_offset_s"] == pytest.approx(offset, abs=0.02)
+    # Until the robot has turned enough to tell, the odometry misleads.
+    assert error(result, recording) < 0.06
+
+
 def test_what_the_imu_told_stands_in_the_report():
     recording = walk(
         rounds=1,

@@ -3,12 +3,19 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cartoloop.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cartoloop.simulation.recording import Recording
+    from cartoloop.simulation.rig_recording import RigRecording
 
 
 def simulate_command(
@@ -17,7 +24,9 @@ def simulate_command(
     ],
     out: Annotated[
         Path,
-        typer.Option("-o", "--out", metavar="LOG", help="CARMEN log; .gz at the end compresses."),
+        typer.Option(
+            "-o", "--out", metavar="LOG", help="CARMEN log, .gz compresses it; .bag: a ROS 1 bag."
+        ),
     ],
     seed: Annotated[int, typer.Option(min=0, help="Of the world and of all noise.")] = 0,
     lidar: Annotated[
@@ -35,6 +44,14 @@ def simulate_command(
             help="With wheel odometry or without; museum and flat have none by default.",
         ),
     ] = None,
+    tilt_deg: Annotated[
+        float,
+        typer.Option(metavar="DEG", help="Carried by a walker who sways so far; needs a .bag."),
+    ] = 0.0,
+    distort: Annotated[
+        bool,
+        typer.Option("--distort", help="Measure beam by beam while moving; needs a .bag."),
+    ] = False,
     duration: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="Instead of all of the way.")
     ] = None,
@@ -58,19 +75,18 @@ def simulate_command(
     if twice := sorted(path for path in set(paths) if paths.count(path) > 1):
         raise ConfigError(f"{twice[0]}: cannot hold two outputs: give each a name of its own")
 
-    from cartoloop.simulation import make_lidar, make_world, simulate
+    if (tilt_deg or distort) and out.suffix != ".bag":
+        raise ConfigError(
+            f"{out}: a CARMEN log holds no IMU and no time of beams: give --out a name on .bag"
+        )
 
-    recording = simulate(
-        make_world(world, seed),
-        lidar=None if lidar is None else make_lidar(lidar),
-        with_odometry=odometry,
-        seed=seed,
-        duration=duration,
+    recording, write_log = _recording(
+        world, seed, lidar, odometry, duration, out, tilt_deg, distort
     )
     written: list[Path] = []
     for path, write in (
         (lines, recording.write_tape_lines),  # first, as not every world has any
-        (out, recording.write_carmen),
+        (out, write_log),
         (truth, recording.write_truth),
         (relations, recording.write_relations),
     ):
@@ -79,3 +95,36 @@ def simulate_command(
             written.append(path)
     seconds = recording.stamps[-1] - recording.stamps[0]
     typer.echo(f"{len(recording.stamps)} scans, {seconds:.0f} s: {', '.join(map(str, written))}")
+
+
+def _recording(
+    world: str,
+    seed: int,
+    lidar: str | None,
+    odometry: bool | None,
+    duration: float | None,
+    out: Path,
+    tilt_deg: float,
+    distort: bool,
+) -> tuple[Recording | RigRecording, Callable[[Path], None]]:
+    """Return what is asked for, and what writes its log; bags hold an IMU as well."""
+    from cartoloop.simulation import make_lidar, make_world, simulate
+
+    place = make_world(world, seed)
+    scanner = None if lidar is None else make_lidar(lidar)
+    if out.suffix != ".bag":
+        drive = simulate(place, scanner, with_odometry=odometry, seed=seed, duration=duration)
+        return drive, drive.write_carmen
+
+    from cartoloop.simulation.rig_recording import carry
+
+    walk = carry(
+        place,
+        scanner,
+        tilt=math.radians(tilt_deg),
+        distort=distort,
+        with_odometry=odometry,
+        seed=seed,
+        duration=duration,
+    )
+    return walk, walk.write_bag

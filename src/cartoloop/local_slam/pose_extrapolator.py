@@ -120,7 +120,11 @@ class PoseExtrapolator:
     def add_pose(
         self, time: float, tf_local_tracking: Pose, motion: SweepMotion | None = None
     ) -> None:
-        """Take in the pose of a scan as matched, and the motion during its sweep."""
+        """Take in the pose of a scan as matched, and the motion during its sweep.
+
+        A sweep is found as a whole: that its middle is where it is holds whatever the motion, and
+        so velocity, offsets and biases are read off the middles.
+        """
         middle_time, middle = _middle(time, tf_local_tracking, motion)
         if self._num_poses:
             self._velocity.update(relative(self._middle, middle), middle_time - self._middle_time)
@@ -128,11 +132,11 @@ class PoseExtrapolator:
         self._time, self._tf_local_tracking = time, tf_local_tracking
         self._num_poses += 1
         if len(self._odometry):
-            self._calibration.add(time, tf_local_tracking, self._odometry)
+            self._calibration.add(middle_time, middle, self._odometry)
         if self.imu is not None:
             x, y, rate = self._velocity.step(1.0)
             self.imu.note_standing(math.hypot(x, y) < STANDING_SPEED and abs(rate) < STANDING_RATE)
-            self.imu_calibration.add(time, tf_local_tracking, self.imu)
+            self.imu_calibration.add(middle_time, middle, self.imu)
 
     def predict(self, time: float) -> Prediction:
         """Return where the robot is expected at a time not before the last pose."""

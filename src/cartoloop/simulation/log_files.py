@@ -74,7 +74,7 @@ def write_relations(
     )
 
 
-def write_tape_lines(recording: Recording, path: Path) -> None:
+def write_tape_lines(recording: Recording | RigRecording, path: Path) -> None:
     """Write the world's tape lines, ``x1 y1 x2 y2 length`` [m] each, as a mapper's map shows them.
 
     That map begins with the identity at the first scan, so the true first pose is the frame.

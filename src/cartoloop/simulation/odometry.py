@@ -27,6 +27,8 @@ class OdometryModel:
     drift_noise : of the heading, for each square root of a metre driven [rad / sqrt(m)].
     slips_per_metre : how often a wheel slips [1/m].
     slip_angle : standard deviation of the heading's jump when it does [rad].
+    skids_per_metre : how often both wheels slip, and the way is told too long [1/m].
+    skid_length : how much of it, in the mean [m].
     time_offset : the odometry pose stored with a scan is this much newer than the scan [s].
     """
 
@@ -37,11 +39,17 @@ class OdometryModel:
     drift_noise: float = 0.004
     slips_per_metre: float = 0.02
     slip_angle: float = 0.03
+    skids_per_metre: float = 0.0
+    skid_length: float = 0.1
     time_offset: float = 0.0
 
     def __post_init__(self) -> None:
         sizes = (self.translation_noise, self.rotation_noise, self.drift_noise, self.slip_angle)
-        if min(*sizes, self.slips_per_metre, self.translation_scale, self.rotation_scale) < 0.0:
+        skids = (self.skids_per_metre, self.skid_length)
+        if (
+            min(*sizes, *skids, self.slips_per_metre, self.translation_scale, self.rotation_scale)
+            < 0.0
+        ):
             raise ConfigError("simulated odometry: scales, noise and slip must not be negative")
 
 
@@ -87,6 +95,10 @@ def odometry_poses(
     )
     slips = rng.poisson(model.slips_per_metre * distance)
     steps[:, 2] += rng.normal(size=len(steps)) * model.slip_angle * np.sqrt(slips)
+
+    if model.skids_per_metre > 0.0:
+        skids = rng.poisson(model.skids_per_metre * distance)
+        steps[:, 0] += skids * rng.exponential(model.skid_length, len(steps))
 
     headings = np.concatenate(([0.0], np.cumsum(steps[:, 2])))
     origin_turned = np.column_stack((np.zeros((len(steps), 2)), headings[:-1]))

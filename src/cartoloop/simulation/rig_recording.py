@@ -18,8 +18,8 @@ from cartoloop.sensor.pose import Pose
 from cartoloop.simulation.floor_plan import World
 from cartoloop.simulation.gait import Gait, body_poses
 from cartoloop.simulation.imu import ImuModel, imu_readings
-from cartoloop.simulation.lidar import RangeNoise
-from cartoloop.simulation.motion import Motion, drive
+from cartoloop.simulation.lidar import Lidar, RangeNoise
+from cartoloop.simulation.motion import Motion, delayed, drive
 from cartoloop.simulation.odometry import OdometryModel, odometry_poses
 from cartoloop.simulation.recording import START_STAMP
 from cartoloop.simulation.rig import MountedLidar, sweep_ranges
@@ -27,6 +27,8 @@ from cartoloop.simulation.rig import MountedLidar, sweep_ranges
 FloatArray = NDArray[np.float64]
 
 ODOMETRY_RATE = 20.0  # [Hz]
+STANDING_S = 3.0  # before a walk [s]
+BOUNCE = 0.015  # of a walker [m]
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,11 @@ class RigRecording:
     def name(self) -> str:
         """Of the world walked through."""
         return self.world.name
+
+    @property
+    def tape_lines(self) -> FloatArray:
+        """Of the world, float64, shape (num_lines, 4) [m], map frame."""
+        return self.world.tape_lines
 
     @property
     def stamps(self) -> FloatArray:
@@ -98,6 +105,12 @@ class RigRecording:
         from cartoloop.simulation.log_files import write_relations
 
         write_relations(self, Path(path), num_relations, seed)
+
+    def write_tape_lines(self, path: Path | str) -> None:
+        """Write where the world's tape lines are in the map of this recording."""
+        from cartoloop.simulation.log_files import write_tape_lines
+
+        write_tape_lines(self, Path(path))
 
     def _times_of(self, scanner: MountedLidar) -> FloatArray:
         last = self.duration - scanner.delay - scanner.sweep
@@ -192,4 +205,54 @@ def simulate_rig(
         raise ConfigError("simulated scanners: give each a name of its own")
     return RigRecording(
         world, motion, gait or Gait(), mounted, imu, odometry, duration, start_stamp, seed
+    )
+
+
+def carry(
+    world: World,
+    lidar: Lidar | None = None,
+    *,
+    tilt: float = 0.0,
+    distort: bool = False,
+    with_odometry: bool | None = None,
+    seed: int = 0,
+    duration: float | None = None,
+) -> RigRecording:
+    """Return the recording of somebody who carries a scanner and an IMU along a world's route.
+
+    Parameters
+    ----------
+    world : its walls, and the route.
+    lidar : the scanner; by default the world's.
+    tilt : the largest roll and pitch while walking [rad]; the walk starts after some seconds of
+        standing, as people do. 0: on wheels, level.
+    distort : whether beams are measured one after the other; all at once otherwise.
+    with_odometry : whether wheels tell the way; by default as the world has it, if it is level.
+    seed : of all noise.
+    duration : how long to record [s]; by default until the way is over.
+
+    Raises
+    ------
+    ConfigError
+        When `tilt` is negative or 45 degrees or more, or `duration` negative or not finite.
+    """
+    if not 0.0 <= tilt < math.radians(45.0):
+        raise ConfigError(
+            f"simulated tilt of {math.degrees(tilt):g} degrees: give 0 to 44, people sway by 8"
+        )
+    lidar = lidar or world.lidar
+    if with_odometry is None:
+        with_odometry = world.has_odometry and tilt == 0.0
+    # A scanner turns on behind its back.
+    sweep = lidar.field_of_view / math.tau / lidar.rate if distort else 0.0
+    standing = STANDING_S if tilt else 0.0
+    return simulate_rig(
+        world,
+        [MountedLidar(lidar, sweep=sweep)],
+        gait=Gait(tilt, BOUNCE if tilt else 0.0, standing),
+        imu=ImuModel(),
+        odometry=OdometryModel() if with_odometry else None,
+        seed=seed,
+        motion=delayed(drive(world.route, *world.pace), standing),
+        duration=duration,
     )

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``cartoloop simulate -o LOG.bag``: walkers and sweeps, which CARMEN logs cannot hold."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from cartoloop.cli.main import run
+from cartoloop.readers import open_log
+from cartoloop.sensor.events import Imu, LaserScan, Odometry
+
+
+def simulate(*args):
+    return run(["simulate", "corridor", "--duration", "6", *map(str, args)])
+
+
+def test_a_walker_s_bag_holds_an_imu_and_the_time_of_each_beam(tmp_path, capsys):
+    bag, truth = tmp_path / "walk.bag", tmp_path / "walk.tum"
+    assert simulate("-o", bag, "--tilt-deg", "8", "--distort", "--truth", truth) == 0
+    assert "30 scans, 6 s" in capsys.readouterr().out
+    events = list(open_log(bag))
+    scans = [event for event in events if isinstance(event, LaserScan)]
+    assert scans[0].geometry.time_increment > 0.0
+    tilted = [e for e in events if isinstance(e, Imu) and abs(e.linear_acceleration[1]) > 0.5]
+    assert tilted
+    assert not any(isinstance(event, Odometry) for event in events)
+    assert len(truth.read_text().splitlines()) == len(scans)
+
+
+def test_a_level_bag_holds_odometry(tmp_path):
+    bag = tmp_path / "drive.bag"
+    assert simulate("-o", bag) == 0
+    events = list(open_log(bag))
+    assert any(isinstance(event, Odometry) for event in events)
+    scans = [event for event in events if isinstance(event, LaserScan)]
+    assert scans[0].geometry.time_increment == 0.0
+    assert math.isclose(scans[-1].time - scans[0].time, 6.0)
+
+
+@pytest.mark.parametrize(
+    ("args", "reason"),
+    [
+        (("-o", "walk.log", "--tilt-deg", "8"), "give --out a name on .bag"),
+        (("-o", "walk.log.gz", "--distort"), "give --out a name on .bag"),
+        (("-o", "walk.bag", "--tilt-deg", "60"), "give 0 to 44"),
+        (
+            (
+                "-o",
+                "nowhere/walk.bag",
+            ),
+            "cannot be written",
+        ),
+    ],
+)
+def test_what_cannot_be_done_is_told(args, reason, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert simulate(*args) != 0
+    assert reason in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
