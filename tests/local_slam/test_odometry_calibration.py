@@ -228,3 +228,19 @@ def test_a_lever_arm_moves_the_tracking_frame_as_a_rigid_body(lever, start, step
     assert predicted == pytest.approx(relative(tracking, moved), abs=1e-9)
     back = compose(inverse(tracking), moved)
     assert math.hypot(predicted.x - back.x, predicted.y - back.y) < 1e-9
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    rotation_scale=st.floats(MIN_SCALE, MAX_SCALE),
+    yaw=st.floats(-0.3, 0.3),
+    lever=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)),
+)
+def test_many_predictions_equal_one_after_the_other_to_the_last_bit(
+    seed, rotation_scale, yaw, lever
+):
+    model = OdometryModel(0.0, rotation_scale, 1.1, yaw, *lever)
+    reported = np.random.default_rng(seed).normal(scale=(1.0, 0.2, 0.5), size=(20, 3))
+    each = [model.predict(Pose(*step)) for step in reported.tolist()]
+    assert model.predict_all(reported).tolist() == [list(pose) for pose in each]

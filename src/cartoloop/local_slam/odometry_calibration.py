@@ -69,6 +69,23 @@ class OdometryModel:
             theta,
         )
 
+    def predict_all(self, reported: FloatArray) -> FloatArray:
+        """Return what :meth:`predict` does for each row, shape (n, 3), equal to the last bit."""
+        theta = self.rotation_scale * reported[:, 2]
+        # numpy's sine and cosine differ from the C library's in the last digit.
+        cos = np.array([math.cos(angle) for angle in theta.tolist()]) - 1.0
+        sin = np.array([math.sin(angle) for angle in theta.tolist()])
+        along = self.translation_scale * math.cos(self.yaw)
+        across = self.translation_scale * math.sin(self.yaw)
+        x, y = reported[:, 0], reported[:, 1]
+        return np.column_stack(
+            (
+                along * x - across * y + cos * self.lever_x - sin * self.lever_y,
+                across * x + along * y + sin * self.lever_x + cos * self.lever_y,
+                theta,
+            )
+        )
+
 
 class OdometryCalibration:
     """Collects matched scan poses and estimates the :class:`OdometryModel` from them."""
@@ -133,8 +150,7 @@ def estimate(
     model = OdometryModel(
         offset, rotation_scale, *_scale_yaw_and_lever(reported[moving], steps[moving])
     )
-    predicted = np.array([model.predict(Pose(*step)) for step in reported[moving].tolist()])
-    errors = np.abs(predicted - steps[moving])
+    errors = np.abs(model.predict_all(reported[moving]) - steps[moving])
     return replace(
         model,
         rotation_error=float(np.median(errors[:, 2])),

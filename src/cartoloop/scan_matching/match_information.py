@@ -20,6 +20,9 @@ MIN_RESIDUAL = 0.03
 OPEN_INFORMATION = 1e-2
 """What is left along a direction that the scan leaves open [1/m^2], [1/rad^2]."""
 
+_OPEN = OPEN_INFORMATION * np.eye(3)
+_FLOOR = np.diag((MIN_SIGMA_M**2, MIN_SIGMA_M**2, MIN_SIGMA_RAD**2))
+
 
 def match_information(match: LeastSquaresMatch) -> FloatArray:
     """Return the inverse covariance of a match, shape (3, 3), in the grid's axes."""
@@ -41,7 +44,6 @@ def match_informations(curvatures: FloatArray, residuals: FloatArray) -> FloatAr
     residuals : root mean square of the points' residuals, shape (n,).
     """
     variances = np.maximum(residuals, MIN_RESIDUAL) ** 2
-    seen = curvatures / variances[:, np.newaxis, np.newaxis] + OPEN_INFORMATION * np.eye(3)
-    floor = np.diag((MIN_SIGMA_M**2, MIN_SIGMA_M**2, MIN_SIGMA_RAD**2))
-    information = np.linalg.inv(np.linalg.inv(seen) + floor)
+    seen = curvatures / variances[:, np.newaxis, np.newaxis] + _OPEN
+    information = np.linalg.inv(np.linalg.inv(seen) + _FLOOR)
     return 0.5 * (information + information.transpose(0, 2, 1))
