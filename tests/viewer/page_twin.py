@@ -178,7 +178,7 @@ def join(url, **options):
     return connect(socket, max_size=None, compression=None, **options)
 
 
-def look(connection, page=None, until=lambda page: page.is_complete, timeout=20.0):
+def look(connection, page=None, until=lambda page: page.is_complete, timeout=60.0):
     """Receive until the page knows enough, and return it."""
     page = page or Page()
     end = monotonic() + timeout

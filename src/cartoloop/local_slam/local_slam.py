@@ -11,6 +11,7 @@ from cartoloop.config import Config
 from cartoloop.local_slam.motion_filter import MotionFilter
 from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator, Prediction
 from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.scan_matching.match_information import match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
 from cartoloop.sensor.pose import FloatArray, Pose, compose, transform_points
@@ -40,12 +41,14 @@ class LocalSlamResult:
     was_matched : False where there were too few returns, so that the pose is as predicted.
     node : None unless the scan was inserted into the submaps.
     returns : float64, shape (n, 2), what it saw [m], tracking frame.
+    match : the match to the older active submap, None where it was not matched.
     """
 
     tf_local_tracking: Pose
     was_matched: bool
     node: Node | None
     returns: FloatArray
+    match: LeastSquaresMatch | None = None
 
 
 @dataclass(slots=True)
@@ -141,7 +144,13 @@ class LocalSlam:
             with self._timer.measure("insert"):
                 node = self._insert(scan.time, data, tf_local_tracking, information)
             scanner.is_in_map = True
-        return LocalSlamResult(tf_local_tracking, found is not None, node, data.returns)
+        return LocalSlamResult(
+            tf_local_tracking,
+            found is not None,
+            node,
+            data.returns,
+            None if found is None else found.match,
+        )
 
     def _match_again(
         self,

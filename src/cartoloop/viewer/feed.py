@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cartoloop.global_slam.loop_closure import LoopClosure
     from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
+    from cartoloop.scan_matching.least_squares import LeastSquaresMatch
     from cartoloop.submaps.finished_grid import FinishedGrid
 
 _NO_POINTS = np.zeros((0, 2))
@@ -87,6 +88,8 @@ class Update:
     found : all loop closures so far; to be read only up to `num_found`.
     node_points : of each node the returns that are sought in submaps; at least those of the nodes.
     rejected : loop closures taken out in the end.
+    match : of the last scan to the map, None where it was not matched.
+    last_information : inverse covariance of the last scan's pose, None unless it became a node.
     time : when this was [s, perf_counter].
     """
 
@@ -108,6 +111,7 @@ class Update:
     num_scans: int = 0
     pose: Pose = IDENTITY
     returns: FloatArray = field(default_factory=lambda: _NO_POINTS)
+    match: LeastSquaresMatch | None = None
     last_information: FloatArray | None = None
     tf_map_local: Pose = IDENTITY
     backlog: int = 0
@@ -180,6 +184,7 @@ class Feed:
             num_scans=mapper.num_scans,
             pose=mapper.pose,
             returns=last.returns,
+            match=last.match,
             last_information=last.node.information if last.node else None,
             tf_map_local=slam.tf_map_local,
             backlog=slam.search.backlog,

@@ -12,8 +12,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cartoloop.local_slam.scan_matcher import degenerate_direction
 from cartoloop.map_output.report import peak_memory_mb
-from cartoloop.sensor.pose import FloatArray
+from cartoloop.sensor.pose import FloatArray, wrap_angle
 from cartoloop.viewer.feed import Update
 
 Phase = Literal["starting", "mapping", "finishing", "finished", "failed"]
@@ -21,13 +22,15 @@ Phase = Literal["starting", "mapping", "finishing", "finished", "failed"]
 SILENT_AFTER_S = 2.0
 """A scanner that says nothing for so long is silent [s]."""
 
-UNCERTAIN_FROM_M = 0.1
-"""A direction in which the last node may be off by this (one standard deviation) is open [m]."""
+OPEN_RATIO = 0.16
+"""Scans that tell less than this share along a direction of what they tell across it leave it open:
+between bare walls, all that is left is the noise of the pixels, a tenth of it or a little more."""
 
 BEHIND_FROM = 100
 """So many searches are due at any time; only more than that is a backlog worth telling."""
 
 _RATE_OVER_S = 3.0
+_MEMORY = 0.1  # share of the newest scan
 
 _END_STATES = {
     "finishing": ("finishing", "closing the last loops"),
@@ -36,19 +39,41 @@ _END_STATES = {
 }
 
 
-def uncertain_direction(information: FloatArray) -> tuple[float, float]:
-    """Return the largest standard deviation of a position [m] and its direction [rad].
+def largest_deviation(information: FloatArray) -> float:
+    """Return the standard deviation of a position in its most uncertain direction [m].
 
     Parameters
     ----------
-    information : float64 (3, 3), inverse covariance of a pose; the direction is in its axes.
+    information : float64 (3, 3), inverse covariance of a pose.
     """
-    # what is known of the position whatever the heading: the Schur complement
-    across = information[:2, 2:]
-    position = information[:2, :2] - across @ across.T / max(float(information[2, 2]), 1e-12)
-    values, vectors = np.linalg.eigh(position)
-    deviation = 1.0 / math.sqrt(max(float(values[0]), 1e-12))
-    return deviation, math.atan2(vectors[1, 0], vectors[0, 0])
+    covariance = np.linalg.inv(information)
+    return math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[1]), 0.0))
+
+
+class OpenDirection:
+    """Whether scans leave a direction open, as in a corridor; a few scans count, not one.
+
+    Attributes
+    ----------
+    ratio : how much they tell along the direction of which they tell least, to how much across it.
+    direction : that direction, of the last scan [rad, map].
+    """
+
+    def __init__(self) -> None:
+        self.ratio = 1.0
+        self.direction = 0.0
+
+    def add(self, update: Update) -> None:
+        """Take in the last scan's match."""
+        if update.match is not None:
+            ratio, direction = degenerate_direction(update.match)
+            self.ratio += _MEMORY * (ratio - self.ratio)
+            self.direction = wrap_angle(direction + update.tf_map_local.theta)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the length of what is mapped is uncertain."""
+        return self.ratio < OPEN_RATIO
 
 
 class RealTimeFactor:
@@ -99,7 +124,8 @@ class Readings:
         self._wall_s: float | None = None
         self._factor = RealTimeFactor()
         self._last: Update | None = None
-        self._uncertain: tuple[float, float] | None = None
+        self._deviation: float | None = None
+        self._direction = OpenDirection()
 
     def add(self, update: Update) -> None:
         """Take in the newest update."""
@@ -108,8 +134,8 @@ class Readings:
         self._last = update
         self._factor.add(update.time - self._begun, update.recorded_s)
         if update.last_information is not None:
-            deviation, direction = uncertain_direction(update.last_information)
-            self._uncertain = deviation, direction + update.tf_map_local.theta
+            self._deviation = largest_deviation(update.last_information)
+        self._direction.add(update)
 
     def end(self, phase: Phase, failure: str = "") -> None:
         """Note that the run is over, or about to be: figures of time stand still."""
@@ -130,7 +156,6 @@ class Readings:
         text = f"{text}: {self.failure}" if self.failure else text
         over = self.phase in ("finished", "failed")
         run = last.last_adjustment if last else None
-        deviation, direction = self._uncertain or (None, None)
         wall_s = perf_counter() - self._begun if self._wall_s is None else self._wall_s
         factor = self.real_time_factor if over else self._factor.value
         return counts | {
@@ -152,8 +177,9 @@ class Readings:
                 "last_iterations": run.iterations if run else None,
             },
             "skipped": last.skipped if last else {},
-            "uncertain_m": None if deviation is None or over else round(deviation, 4),
-            "uncertain_direction": None if direction is None or over else round(direction, 4),
+            "uncertain_m": None if self._deviation is None or over else round(self._deviation, 4),
+            "uncertain_ratio": None if over else round(self._direction.ratio, 3),
+            "uncertain_direction": None if over else round(self._direction.direction, 4),
         }
 
     def _state(self, paused: bool) -> tuple[str, str]:
@@ -166,7 +192,7 @@ class Readings:
         silent_s = perf_counter() - last.time
         if self._live and silent_s >= SILENT_AFTER_S:
             return "silent", f"sensor silent for {silent_s:.0f} s"
-        if self._uncertain is not None and self._uncertain[0] >= UNCERTAIN_FROM_M:
+        if self._direction.is_open:
             return "uncertain", "corridor: length uncertain"
         if last.backlog > BEHIND_FROM:
             return "closing_loops", f"closing loops: {last.backlog} behind"

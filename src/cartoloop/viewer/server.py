@@ -32,6 +32,8 @@ MAX_SHARE = 0.2
 MAX_REST_S = 1.0
 """But pages never wait for longer than this, if anything has changed [s]."""
 
+SEND_BUFFER_BYTES = 2**18
+
 _PORTS_TRIED = 20
 _ANY_HOST = ("0.0.0.0", "::")
 
@@ -166,6 +168,8 @@ def _listen(host: str, port: int) -> socket.socket:
     for number in range(port, min(port + _PORTS_TRIED, 2**16) if port else 1):
         listening = socket.socket(family, socket.SOCK_STREAM)
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        # inherited by connections: what the system holds for a slow page is old when it arrives
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         try:
             listening.bind((address[0], number))
             listening.listen()

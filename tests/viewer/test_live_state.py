@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What pages are told is the latest state, however much happened since they were told last."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from cartoloop import Config, Mapper
+from cartoloop.simulation import ring, simulate
+from cartoloop.viewer.feed import Feed, whole
+from cartoloop.viewer.live_state import LiveState
+from cartoloop.viewer.playback import Playback
+from cartoloop.viewer.protocol import MessageType, messages
+from cartoloop.viewer.readings import Readings
+from tests.viewer.page_twin import Page
+
+
+@pytest.fixture(scope="module")
+def updates_and_result():
+    """An update after each scan of a way round a ring, and the finished map."""
+    mapper, feed, updates = Mapper(), Feed(), []
+    for event in simulate(ring(), seed=1, duration=125.0).events():
+        mapper.add(event)
+        feed.after_event(mapper)
+        if (update := feed.take()) is not None:
+            updates.append(update)
+    return updates, mapper.finish()
+
+
+@pytest.fixture
+def state():
+    return LiveState(
+        "ring", "recording", Config().local_slam.submaps, Readings(None, None), Playback()
+    )
+
+
+def everything(subscription, state):
+    return b"".join(iter(lambda: subscription.bundle(state.parts), b""))
+
+
+def test_a_page_that_takes_nothing_for_long_is_told_each_thing_once(state, updates_and_result):
+    updates, result = updates_and_result
+    quick, slow = state.subscribe(), state.subscribe()
+    page = Page()
+    everything(slow, state)
+    page.receive(everything(quick, state))
+    num_bytes = 0
+    for update in [*updates, whole(result)]:
+        state.apply(update)
+        state.refresh()
+        assert quick.changed.is_set()
+        news = everything(quick, state)
+        assert not quick.changed.is_set()
+        num_bytes += len(news)
+        page.receive(news)
+
+    late = everything(slow, state)
+
+    told = Counter((kind, payload[:4]) for kind, payload in messages(late))
+    assert max(told.values()) == 1
+    assert sum(kind == MessageType.SUBMAP for kind, _ in told) == result.graph.num_submaps
+    assert len(late) < 0.1 * num_bytes
+    assert everything(slow, state) == b""
+
+
+def test_one_that_leaves_is_forgotten(state, updates_and_result):
+    subscription = state.subscribe()
+    everything(subscription, state)
+    state.unsubscribe(subscription)
+
+    state.apply(updates_and_result[0][0])
+
+    assert not subscription.changed.is_set()
+
+
+def test_much_is_sent_in_pieces_between_which_the_state_may_change(
+    state, updates_and_result, monkeypatch
+):
+    monkeypatch.setattr("cartoloop.viewer.live_state.BUNDLE_BYTES", 1000)
+    updates, _ = updates_and_result
+    for update in updates[:200]:
+        state.apply(update)
+    subscription, page = state.subscribe(), Page()
+    page.receive(subscription.bundle(state.parts))
+    assert not page.is_complete
+    for update in updates[200:]:
+        state.apply(update)
+
+    page.receive(everything(subscription, state))
+
+    assert page.is_complete
+    assert page.order.count(MessageType.COMPLETE) == 1
+    assert len(page.tables["nodes"]) == sum(update.node_stamps.size for update in updates)
+    assert page.scan["number"] == updates[-1].num_scans
+
+
+def test_nodes_and_constraints_come_in_pieces_until_poses_are_adjusted(state, updates_and_result):
+    updates, _ = updates_and_result
+    subscription, page = state.subscribe(), Page()
+    firsts = []
+    for update in updates:
+        state.apply(update)
+        news = everything(subscription, state)
+        page.receive(news)
+        firsts += [
+            (int.from_bytes(payload[:4], "little"), update.adjusted)
+            for kind, payload in messages(news)
+            if kind == MessageType.NODES
+        ]
+    assert any(first > 0 for first, _ in firsts)
+    assert all(first == 0 for first, adjusted in firsts if adjusted)
+    assert sum(adjusted for _, adjusted in firsts) == updates[-1].num_adjustments > 1
+    assert all(first > 0 for first, adjusted in firsts[1:] if not adjusted)
+
+
+def test_playback_is_told(state):
+    page, subscription = Page(), state.subscribe()
+    page.receive(everything(subscription, state))
+    assert page.playback["can_pause"]
+    assert not page.playback["can_scrub"]
+
+    state.readings.end("finished")
+    state.refresh()
+    page.receive(everything(subscription, state))
+
+    assert not page.playback["can_pause"]
+    assert page.playback["can_scrub"]

@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may look, what is served, and what becomes of those who send nonsense."""
+
+from __future__ import annotations
+
+import socket
+from http.client import HTTPConnection
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from cartoloop.config import SubmapConfig
+from cartoloop.errors import ServeError
+from cartoloop.viewer.app import static_files
+from cartoloop.viewer.live_state import LiveState
+from cartoloop.viewer.protocol import MessageType
+from cartoloop.viewer.readings import Readings
+from cartoloop.viewer.requests import MAX_REQUEST_BYTES
+from cartoloop.viewer.server import ViewServer
+from tests.viewer.page_twin import join, look
+
+
+def empty_state():
+    return LiveState("nothing", "recording", SubmapConfig(), Readings(None, None))
+
+
+@pytest.fixture(scope="module")
+def server():
+    server = ViewServer(empty_state(), port=0)
+    yield server
+    server.close()
+    assert server.failure is None
+
+
+@pytest.fixture(scope="module")
+def open_server():
+    """One that other machines can reach."""
+    server = ViewServer(empty_state(), host="0.0.0.0", port=0)
+    yield server
+    server.close()
+
+
+def url_of(server, query=""):
+    return f"http://127.0.0.1:{server.port}/{query}"
+
+
+@pytest.fixture
+def get(server):
+    """Return status, headers and content of what is served at a path."""
+    connection = HTTPConnection("127.0.0.1", server.port, timeout=20.0)
+
+    def get(path, method="GET"):
+        connection.request(method, path)
+        answer = connection.getresponse()
+        return answer.status, dict(answer.getheaders()), answer.read()
+
+    yield get
+    connection.close()
+
+
+def test_a_page_of_our_own_gets_the_state_of_an_empty_map(server):
+    with join(server.url) as connection:
+        page = look(connection)
+
+    assert page.order == [
+        MessageType.HELLO, MessageType.PLAYBACK, MessageType.READINGS, MessageType.COMPLETE,
+    ]  # fmt: skip
+    assert page.readings["text"] == "waiting for the first scan"
+
+
+@pytest.mark.parametrize(
+    "origin", [None, "null", "http://evil.example", "http://127.0.0.1:1", "http://127.0.0.1"]
+)
+def test_pages_of_others_are_refused(server, origin):
+    with pytest.raises(InvalidStatus) as refused, join(server.url, origin=origin):
+        pass
+
+    assert refused.value.response.status_code == 403
+
+
+def test_a_foreign_name_that_leads_here_is_refused(server):
+    """DNS rebinding: origin and host agree, but no page of ours was called by such a name."""
+    name = f"http://evil.example:{server.port}"
+    with socket.create_connection(("127.0.0.1", server.port)) as raw:
+        refused = pytest.raises(InvalidStatus)
+        with refused, join(f"{name}/", sock=raw):
+            pass
+
+    assert refused.excinfo.value.response.status_code == 403
+
+
+@pytest.mark.parametrize("query", ["", "?token=", "?token=wrong", "?token=%C3%A9", "?other=1"])
+def test_other_machines_need_the_token(open_server, query):
+    with pytest.raises(InvalidStatus) as refused, join(url_of(open_server, query)):
+        pass
+
+    assert refused.value.response.status_code == 403
+
+
+def test_the_url_told_holds_the_token(open_server):
+    query = open_server.url[open_server.url.index("?") :]
+
+    with join(url_of(open_server, query)) as connection:
+        assert look(connection).is_complete
+    assert len(query) > 20
+    assert "token" not in ViewServer.__doc__
+
+
+def test_each_server_has_a_token_of_its_own(open_server):
+    other = ViewServer(empty_state(), host="0.0.0.0", port=0)
+    other.close()
+
+    assert other.url.rpartition("=")[2] != open_server.url.rpartition("=")[2]
+
+
+@pytest.mark.parametrize(
+    ("sent", "code"),
+    [
+        ("", 1008),
+        ("{", 1008),
+        ("[]", 1008),
+        ("null", 1008),
+        ('"play"', 1008),
+        ('{"type": "unknown"}', 1008),
+        ('{"type": "play", "more": 1}', 1008),
+        ('{"type": "speed", "value": 0}', 1008),
+        ('{"type": "speed", "value": -1}', 1008),
+        ('{"type": "speed", "value": NaN}', 1008),
+        ('{"type": "speed", "value": "fast"}', 1008),
+        ('{"type": "speed"}', 1008),
+        ('{"type": "node_scan", "id": 1, "node": -1}', 1008),
+        ('{"type": "node_scan", "id": 1, "node": 1.5}', 1008),
+        ('{"type": "ping", "id": 1e300}', 1008),
+        ('{"type": "ping", "id": {"a": [[[[]]]]}}', 1008),
+        (b"\x00\x01", 1003),
+        ("x" * (MAX_REQUEST_BYTES + 1), 1009),
+        ("ä" * (MAX_REQUEST_BYTES // 2 + 1), 1009),
+        (b"x" * 50_000, 1009),
+    ],
+)
+def test_nonsense_ends_the_connection_and_not_the_server(server, sent, code):
+    with join(server.url) as connection:
+        look(connection)
+        with pytest.raises(ConnectionClosed) as closed:
+            connection.send(sent)
+            while True:
+                connection.recv(timeout=20.0)
+        assert closed.value.rcvd.code == code
+    with join(server.url) as connection:
+        assert look(connection).is_complete
+
+
+def test_one_that_vanishes_leaves_no_trace(server):
+    for _ in range(3):
+        with join(server.url) as connection:
+            look(connection)
+            connection.socket.shutdown(socket.SHUT_RDWR)
+    with join(server.url) as connection:
+        assert look(connection).is_complete
+
+
+def test_a_hail_of_requests_is_answered_late(server):
+    with join(server.url) as connection:
+        page = look(connection)
+        for number in range(40):
+            connection.send(f'{{"type": "ping", "id": {number}}}')
+        look(connection, page, lambda page: len(page.answers) == 40)
+    assert [content["id"] for _, content in page.answers] == list(range(40))
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "../protocol.py",
+        "%2e%2e/protocol.py",
+        "..%2fprotocol.py",
+        "....//protocol.py",
+        "static/../../protocol.py",
+        "/etc/passwd",
+        "%2fetc%2fpasswd",
+        "//etc/passwd",
+        "..\\protocol.py",
+        "index.html%00.js",
+        "index.html/",
+        "socket",
+        ".",
+        "viewer",
+    ],
+)
+def test_nothing_but_the_packaged_files_is_served(server, path):
+    request = f"GET /{path} HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nConnection: close\r\n\r\n"
+    with socket.create_connection(("127.0.0.1", server.port), timeout=20.0) as raw:
+        raw.sendall(request.encode())
+        answer = b"".join(iter(lambda: raw.recv(65536), b""))
+
+    status = int(answer.split()[1])
+    assert status in (400, 404)
+    assert b"root:" not in answer
+    assert b"SPDX" not in answer
+
+
+def test_the_page_and_its_files_are_served_with_their_types(get):
+    status, headers, page = get("/")
+    assert (status, page) == (200, static_files()["index.html"][0])
+    assert headers["content-type"].startswith("text/html")
+    assert "default-src 'self'" in headers["content-security-policy"]
+    assert headers["x-content-type-options"] == "nosniff"
+    for name, (content, kind) in static_files().items():
+        status, headers, answer = get(f"/{name}")
+        assert (status, answer) == (200, content)
+        assert headers["content-type"].split(";")[0] == kind
+    assert any(kind == "text/javascript" for _, kind in static_files().values())
+
+
+def test_the_page_loads_nothing_from_elsewhere():
+    for name, (content, _) in static_files().items():
+        if name.endswith((".html", ".js", ".css")):
+            for scheme in (b"https://", b"http://", b"//cdn"):
+                assert scheme not in content, name
+
+
+def test_pages_are_read_only(get):
+    assert get("/", "POST")[0] == 405
+    assert get("/index.html", "DELETE")[0] == 405
+
+
+def test_a_port_that_is_taken_leads_to_the_next(server):
+    other = ViewServer(empty_state(), port=server.port)
+    try:
+        assert server.port < other.port < server.port + 20
+        with join(other.url) as connection:
+            assert look(connection).is_complete
+    finally:
+        other.close()
+
+
+def test_where_it_cannot_be_served_is_told_in_one_line():
+    for host, port in (("192.0.2.1", 8765), ("no such host", 8765)):
+        with pytest.raises(ServeError) as told:
+            ViewServer(empty_state(), host=host, port=port)
+        assert "\n" not in str(told.value)
+        assert host in str(told.value)
