@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cartoloop.config import Config
 from cartoloop.errors import InputError
 from cartoloop.kernels.voxel_filter import voxel_filter
-from cartoloop.sensor.events import LaserScan, SensorEvent
+from cartoloop.sensor.events import LaserScan, PointCloud, SensorEvent
 from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
 
@@ -88,7 +88,7 @@ def place_scans(
         # in the order of the recording: stamps may run backwards and repeat
         if len(hits) == len(stamps):
             break
-        if not isinstance(event, LaserScan) or event.stamp != stamps[len(hits)]:
+        if not isinstance(event, LaserScan | PointCloud) or event.stamp != stamps[len(hits)]:
             continue
         pose = Pose(*poses[len(hits)].tolist())
         returns = range_filter.apply(event).returns
