@@ -193,7 +193,7 @@ class ConstraintSearchConfig(Section):
         5, ge=0, description="nodes of one submap sought in another that is bound to it"
     )
     max_closures_of_pair: int = Field(
-        5, ge=1, description="closures between two submaps after which no more are sought"
+        12, ge=1, description="closures between two submaps after which no more are sought"
     )
     min_num_points: int = Field(20, ge=1, description="scans with fewer points are not searched")
     min_score: float = Field(0.55, ge=0, le=1, description="matches below are rejected")

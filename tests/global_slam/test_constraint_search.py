@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,7 +22,7 @@ def submap(index):
 
 
 def request(submap, node):
-    return SearchRequest(submap, node, np.zeros((1, 2)), Pose(0.0, 0.0, 0.0), 1.0, 0.1)
+    return SearchRequest(submap, node, node, np.zeros((1, 2)), Pose(0.0, 0.0, 0.0), 1.0, 0.1)
 
 
 def closure(submap, node):
@@ -97,6 +99,17 @@ def test_what_is_submitted_after_a_start_is_collected_after_the_next():
     assert [found.node for found in search.collect()] == [0]
     search.start()
     assert [found.node for found in search.collect()] == [1, 2]
+    search.close()
+
+
+@pytest.mark.usefixtures("found_in_even_submaps")
+def test_closures_enough_between_two_submaps_are_spread_and_end_the_search():
+    search = ConstraintSearch(ConstraintSearchConfig(max_closures_of_pair=3), 1)
+    ours = [replace(request(0, node), node_submap=7) for node in range(20)]
+    search.submit(submap(0), [*ours, request(0, 20)])
+    search.start()
+    assert [found.node for found in search.collect()] == [0, 4, 8, 20]
+    assert search.num_searched == 4
     search.close()
 
 

@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Container, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from time import perf_counter
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.finished_submap import FinishedSubmap
@@ -23,8 +24,20 @@ MAX_THREADS = 4
 BATCH = 50
 """Nodes sought in one submap by one task of a background thread."""
 
+STRIDE = 4
+"""In a task every so many-th node is sought first, then those between: if closures enough are found
+between two submaps, they are spread over the way, and the rest need not be sought."""
+
 PRECOMPUTED_BYTES = 96 * 2**20
 """About how much is kept of what was computed of submaps to search them."""
+
+
+class _Found(NamedTuple):
+    """What one task found: closures by number of request, searches made, time that it took [s]."""
+
+    closures: list[tuple[int, LoopClosure]]
+    num_searched: int
+    duration: float
 
 
 class ConstraintSearch:
@@ -38,9 +51,10 @@ class ConstraintSearch:
         num_threads = num_threads or min(os.cpu_count() or 1, MAX_THREADS)
         self._threads = ThreadPoolExecutor(num_threads, thread_name_prefix="loop-closure")
         self._waiting: dict[int, list[Numbered]] = {}
-        self._pending: list[tuple[Future[tuple[list[tuple[int, LoopClosure]], float]], int]] = []
+        self._pending: list[tuple[Future[_Found], int]] = []
         self._submaps: dict[int, FinishedSubmap] = {}
         self._kept: dict[int, FinishedSubmap] = {}
+        self._num_submitted = 0
         self.num_searched = 0
         self.durations: list[float] = []
 
@@ -55,10 +69,10 @@ class ConstraintSearch:
         """Note nodes to be sought in one submap when :meth:`start` is called next."""
         if not requests:
             return
-        numbered = enumerate(requests, start=self.num_searched)
+        numbered = enumerate(requests, start=self._num_submitted)
         self._waiting.setdefault(submap.index, []).extend(numbered)
         self._submaps[submap.index] = submap
-        self.num_searched += len(requests)
+        self._num_submitted += len(requests)
 
     def start(self) -> None:
         """Hand what was submitted to the threads; returns at once.
@@ -80,9 +94,10 @@ class ConstraintSearch:
         pending, self._pending = self._pending, []
         found: list[tuple[int, LoopClosure]] = []
         for future, _ in pending:
-            closures, duration = future.result()
-            found += closures
-            self.durations.append(duration)
+            batch = future.result()
+            found += batch.closures
+            self.num_searched += batch.num_searched
+            self.durations.append(batch.duration)
         return [closure for _, closure in sorted(found, key=lambda numbered: numbered[0])]
 
     def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> list[Answer]:
@@ -106,12 +121,22 @@ class ConstraintSearch:
         if room >= 0:
             self._kept[submap.index] = submap
 
-    def _run(
-        self, submap: FinishedSubmap, requests: tuple[Numbered, ...]
-    ) -> tuple[list[tuple[int, LoopClosure]], float]:
+    def _run(self, submap: FinishedSubmap, requests: tuple[Numbered, ...]) -> _Found:
         start = perf_counter()
-        results = ((number, search(submap, request, self._config)) for number, request in requests)
-        found = [(number, closure) for number, closure in results if closure is not None]
+        closures: list[tuple[int, LoopClosure]] = []
+        num_of_pair: Counter[int] = Counter()
+        num_searched = 0
+        for number, request in spread_out(requests):
+            if num_of_pair[request.node_submap] < self._config.max_closures_of_pair:
+                num_searched += 1
+                if (closure := search(submap, request, self._config)) is not None:
+                    num_of_pair[request.node_submap] += 1
+                    closures.append((number, closure))
         if submap.index not in self._kept:
             submap.release()
-        return found, perf_counter() - start
+        return _Found(closures, num_searched, perf_counter() - start)
+
+
+def spread_out(requests: Sequence[Numbered]) -> list[Numbered]:
+    """Return the requests, every :data:`STRIDE`-th first."""
+    return [numbered for first in range(STRIDE) for numbered in requests[first::STRIDE]]

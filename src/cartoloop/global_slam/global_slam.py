@@ -249,7 +249,7 @@ class GlobalSlam:
             Pose(*self.graph.submap_poses[submap].tolist()),
             Pose(*self.graph.node_poses[node].tolist()),
         )
-        return SearchRequest(submap, node, points, estimate, *self._selection.window(length))
+        return SearchRequest(submap, node, own, points, estimate, *self._selection.window(length))
 
     def _add_closures(self, closures: Sequence[LoopClosure]) -> None:
         if closures:

@@ -35,6 +35,7 @@ class SearchRequest:
     Attributes
     ----------
     submap, node : their indices in the pose graph.
+    node_submap : the older submap that the node was inserted into.
     points : float64, shape (n, 2), the node's returns [m], tracking frame.
     tf_submap_node : estimate, the centre of the window.
     linear_window, angular_window : how far to search each way [m], [rad].
@@ -42,6 +43,7 @@ class SearchRequest:
 
     submap: int
     node: int
+    node_submap: int
     points: FloatArray
     tf_submap_node: Pose
     linear_window: float
