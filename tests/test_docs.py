@@ -14,7 +14,13 @@ from cartoloop.config_file import config_toml
 from cartoloop.simulation import corridor, simulate
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = ("README.md", "ARCHITECTURE.md", "docs/algorithm.md", "docs/readers.md")
+DOCUMENTS = (
+    "README.md",
+    "ARCHITECTURE.md",
+    "docs/algorithm.md",
+    "docs/readers.md",
+    "docs/doctor.md",
+)
 PLACE = re.compile(r"`([\w/]+\.py)`(?::((?:,?\s+`\w+`)+))?")
 
 

@@ -18,6 +18,7 @@ import cartoloop
 from cartoloop.cli.bench_command import bench_app
 from cartoloop.cli.config_command import config_app
 from cartoloop.cli.demo_command import demo_command
+from cartoloop.cli.doctor_command import doctor_command
 from cartoloop.cli.evaluate_command import evaluate_app
 from cartoloop.cli.map_command import map_command
 from cartoloop.cli.simulate_command import simulate_command
@@ -34,6 +35,7 @@ app = typer.Typer(
 )
 app.command("demo")(demo_command)
 app.command("map")(map_command)
+app.command("doctor")(doctor_command)
 app.command("simulate")(simulate_command)
 app.command("view")(view_command)
 app.add_typer(evaluate_app, name="evaluate")

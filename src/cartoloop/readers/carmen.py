@@ -54,6 +54,7 @@ GeometryKey = tuple[bytes, int, tuple[bytes, ...]]
 # A laser that moves against the robot by more than this is a corrected pose, not an offset.
 _RIGID_METERS = 0.02
 _RIGID_RADIANS = 0.02
+ODOM_TAG = b"ODOM"
 _CUSTOMARY_BEAMS = (180, 181, 360, 361)
 
 
@@ -93,6 +94,17 @@ class CarmenLog:
         self._profile_scanners()
         self._note_what_was_found()
         self._current = self._found
+
+    @property
+    def line_counts(self) -> dict[str, int]:
+        """How many lines of each kind that could be mapped there are, whether used or not."""
+        tags = [ODOM_TAG, *SCAN_TAGS]
+        kinds = [ODOM, *map(scan_kind, SCAN_TAGS)]
+        counts = {
+            tag.decode(): int((self._index.kinds == kind).sum())
+            for tag, kind in zip(tags, kinds, strict=True)
+        }
+        return {tag: count for tag, count in counts.items() if count}
 
     @property
     def description(self) -> str:
@@ -197,6 +209,7 @@ class CarmenLog:
                 range_min=0.0,
                 range_max=angles.range_max,
                 tf_tracking_sensor=self._offsets[tag],
+                sensor=tag.decode(),
             )
             profile = self.profiles.get(tag.decode())
             geometry = profile.apply(geometry) if profile else geometry

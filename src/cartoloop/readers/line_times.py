@@ -62,13 +62,14 @@ def note_damage(found: Problems, source: Source, num_lines: int) -> None:
             "error",
             f"{source.name}:{num_lines}: {source.damage} after this line; "
             "what precedes is used, fetch the file again for the rest",
+            "damaged",
         )
 
 
 def note_times(found: Problems, name: str, report: TimeReport) -> None:
     """Note what was wrong with the stamps; the report is of lines."""
     if not report.is_sound:
-        found.add("warning", f"{name}: {report.describe()}; file order is kept")
+        found.add("warning", f"{name}: {report.describe()}; file order is kept", "stamps")
     for line, length in zip(report.gaps, report.gap_lengths, strict=True):
         message = f"nothing was recorded for {length:.6g} s before this line"
         found.add("warning", f"{name}:{line + 1}: {message}", "gap")

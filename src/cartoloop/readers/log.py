@@ -18,10 +18,11 @@ MAX_PROBLEMS_PER_KIND = 5
 
 
 class Problem(NamedTuple):
-    """Something wrong with a recording: how bad, and one line that says what and where."""
+    """Something wrong with a recording: how bad, one line that says what and where, what kind."""
 
     severity: Severity
     message: str
+    kind: str = ""
 
 
 class Problems:
@@ -46,7 +47,7 @@ class Problems:
         number = self._kinds[kind] = self._kinds.get(kind, 0) + 1
         rare = not kind or number <= MAX_PROBLEMS_PER_KIND
         if rare and len(self.kept) < MAX_PROBLEMS:
-            self.kept.append(Problem(severity, message))
+            self.kept.append(Problem(severity, message, kind))
 
     def copy(self) -> Problems:
         """Return a copy that is counted on independently."""

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the odometry relates to the scans: local SLAM on the part where the robot turns most."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+
+import numpy as np
+
+from cartoloop.config import Config
+from cartoloop.doctor.odometry import OdometryWatch
+from cartoloop.local_slam.local_slam import LocalSlam
+from cartoloop.local_slam.odometry_calibration import OdometryModel
+from cartoloop.readers.log import Log
+from cartoloop.sensor.event_faults import fault_of
+from cartoloop.sensor.events import Imu, LaserScan, Odometry, SensorEvent
+from cartoloop.sensor.pose import FloatArray
+from cartoloop.stage_timer import StageTimer
+
+PART_SCANS = 1500
+"""So many scans tell enough of the odometry, and are matched within seconds."""
+
+MIN_SCANS = 50
+"""With fewer, nothing is estimated."""
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What local SLAM found on a part of the recording.
+
+    Attributes
+    ----------
+    first_scan, num_scans : which part.
+    num_matched : scans that could be matched.
+    model : of the odometry.
+    """
+
+    first_scan: int
+    num_scans: int
+    num_matched: int
+    model: OdometryModel
+
+
+def choose_part(scan_times: FloatArray, odometry: OdometryWatch, size: int = PART_SCANS) -> int:
+    """Return the first scan of the stretch of `size` scans in which the robot turns most.
+
+    Parameters
+    ----------
+    scan_times : float64, shape (n,) [s].
+    """
+    if len(scan_times) <= size or odometry.count < 2:
+        return 0
+    turned = odometry.turned_until(scan_times)
+    return int(np.argmax(turned[size:] - turned[:-size]))
+
+
+def calibrate(
+    log: Log, scan_times: FloatArray, odometry: OdometryWatch, sensor: str
+) -> Calibration | None:
+    """Run local SLAM over a part of a recording; None if there is too little to go by.
+
+    Parameters
+    ----------
+    scan_times : of the main scanner [s].
+    sensor : name of the main scanner, whose scans are matched.
+    """
+    if len(scan_times) < MIN_SCANS or odometry.count < MIN_SCANS or odometry.way == 0.0:
+        return None
+    first = choose_part(scan_times, odometry)
+    start = float(scan_times[first])
+    end = float(scan_times[min(first + PART_SCANS, len(scan_times)) - 1])
+    slam = LocalSlam(Config(), StageTimer())
+    num_scans = num_matched = 0
+    last = -np.inf
+    for event in _between(log, start, end):
+        if event.time < last or fault_of(event):
+            continue
+        if isinstance(event, Odometry):
+            slam.add_odometry(event)
+        elif isinstance(event, Imu):
+            slam.add_imu(event)
+        elif isinstance(event, LaserScan) and event.geometry.sensor == sensor and event.time > last:
+            num_matched += slam.add_scan(event).was_matched
+            num_scans += 1
+            last = event.time
+    return Calibration(first, num_scans, num_matched, slam.extrapolator.odometry_model)
+
+
+def _between(log: Log, start: float, end: float) -> Iterator[SensorEvent]:
+    """Yield the events of a stretch of time."""
+    with closing(iter(log)) as events:  # type: ignore[type-var]
+        for event in events:
+            if event.time > end:
+                return
+            if event.time >= start:
+                yield event

@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One recording, examined: read through once, a part of it matched, all checks made."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from cartoloop.doctor.calibration import Calibration, calibrate
+from cartoloop.doctor.choices import Choice, choices_of
+from cartoloop.doctor.clouds import CloudWatch, check_clouds
+from cartoloop.doctor.contents import (
+    Contents,
+    Stream,
+    contents_of,
+    contents_of_bag,
+    other_lines,
+    times_of,
+)
+from cartoloop.doctor.findings import Finding, from_message, of_log, worst_first
+from cartoloop.doctor.frames import check_frames
+from cartoloop.doctor.imu import ImuWatch, check_imu
+from cartoloop.doctor.odometry import OdometryWatch, check_odometry
+from cartoloop.doctor.scans import ScanWatch, check_scans
+from cartoloop.doctor.times import check_delays, check_gaps, check_report, check_unused_order
+from cartoloop.errors import InputError
+from cartoloop.readers import Log, ReadOptions, open_log
+from cartoloop.readers.ros.bag import BagLog
+from cartoloop.sensor.event_faults import fault_of
+from cartoloop.sensor.events import Imu, LaserScan, Odometry
+from cartoloop.sensor.sensor_profile import SensorProfile
+
+Tell = Callable[[str, int, int], None]
+"""Called now and then with what is going on, how many scans are done, and of how many."""
+
+_TOLD_OF_TIMES = {"stamps", "gap", "reset"}
+_TOLD_OF_TIMES_IN_BAGS = {"gap"}
+_EVERY = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Scanner:
+    """A scanner that is used: what its scans show, and its profile."""
+
+    name: str
+    watch: ScanWatch | CloudWatch
+    profile: SensorProfile | None
+
+
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """What the doctor found out about a recording.
+
+    Attributes
+    ----------
+    path : of the recording.
+    can_be_mapped : whether `map` would make a map of it.
+    contents : what is in it.
+    duration : [s].
+    scanners : those used; the main one first.
+    odometry, imu : as they went by.
+    calibration : of the odometry on a part, or None.
+    choices : what the mapper would choose.
+    findings : worst first.
+    """
+
+    path: Path
+    can_be_mapped: bool
+    contents: Contents
+    duration: float = 0.0
+    scanners: tuple[Scanner, ...] = ()
+    odometry: OdometryWatch | None = None
+    imu: ImuWatch | None = None
+    calibration: Calibration | None = None
+    choices: tuple[Choice, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(slots=True)
+class _Watches:
+    scanners: dict[str, ScanWatch | CloudWatch]
+    odometry: OdometryWatch
+    imu: ImuWatch
+
+
+def examine(
+    path: Path, options: ReadOptions | None = None, tell: Tell = lambda *_: None
+) -> Examination:
+    """Return what is in a recording, what is wrong with it, and what would be made of it.
+
+    Never raises because of what the file holds: what cannot be mapped is a finding.
+    """
+    options = options or ReadOptions()
+    try:
+        log = open_log(path, options)
+        watches, findings = _watch(log, tell)
+    except InputError as error:
+        return _unusable(path, options, error)
+    contents = _with_times(contents_of(log), log, watches)
+    main = next(iter(watches.scanners.values()))
+    calibration = None
+    if isinstance(main, ScanWatch) and main.num_poor < main.count:
+        tell("matching a part", 0, 0)
+        calibration = calibrate(log, np.asarray(main.times), watches.odometry, main.name)
+    model = calibration.model if calibration else None
+    profiles: dict[str, SensorProfile] = getattr(log, "profiles", {})
+    findings += _findings_of_log(log, contents, main)
+    for watch in watches.scanners.values():
+        if isinstance(watch, ScanWatch):
+            findings += check_scans(watch, profiles.get(watch.name), watches.odometry.way)
+        else:
+            findings += check_clouds(watch)
+    findings += check_odometry(watches.odometry, model)
+    findings += check_imu(watches.imu)
+    return Examination(
+        path=path,
+        can_be_mapped=any(w.num_poor < w.count for w in watches.scanners.values()),
+        contents=contents,
+        duration=log.duration,
+        scanners=tuple(Scanner(n, w, profiles.get(n)) for n, w in watches.scanners.items()),
+        odometry=watches.odometry if watches.odometry.count else None,
+        imu=watches.imu if watches.imu.count else None,
+        calibration=calibration,
+        choices=choices_of(log, contents, main, watches.odometry, model),
+        findings=worst_first(findings),
+    )
+
+
+def _watch(log: Log, tell: Tell) -> tuple[_Watches, list[Finding]]:
+    """Read a recording through.
+
+    Raises
+    ------
+    InputError
+        It holds no scan that can be used.
+    """
+    watches = _Watches({}, OdometryWatch(), ImuWatch())
+    found = watches.scanners
+    faults: Counter[str] = Counter()
+    num_scans = 0
+    for event in log:
+        if isinstance(event, Odometry):
+            watches.odometry.add(event)
+        elif isinstance(event, Imu):
+            watches.imu.add(event)
+        elif fault := fault_of(event):
+            faults[fault] += 1
+        else:
+            name = event.geometry.sensor
+            watch = found.get(name)
+            if watch is None:
+                watch = ScanWatch(name) if isinstance(event, LaserScan) else CloudWatch(name)
+                found[name] = watch
+            watch.add(event)  # type: ignore[arg-type] # of one sensor all are of one kind
+            num_scans += 1
+            if num_scans % _EVERY == 0:
+                tell("reading", num_scans, log.num_scans)
+    if not found:
+        raise InputError(
+            f"{log.name}: no scan can be used ({', '.join(faults) or 'none is there'})"
+        )
+    order = list(getattr(log, "profiles", {}))
+    names = sorted(found, key=lambda name: order.index(name) if name in order else len(order))
+    watches.scanners = {name: found[name] for name in names}
+    return watches, [
+        Finding("warning", "unusable_events", f"{count} events: {fault}", "skipped", "", count)
+        for fault, count in sorted(faults.items())
+    ]
+
+
+def _with_times(contents: Contents, log: Log, watches: _Watches) -> Contents:
+    """Return the contents with what only reading a text told: other lines, and times."""
+    for stream in contents.streams:
+        if stream.used and stream.role == "odometry":
+            watches.odometry.name = stream.name
+        elif stream.used and stream.role == "imu":
+            watches.imu.name = stream.name
+    if isinstance(log, BagLog):
+        return contents
+
+    def timed(stream: Stream) -> Stream:
+        watch: ScanWatch | CloudWatch | OdometryWatch | None = watches.scanners.get(stream.name)
+        if watch is None and stream.role == "odometry":
+            watch = watches.odometry
+        if watch is None or not stream.used:
+            return stream
+        return replace(stream, times=times_of(np.asarray(watch.times), np.asarray(watch.stamps)))
+
+    streams = (*map(timed, contents.streams), *other_lines(log.skipped))
+    return replace(contents, streams=streams)
+
+
+def _findings_of_log(log: Log, contents: Contents, main: ScanWatch | CloudWatch) -> list[Finding]:
+    """Return what the reader found, and what its summaries tell."""
+    found: list[Finding] = []
+    told = set(_TOLD_OF_TIMES_IN_BAGS)
+    if isinstance(log, BagLog):
+        topics = log.inventory.topics
+        found += [
+            Finding(of_log(f.severity), f.code, f.message, f.remedy, f.topic, f.count, f.stamp)
+            for f in log.inventory.findings
+            if f.code not in told
+        ]
+        told |= {f.code for f in log.inventory.findings}
+        found += check_delays(topics) + check_unused_order(topics)
+        found += check_frames(topics, log.inventory.transforms)
+    else:
+        told |= _TOLD_OF_TIMES
+        found += check_report(log.time_report, main.stamps, main.name)
+    found += check_gaps(contents.streams, log.time_report.period)
+    return found + _skipped(log, told)
+
+
+def _skipped(log: Log, told: set[str]) -> list[Finding]:
+    """Return the lines or messages that were skipped, and all else that the reader noted."""
+    found = []
+    examples = {problem.kind: problem for problem in reversed(log.problems) if problem.kind}
+    for reason, count in sorted(log.skipped.items()):
+        if reason.endswith(")"):
+            continue  # a kind of line that is not used, which the contents tell
+        example = examples.get(reason)
+        what = f"{count} skipped: {reason}"
+        place = f", first {example.message}" if example else ""
+        found.append(
+            Finding("warning", "skipped", what + place, "check how it was recorded", "", count)
+        )
+    for problem in log.problems:
+        if problem.kind not in told and problem.kind not in log.skipped:
+            code = problem.kind or "note"
+            found.append(from_message(of_log(problem.severity), code, problem.message))
+    return found
+
+
+def _unusable(path: Path, options: ReadOptions, error: InputError) -> Examination:
+    """Return what can be said of a recording that cannot be mapped."""
+    text = str(error).removeprefix(f"{path}: ").removeprefix(f"{path.name}: ")
+    finding = from_message("error", "cannot_be_mapped", text)
+    return Examination(path, False, _contents_anyway(path, options), findings=(finding,))
+
+
+def _contents_anyway(path: Path, options: ReadOptions) -> Contents:
+    """Return the topics of a bag without scans, if it can be read at all."""
+    from cartoloop.readers.ros.chosen import Choice as TopicChoice
+    from cartoloop.readers.ros.index import index_recording
+    from cartoloop.readers.ros.opening import is_recording, open_containers
+    from cartoloop.readers.ros.summaries import take_inventory
+
+    if not is_recording(path):
+        return Contents("unknown", ())
+    try:
+        index = index_recording(next(open_containers(path)), options)
+    except InputError:
+        return Contents("unknown", ())
+    return contents_of_bag(take_inventory(index, TopicChoice(), ()))

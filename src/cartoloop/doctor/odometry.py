@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The odometry, and how it agrees with the scans: watched, then judged. One check a function."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cartoloop.doctor.findings import Finding, first_of
+from cartoloop.local_slam.odometry_calibration import OdometryModel
+from cartoloop.sensor.events import Odometry
+from cartoloop.sensor.pose import FloatArray, Pose, relative
+
+JUMP_M, JUMP_SPEED = 1.0, 5.0
+JUMP_RAD, JUMP_RATE = 1.5, 10.0
+"""A step as long and as fast as this is none of a robot's, but the odometry's."""
+
+SHORTEST_STEP_S = 0.02
+"""Times that were repaired may lie closer together than anything was measured."""
+
+LATE_S, VERY_LATE_S = 0.03, 0.1
+OFF_SCALE, VERY_OFF_SCALE = 0.05, 0.15
+
+
+@dataclass(slots=True)
+class OdometryWatch:
+    """What the odometry tells, in bounded memory but for three numbers a reading.
+
+    Attributes
+    ----------
+    name : of the topic or the lines.
+    stamps, times, turns : of each reading: [s], [s], rotation since the first [rad].
+    way : length of the path without jumps [m].
+    turned : rotation in all, to either side [rad].
+    fastest, fastest_turn : [m/s], [rad/s], jumps left out.
+    num_jumps, first_jump : impossible steps; stamp of the first.
+    num_bad : poses that are not finite.
+    """
+
+    name: str = "odometry"
+    stamps: array[float] = field(default_factory=lambda: array("d"))
+    times: array[float] = field(default_factory=lambda: array("d"))
+    turns: array[float] = field(default_factory=lambda: array("d"))
+    way: float = 0.0
+    turned: float = 0.0
+    fastest: float = 0.0
+    fastest_turn: float = 0.0
+    num_jumps: int = 0
+    first_jump: float | None = None
+    num_bad: int = 0
+    _last: Pose | None = None
+
+    @property
+    def count(self) -> int:
+        """How many readings there were."""
+        return len(self.stamps)
+
+    def add(self, odometry: Odometry) -> None:
+        """Take in a reading."""
+        pose = odometry.tf_odom_tracking
+        if not all(map(math.isfinite, pose)):
+            self.num_bad += 1
+            return
+        turn = self.turns[-1] if self.turns else 0.0
+        if self._last is not None:
+            step = relative(self._last, pose)
+            length, angle = math.hypot(step.x, step.y), abs(step.theta)
+            took = max(odometry.time - self.times[-1], SHORTEST_STEP_S)
+            if (length > JUMP_M and length > JUMP_SPEED * took) or (
+                angle > JUMP_RAD and angle > JUMP_RATE * took
+            ):
+                self.num_jumps += 1
+                self.first_jump = first_of(self.first_jump, odometry.stamp)
+            else:
+                self.way += length
+                self.turned += angle
+                self.fastest = max(self.fastest, length / took)
+                self.fastest_turn = max(self.fastest_turn, angle / took)
+            turn += step.theta
+        self._last = pose
+        self.stamps.append(odometry.stamp)
+        self.times.append(odometry.time)
+        self.turns.append(turn)
+
+    def turned_until(self, times: FloatArray) -> FloatArray:
+        """Return how far the robot had turned to either side at some times [rad]."""
+        turned = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(self.turns)))))
+        return np.interp(times, np.asarray(self.times), turned)
+
+
+def check_odometry(watch: OdometryWatch, model: OdometryModel | None) -> list[Finding]:
+    """Return what is wrong with the odometry.
+
+    Parameters
+    ----------
+    model : as calibrated against the scans; None if it was not.
+    """
+    if watch.count == 0 and not watch.num_bad:
+        return [
+            Finding(
+                "info",
+                "no_odometry",
+                "there is no odometry",
+                "scans are matched without; if the robot has any, record it: turns and corridors "
+                "come out better",
+            )
+        ]
+    found = [check_finite(watch), check_jumps(watch), check_moves(watch)]
+    if model is not None:
+        found += [
+            check_agreement(watch, model),
+            check_offset(watch, model),
+            check_scale(watch, model),
+        ]
+    return [finding for finding in found if finding is not None]
+
+
+def check_finite(watch: OdometryWatch) -> Finding | None:
+    """Poses that are no numbers."""
+    if not watch.num_bad:
+        return None
+    return Finding(
+        "warning",
+        "odometry_not_finite",
+        f"{watch.num_bad} odometry poses are NaN or infinite",
+        "they are skipped; check the odometry's driver",
+        watch.name,
+        watch.num_bad,
+    )
+
+
+def check_jumps(watch: OdometryWatch) -> Finding | None:
+    """Steps that no robot makes: the odometry was set anew."""
+    if not watch.num_jumps:
+        return None
+    return Finding(
+        "warning",
+        "odometry_jumps",
+        f"the odometry jumps {watch.num_jumps} times",
+        "record the raw wheel odometry, not a pose that something corrects",
+        watch.name,
+        watch.num_jumps,
+        watch.first_jump,
+    )
+
+
+def check_moves(watch: OdometryWatch) -> Finding | None:
+    """A pose that never changes."""
+    if watch.way > 0.0 or watch.turned > 0.0 or watch.count < 10:
+        return None
+    return Finding(
+        "warning",
+        "odometry_still",
+        "the odometry never moves",
+        "if the robot did, check the odometry's driver; --odom-topic none leaves it out",
+        watch.name,
+        watch.count,
+    )
+
+
+def check_agreement(watch: OdometryWatch, model: OdometryModel) -> Finding | None:
+    """Motion that the scans do not confirm."""
+    if model.is_known or watch.way < 3.0:
+        return None
+    return Finding(
+        "warning",
+        "odometry_disagrees",
+        "the odometry does not move as the scans tell",
+        "the scans are believed; check frames, units and stamps, or give --odom-topic none",
+        watch.name,
+        watch.count,
+    )
+
+
+def check_offset(watch: OdometryWatch, model: OdometryModel) -> Finding | None:
+    """A constant offset between the clocks of odometry and scans."""
+    if not model.is_known or abs(model.time_offset) < LATE_S:
+        return None
+    late = model.time_offset > 0.0
+    return Finding(
+        "warning" if abs(model.time_offset) >= VERY_LATE_S else "info",
+        "odometry_offset",
+        f"odometry is {abs(model.time_offset):.2f} s {'newer' if late else 'older'} than the scan "
+        "of the same stamp",
+        "estimated and made good while mapping; stamp both when they are measured",
+        watch.name,
+        watch.count,
+    )
+
+
+def check_scale(watch: OdometryWatch, model: OdometryModel) -> Finding | None:
+    """Distances or turns that are reported too long or too short."""
+    if not model.is_known:
+        return None
+    off = {"turns": model.rotation_scale - 1.0, "distances": model.translation_scale - 1.0}
+    worst = max(map(abs, off.values()))
+    if worst < OFF_SCALE:
+        return None
+    told = ", ".join(
+        f"{what} {100 * abs(by):.0f}% too {'short' if by > 0.0 else 'long'}"
+        for what, by in off.items()
+        if abs(by) >= OFF_SCALE
+    )
+    return Finding(
+        "warning" if worst >= VERY_OFF_SCALE else "info",
+        "odometry_scale",
+        f"the odometry reports {told}",
+        "estimated and made good while mapping; calibrate wheel radius and track width",
+        watch.name,
+        watch.count,
+    )

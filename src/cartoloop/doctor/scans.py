@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scans of one scanner: watched as they go by, then judged. One check a function."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.doctor.findings import Finding, first_of
+from cartoloop.sensor.events import LaserScan, ScanGeometry
+from cartoloop.sensor.sensor_profile import SensorProfile
+
+FloatArray = NDArray[np.float64]
+
+MIN_RETURNS = 10
+"""Scans with fewer returns cannot be matched."""
+
+NARROW_RAD = math.radians(90.0)
+SPARSE_M = 0.5
+BODY_RANGE_M, BODY_SPREAD_M, BODY_SHARE = 1.0, 0.03, 0.8
+"""Beams that see the same so near, within so little, in so many scans, see the robot itself."""
+
+MIN_WAY_M = 3.0
+"""Only on so long a way all else comes and goes."""
+
+BLIND_SHARE = 0.02
+OVERLAP_TOLERANCE = 0.02
+
+
+@dataclass(slots=True)
+class Values:
+    """How many ranges of each kind there were; see REP 117."""
+
+    measured: int = 0
+    no_return: int = 0
+    too_near: int = 0
+    nan: int = 0
+    negative: int = 0
+
+    @property
+    def total(self) -> int:
+        """All of them."""
+        return self.measured + self.no_return + self.too_near + self.nan + self.negative
+
+
+@dataclass(slots=True)
+class ScanWatch:
+    """What the scans of a scanner show, in bounded memory but for two numbers a scan.
+
+    Attributes
+    ----------
+    name : of the scanner.
+    stamps, times : of each scan [s].
+    num_beams : how many scans have so many beams.
+    num_poor, first_poor : scans with too few returns; stamp of the first.
+    num_repeated, first_repeated : scans that are those before once more.
+    num_overlapping, first_overlapping : scans that begin before the last one's last beam.
+    values : of all beams.
+    sweep : time from the first to the last beam [s], 0 if beams have no times.
+    nearest, farthest, num_measured : of each beam, of the scans with the first one's beams.
+    """
+
+    name: str
+    stamps: array[float] = field(default_factory=lambda: array("d"))
+    times: array[float] = field(default_factory=lambda: array("d"))
+    num_beams: Counter[int] = field(default_factory=Counter)
+    num_poor: int = 0
+    first_poor: float | None = None
+    num_repeated: int = 0
+    first_repeated: float | None = None
+    num_overlapping: int = 0
+    first_overlapping: float | None = None
+    values: Values = field(default_factory=Values)
+    sweep: float = 0.0
+    geometry: ScanGeometry | None = None
+    nearest: FloatArray = field(default_factory=lambda: np.zeros(0))
+    farthest: FloatArray = field(default_factory=lambda: np.zeros(0))
+    num_measured: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    _last: bytes = b""
+    _last_end: float = -math.inf
+
+    def add(self, scan: LaserScan) -> None:
+        """Take in a scan."""
+        geometry, ranges = scan.geometry, scan.ranges
+        if self.geometry is None:
+            self.geometry = geometry
+            self.nearest = np.full(len(ranges), np.inf)
+            self.farthest = np.zeros(len(ranges))
+            self.num_measured = np.zeros(len(ranges), np.int64)
+        self.stamps.append(scan.stamp)
+        self.times.append(scan.time)
+        self.num_beams[len(ranges)] += 1
+        measured = (ranges >= geometry.range_min) & (ranges < geometry.range_max)
+        num_returns = int(np.count_nonzero(measured))
+        self._count(ranges, geometry, num_returns)
+        if num_returns < MIN_RETURNS:
+            self.num_poor += 1
+            self.first_poor = first_of(self.first_poor, scan.stamp)
+        if len(ranges) == len(self.nearest):
+            self.num_measured += measured
+            np.minimum(self.nearest, ranges, out=self.nearest, where=measured)
+            np.maximum(self.farthest, ranges, out=self.farthest, where=measured)
+        self._compare_with_last(scan, num_returns)
+
+    def _count(self, ranges: FloatArray, geometry: ScanGeometry, num_returns: int) -> None:
+        values = self.values
+        no_return = int(np.count_nonzero(ranges >= geometry.range_max))
+        negative = int(np.count_nonzero(ranges < 0.0))
+        nan = int(np.count_nonzero(np.isnan(ranges)))
+        values.measured += num_returns
+        values.no_return += no_return
+        values.negative += negative
+        values.nan += nan
+        values.too_near += len(ranges) - num_returns - no_return - negative - nan
+
+    def _compare_with_last(self, scan: LaserScan, num_returns: int) -> None:
+        content = scan.ranges.tobytes()
+        # Where nothing is seen, scans are alike without anything being wrong.
+        if content == self._last and num_returns >= MIN_RETURNS:
+            self.num_repeated += 1
+            self.first_repeated = first_of(self.first_repeated, scan.stamp)
+        self._last = content
+        sweep = abs(scan.geometry.time_increment) * (len(scan.ranges) - 1)
+        self.sweep = max(self.sweep, sweep)
+        if sweep > 0.0 and scan.stamp < self._last_end:
+            self.num_overlapping += 1
+            self.first_overlapping = first_of(self.first_overlapping, scan.stamp)
+        self._last_end = scan.stamp + (1.0 - OVERLAP_TOLERANCE) * sweep
+
+    @property
+    def count(self) -> int:
+        """How many scans there were."""
+        return len(self.stamps)
+
+
+def check_scans(watch: ScanWatch, profile: SensorProfile | None, way_m: float) -> list[Finding]:
+    """Return what is wrong with the scans of a scanner.
+
+    Parameters
+    ----------
+    way_m : how far the robot went, as far as its odometry tells [m].
+    """
+    found = [
+        check_returns(watch),
+        check_repeated(watch),
+        check_overlap(watch),
+        check_beam_count(watch),
+        check_blind_beams(watch),
+        check_own_body(watch, way_m),
+        check_spacing(watch, way_m),
+    ]
+    if profile is not None:
+        found += [check_field_of_view(watch, profile), check_no_return(watch, profile)]
+    return [finding for finding in found if finding is not None]
+
+
+def check_returns(watch: ScanWatch) -> Finding | None:
+    """Scans that see too little to be matched."""
+    if not watch.num_poor:
+        return None
+    if watch.num_poor == watch.count:
+        return Finding(
+            "error",
+            "no_returns",
+            f"no scan has {MIN_RETURNS} returns: nothing to map",
+            "check the scanner, and its range limits in the recording",
+            watch.name,
+            watch.num_poor,
+            watch.first_poor,
+        )
+    share = watch.num_poor / watch.count
+    return Finding(
+        "warning" if share > 0.01 else "info",
+        "few_returns",
+        f"{watch.num_poor} of {watch.count} scans have fewer than {MIN_RETURNS} returns",
+        "their poses are predicted; keep walls within the scanner's range",
+        watch.name,
+        watch.num_poor,
+        watch.first_poor,
+    )
+
+
+def check_repeated(watch: ScanWatch) -> Finding | None:
+    """Identical ranges in consecutive scans."""
+    if not watch.num_repeated:
+        return None
+    share = watch.num_repeated / max(watch.count, 1)
+    return Finding(
+        "warning" if share > 0.01 else "info",
+        "repeated_scans",
+        f"{watch.num_repeated} scans hold exactly the ranges of the scan before",
+        "record the driver's own topic; if the robot moved meanwhile, scans were lost",
+        watch.name,
+        watch.num_repeated,
+        watch.first_repeated,
+    )
+
+
+def check_overlap(watch: ScanWatch) -> Finding | None:
+    """Scans that begin before the one before has ended."""
+    if not watch.num_overlapping:
+        return None
+    return Finding(
+        "warning",
+        "overlapping_scans",
+        f"{watch.num_overlapping} scans begin before the last beam of the one before: stamps or "
+        f"time_increment (a sweep of {watch.sweep:.4g} s) are wrong",
+        "let the driver stamp the first beam, and tell the true time between beams",
+        watch.name,
+        watch.num_overlapping,
+        watch.first_overlapping,
+    )
+
+
+def check_beam_count(watch: ScanWatch) -> Finding | None:
+    """Scans of different length, as cheap scanners send them."""
+    if len(watch.num_beams) < 2:
+        return None
+    usual, count = watch.num_beams.most_common(1)[0]
+    low, high = min(watch.num_beams), max(watch.num_beams)
+    return Finding(
+        "info",
+        "beam_count_changes",
+        f"the number of beams changes from {low} to {high}; {count} scans have {usual}",
+        "each scan is taken as it is",
+        watch.name,
+        watch.count - count,
+    )
+
+
+def check_blind_beams(watch: ScanWatch) -> Finding | None:
+    """Beams that never measure anything."""
+    blind = watch.num_measured == 0
+    num_blind = int(np.count_nonzero(blind))
+    if watch.count < 10 or num_blind == len(blind) or num_blind <= BLIND_SHARE * len(blind):
+        return None
+    return Finding(
+        "info",
+        "blind_beams",
+        f"{num_blind} of {len(blind)} beams never measure anything ({_sectors(blind, watch)})",
+        "something covers the scanner there, or its driver cuts them off",
+        watch.name,
+        num_blind,
+    )
+
+
+def check_own_body(watch: ScanWatch, way_m: float) -> Finding | None:
+    """Beams that always see the same near range while the robot moves: a part of itself."""
+    if way_m < MIN_WAY_M:
+        return None
+    always = watch.num_measured > BODY_SHARE * watch.count
+    steady = watch.farthest - watch.nearest < BODY_SPREAD_M
+    body = always & steady & (watch.farthest < BODY_RANGE_M)
+    num_body = int(np.count_nonzero(body))
+    if num_body == 0:
+        return None
+    reach = float(watch.farthest[body].max())
+    return Finding(
+        "warning",
+        "own_body",
+        f"{num_body} beams always see the same within {reach:.2f} m ({_sectors(body, watch)}): "
+        "a part of the robot",
+        f"give --set sensor.min_range={reach + 0.05:.2f}, or cut these beams off in the driver",
+        watch.name,
+        num_body,
+    )
+
+
+def check_spacing(watch: ScanWatch, way_m: float) -> Finding | None:
+    """Scans too far apart to overlap well."""
+    spacing = way_m / max(watch.count - 1, 1)
+    if watch.count < 2 or spacing <= SPARSE_M:
+        return None
+    return Finding(
+        "warning",
+        "sparse_scans",
+        f"scans are {spacing:.2f} m apart on average: neighbours show little in common",
+        "record every scan; without good odometry such a recording is hard to map",
+        watch.name,
+        watch.count,
+    )
+
+
+def check_field_of_view(watch: ScanWatch, profile: SensorProfile) -> Finding | None:
+    """A view too narrow to tell rotation from translation."""
+    if profile.field_of_view >= NARROW_RAD:
+        return None
+    return Finding(
+        "warning",
+        "narrow_view",
+        f"the scanner sees only {math.degrees(profile.field_of_view):.0f} degrees",
+        "record odometry or an IMU along with it, and turn slowly",
+        watch.name,
+        watch.count,
+    )
+
+
+def check_no_return(watch: ScanWatch, profile: SensorProfile) -> Finding | None:
+    """Whether it is known what the scanner sends for a beam that meets nothing."""
+    if profile.no_return is None and not math.isfinite(profile.range_max):
+        return Finding(
+            "info",
+            "no_range_end",
+            "no value stands for 'no return', and no greatest range was seen",
+            "all ranges count; give --set sensor.max_range=METRES if far ones are wrong",
+            watch.name,
+        )
+    if profile.no_return == 0.0:
+        return Finding(
+            "info",
+            "no_return_is_zero",
+            f"{100 * profile.share_no_return:.0f}% of beams send 0: no return, or an error",
+            "they do not clear free space, since both are possible",
+            watch.name,
+        )
+    return None
+
+
+def _sectors(mask: NDArray[np.bool_], watch: ScanWatch) -> str:
+    """Return where the masked beams look, in degrees: the widest sectors."""
+    if watch.geometry is None:
+        return "all"
+    angles = np.degrees(watch.geometry.angle_min) + np.degrees(
+        watch.geometry.angle_increment
+    ) * np.arange(len(mask))
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    sectors = sorted(
+        zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True),
+        key=lambda sector: sector[0] - sector[1],
+    )
+    shown = [f"{angles[a]:.0f} to {angles[b]:.0f} deg" for a, b in sectors[:3]]
+    return ", ".join(shown) + (", ..." if len(sectors) > 3 else "")
