@@ -214,7 +214,7 @@ def test_a_gap_of_ten_hours_is_kept_and_told(tmp_path):
     log = open_log(write(tmp_path / "run.clf", *lines))
     assert [scan.time for scan in scans_of(log)] == [scan.stamp for scan in scans_of(log)]
     assert log.problems == [
-        ("warning", "run.clf:21: nothing was recorded for 36000.2 s before this line")
+        ("warning", "run.clf:21: nothing was recorded for 36000.2 s before this line", "gap")
     ]
 
 
