@@ -21,7 +21,7 @@ from tests.viewer.page_twin import join, look
 @pytest.fixture(scope="module")
 def events():
     """Once round a ring and on a bit: a loop closes. Mapped once, so that all is compiled."""
-    events = list(simulate(ring(), seed=1, duration=125.0).events())
+    events = list(simulate(ring(), seed=1, duration=150.0).events())
     mapper = Mapper()
     for event in events:
         mapper.add(event)
@@ -31,7 +31,7 @@ def events():
 
 @pytest.fixture
 def view():
-    view = LiveView("ring", Config(), scans_total=625, duration_s=125.0, port=0)
+    view = LiveView("ring", Config(), scans_total=750, duration_s=150.0, port=0)
     yield view
     view.close()
     assert view.failure is None
@@ -98,7 +98,7 @@ def test_the_latest_closure_tells_where_it_was_sought(view, events):
     with join(view.url) as connection:
         page = look(connection)
         add(mapper, view, events)
-        look(connection, page, lambda page: MessageType.LATEST_CLOSURE in page.json)
+        look_at_all(connection, page, mapper, view)
         closure = page.json[MessageType.LATEST_CLOSURE]
 
         found = mapper.global_slam.found

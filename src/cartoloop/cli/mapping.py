@@ -70,7 +70,7 @@ def map_recording(
             save(result, out, layers=layers, origins=loaded.origins)
         except KeyboardInterrupt as interrupt:
             raise Interrupted(f"stopped at once; files in {out} may be missing") from interrupt
-    report = _completed(result, log, time.perf_counter() - start)
+    report = _timed(report, time.perf_counter() - start)
     save_report(report, out)
     _tell_problems(log)
     if report.nodes == 0:
@@ -148,26 +148,34 @@ def _add_all(
 def _completed(result: Result, log: Log, wall_s: float) -> Report:
     """Return the report with what only the command knows: names, times, what the reader skipped."""
     from cartoloop.config_file import config_hash
-    from cartoloop.map_output.report import peak_memory_mb
 
     report = result.report
-
     skipped = dict(report.skipped)
     for reason, count in log.skipped.items():
         skipped[reason] = skipped.get(reason, 0) + count
     extra = dict(report.extra)
     if log.problems:
         extra["problems"] = [problem.message for problem in log.problems]
-    return replace(
+    completed = replace(
         report,
         input=replace(report.input, name=log.name),
+        skipped=skipped,
+        config_hash=config_hash(result.config),
+        extra=extra,
+    )
+    return _timed(completed, wall_s)
+
+
+def _timed(report: Report, wall_s: float) -> Report:
+    """Return the report with what the run has taken so far."""
+    from cartoloop.map_output.report import peak_memory_mb
+
+    return replace(
+        report,
         wall_s=wall_s,
         cpu_s=time.process_time(),
         peak_memory_mb=peak_memory_mb(),
         real_time_factor=report.input.duration_s / wall_s,
-        skipped=skipped,
-        config_hash=config_hash(result.config),
-        extra=extra,
     )
 
 
