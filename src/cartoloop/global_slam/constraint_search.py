@@ -28,7 +28,7 @@ STRIDE = 4
 """In a task every so many-th node is sought first, then those between: if closures enough are found
 between two submaps, they are spread over the way, and the rest need not be sought."""
 
-PRECOMPUTED_BYTES = 96 * 2**20
+PRECOMPUTED_BYTES = 64 * 2**20
 """About how much is kept of what was computed of submaps to search them."""
 
 
