@@ -13,7 +13,7 @@ import numpy as np
 from cartoloop.config import Config
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.global_slam.trajectory import optimized_trajectory
+from cartoloop.global_slam.trajectory import optimized_trajectory, path_length
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
 from cartoloop.map_output.report import (
     AdjustmentSummary,
@@ -208,12 +208,11 @@ class Mapper:
         return [grids[index] for index in range(graph.num_submaps)]
 
     def _report(self, graph: PoseGraph, trajectory: FloatArray) -> Report:
-        steps = np.diff(trajectory[:, :2], axis=0)
         return Report(
             input=InputSummary(
                 scans=self._num_scans,
                 duration_s=self.recorded_s,
-                path_length_m=float(np.hypot(steps[:, 0], steps[:, 1]).sum()),
+                path_length_m=path_length(trajectory),
             ),
             nodes=graph.num_nodes,
             submaps=graph.num_submaps,

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.global_slam.trajectory import optimized_trajectory
+from cartoloop.global_slam.trajectory import STRIDE_M, optimized_trajectory, path_length
 from cartoloop.sensor.pose import compose_all, relative_all, wrap_angles
 
 
@@ -97,3 +97,28 @@ def test_without_nodes_the_local_poses_stand():
 def test_without_scans_there_is_no_trajectory():
     none = np.zeros(0, dtype=np.int64)
     assert optimized_trajectory(np.zeros((0, 3)), none, np.zeros((0, 3))).shape == (0, 3)
+
+
+def on_a_circle(count):
+    angles = np.linspace(0.0, math.tau, count)
+    return np.column_stack((np.cos(angles), np.sin(angles), angles))
+
+
+@pytest.mark.parametrize("count", [100, 1000, 7000])
+def test_the_length_of_a_path_does_not_depend_on_the_rate_of_scans(count):
+    assert path_length(on_a_circle(count)) == pytest.approx(math.tau, rel=0.01)
+
+
+def test_what_poses_differ_by_from_scan_to_scan_is_no_way():
+    poses = on_a_circle(1000)
+    poses[::2, 0] += 0.04
+    poses[1::2, 1] -= 0.04
+    assert path_length(poses) == pytest.approx(math.tau, rel=0.15)
+    assert path_length(0.02 * random_poses(np.random.default_rng(1), 50, 1.0)) < STRIDE_M
+
+
+def test_long_steps_are_counted_as_they_are_and_the_last_one_whatever_its_length():
+    assert path_length(np.array([(0.0, 0.0, 1.0), (3.0, 4.0, 0.0), (3.0, 4.05, 0.0)])) == (
+        pytest.approx(5.05)
+    )
+    assert path_length(np.zeros((0, 3))) == path_length(np.zeros((1, 3))) == 0.0

@@ -3,10 +3,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.sensor.pose import FloatArray, compose_all, relative_all, wrap_angles
+
+STRIDE_M = 0.1
+"""A robot's way is measured from one place to the next that is so far away."""
 
 
 def optimized_trajectory(
@@ -42,3 +47,18 @@ def optimized_trajectory(
     trajectory = by_before + share * difference
     trajectory[:, 2] = wrap_angles(trajectory[:, 2])
     return trajectory
+
+
+def path_length(trajectory: FloatArray) -> float:
+    """Return how far the robot went [m], in strides of :data:`STRIDE_M`.
+
+    The poses of a robot that stands, or of one whose scanners see each their own way, differ by a
+    little from scan to scan; that is no way.
+    """
+    length, here = 0.0, 0
+    places = trajectory[:, :2].tolist()
+    for there in range(1, len(places)):
+        stride = math.dist(places[here], places[there])
+        if stride >= STRIDE_M or there == len(places) - 1:
+            length, here = length + stride, there
+    return length

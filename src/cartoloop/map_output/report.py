@@ -37,7 +37,7 @@ class InputSummary:
     name : file name of the recording, empty for a live source.
     scans : number of scans read, with and without a pose.
     duration_s : time between the first and the last scan [s].
-    path_length_m : length of the optimised trajectory [m].
+    path_length_m : length of the optimised trajectory [m], in strides.
     """
 
     name: str = ""
