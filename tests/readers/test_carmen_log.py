@@ -259,7 +259,7 @@ def test_messages_without_use_are_counted_by_name_and_unknown_ones_told(log_of):
     )
     list(log)
     assert log.skipped == {"SYNC (not used)": 1, "TRUEPOS (not used)": 2, "unknown line": 1}
-    assert log.problems == [("warning", "run.clf:5: unknown line 'WARP'")]
+    assert log.problems == [("warning", "run.clf:5: unknown line 'WARP'", "unknown line")]
 
 
 def test_scans_alike_share_one_geometry_and_another_beam_count_gets_its_own(log_of):
