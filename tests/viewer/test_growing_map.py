@@ -14,6 +14,7 @@ import pytest
 from cartoloop import Config, Mapper
 from cartoloop.simulation import ring, simulate
 from cartoloop.viewer.protocol import MessageType
+from cartoloop.viewer.server import MAX_REST_S
 from cartoloop.viewer.view import LiveView
 from tests.viewer.page_twin import join, look
 
@@ -63,6 +64,12 @@ def look_at_all(connection, page, mapper, view):
     return look(connection, page, has_seen)
 
 
+def settle(connection, page):
+    """Receive until growing submaps, which may wait when there is much to do, have come, too."""
+    end = time.monotonic() + MAX_REST_S + 0.3
+    look(connection, page, lambda page: time.monotonic() > end)
+
+
 def test_one_that_was_there_all_along_and_one_that_joins_late_see_the_same(view, events):
     mapper = Mapper()
     with join(view.url) as early:
@@ -71,6 +78,7 @@ def test_one_that_was_there_all_along_and_one_that_joins_late_see_the_same(view,
         assert page.submaps == {}
         add(mapper, view, events)
         look_at_all(early, page, mapper, view)
+        settle(early, page)
         with join(view.url) as late:
             late_page = look(late)
 
@@ -119,6 +127,7 @@ def test_patches_and_pieces_add_up_to_what_is_sent_whole(view, events):
         for first in range(0, 300, 20):
             add(mapper, view, islice(events, first, first + 20))
             look_at_all(connection, page, mapper, view)
+        settle(connection, page)
         with join(view.url) as other:
             same_picture(page, look(other))
         assert page.order.count(MessageType.SUBMAP_PATCH) >= 5

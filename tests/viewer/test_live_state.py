@@ -49,6 +49,7 @@ def test_a_page_that_takes_nothing_for_long_is_told_each_thing_once(state, updat
     num_bytes = 0
     for update in [*updates, whole(result)]:
         state.apply(update)
+        state.draw_growing()
         state.refresh()
         assert quick.changed.is_set()
         news = everything(quick, state)

@@ -39,7 +39,7 @@ def test_the_evidence_of_drawn_cells_is_that_of_the_map(cells):
     expected = np.empty(values.shape, np.float32)
     cell_evidence(values, LOG_ODDS, expected)
 
-    drawn = drawn_cells(values[1:-1, 1:-1], LOG_ODDS)
+    drawn = drawn_cells(values[1:-1, 1:-1])
 
     assert np.array_equal(LOG_ODDS[drawn], expected[1:-1, 1:-1])
     assert np.array_equal(drawn != 0, cells != 0.0)
@@ -47,7 +47,7 @@ def test_the_evidence_of_drawn_cells_is_that_of_the_map(cells):
 
 def test_patches_add_up_to_the_whole_whatever_was_missed(cells):
     rng = np.random.default_rng(2)
-    texture = GrowingTexture(3, LOG_ODDS)
+    texture = GrowingTexture(3)
     pages = {1: Page(), 2: Page(), 7: Page()}
     seen = dict.fromkeys(pages)
     for step in range(1, 60):
@@ -63,14 +63,14 @@ def test_patches_add_up_to_the_whole_whatever_was_missed(cells):
                 page.receive(message)
                 values = quantize_probabilities(cells)
                 shown = page.submaps[3]["cells"]
-                assert np.array_equal(shown, drawn_cells(values, LOG_ODDS)), (step, period)
+                assert np.array_equal(shown, drawn_cells(values)), (step, period)
     assert [kind == MessageType.SUBMAP for kind in pages[1].order].count(True) == 2
     assert pages[7].order.count(MessageType.SUBMAP_PATCH) >= 5
     assert pages[7].submaps[3]["x"] == -0.25
 
 
 def test_a_patch_is_no_larger_than_the_change(cells):
-    texture = GrowingTexture(3, LOG_ODDS)
+    texture = GrowingTexture(3)
     texture.set(grid(cells))
     whole, seen = texture.news(None)
     cells[10, 20] = 0.85
@@ -84,7 +84,7 @@ def test_a_patch_is_no_larger_than_the_change(cells):
 
 
 def test_nothing_is_sent_when_nothing_has_changed(cells):
-    texture = GrowingTexture(3, LOG_ODDS)
+    texture = GrowingTexture(3)
     assert texture.set(grid(cells))
     assert not texture.set(grid(cells))
     _, seen = texture.news(None)
@@ -93,7 +93,7 @@ def test_nothing_is_sent_when_nothing_has_changed(cells):
 
 
 def test_one_that_missed_too_much_gets_the_whole(cells):
-    texture = GrowingTexture(3, LOG_ODDS)
+    texture = GrowingTexture(3)
     texture.set(grid(cells))
     _, seen = texture.news(None)
     for step in range(MAX_PATCHES + 1):
@@ -106,16 +106,14 @@ def test_one_that_missed_too_much_gets_the_whole(cells):
 
 
 def test_a_message_is_made_once_for_all_pages(cells):
-    texture = GrowingTexture(3, LOG_ODDS)
+    texture = GrowingTexture(3)
     texture.set(grid(cells))
 
     assert texture.news(None)[0] is texture.news(None)[0]
 
 
 def test_a_finished_submap_is_sent_once(cells):
-    finished = FinishedTexture(
-        3, 5, FinishedGrid(quantize_probabilities(cells), 1.0, 2.0, 0.05), LOG_ODDS
-    )
+    finished = FinishedTexture(3, 5, FinishedGrid(quantize_probabilities(cells), 1.0, 2.0, 0.05))
 
     message, seen = finished.news((0, 4))
 
@@ -130,6 +128,6 @@ def test_a_submap_may_be_empty():
     empty = FinishedGrid(np.zeros((0, 0), np.uint8), 0.0, 0.0, 0.05)
 
     page = Page()
-    page.receive(FinishedTexture(0, 1, empty, LOG_ODDS).news(None)[0])
+    page.receive(FinishedTexture(0, 1, empty).news(None)[0])
 
     assert page.submaps[0]["cells"].shape == (0, 0)

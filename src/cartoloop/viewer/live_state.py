@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import secrets
 from asyncio import Event
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -115,6 +115,10 @@ class LiveState:
     config : of the submaps.
     readings : figures beside the map.
     playback : pace of the recording; None where there is nothing to be played.
+
+    Attributes
+    ----------
+    is_watched : set as long as any page looks.
     """
 
     def __init__(
@@ -152,20 +156,24 @@ class LiveState:
             key_of(MessageType.SCAN): self._scan,
         }
         self._subscriptions: set[Subscription] = set()
+        self.is_watched = Event()
         self.refresh()
 
     def subscribe(self) -> Subscription:
         """Return what a page that joins now is to be sent: all."""
         subscription = Subscription(self.parts)
         self._subscriptions.add(subscription)
+        self.is_watched.set()
         return subscription
 
     def unsubscribe(self, subscription: Subscription) -> None:
         """Forget a page that has left."""
         self._subscriptions.discard(subscription)
+        if not self._subscriptions:
+            self.is_watched.clear()
 
     def apply(self, update: Update) -> None:
-        """Take in what has changed."""
+        """Take in what has changed, all but the submaps that still grow."""
         self.last = update
         self.readings.add(update)
         if self._poses.set(update.submap_poses, adjusted=update.adjusted):
@@ -180,7 +188,7 @@ class LiveState:
             rows.append(rejected_rows(update.rejected))
         if self._constraints.set(update.first_constraint, rows):
             self._note(MessageType.CONSTRAINTS)
-        self._apply_submaps(update)
+        self._apply_finished(update)
         scan = protocol.scan_message(update.num_scans, update.stamp, update.pose, update.returns)
         if update.num_scans and self._scan.set(scan):
             self._note(MessageType.SCAN)
@@ -262,27 +270,30 @@ class LiveState:
         for subscription in self._subscriptions:
             subscription.note(key)
 
-    def _apply_submaps(self, update: Update) -> None:
-        for grid in update.active:
+    def draw_growing(self) -> None:
+        """Bring the submaps that still grow up to date, which costs more than all else."""
+        for grid in self.last.active if self.last is not None else ():
+            if grid.submap in self._finished:
+                continue
             if grid.submap not in self._growing:
-                self._growing[grid.submap] = GrowingTexture(grid.submap, self._log_odds)
+                self._growing[grid.submap] = GrowingTexture(grid.submap)
                 self.parts[key_of(MessageType.SUBMAP, grid.submap)] = self._growing[grid.submap]
             if self._growing[grid.submap].set(grid):
                 self._note(MessageType.SUBMAP, grid.submap)
+
+    def _apply_finished(self, update: Update) -> None:
         new = {
             submap: grid for submap, grid in update.finished.items() if submap not in self._finished
         }
 
         def texture(submap: int) -> FinishedTexture:
             growing = self._growing.get(submap)
-            version = growing.version + 1 if growing else 1
-            return FinishedTexture(submap, version, new[submap], self._log_odds)
+            return FinishedTexture(submap, growing.version + 1 if growing else 1, new[submap])
 
-        with ThreadPoolExecutor(_TEXTURE_THREADS) as threads:  # compressing is what takes long
-            for submap, finished in zip(new, threads.map(texture, new), strict=True):
-                self.parts[key_of(MessageType.SUBMAP, submap)] = finished
-                self._growing.pop(submap, None)
-                self._note(MessageType.SUBMAP, submap)
+        for submap, finished in zip(new, _map_all(texture, list(new)), strict=True):
+            self.parts[key_of(MessageType.SUBMAP, submap)] = finished
+            self._growing.pop(submap, None)
+            self._note(MessageType.SUBMAP, submap)
         self._finished |= new
 
     def _num_loop_closures(self) -> int:
@@ -330,3 +341,13 @@ class LiveState:
             "max_log_odds": MAX_LOG_ODDS,
             "palette": palette().tolist(),
         }
+
+
+def _map_all(
+    make: Callable[[int], FinishedTexture], submaps: Sequence[int]
+) -> Iterable[FinishedTexture]:
+    """Return what is made of each submap; of many in threads, for to compress them takes long."""
+    if len(submaps) <= 2:
+        return [make(submap) for submap in submaps]
+    with ThreadPoolExecutor(_TEXTURE_THREADS) as threads:
+        return list(threads.map(make, submaps))

@@ -31,7 +31,7 @@ _TABLE = struct.Struct("<4I")
 _SCAN = struct.Struct("<4d2I")
 _ALIGNMENT = 8
 
-_FINISHED_LEVEL, _ACTIVE_LEVEL = 6, 1
+_FINISHED_LEVEL, _ACTIVE_LEVEL = 4, 1
 """How hard to compress what is sent once to each page, and what is sent many times a second."""
 
 

@@ -7,8 +7,9 @@ import asyncio
 import secrets
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from threading import Event, Thread
-from time import perf_counter
+from time import perf_counter, thread_time
 
 import uvicorn
 
@@ -26,11 +27,12 @@ UPDATE_PERIOD_S = 0.1
 
 READINGS_PERIOD_S = 0.25
 
-MAX_SHARE = 0.2
-"""Share of the time that the thread spends on taking updates in, at the most."""
+MAX_SHARE = 0.03
+"""Share of a processor that the view may cost mapping; where it costs more, growing submaps are
+drawn less often, but all else as often as ever."""
 
 MAX_REST_S = 1.0
-"""But pages never wait for longer than this, if anything has changed [s]."""
+"""But growing submaps wait for no longer; where nobody looks, nothing is done more often [s]."""
 
 SEND_BUFFER_BYTES = 2**18
 
@@ -143,18 +145,25 @@ class ViewServer:
             self.failure = failure if isinstance(failure, Exception) else None
 
     async def _update(self) -> None:
-        """Take in updates as they come, and keep the readings fresh."""
-        refreshed = -READINGS_PERIOD_S
+        """Take in updates as they come, draw growing submaps as often as that is cheap enough."""
+        refreshed = drawn = -MAX_REST_S
+        spent, is_drawn = thread_time(), True
         while True:
             start = perf_counter()
             if self._feed is not None and (update := self._feed.take()) is not None:
                 self._state.apply(update)
+                is_drawn = False
+            since = start - drawn
+            if not is_drawn and (since >= MAX_REST_S or thread_time() - spent < MAX_SHARE * since):
+                drawn, spent, is_drawn = start, thread_time(), True
+                self._state.draw_growing()
             if start - refreshed >= READINGS_PERIOD_S:
                 self._state.refresh()
                 refreshed = start
-            took = perf_counter() - start
-            rest = min(took * (1.0 / MAX_SHARE - 1.0), MAX_REST_S)
-            await asyncio.sleep(max(UPDATE_PERIOD_S - took, rest))
+            await asyncio.sleep(start + UPDATE_PERIOD_S - perf_counter())
+            with suppress(TimeoutError):  # where nobody looks, now and then is often enough
+                async with asyncio.timeout(MAX_REST_S):
+                    await self._state.is_watched.wait()
 
 
 def _listen(host: str, port: int) -> socket.socket:

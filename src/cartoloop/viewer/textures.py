@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.kernels.map_composition import cell_evidence
 from cartoloop.submaps.finished_grid import FinishedGrid, quantize_probabilities
 from cartoloop.viewer.feed import GrowingCells
 from cartoloop.viewer.protocol import Texture, patch_message, submap_message
@@ -26,28 +25,30 @@ Box = tuple[int, int, int, int]
 """First row, end row, first column, end column."""
 
 
-def drawn_cells(cells: NDArray[np.uint8], log_odds: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Return cells whose evidence is that which they add to the map: see :func:`cell_evidence`.
+def drawn_cells(cells: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return cells whose evidence is that which they add to the map, shape as given.
+
+    Those that are free beside a wall abstain, as in :func:`cell_evidence` when a map is composed.
 
     Parameters
     ----------
     cells : uint8, shape (rows, cols), of a :class:`FinishedGrid`.
-    log_odds : float32 (256,), evidence by value.
     """
     around = np.pad(cells, 1)
-    evidence = np.empty(around.shape, dtype=np.float32)
-    cell_evidence(around, log_odds, evidence)
-    abstains = (evidence[1:-1, 1:-1] == 0.0) & (cells != 0)
-    return np.where(abstains, np.uint8(ABSTAINS), cells)
+    flat, stride = around.reshape(-1), around.shape[1]
+    walls = np.flatnonzero(flat > ABSTAINS)  # few: cheaper than to look at all cells' neighbours
+    for offset in (-stride - 1, -stride, -stride + 1, -1, 1, stride - 1, stride, stride + 1):
+        beside = walls + offset
+        values = flat[beside]
+        flat[beside[(values > 0) & (values < ABSTAINS)]] = ABSTAINS
+    return np.ascontiguousarray(around[1:-1, 1:-1])
 
 
 class FinishedTexture:
     """A submap that will not change any more; a part of the state."""
 
-    def __init__(
-        self, submap: int, version: int, grid: FinishedGrid, log_odds: NDArray[np.float32]
-    ) -> None:
-        cells = drawn_cells(grid.cells, log_odds)
+    def __init__(self, submap: int, version: int, grid: FinishedGrid) -> None:
+        cells = drawn_cells(grid.cells)
         texture = Texture(cells, grid.origin_x, grid.origin_y, grid.resolution)
         self._message = submap_message(submap, version, texture, finished=True)
         self._token = (0, version)
@@ -60,10 +61,9 @@ class FinishedTexture:
 class GrowingTexture:
     """A submap that scans are still inserted into; a part of the state."""
 
-    def __init__(self, submap: int, log_odds: NDArray[np.float32]) -> None:
+    def __init__(self, submap: int) -> None:
         self.version = 0
         self._submap = submap
-        self._log_odds = log_odds
         self._whole_since = 1  # version from which on patches apply to what there was
         self._place = (0.0, 0.0, 0.0)
         self._seen = np.zeros((0, 0), np.float32)  # the cells that were drawn
@@ -82,12 +82,14 @@ class GrowingTexture:
             self._drawn = np.zeros(grid.cells.shape, np.uint8)
             self._boxes.clear()
             self._whole_since = self.version + 1
-        box = _box(grid.cells != self._seen)
-        if box is None:
+        changed = np.flatnonzero(grid.cells != self._seen)
+        if len(changed) == 0:
             return False
-        rows, cols = slice(*box[:2]), slice(*box[2:])
-        self._seen[rows, cols] = grid.cells[rows, cols]
-        self._values[rows, cols] = quantize_probabilities(self._seen[rows, cols])
+        now = grid.cells.reshape(-1)[changed]
+        self._seen.reshape(-1)[changed] = now
+        self._values.reshape(-1)[changed] = quantize_probabilities(now)
+        rows, cols = np.divmod(changed, grid.cells.shape[1])
+        box = int(rows[0]), int(rows[-1]) + 1, int(cols.min()), int(cols.max()) + 1
         self._boxes[self.version + 1] = self._draw(box)
         self._boxes.pop(self.version + 1 - MAX_PATCHES, None)
         self.version += 1
@@ -115,7 +117,7 @@ class GrowingTexture:
         num_rows, num_cols = self._values.shape
         touched = _grown(changed, 1, num_rows, num_cols)
         seen = _grown(changed, 2, num_rows, num_cols)
-        drawn = drawn_cells(self._values[seen[0] : seen[1], seen[2] : seen[3]], self._log_odds)
+        drawn = drawn_cells(self._values[seen[0] : seen[1], seen[2] : seen[3]])
         self._drawn[touched[0] : touched[1], touched[2] : touched[3]] = drawn[
             touched[0] - seen[0] : touched[1] - seen[0],
             touched[2] - seen[2] : touched[3] - seen[2],
@@ -132,15 +134,6 @@ class GrowingTexture:
         _, end_row, _, end_col = boxes.max(axis=0).tolist()
         cells = self._drawn[first_row:end_row, first_col:end_col]
         return patch_message(self._submap, since, self.version, (first_row, first_col), cells)
-
-
-def _box(changed: NDArray[np.bool_]) -> Box | None:
-    """Return the smallest box that holds all cells marked."""
-    rows = np.flatnonzero(changed.any(axis=1))
-    if len(rows) == 0:
-        return None
-    cols = np.flatnonzero(changed[rows[0] : rows[-1] + 1].any(axis=0))
-    return int(rows[0]), int(rows[-1]) + 1, int(cols[0]), int(cols[-1]) + 1
 
 
 def _grown(box: Box, by: int, num_rows: int, num_cols: int) -> Box:
