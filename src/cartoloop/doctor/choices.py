@@ -13,6 +13,7 @@ from cartoloop.doctor.odometry import OdometryWatch
 from cartoloop.doctor.scans import ScanWatch
 from cartoloop.local_slam.odometry_calibration import OdometryModel
 from cartoloop.readers.log import Log
+from cartoloop.sensor.range_filter import USEFUL_RANGE
 from cartoloop.sensor.sensor_profile import SensorProfile
 
 _ROLES = ("scan", "cloud", "odometry", "imu", "tf", "other")
@@ -59,12 +60,14 @@ def choices_of(
 
 
 def _ranges(profile: SensorProfile) -> Choice:
-    low = f"{profile.range_min:.2f} m"
-    if not math.isfinite(profile.range_max):
-        return Choice("ranges used", f"from {low} on", "no greatest range was seen")
-    value = f"{low} to {profile.range_max:.2f} m"
-    if profile.no_return is not None and math.isfinite(profile.no_return) and profile.no_return > 0:
-        return Choice("ranges used", value, f"{profile.no_return:.6g} m is sent for 'no return'")
+    """Return which ranges are matched and mapped; the configuration may say otherwise."""
+    farthest = min(profile.range_max, USEFUL_RANGE)
+    value = f"{profile.range_min:.2f} m to {farthest:.2f} m"
+    if farthest < profile.range_max:
+        return Choice("ranges used", value, "what is farther off clears free space, but is no wall")
+    no_return = profile.no_return
+    if no_return is not None and math.isfinite(no_return) and no_return > 0:
+        return Choice("ranges used", value, f"{no_return:.6g} m is sent for 'no return'")
     return Choice("ranges used", value, "the scanner's limits")
 
 

@@ -41,7 +41,7 @@ from cartoloop.readers.carmen_lines import (
     read_scan_line,
 )
 from cartoloop.readers.line_times import line_times, note_damage, note_times
-from cartoloop.readers.log import Problem, Problems
+from cartoloop.readers.log import Problems, TellsProblems
 from cartoloop.readers.source import Source
 from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry, SensorEvent
 from cartoloop.sensor.pose import Pose, wrap_angle
@@ -58,7 +58,7 @@ ODOM_TAG = b"ODOM"
 _CUSTOMARY_BEAMS = (180, 181, 360, 361)
 
 
-class CarmenLog:
+class CarmenLog(TellsProblems):
     """A CARMEN log; see `cartoloop.readers.log.Log` for what it offers.
 
     Parameters
@@ -121,21 +121,6 @@ class CarmenLog:
         """Repaired time from the first to the last event [s]."""
         finite = self._times[np.isfinite(self._times)]
         return float(finite[-1] - finite[0])
-
-    @property
-    def skipped(self) -> dict[str, int]:
-        """How many lines were skipped, by reason; grows while iterating."""
-        return self._current.skipped
-
-    @property
-    def problems(self) -> list[Problem]:
-        """The first problems found, each one line with its place; grows while iterating."""
-        return self._current.kept
-
-    @property
-    def num_problems(self) -> int:
-        """How many problems were found, including those not kept in `problems`."""
-        return self._current.count
 
     def __iter__(self) -> Iterator[SensorEvent]:
         """Yield the events in file order; bad lines are skipped and counted.

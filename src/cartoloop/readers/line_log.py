@@ -21,7 +21,7 @@ from cartoloop.errors import InputError
 from cartoloop.readers.carmen_index import ScanSample
 from cartoloop.readers.carmen_lines import LineError
 from cartoloop.readers.line_times import line_times, note_damage, note_times
-from cartoloop.readers.log import Problem, Problems
+from cartoloop.readers.log import Problems, TellsProblems
 from cartoloop.readers.source import Source
 from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry, SensorEvent
 from cartoloop.sensor.pose import Pose
@@ -84,7 +84,7 @@ def head_of(source: Source) -> list[bytes]:
     return list(islice(source.lines(), _HEAD_LINES))
 
 
-class LineLog:
+class LineLog(TellsProblems):
     """A text recording; see `cartoloop.readers.log.Log` for what it offers.
 
     Parameters
@@ -150,21 +150,6 @@ class LineLog:
         """Repaired time from the first to the last event [s]."""
         finite = self._times[np.isfinite(self._times)]
         return float(finite[-1] - finite[0])
-
-    @property
-    def skipped(self) -> dict[str, int]:
-        """How many lines were skipped, by reason; grows while iterating."""
-        return self._current.skipped
-
-    @property
-    def problems(self) -> list[Problem]:
-        """The first problems found, each one line with its place; grows while iterating."""
-        return self._current.kept
-
-    @property
-    def num_problems(self) -> int:
-        """How many problems were found, including those not kept in `problems`."""
-        return self._current.count
 
     def __iter__(self) -> Iterator[SensorEvent]:
         """Yield the events in file order; bad lines are skipped and counted."""

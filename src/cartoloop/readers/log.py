@@ -63,6 +63,27 @@ class Problems:
             self.add("warning", message, reason)
 
 
+class TellsProblems:
+    """The part of a :class:`Log` that tells what was wrong: in opening it, and in the last pass."""
+
+    _current: Problems
+
+    @property
+    def skipped(self) -> dict[str, int]:
+        """How many lines or messages were skipped, by reason; grows while iterating."""
+        return self._current.skipped
+
+    @property
+    def problems(self) -> list[Problem]:
+        """The first problems found, each one line with its place; grows while iterating."""
+        return self._current.kept
+
+    @property
+    def num_problems(self) -> int:
+        """How many problems were found, including those not kept in `problems`."""
+        return self._current.count
+
+
 class Log(Protocol):
     """A recording: iterate over it, as often as wanted, for its events in their true order."""
 

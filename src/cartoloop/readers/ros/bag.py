@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cartoloop.errors import InputError
-from cartoloop.readers.log import Problem, Problems
+from cartoloop.readers.log import Problems, TellsProblems
 from cartoloop.readers.options import ReadOptions
 from cartoloop.readers.ros.choice import choose_topics
 from cartoloop.readers.ros.chosen import Choice
@@ -36,7 +36,7 @@ _SEVERITY = {"error": 0, "warning": 1, "note": 2}
 Decode = Callable[[bytes, float, float], SensorEvent]
 
 
-class BagLog:
+class BagLog(TellsProblems):
     """A ROS 1 bag or a ROS 2 recording; see `cartoloop.readers.log.Log` for what it offers.
 
     Parameters
@@ -100,21 +100,6 @@ class BagLog:
         """Repaired time from the first to the last event [s]."""
         first = min(float(times.times[0]) for times in self._times)
         return max(float(times.times[-1]) for times in self._times) - first
-
-    @property
-    def skipped(self) -> dict[str, int]:
-        """How many messages were skipped, by reason; grows while iterating."""
-        return self._current.skipped
-
-    @property
-    def problems(self) -> list[Problem]:
-        """The first problems found, each one line with its place; grows while iterating."""
-        return self._current.kept
-
-    @property
-    def num_problems(self) -> int:
-        """How many problems were found, including those not kept in `problems`."""
-        return self._current.count
 
     def __iter__(self) -> Iterator[SensorEvent]:
         """Yield the events in the order of their times; bad messages are skipped and counted.
