@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.kernels.ray_casting import scan_cells
+from cartoloop.kernels.ray_casting import FARTHEST, fits, scan_cells
 from cartoloop.kernels.ray_fan import SUBPIXELS
 from tests.reference.naive_ray_casting import naive_scan_cells
 
@@ -60,3 +61,26 @@ def test_a_hit_wins_over_rays_that_pass_through_its_pixel():
 def test_a_scan_of_nothing_has_no_cells():
     hits, missed, _ = all_cells((0.0, 0.0), [], [], 0.1)
     assert hits == missed == []
+
+
+@pytest.mark.parametrize("far", [1e3, -1e8, 1e9, -1e12, 1e300, -1e300, np.inf, -np.inf, np.nan])
+def test_of_a_scan_that_spans_more_than_any_submap_nothing_is_marked(far):
+    near, wide = np.array([(1.0, 0.5)]), np.array([(1.0, far), (far, 1.0)])
+    nothing = np.empty((0, 2))
+    cases = [(far, far, near, nothing)]
+    if not np.isnan(far):  # ends of rays are numbers, or poses are not
+        cases += [(0.0, 0.0, wide, nothing), (0.0, 0.0, near, wide)]
+    for x, y, returns, misses in cases:
+        hits, free, *box = scan_cells(x, y, returns, misses, 0.05)
+        assert len(hits) == len(free) == 0
+        assert not fits(*box)
+
+
+def test_cells_far_from_the_origin_are_those_near_it_shifted():
+    shift = np.array((1.0, -1.0)) * (FARTHEST - 100) * 0.125  # exact
+    returns, misses = np.array([(1.0, 2.0), (-1.5, 0.25)]), np.array([(3.0, -1.0)])
+    near = scan_cells(0.0, 0.0, returns, misses, 0.125)
+    far = scan_cells(*shift, returns + shift, misses + shift, 0.125)
+    cells = FARTHEST - 100
+    assert (far[0] - (cells, -cells)).tolist() == near[0].tolist()
+    assert (far[1] - (-cells, cells, cells)).tolist() == near[1].tolist()

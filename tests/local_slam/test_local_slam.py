@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from cartoloop.config import Config, LocalSlamConfig
+from cartoloop.errors import InputError
 from cartoloop.local_slam.local_slam import MIN_RETURNS
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
+from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import OdometryModel, make_world, simulate
 from tests.local_slam.small_world import errors, record, run
 
@@ -243,3 +245,31 @@ def test_a_walker_without_odometry_sets_off_from_rest():
     distance, _ = errors(poses, recording.true_poses)
     assert np.hypot(*(recording.true_poses[-1] - recording.true_poses[0])[:2]) > 8.0
     assert distance.max() < 0.2
+
+
+def lost_for_so_long(recording, distance, pause):
+    """The events, those after 5 s later and further away; the scans about then show nothing."""
+    for event in with_scans_changed(recording, all_set_to(np.inf), first=5.0, last=6.0):
+        if event.time - recording.stamps[0] < 5.0:
+            yield event
+        elif isinstance(event, Odometry):
+            x, y, theta = event.tf_odom_tracking
+            there = Pose(x + distance, y, theta)
+            yield replace(event, time=event.time + pause, tf_odom_tracking=there)
+        else:
+            yield replace(event, time=event.time + pause)
+
+
+@pytest.mark.parametrize("distance", [1e5, 1e8, 1e9, 1e18])
+def test_scans_further_apart_than_any_submap_are_an_error_that_says_where_and_why(
+    recording, distance
+):
+    with pytest.raises(InputError, match=r"at the scan with stamp .* odometry jumped"):
+        run(lost_for_so_long(recording, distance, pause=distance))
+
+
+def test_scans_so_far_apart_are_mapped_without_odometry(recording):
+    config = Config(local_slam=LocalSlamConfig(use_odometry=False))
+    poses, _, _ = run(lost_for_so_long(recording, 1e9, pause=1e9), config)
+    assert np.isfinite(poses).all()
+    assert np.abs(poses).max() < 100.0

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cartoloop.config import SubmapConfig
+from cartoloop.errors import InputError
 from cartoloop.kernels.ray_casting import SUBPIXELS
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY
@@ -117,3 +118,20 @@ def test_a_scan_all_round_leaves_no_hole_within():
     distance = RESOLUTION * np.hypot(cols + grid.first_col, rows + grid.first_row)
     assert (grid.cells[distance < 1.8] == np.float32(0.45)).all()
     assert (grid.cells[distance > 2.2] == 0.0).all()
+
+
+@pytest.mark.parametrize("place", [(2e3, 2e3), (-2e3, 2e3), (1e12, 0.0), (0.0, -1e300)])
+def test_a_grid_does_not_grow_to_what_no_submap_is(place):
+    grid = ProbabilityGrid(RESOLUTION)
+    insert(grid, (0.0, 0.0), [(1.0, 0.0)])
+    before = grid.cells.copy()
+    with pytest.raises(InputError, match=r"start|a submap would be"):
+        insert(grid, place, [place])
+    assert np.array_equal(grid.cells, before)
+
+
+def test_a_grid_grows_to_the_size_of_the_largest_submaps():
+    grid = ProbabilityGrid(RESOLUTION)
+    insert(grid, (0.0, 0.0), [(1.0, 0.0)])
+    insert(grid, (500.0, 0.0), [(500.0, 30.0)])
+    assert probability(grid, 5000, 300) == pytest.approx(0.6)

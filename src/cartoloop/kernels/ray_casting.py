@@ -26,6 +26,12 @@ FloatArray = NDArray[np.float64]
 CellArray = NDArray[np.int32]
 IntArray = NDArray[np.int64]
 
+FARTHEST = 1 << 30
+"""Lattice coordinates, and differences of two, are within int32 up to here."""
+
+MAX_CELLS = 1 << 27
+"""So many cells a submap may have, a square of 500 m: more is no submap but a pose gone astray."""
+
 
 @kernel
 def scan_cells(
@@ -45,14 +51,19 @@ def scan_cells(
     hits : int32, shape (h, 2), lattice (column, row), each cell once.
     free : int32, shape (f, 3), the misses, as runs along rows: row, first column, column after the
         last.
-    first_col, first_row, last_col, last_row : lattice box that holds origin and ends.
+    first_col, first_row, last_col, last_row : lattice box that holds origin and ends, as far as
+        `FARTHEST`.
 
     Notes
     -----
-    The hit set wins over the miss set; a miss is every pixel that a ray intersects.
+    The hit set wins over the miss set; a miss is every pixel that a ray intersects. Both are empty
+    where the box reaches as far as `FARTHEST` or has more than `MAX_CELLS`.
     """
     first_col, last_col = _lattice_range(origin_x, returns[:, 0], misses[:, 0], resolution)
     first_row, last_row = _lattice_range(origin_y, returns[:, 1], misses[:, 1], resolution)
+    if not fits(first_col, first_row, last_col, last_row):
+        nowhere = np.empty((0, 2), dtype=np.int32), np.empty((0, 3), dtype=np.int32)
+        return *nowhere, first_col, first_row, last_col, last_row
     num_returns = returns.shape[0]
     ends = np.empty((num_returns + misses.shape[0], 2), dtype=np.int64)
     for k in range(num_returns):
@@ -91,7 +102,24 @@ def _lattice_range(
         low, high = min(low, returns[k]), max(high, returns[k])
     for k in range(misses.shape[0]):
         low, high = min(low, misses[k]), max(high, misses[k])
-    return int(np.floor(low / resolution)) - 1, int(np.floor(high / resolution)) + 1
+    return _lattice_coordinate(low / resolution) - 1, _lattice_coordinate(high / resolution) + 1
+
+
+@kernel
+def _lattice_coordinate(cells: float) -> int:
+    """Return the lattice coordinate below, of what is too far or not a number `FARTHEST`."""
+    below = np.floor(cells)
+    if not abs(below) < FARTHEST:
+        return -FARTHEST if below < 0.0 else FARTHEST
+    return int(below)
+
+
+@kernel
+def fits(first_col: int, first_row: int, last_col: int, last_row: int) -> bool:
+    """Return whether a box of cells, given by its first and last, can be one of a submap."""
+    if min(first_col, first_row) < -FARTHEST or max(last_col, last_row) > FARTHEST:
+        return False
+    return bool((last_col - first_col + 1) * (last_row - first_row + 1) <= MAX_CELLS)
 
 
 @kernel

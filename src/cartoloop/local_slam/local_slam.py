@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cartoloop.config import Config
+from cartoloop.errors import InputError
 from cartoloop.local_slam.motion_filter import MotionFilter
 from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator, Prediction
 from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher
@@ -107,7 +108,13 @@ class LocalSlam:
         self.extrapolator.add_imu(imu)
 
     def add_scan(self, scan: LaserScan | PointCloud) -> LocalSlamResult:
-        """Match a scan and insert it where it shows something new."""
+        """Match a scan and insert it where it shows something new.
+
+        Raises
+        ------
+        InputError
+            It seems to be so far from the scans before that no submap can hold both.
+        """
         scanner = self._scanner_of(scan)
         with self._timer.measure("filter"):
             motion = self.extrapolator.sweep_motion(scan.time, *scan.sweep)
@@ -141,8 +148,11 @@ class LocalSlam:
             information = PREDICTED_INFORMATION if submap else FIRST_INFORMATION
             if found:
                 information = match_information(found.match)
-            with self._timer.measure("insert"):
-                node = self._insert(scan.time, data, tf_local_tracking, information)
+            try:
+                with self._timer.measure("insert"):
+                    node = self._insert(scan.time, data, tf_local_tracking, information)
+            except InputError as error:
+                raise InputError(f"at the scan with stamp {scan.stamp:.6f}: {error}") from error
             scanner.is_in_map = True
         return LocalSlamResult(
             tf_local_tracking,

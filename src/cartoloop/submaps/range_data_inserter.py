@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.config import SubmapConfig
+from cartoloop.errors import InputError
 from cartoloop.kernels import ray_casting
 from cartoloop.kernels.grid_update import update_cells
 from cartoloop.sensor.pose import FloatArray, Pose
@@ -45,10 +46,17 @@ def scan_cells(
     tf_grid_sensor : where the rays start.
     returns, misses : float64, shapes (n, 2), (k, 2), ends of the rays [m, grid frame].
     resolution : pixel edge r [m].
+
+    Raises
+    ------
+    InputError
+        They lie too far from each other, or from the origin, to be part of any map.
     """
-    return ScanCells(
+    cells = ScanCells(
         *ray_casting.scan_cells(tf_grid_sensor.x, tf_grid_sensor.y, returns, misses, resolution)
     )
+    _make_sure_it_fits(*cells[2:], resolution)
+    return cells
 
 
 def insert_cells(
@@ -60,13 +68,27 @@ def insert_cells(
     ----------
     cells : in the lattice of a frame that may differ from the grid's by whole cells.
     origin : lattice coordinates of the grid's frame in it.
+
+    Raises
+    ------
+    InputError
+        They lie too far from what the grid holds to be of the same submap.
     """
     if len(cells.hits) + len(cells.free) == 0:
         return
     col, row = origin
-    grid.cover(
-        cells.first_col - col, cells.first_row - row, cells.last_col - col, cells.last_row - row
-    )
+    first_col, first_row = cells.first_col - col, cells.first_row - row
+    last_col, last_row = cells.last_col - col, cells.last_row - row
+    num_rows, num_cols = grid.cells.shape
+    if num_rows:
+        _make_sure_it_fits(
+            min(first_col, grid.first_col),
+            min(first_row, grid.first_row),
+            max(last_col, grid.first_col + num_cols),
+            max(last_row, grid.first_row + num_rows),
+            grid.resolution,
+        )
+    grid.cover(first_col, first_row, last_col, last_row)
     update_cells(
         grid.cells,
         grid.first_col + col,
@@ -77,4 +99,21 @@ def insert_cells(
         config.miss_probability,
         MIN_PROBABILITY,
         MAX_PROBABILITY,
+    )
+
+
+def _make_sure_it_fits(
+    first_col: int, first_row: int, last_col: int, last_row: int, resolution: float
+) -> None:
+    """Raise an error for the user if no submap can be as large as a lattice box, or lie there."""
+    if ray_casting.fits(first_col, first_row, last_col, last_row):
+        return
+    width, height = (last_col - first_col) * resolution, (last_row - first_row) * resolution
+    what = f"a submap would be {width:.4g} m by {height:.4g} m"
+    if max(map(abs, (first_col, first_row, last_col, last_row))) >= ray_casting.FARTHEST:
+        what = f"it would be {ray_casting.FARTHEST * resolution:.4g} m or more from the start"
+    raise InputError(
+        f"{what}; probably the odometry jumped while the scans showed nothing "
+        "(--set local_slam.use_odometry=false maps without it), or "
+        f"local_slam.submaps.resolution = {resolution:g} is too fine"
     )
