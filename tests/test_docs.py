@@ -20,6 +20,7 @@ DOCUMENTS = (
     "docs/algorithm.md",
     "docs/readers.md",
     "docs/doctor.md",
+    "docs/live.md",
 )
 PLACE = re.compile(r"`([\w/]+\.py)`(?::((?:,?\s+`\w+`)+))?")
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +27,7 @@ def load(name):
 
 
 def test_every_example_is_tested():
-    tested = {"map_a_recording", "feed_your_own_scans", "own_reader"}
+    tested = {"map_a_recording", "feed_your_own_scans", "own_reader", "send_scans"}
     assert {path.stem for path in EXAMPLES.glob("*.py")} == tested
 
 
@@ -60,3 +63,33 @@ def test_own_reader(tmp_path, capsys):
 
     assert (tmp_path / "out" / "map.png").exists()
     assert "skipped: {'damaged line': 1}" in capsys.readouterr().out
+
+
+def test_send_scans(tmp_path):
+    command = subprocess.Popen(
+        [
+            sys.executable,
+            "-m",
+            "cartoloop",
+            "live",
+            "tcp://127.0.0.1:0",
+            "--no-drop",
+            "-o",
+            str(tmp_path),
+        ],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        told = iter(command.stderr.readline, "")
+        port = next(m[1] for line in told if (m := re.search(r"127\.0\.0\.1:(\d+) ", line)))
+        load("send_scans").main(int(port))
+        out, _ = command.communicate(timeout=60.0)
+    finally:
+        command.kill()
+        command.communicate()
+
+    assert "100 scans" in out
+    end = (tmp_path / "trajectory.tum").read_text().splitlines()[-1].split()
+    assert np.hypot(float(end[1]) - 2.97, float(end[2]) - 0.99) < 0.05

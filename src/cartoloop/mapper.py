@@ -5,13 +5,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from cartoloop.config import Config
+from cartoloop.global_slam.background import BackgroundGlobalSlam
 from cartoloop.global_slam.global_slam import GlobalSlam
+from cartoloop.global_slam.growing_array import GrowingArray
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.trajectory import optimized_trajectory, path_length
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
@@ -24,7 +27,7 @@ from cartoloop.map_output.report import (
 from cartoloop.map_output.result import Result
 from cartoloop.sensor.event_faults import fault_of
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
-from cartoloop.sensor.pose import FloatArray, Pose, compose
+from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose, compose
 from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.submap import Submap
@@ -39,15 +42,26 @@ class Mapper:
     >>> for event in cartoloop.read("intel.clf.gz"):
     ...     mapper.add(event)
     >>> mapper.finish().save("out")
+
+    Parameters
+    ----------
+    config : all parameters; the defaults if None.
+    live : whether the scans come from a robot that does not wait. No pose waits for the graph then:
+        it is kept in a thread of its own, searches join it when they are done, and are dropped when
+        too many are behind. Odometry may be late. What comes out depends on the moment.
     """
 
-    def __init__(self, config: Config | None = None) -> None:
+    def __init__(self, config: Config | None = None, *, live: bool = False) -> None:
         self._config = config or Config()
         self._timer = StageTimer()
         self._local_slam = LocalSlam(self._config, self._timer)
-        self._global_slam = GlobalSlam(self._config.global_slam, self._timer)
-        self._stamps: list[float] = []
-        self._local_poses: list[Pose] = []
+        self._global_slam = GlobalSlam(
+            self._config.global_slam, self._timer, wait_for_searches=not live
+        )
+        self._back_end = BackgroundGlobalSlam(self._global_slam) if live else None
+        self._stamps = GrowingArray((), np.float64)
+        self._local_poses = GrowingArray((3,), np.float64)
+        self._local_pose = IDENTITY
         self._node_scan_index: list[int] = []
         self._skipped: Counter[str] = Counter()
         self._last_scan: LocalSlamResult | None = None
@@ -75,12 +89,16 @@ class Mapper:
     @property
     def pose(self) -> Pose:
         """Where the robot was at the last scan, in the map as adjusted so far."""
-        local = self._local_poses[-1] if self._local_poses else Pose(0.0, 0.0, 0.0)
-        return compose(self._global_slam.tf_map_local, local)
+        return compose(self._global_slam.tf_map_local, self._local_pose)
+
+    @property
+    def local_pose(self) -> Pose:
+        """Where the robot was at the last scan, in the local frame: it drifts, but never jumps."""
+        return self._local_pose
 
     @property
     def global_slam(self) -> GlobalSlam:
-        """The pose graph and the searches; to be looked at, in the mapping thread."""
+        """The pose graph and the searches; to be looked at, in the thread that `look` calls."""
         return self._global_slam
 
     @property
@@ -101,16 +119,18 @@ class Mapper:
     @property
     def recorded_s(self) -> float:
         """Time from the first scan to the last [s], 0 before the first."""
-        return self._last_time - self._first_time if self._stamps else 0.0
+        return self._last_time - self._first_time if len(self._stamps) else 0.0
 
     @property
     def last_stamp(self) -> float:
         """Stamp of the last scan that was mapped [s], NaN before the first."""
-        return self._stamps[-1] if self._stamps else math.nan
+        return float(self._stamps.view[-1]) if len(self._stamps) else math.nan
 
     def node_stamps(self, first: int) -> FloatArray:
-        """Return the stamps [s] of the nodes from `first` on, shape (n,)."""
-        return np.array([self._stamps[scan] for scan in self._node_scan_index[first:]])
+        """Return the stamps [s] of the graph's nodes from `first` on, shape (n,)."""
+        scans = self._node_scan_index[first : self._global_slam.graph.num_nodes]
+        stamps: FloatArray = self._stamps.view[np.array(scans, dtype=np.int64)]
+        return stamps
 
     def add(self, event: SensorEvent) -> None:
         """Take in one sensor event. Bad data never raises: it is skipped, and counted by reason.
@@ -130,12 +150,15 @@ class Mapper:
         else:
             self._last_time = self._last_time_of[event.geometry.sensor] = event.time
             self._waiting.append(event)
-        self._add_scans_that_ended(event.time)
+        # Live, whoever adds scans knows better what may yet come.
+        self._add_scans_that_ended(math.inf if self._back_end is not None else event.time)
 
     def finish(self) -> Result:
         """Close the last loops, adjust all and return the map; nothing can be added after."""
         try:
             self._add_scans_that_ended(math.inf)
+            if (failure := self._end_back_end()) is not None:
+                raise failure
             self._global_slam.finish(self._local_slam.active_submaps)
         finally:
             self.close()
@@ -143,21 +166,54 @@ class Mapper:
 
     def close(self) -> None:
         """End the background threads and drop their searches; only `result` may follow."""
+        self._end_back_end()
         self._global_slam.close()
 
+    def look(self, task: Callable[[], None]) -> None:
+        """Have something done while the pose graph stands still, with all nodes so far in it.
+
+        At once, or in live mapping soon, in the thread of the graph. Local SLAM does not stand
+        still there.
+        """
+        if self._back_end is None:
+            task()
+        else:
+            self._back_end.call(task)
+
+    def result_later(self, receive: Callable[[Result], None]) -> None:
+        """Have the map as it stands handed over, without waiting; see `look`.
+
+        It is the receiver's own: whatever is mapped later does not change it.
+        """
+        num_scans, active = len(self._local_poses), self._local_slam.active_submaps
+
+        def hand_over() -> None:
+            result = self._result(num_scans, active)
+            graph = result.graph
+            receive(replace(result, graph=graph.without(np.zeros(graph.num_constraints, bool))))
+
+        self.look(hand_over)
+
     def result(self) -> Result:
-        """Return the map as it stands, without waiting for searches."""
+        """Return the map as it stands, without waiting for searches.
+
+        In live mapping, only after `close`; see `result_later`.
+        """
+        return self._result(len(self._local_poses), self._local_slam.active_submaps)
+
+    def _result(self, num_scans: int, active: Sequence[Submap]) -> Result:
+        """Return the map of so many scans that got a pose, with these submaps still growing."""
         graph = self._global_slam.graph
         node_scan_index = np.array(self._node_scan_index[: graph.num_nodes], dtype=np.int64)
-        local = np.array(self._local_poses, dtype=np.float64).reshape(-1, 3)
+        local = self._local_poses.view[:num_scans].copy()
         trajectory = optimized_trajectory(local, node_scan_index, graph.node_poses)
         return Result(
-            np.array(self._stamps, dtype=np.float64),
+            self._stamps.view[:num_scans].copy(),
             trajectory,
             local,
             graph,
             node_scan_index,
-            self._submap_grids(graph),
+            self._submap_grids(graph, active),
             self._config,
             self._report(graph, trajectory),
             found=tuple(self._global_slam.found),
@@ -171,10 +227,12 @@ class Mapper:
             return fault
         if isinstance(event, Imu):
             return None
+        if isinstance(event, Odometry):
+            # Live, it may come a little after the scan; the track knows what to do.
+            is_late = event.time < self._last_time and self._back_end is None
+            return "time runs backwards" if is_late else None
         if event.time < self._last_time:
             return "time runs backwards"
-        if isinstance(event, Odometry):
-            return None
         repeats = self._last_time_of.get(event.geometry.sensor) == event.time
         return "two scans at one time" if repeats else None
 
@@ -188,7 +246,7 @@ class Mapper:
             self._add_scan(waiting.popleft())
 
     def _add_scan(self, scan: LaserScan | PointCloud) -> None:
-        if not self._stamps:
+        if not len(self._stamps):
             self._first_time = scan.time
         result = self._local_slam.add_scan(scan)
         if not result.was_matched and result.node is None:
@@ -196,13 +254,22 @@ class Mapper:
         self._last_scan = result
         self._stamps.append(scan.stamp)
         self._local_poses.append(result.tf_local_tracking)
+        self._local_pose = result.tf_local_tracking
         if result.node is not None:
             self._node_scan_index.append(len(self._stamps) - 1)
-            self._global_slam.add_node(result.node)
+            (self._back_end or self._global_slam).add_node(result.node)
 
-    def _submap_grids(self, graph: PoseGraph) -> list[FinishedGrid]:
+    def _end_back_end(self) -> Exception | None:
+        """Have all nodes added, and the graph from now on to ourselves; return what failed."""
+        if self._back_end is None:
+            return None
+        back_end, self._back_end = self._back_end, None
+        back_end.close()
+        return back_end.failure
+
+    def _submap_grids(self, graph: PoseGraph, active: Sequence[Submap]) -> list[FinishedGrid]:
         grids = self._global_slam.finished_grids()
-        for submap in self._local_slam.active_submaps:
+        for submap in active:
             if submap.index not in grids:
                 grids[submap.index] = submap.grid.finish()
         return [grids[index] for index in range(graph.num_submaps)]
@@ -225,8 +292,13 @@ class Mapper:
             adjustment=AdjustmentSummary.of_runs(self._global_slam.adjustments),
             stages=self._timer.summary(),
             skipped=dict(sorted(self._skipped.items())),
-            extra=self._what_sensors_told(),
+            extra=self._what_sensors_told() | self._what_was_dropped(),
         )
+
+    def _what_was_dropped(self) -> dict[str, Any]:
+        """Return how many searches were dropped, for the report, where any were."""
+        num_dropped = self._global_slam.search.num_dropped
+        return {"searches_dropped": num_dropped} if num_dropped else {}
 
     def _what_sensors_told(self) -> dict[str, Any]:
         """Return what has turned out about odometry, IMU and scanners, for the report."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from threading import Event
 
 import numpy as np
 import pytest
@@ -132,4 +133,41 @@ def test_the_backlog_is_what_was_submitted_and_is_not_done():
     search.start()
     search.collect()
     assert search.backlog == 0
+    search.close()
+
+
+def test_what_is_not_done_is_left_for_the_next_time(monkeypatch):
+    may_end = Event()
+
+    def search(submap, request, config):
+        assert may_end.wait(10.0)
+        return closure(request.submap, request.node)
+
+    monkeypatch.setattr(constraint_search, "search", search)
+    search = ConstraintSearch(ConstraintSearchConfig(), 1)
+    search.submit(submap(0), [request(0, 1), request(0, 2)])
+    search.start()
+
+    assert search.collect(wait=False) == []
+    assert search.backlog == 2
+    may_end.set()
+    assert [found.node for found in search.collect()] == [1, 2]
+    assert search.num_searched == 2
+    search.close()
+
+
+@pytest.mark.usefixtures("found_in_even_submaps")
+def test_searches_too_far_behind_are_dropped_and_counted():
+    search = ConstraintSearch(ConstraintSearchConfig(), 1, max_backlog=5)
+    search.submit(submap(0), [request(0, node) for node in range(3)])
+    search.submit(submap(2), [request(2, node) for node in range(4)])
+    search.submit(submap(4), [request(4, 0)])
+
+    assert (search.backlog, search.num_dropped) == (5, 3)
+    search.start()
+    assert [(found.submap, found.node) for found in search.collect()] == [
+        (0, 0), (0, 1), (0, 2), (2, 0), (2, 1),
+    ]  # fmt: skip
+    search.submit(submap(6), [request(6, 0)])
+    assert (search.backlog, search.num_dropped) == (1, 3)
     search.close()

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
@@ -63,19 +63,19 @@ def map_recording(
         try:
             result, failure = _run(Mapper(loaded.config), log, stop, compiler, view)
             typer.echo(f"writing {out}", err=True)
-            report = _completed(result, log, time.perf_counter() - start)
+            report = _of_log(log, result, time.perf_counter() - start)
             result = replace(result, report=report)
             if view is not None:
                 view.finished(result, failure)
             save(result, out, layers=layers, origins=loaded.origins)
         except KeyboardInterrupt as interrupt:
             raise Interrupted(f"stopped at once; files in {out} may be missing") from interrupt
-    report = _timed(report, time.perf_counter() - start)
+    report = timed(report, time.perf_counter() - start)
     save_report(report, out)
     _tell_problems(log)
     if report.nodes == 0:
         typer.echo(f"warning: {log.name}: no scan shows enough to be mapped", err=True)
-    typer.echo(_summary(report, out))
+    typer.echo(summary(report, out))
     if failure is not None:
         typer.echo(f"what was mapped before the failure is in {out}", err=True)
         raise failure
@@ -145,28 +145,39 @@ def _add_all(
             shown.update(mapper.num_scans, event.time - first_time, mapper.num_loop_closures)
 
 
-def _completed(result: Result, log: Log, wall_s: float) -> Report:
+def _of_log(log: Log, result: Result, wall_s: float) -> Report:
+    problems = [problem.message for problem in log.problems]
+    return completed(result, log.name, log.skipped, problems, wall_s)
+
+
+def completed(
+    result: Result,
+    name: str,
+    also_skipped: Mapping[str, int],
+    problems: Sequence[str],
+    wall_s: float,
+) -> Report:
     """Return the report with what only the command knows: names, times, what the reader skipped."""
     from cartoloop.config_file import config_hash
 
     report = result.report
     skipped = dict(report.skipped)
-    for reason, count in log.skipped.items():
+    for reason, count in also_skipped.items():
         skipped[reason] = skipped.get(reason, 0) + count
     extra = dict(report.extra)
-    if log.problems:
-        extra["problems"] = [problem.message for problem in log.problems]
-    completed = replace(
+    if problems:
+        extra["problems"] = list(problems)
+    filled = replace(
         report,
-        input=replace(report.input, name=log.name),
+        input=replace(report.input, name=name),
         skipped=skipped,
         config_hash=config_hash(result.config),
         extra=extra,
     )
-    return _timed(completed, wall_s)
+    return timed(filled, wall_s)
 
 
-def _timed(report: Report, wall_s: float) -> Report:
+def timed(report: Report, wall_s: float) -> Report:
     """Return the report with what the run has taken so far."""
     from cartoloop.map_output.report import peak_memory_mb
 
@@ -187,7 +198,8 @@ def _tell_problems(log: Log) -> None:
         typer.echo(f"and {rest} more problems; see report.json", err=True)
 
 
-def _summary(report: Report, out: Path) -> str:
+def summary(report: Report, out: Path) -> str:
+    """Return what the user reads in the end."""
     constraints = report.constraints
     closures = f"{constraints.found} in {constraints.searched} pairs searched"
     if constraints.precision is not None:

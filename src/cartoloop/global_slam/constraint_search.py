@@ -44,10 +44,25 @@ class ConstraintSearch:
     """Runs searches in background threads; the results come in the order of the requests.
 
     The order, and with it the result, does not depend on which thread finishes first.
+
+    Parameters
+    ----------
+    config : what is accepted.
+    num_threads : how many threads search; 0: as many as there are processors, at most 4.
+    max_backlog : with more searches than this behind, new ones are dropped; None: never.
+
+    Attributes
+    ----------
+    num_searched : how many searches were made.
+    num_dropped : how many were dropped instead.
+    durations : time that each task of a thread took [s].
     """
 
-    def __init__(self, config: ConstraintSearchConfig, num_threads: int) -> None:
+    def __init__(
+        self, config: ConstraintSearchConfig, num_threads: int, max_backlog: int | None = None
+    ) -> None:
         self._config = config
+        self._max_backlog = max_backlog
         num_threads = num_threads or min(os.cpu_count() or 1, MAX_THREADS)
         self._threads = ThreadPoolExecutor(num_threads, thread_name_prefix="loop-closure")
         self._waiting: dict[int, list[Numbered]] = {}
@@ -56,17 +71,22 @@ class ConstraintSearch:
         self._kept: dict[int, FinishedSubmap] = {}
         self._num_submitted = 0
         self.num_searched = 0
+        self.num_dropped = 0
         self.durations: list[float] = []
 
     @property
     def backlog(self) -> int:
-        """How many searches were submitted and are not done."""
-        waiting = sum(len(requests) for requests in self._waiting.values())
+        """How many searches were submitted and are not done; may be asked in any thread."""
+        waiting = sum(len(requests) for requests in list(self._waiting.values()))
         running = sum(size for future, size in self._pending if not future.done())
         return waiting + running
 
     def submit(self, submap: FinishedSubmap, requests: Sequence[SearchRequest]) -> None:
         """Note nodes to be sought in one submap when :meth:`start` is called next."""
+        if self._max_backlog is not None:
+            room = max(0, self._max_backlog - self.backlog)
+            self.num_dropped += max(0, len(requests) - room)
+            requests = requests[:room]
         if not requests:
             return
         numbered = enumerate(requests, start=self._num_submitted)
@@ -89,9 +109,17 @@ class ConstraintSearch:
                 future = self._threads.submit(self._run, submap, batch)
                 self._pending.append((future, len(batch)))
 
-    def collect(self) -> list[LoopClosure]:
-        """Wait for all that was started and return what was found, in the order submitted."""
+    def collect(self, *, wait: bool = True) -> list[LoopClosure]:
+        """Return what was found, in the order submitted.
+
+        Parameters
+        ----------
+        wait : for all that was started; otherwise what is not done is left for the next time.
+        """
         pending, self._pending = self._pending, []
+        if not wait:
+            started, pending = pending, [task for task in pending if task[0].done()]
+            self._pending = [task for task in started if task not in pending]
         found: list[tuple[int, LoopClosure]] = []
         for future, _ in pending:
             batch = future.result()

@@ -59,15 +59,35 @@ class AdjustmentRun:
     ms: float
 
 
-class GlobalSlam:
-    """Keeps the pose graph, closes loops and adjusts."""
+MAX_BACKLOG = 10_000
+"""Where nobody waits for searches, no more than this are ever behind: some seconds' work."""
 
-    def __init__(self, config: GlobalSlamConfig, timer: StageTimer) -> None:
+
+class GlobalSlam:
+    """Keeps the pose graph, closes loops and adjusts.
+
+    Parameters
+    ----------
+    config : its parameters.
+    timer : takes its times.
+    wait_for_searches : whether an adjustment waits for the searches that were started before it,
+        so that the result is always the same. Otherwise what is not done joins at the next one,
+        and searches that would be too far behind are dropped and counted.
+    """
+
+    def __init__(
+        self, config: GlobalSlamConfig, timer: StageTimer, *, wait_for_searches: bool = True
+    ) -> None:
         self._config = config
         self._timer = timer
+        self._waits = wait_for_searches
         self.graph = PoseGraph()
         self._adjuster = PoseAdjuster(self.graph)
-        self.search = ConstraintSearch(config.constraint_search, config.num_threads)
+        self.search = ConstraintSearch(
+            config.constraint_search,
+            config.num_threads,
+            max_backlog=None if wait_for_searches else MAX_BACKLOG,
+        )
         self.found: list[LoopClosure] = []
         self.adjustments: list[AdjustmentRun] = []
         self.rejected: list[LoopClosure] = []
@@ -117,7 +137,7 @@ class GlobalSlam:
         """Take in the loop closures whose searches were started, and adjust all poses."""
         num_timed = len(self.search.durations)
         with self._timer.measure("wait for searches"):
-            closures = self.search.collect()
+            closures = self.search.collect(wait=self._waits)
         for duration in self.search.durations[num_timed:]:
             self._timer.record("search", duration)
         self.found += closures
@@ -136,6 +156,7 @@ class GlobalSlam:
         """
         if self._config.optimize_every_n_nodes == 0 or self.graph.num_nodes == 0:
             return
+        self._waits = True
         for submap in unfinished:
             self._seek_in(self._finish(submap))
         self.search.start()

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The map on disk while it grows, so that a killed process loses little."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from threading import Thread
+from time import monotonic
+
+from cartoloop.errors import OutputError
+from cartoloop.live.notices import Notices
+from cartoloop.map_file.save import map_bytes
+from cartoloop.map_file.schema import FILE_NAME
+from cartoloop.map_output.result import Result
+from cartoloop.map_output.save import write_file
+from cartoloop.mapper import Mapper
+
+MIN_PERIOD_S = 1.0
+"""A small map is saved so often [s]."""
+
+MAX_SHARE = 0.03
+"""A large one so often that saving takes this share of the time, and of one processor."""
+
+
+class Autosave:
+    """Writes ``map.cartoloop`` again and again, each time whole; in a thread of its own.
+
+    Parameters
+    ----------
+    mapper : whose map it is.
+    folder : where to; must exist.
+    notices : is told if that fails.
+    min_period : between two saves [s].
+
+    Attributes
+    ----------
+    period : from the last save to the next [s].
+    num_saves : how many there were.
+    """
+
+    def __init__(
+        self, mapper: Mapper, folder: Path, notices: Notices, min_period: float = MIN_PERIOD_S
+    ) -> None:
+        self._mapper = mapper
+        self._path = folder / FILE_NAME
+        self._notices = notices
+        self._min_period = min_period
+        self.period = min_period
+        self.num_saves = 0
+        self._saved_scans = 0
+        self._next = monotonic() + min_period
+        self._is_busy = False
+        self._thread: Thread | None = None
+
+    def after_scan(self) -> None:
+        """Save if it is time to; returns at once."""
+        if self._is_busy or monotonic() < self._next:
+            return
+        if self._mapper.num_scans != self._saved_scans and self._mapper.num_nodes:
+            self._is_busy = True
+            self._saved_scans = self._mapper.num_scans
+            self._mapper.result_later(self._save_elsewhere)
+
+    def close(self) -> None:
+        """Wait until the last save is done; only after the mapper was closed."""
+        if self._thread is not None:
+            self._thread.join()
+
+    def _save_elsewhere(self, result: Result) -> None:
+        """Have a result saved, and the graph go on."""
+        self._thread = Thread(target=self._save, args=(result,), name="autosave", daemon=True)
+        self._thread.start()
+
+    def _save(self, result: Result) -> None:
+        start = monotonic()
+        try:
+            write_file(self._path, map_bytes(result))
+            self.num_saves += 1
+        except OutputError as error:
+            self._notices.note("the map is not saved", f"{error}; trying on")
+        took = monotonic() - start
+        self.period = max(self._min_period, took / MAX_SHARE)
+        self._next = monotonic() + self.period
+        self._is_busy = False

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording while it is being written: a CARMEN log, or a file of messages."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from threading import Event
+from typing import BinaryIO
+
+from cartoloop.errors import InputError
+from cartoloop.live.carmen_messages import CarmenParser
+from cartoloop.live.messages import Message
+from cartoloop.live.notices import Notices
+from cartoloop.live.source import LineReceiver, Put, parse_json_line
+
+PERIOD_S = 0.02
+"""So often it is looked whether more was written [s]."""
+
+_CHUNK = 2**18
+
+
+class GrowingFile:
+    """What is in a file, and what is written to it from now on; also if it is begun anew.
+
+    Parameters
+    ----------
+    path : the file. What it holds is told by its first line: JSON, or a CARMEN log.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.name = path.name
+        self._carmen = CarmenParser()
+
+    def open(self) -> str:
+        """Make sure that it can be read."""
+        try:
+            with self._path.open("rb") as file:
+                if file.read(2) == b"\x1f\x8b":
+                    raise InputError(
+                        f"{self._path}: is compressed, and so cannot be followed; use 'cartoloop "
+                        "map' when it is complete"
+                    )
+        except OSError as error:
+            raise InputError(
+                f"{self._path}: cannot be read: {error.strerror}; give a CARMEN log that is being "
+                "written, -, tcp://127.0.0.1:PORT, ws://127.0.0.1:PORT or ros2:"
+            ) from error
+        return f"following {self._path}"
+
+    def run(self, put: Put, notices: Notices, stop: Event) -> None:
+        """Hand on what is in the file, and then whatever comes."""
+        lines = LineReceiver(put, notices, self.name, self._parse)
+        file: BinaryIO | None = None
+        while not stop.is_set():
+            try:
+                file = file or self._path.open("rb")
+                if data := file.read(_CHUNK):
+                    lines.feed(data)
+                    continue
+                if self._is_begun_anew(file):
+                    notices.note("begun anew", f"{self.name}: the file was begun anew")
+                    lines.reset()
+                    file.close()
+                    file = None
+                    continue
+            except OSError as error:
+                notices.note("file unreadable", f"{self.name}: {error.strerror}; trying on")
+            stop.wait(PERIOD_S)
+        if file is not None:
+            file.close()
+
+    def _is_begun_anew(self, file: BinaryIO) -> bool:
+        """Return whether the name stands for another file, or for less than was read."""
+        try:
+            now = self._path.stat()
+        except FileNotFoundError:
+            return False
+        return now.st_ino != os.fstat(file.fileno()).st_ino or now.st_size < file.tell()
+
+    def _parse(self, line: bytes) -> list[Message]:
+        if line.lstrip().startswith(b"{"):
+            return list(parse_json_line(line))
+        return self._carmen.parse(line)

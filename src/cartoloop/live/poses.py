@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Poses out, a line of JSON for each scan, written by a thread that nobody waits for."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from threading import Condition, Thread
+from typing import BinaryIO
+
+from cartoloop.live.notices import Notices
+from cartoloop.sensor.pose import Pose
+
+MAX_WAITING = 1000
+
+
+class PoseWriter:
+    """Writes poses; where the reader is too slow, the oldest are dropped and counted.
+
+    Parameters
+    ----------
+    out : where to; flushed after each line.
+    notices : is told of poses that were dropped, and of a reader that left.
+    """
+
+    def __init__(self, out: BinaryIO, notices: Notices) -> None:
+        self._out = out
+        self._notices = notices
+        self._lines: deque[bytes | None] = deque()
+        self._changed = Condition()
+        self._thread = Thread(target=self._run, name="poses", daemon=True)
+        self._thread.start()
+
+    def put(
+        self, stamp: float, tf_local_tracking: Pose, tf_map_tracking: Pose, latency: float
+    ) -> None:
+        """Have the pose of a scan written; returns at once.
+
+        Parameters
+        ----------
+        stamp : of the scan [s].
+        tf_local_tracking : before loop closure: smooth, drifts.
+        tf_map_tracking : in the map as it is now: right, jumps when loops close.
+        latency : from the arrival of the scan to this moment [s].
+        """
+        content = {
+            "type": "pose",
+            "stamp": stamp,
+            "local": [round(value, 6) for value in tf_local_tracking],
+            "map": [round(value, 6) for value in tf_map_tracking],
+            "latency_ms": round(1e3 * latency, 3),
+        }
+        with self._changed:
+            if len(self._lines) >= MAX_WAITING:
+                self._lines.popleft()
+                self._notices.note("poses dropped: their reader is too slow")
+            self._lines.append(json.dumps(content).encode() + b"\n")
+            self._changed.notify()
+
+    def close(self, timeout: float = 2.0) -> None:
+        """Write what is left, unless nobody reads it."""
+        with self._changed:
+            self._lines.append(None)
+            self._changed.notify()
+        self._thread.join(timeout)
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                while not self._lines:
+                    self._changed.wait()
+                line = self._lines.popleft()
+            if line is None:
+                return
+            try:
+                self._out.write(line)
+                self._out.flush()
+            except (OSError, ValueError) as error:
+                self._notices.note("poses are read no more", f"poses are read no more: {error}")
+                return

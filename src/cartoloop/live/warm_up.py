@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All kernels run once before the robot starts: it must not wait for a compiler, nor for a disk."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cartoloop.config import Config, ConstraintSearchConfig, GlobalSlamConfig
+from cartoloop.mapper import Mapper
+from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry
+from cartoloop.sensor.pose import Pose
+
+_ROOM = 4.0
+_SCANS = 60
+
+
+def warm_up() -> None:
+    """Map a small room twice over, with loop closures, and forget it."""
+    config = Config()
+    local_slam = config.local_slam.model_copy(
+        update={"submaps": config.local_slam.submaps.model_copy(update={"num_range_data": 6})}
+    )
+    search = ConstraintSearchConfig(bound_length=0.0, every_nth_node=1)
+    global_slam = GlobalSlamConfig(
+        optimize_every_n_nodes=12, constraint_search=search, num_threads=1
+    )
+    mapper = Mapper(
+        config.model_copy(update={"local_slam": local_slam, "global_slam": global_slam})
+    )
+    geometry = ScanGeometry(-math.pi, math.radians(2.0), 180, 0.1, 30.0)
+    for k in range(_SCANS):
+        pose = Pose(0.05 * k - 1.5, 0.2 * math.sin(0.3 * k), 0.05 * k)
+        ranges = _room_ranges(pose, geometry.angles)
+        mapper.add(Odometry(0.1 * k, 0.1 * k, pose))
+        mapper.add(LaserScan(0.1 * k, 0.1 * k, ranges, geometry))
+    mapper.finish()
+
+
+def _room_ranges(
+    pose: Pose, angles: np.typing.NDArray[np.float64]
+) -> np.typing.NDArray[np.float64]:
+    """Return the distances to the walls of a square room [m]."""
+    dx, dy = np.cos(pose.theta + angles), np.sin(pose.theta + angles)
+    with np.errstate(divide="ignore"):
+        distances: np.typing.NDArray[np.float64] = np.minimum(
+            (np.copysign(_ROOM, dx) - pose.x) / dx, (np.copysign(_ROOM, dy) - pose.y) / dy
+        )
+    return distances

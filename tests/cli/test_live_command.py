@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``cartoloop live`` in a process of its own, as a robot and its operator use it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cartoloop.evaluation.trajectories import read_tum
+from cartoloop.map_file.load import load_map
+from tests.live.live_room import drive, lines
+
+NUM_SCANS = 51
+
+
+class Live:
+    """The command while it runs."""
+
+    def __init__(self, *arguments, **options):
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "cartoloop", "live", *map(str, arguments)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=os.environ | {"PYTHONUNBUFFERED": "1"},
+            **options,
+        )
+        self.told = []
+
+    def wait_for(self, pattern):
+        """Return the first match in a line that is told from now on."""
+        for raw in self.process.stderr:
+            self.told.append(raw.decode())
+            if match := re.search(pattern, self.told[-1]):
+                return match
+        raise AssertionError(f"never told {pattern}: {self.told}")
+
+    def end(self):
+        """Return output and exit status of the command, which ends by itself."""
+        out, err = self.process.communicate(timeout=120.0)
+        self.told += err.decode().splitlines(keepends=True)
+        return out.decode(), self.process.returncode
+
+    @property
+    def text(self):
+        return "".join(self.told)
+
+    def address(self):
+        match = self.wait_for(r"listening on \w+://(127.0.0.1):(\d+)")
+        return match[1], int(match[2])
+
+
+@pytest.fixture
+def live():
+    """Start the command; end it if a test does not."""
+    started = []
+
+    def start(*arguments, **options):
+        started.append(Live(*arguments, **options))
+        return started[-1]
+
+    yield start
+    for command in started:
+        command.process.kill()
+        command.process.communicate()
+
+
+def error_of(path):
+    """Return how far the furthest pose is off the truth [m]."""
+    found, truth = read_tum(path), drive(10.0)
+    offset = truth.true_poses[:, :2] - truth.true_poses[0, :2]
+    turn = -truth.true_poses[0, 2]
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    return np.hypot(*(found.poses[:, :2] - offset @ rotation.T).T).max()
+
+
+def test_a_recording_is_piped_in(live, tmp_path):
+    command = live("-", "-o", tmp_path, "--no-drop", "--poses", "-")
+    command.process.stdin.write(b"".join(lines()) + b"rubbish\n")
+    out, status = command.end()
+
+    assert status == 0, command.text
+    poses = [json.loads(line) for line in out.splitlines()]
+    stamps = read_tum(tmp_path / "trajectory.tum").stamps
+    assert len(poses) == NUM_SCANS
+    assert [pose["stamp"] for pose in poses] == pytest.approx(stamps.tolist(), abs=1e-6)
+    assert set(poses[0]) == {"type", "stamp", "local", "map", "latency_ms"}
+    assert error_of(tmp_path / "trajectory.tum") < 0.1
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["input"]["name"] == "standard input"
+    assert report["skipped"] == {"message skipped: no JSON": 1}
+    assert "no return: 81.91 m" in command.text
+    assert "receiving odometry" in command.text
+    assert "Traceback" not in command.text
+
+
+def test_a_robot_connects_leaves_comes_back_and_is_stopped(live, tmp_path):
+    command = live("tcp://127.0.0.1:0", "-o", tmp_path, "--poses", tmp_path / "poses")
+    address = command.address()
+    sent = lines()
+    half = len(sent) // 2
+    for part in (sent[:half], sent[half:]):
+        with socket.create_connection(address) as robot:
+            for line in part:
+                robot.sendall(line)
+                time.sleep(0.002)
+        command.wait_for("disconnected, after")
+    until = time.monotonic() + 20.0
+    while (tmp_path / "poses").read_bytes().count(b"\n") < NUM_SCANS:
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    command.process.send_signal(signal.SIGINT)
+    out, status = command.end()
+
+    assert status == 0, command.text
+    assert f"{NUM_SCANS} scans" in out
+    assert error_of(tmp_path / "trajectory.tum") < 0.1
+    assert (tmp_path / "map.png").exists()
+
+
+def test_a_killed_process_leaves_the_map(live, tmp_path):
+    command = live("-", "-o", tmp_path)
+    sent = lines(30.0)
+    command.wait_for("reading messages")
+    start = time.monotonic()
+    for line in sent:
+        command.process.stdin.write(line)
+        command.process.stdin.flush()
+        time.sleep(0.005)
+        if (tmp_path / "map.cartoloop").exists() and time.monotonic() - start > 2.0:
+            break
+    until = time.monotonic() + 10.0
+    while not (tmp_path / "map.cartoloop").exists():
+        assert time.monotonic() < until
+        command.process.stdin.write(sent.pop())
+        command.process.stdin.flush()
+        time.sleep(0.05)
+    command.process.kill()
+    command.end()
+
+    result = load_map(tmp_path)
+    assert len(result.stamps) > 10
+    assert result.graph.num_nodes == len(result.node_scan_index) > 5
+    assert not list(tmp_path.glob("report.json"))
+
+
+def test_a_flood_is_survived_and_what_is_lost_is_told(live, tmp_path):
+    command = live("-", "-o", tmp_path, "--end-after", "1")
+    command.wait_for("reading messages")
+    for _ in range(3):
+        command.process.stdin.write(b"".join(lines(40.0)))
+    out, status = command.end()
+
+    assert status == 0, command.text
+    report = json.loads((tmp_path / "report.json").read_text())
+    dropped = report["skipped"]["scans dropped: too many came"]
+    assert dropped > 0
+    assert re.search(r"scans dropped: too many came", command.text)
+    assert f"{dropped} scans dropped" in out
+
+
+def test_a_silent_source_is_told_and_ends_when_the_user_said_so(live, tmp_path):
+    command = live("tcp://127.0.0.1:0", "-o", tmp_path, "--end-after", "2.5")
+    with socket.create_connection(command.address()) as robot:
+        robot.sendall(b"".join(lines()))
+        command.wait_for("nothing has come for 2 s; waiting")
+        command.wait_for("nothing has come for 2.5 s: that was the end")
+        _, status = command.end()
+
+    assert status == 0
+
+
+def test_a_source_that_sends_no_scan_is_told(live, tmp_path):
+    command = live("-", "-o", tmp_path)
+    command.process.stdin.write(b'{"type": "odometry", "x": 0, "y": 0, "theta": 0}\n' * 3)
+    _, status = command.end()
+
+    assert status == 0
+    assert "warning: standard input: no scan came that shows enough to be mapped" in command.text
+
+
+def test_the_view_shows_a_live_map(live, tmp_path):
+    from urllib.request import urlopen
+
+    command = live("tcp://127.0.0.1:0", "-o", tmp_path, "--view", "--port", "8950", "--poses", "-")
+    url = command.wait_for(r"view +(http://127.0.0.1:\d+)/")[1]
+    with socket.create_connection(command.address()) as robot:
+        robot.sendall(b"".join(lines()) + b'{"type": "end"}\n')
+        command.wait_for("writing")
+        assert urlopen(url, timeout=10.0).status == 200
+        deadline = time.monotonic() + 20.0
+        while not (tmp_path / "report.json").exists():
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+    time.sleep(0.3)
+    command.process.send_signal(signal.SIGINT)
+    _, status = command.end()
+
+    assert status == 0, command.text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "told"),
+    [
+        (["tcp://0.0.0.0:7000"], 1, "say so with --host 0.0.0.0"),
+        (["nothing.log"], 1, "nothing.log: cannot be read"),
+        (["-", "--port", "8000"], 2, "means nothing without --view"),
+        (["-", "--poses", "no/such/folder"], 1, "--poses no/such/folder: cannot be written"),
+    ],
+)
+def test_wrong_usage_is_told_in_a_line(arguments, status, told, tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "cartoloop", "live", *arguments, "-o", str(tmp_path / "out")],
+        input=b"",
+        capture_output=True,
+        timeout=120.0,
+        check=False,
+    )
+
+    assert done.returncode == status
+    assert told in done.stderr.decode()
+    assert "Traceback" not in done.stderr.decode()
+    assert Path(tmp_path).exists()

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Live mapping: the same map, poses at once, and looks at the map while it grows."""
+
+from __future__ import annotations
+
+from threading import Event
+
+import numpy as np
+import pytest
+
+from cartoloop.config import Config
+from cartoloop.mapper import Mapper
+from cartoloop.sensor.events import LaserScan, Odometry
+from cartoloop.sensor.pose import Pose
+from cartoloop.simulation import make_world, simulate
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return simulate(make_world("office", 1), seed=1, duration=60.0)
+
+
+def small_submaps():
+    config = Config()
+    submaps = config.local_slam.submaps.model_copy(update={"num_range_data": 25})
+    local_slam = config.local_slam.model_copy(update={"submaps": submaps})
+    global_slam = config.global_slam.model_copy(update={"optimize_every_n_nodes": 30})
+    return config.model_copy(update={"local_slam": local_slam, "global_slam": global_slam})
+
+
+def test_poses_are_those_of_a_recording_and_so_is_the_map(drive):
+    results = []
+    for live in (False, True):
+        mapper = Mapper(small_submaps(), live=live)
+        for event in drive.events(with_odometry=True):
+            mapper.add(event)
+        results.append(mapper.finish())
+    recorded, live = results
+
+    assert np.array_equal(live.stamps, recorded.stamps)
+    assert np.array_equal(live.local_trajectory, recorded.local_trajectory)
+    assert live.graph.num_nodes == recorded.graph.num_nodes
+    assert live.graph.num_submaps == recorded.graph.num_submaps > 4
+    assert len(live.found) > 0
+    assert np.abs(live.trajectory - recorded.trajectory)[:, :2].max() < 0.1
+
+
+def test_no_pose_waits_for_the_graph(drive):
+    mapper = Mapper(live=True)
+    may_go_on = Event()
+    mapper.look(lambda: may_go_on.wait(30.0) and None)
+    for event in drive.events(with_odometry=True):
+        mapper.add(event)
+        if mapper.num_scans == 50:
+            break
+
+    assert mapper.last_scan is not None
+    assert mapper.pose != Pose(0.0, 0.0, 0.0)
+    assert mapper.num_nodes > 10
+    assert mapper.global_slam.graph.num_nodes == 0
+    may_go_on.set()
+    assert mapper.finish().graph.num_nodes == mapper.num_nodes
+
+
+def test_a_map_that_is_handed_over_grows_no_more(drive):
+    mapper = Mapper(small_submaps(), live=True)
+    handed_over, times = [], []
+    for event in drive.events(with_odometry=True):
+        mapper.add(event)
+        if isinstance(event, LaserScan) and mapper.num_scans % 60 == 0:
+            mapper.result_later(handed_over.append)
+            times.append((mapper.num_scans, mapper.num_nodes))
+    mapper.finish()
+
+    assert [(len(r.stamps), r.graph.num_nodes) for r in handed_over] == times
+    for result in handed_over:
+        assert len(result.submap_grids) == result.graph.num_submaps
+        assert len(result.trajectory) == len(result.stamps)
+        assert len(result.node_scan_index) == result.graph.num_nodes
+
+
+def test_late_odometry_counts_live_and_not_in_a_recording(drive):
+    events = [e for e in drive.events() if isinstance(e, LaserScan)][:3]
+    late = Odometry(0.0, events[-1].time - 0.01, Pose(0.0, 0.0, 0.0))
+    for live, skipped in ((True, {}), (False, {"time runs backwards": 1})):
+        mapper = Mapper(live=live)
+        for event in [*events, late]:
+            mapper.add(event)
+        mapper.close()
+        assert dict(mapper.skipped) == skipped
+
+
+def test_a_failure_of_the_graph_ends_the_run(drive, monkeypatch):
+    mapper = Mapper(live=True)
+    monkeypatch.setattr(mapper.global_slam, "add_node", lambda node: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        for event in drive.events(with_odometry=True):
+            mapper.add(event)
+        mapper.finish()
+    mapper.close()
