@@ -4,8 +4,15 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
+
+import pytest
+
+import cartoloop
+from cartoloop import _jit
 
 PROGRAM = """
 import sys
@@ -22,9 +29,23 @@ with watch_compilation(lambda: print("compiles")):
 """
 
 
-def _run(cache):
+TWO_SIGNATURES = """
+import sys
+import numpy as np
+from cartoloop._jit import watch_compilation
+from cartoloop.kernels.pixel_rows import add_span
+
+wide, narrow = np.zeros((2, 3), dtype=np.int64), np.zeros((2, 3), dtype=np.uint32)
+with watch_compilation(lambda: print("compiles")):
+    add_span(wide, 1, 3, 70)
+    add_span(narrow, 1, 3, 70)
+print(np.array_equal(wide, narrow), int(wide.sum()))
+"""
+
+
+def _run(cache, program=PROGRAM):
     return subprocess.run(
-        [sys.executable, "-c", PROGRAM],
+        [sys.executable, "-c", program],
         env=os.environ | {"CARTOLOOP_CACHE_DIR": str(cache)},
         capture_output=True,
         text=True,
@@ -45,3 +66,81 @@ def test_kernels_from_the_cache_are_compiled_into_a_new_one(tmp_path):
     for file in caller:
         file.unlink()
     assert _run(tmp_path) == [once, "compiler ready: False", "compiles", adaptive]
+
+
+@pytest.mark.parametrize(("kind", "share"), [("*.nbi", 0.0), ("*.nbi", 0.5), ("*.nbc", 0.5)])
+def test_damaged_files_of_the_cache_are_written_anew(tmp_path, kind, share):
+    first = _run(tmp_path, TWO_SIGNATURES)
+    files = list(tmp_path.rglob(kind))
+    assert files
+    for file in files:
+        whole = file.read_bytes()
+        file.write_bytes(whole[: int(share * len(whole))])
+    assert _run(tmp_path, TWO_SIGNATURES) == first
+    assert _run(tmp_path, TWO_SIGNATURES) == first[1:]
+
+
+def test_a_kernel_of_another_signature_under_the_name_of_one_is_not_taken(tmp_path):
+    first = _run(tmp_path, TWO_SIGNATURES)
+    assert first[0] == "compiles"
+    one, other = sorted(tmp_path.rglob("pixel_rows.add_span*.nbc"))
+    shutil.copy(one, other)
+    assert _run(tmp_path, TWO_SIGNATURES) == first
+    assert _run(tmp_path, TWO_SIGNATURES) == first[1:]
+
+
+def test_without_a_folder_for_them_kernels_are_kept_nowhere(tmp_path):
+    no_folder = tmp_path / "file"
+    no_folder.touch()
+    package = tmp_path / "cartoloop"
+    shutil.copytree(
+        Path(cartoloop.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__")
+    )
+    environment = {"CARTOLOOP_CACHE_DIR": str(no_folder), "PYTHONPATH": str(tmp_path)}
+    for _ in range(2):
+        run = subprocess.run(
+            [sys.executable, "-c", TWO_SIGNATURES],
+            env=os.environ | environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert "compiles" in run.stdout
+    assert not list(tmp_path.rglob("*.nb[ic]"))
+
+
+def test_kernels_that_cannot_be_saved_are_run_all_the_same(tmp_path, monkeypatch):
+    class Full:
+        def load(self, key):
+            return None
+
+        def save(self, key, data):
+            raise OSError(28, "No space left on device")
+
+    @_jit.kernel
+    def twice(number):
+        return 2 * number
+
+    monkeypatch.setattr(_jit, "kernel_cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(twice, "_cache", _jit._KernelCache(twice.py_func))
+    monkeypatch.setattr(twice._cache, "_cache_file", Full())
+    assert twice(3) == 6
+    assert len(twice.signatures) == 1
+
+
+def test_what_kernels_are_compiled_with_is_part_of_the_key(tmp_path, monkeypatch):
+    source = tmp_path / "_jit.py"
+    source.write_text("one")
+    (tmp_path / "kernels").mkdir()
+    monkeypatch.setattr(_jit, "__file__", str(source))
+    before = _jit.kernel_cache_folder.__wrapped__()
+    source.write_text("other")
+    assert _jit.kernel_cache_folder.__wrapped__() != before
+
+
+def test_it_is_known_whether_kernels_can_be_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(_jit, "kernel_cache_folder", lambda: tmp_path / "new")
+    assert _jit.can_keep_kernels()
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(_jit, "kernel_cache_folder", lambda: tmp_path / "file" / "new")
+    assert not _jit.can_keep_kernels()

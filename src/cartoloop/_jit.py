@@ -2,11 +2,12 @@
 """The one place of Numba options and of the kernel cache.
 
 Numba's own cache does not notice a change in a callee that lives in another file, and silently
-runs stale code. Kernels are therefore cached in the user's cache folder under a key made of a
-hash of the sources of all kernels, the compiler's version and the processor.
+runs stale code. Kernels are therefore cached in the user's cache folder, and nowhere else, under a
+key made of a hash of the sources of all kernels, the compiler's version and the processor.
 
 Nor does Numba's cache know that most runs compile nothing: it readies the compiler for whatever it
-loads, for 0.3 s and 45 MB. `_KernelCache` leaves that to the first kernel that is not there.
+loads, for 0.3 s and 45 MB. `_KernelCache` leaves that to the first kernel that is not there. And
+what is wrong with a file of the cache, or the disk, costs no more than compiling anew.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from time import perf_counter
@@ -25,6 +27,9 @@ from typing import Any, TypeVar, cast
 import llvmlite.binding as llvm
 import numba
 from numba.core import caching, compiler, event, runtime
+
+_KERNEL_BYTES = 1 << 20
+"""More than any one kernel takes on the disk."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -38,7 +43,7 @@ _rebuild: Any = compiler.CompileResult._rebuild
 def _user_cache_folder() -> Path:
     """Return the folder for cached data that the operating system gives the user."""
     if configured := os.environ.get("CARTOLOOP_CACHE_DIR"):
-        return Path(configured)
+        return Path(configured).absolute()
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "cartoloop"
     if sys.platform == "darwin":
@@ -50,7 +55,8 @@ def _user_cache_folder() -> Path:
 def kernel_cache_folder() -> Path:
     """Return where the compiled kernels of exactly these sources are kept."""
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    for source in sorted(Path(__file__).parent.joinpath("kernels").glob("*.py")):
+    own = Path(__file__)  # how kernels are compiled
+    for source in (own, *sorted(own.parent.joinpath("kernels").glob("*.py"))):
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
     bounds_check = "-checked" if _config.BOUNDSCHECK else ""
@@ -68,11 +74,33 @@ def kernel(function: F) -> F:
     _config.CACHE_DIR = str(kernel_cache_folder())
     try:
         compiled = _njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function)
-        if not _config.DISABLE_JIT:
-            compiled._cache = cast(Any, _KernelCache)(function)
+        if not _config.DISABLE_JIT and (kept := _cache_of(function)) is not None:
+            compiled._cache = kept
     finally:
         _config.CACHE_DIR = previous
     return cast(F, compiled)
+
+
+def _cache_of(function: Callable[..., Any]) -> object | None:
+    """Return the cache of a kernel, or None where the folder for it cannot be written."""
+    try:
+        kept = cast(Any, _KernelCache)(function)
+    except RuntimeError:
+        return None
+    # Numba falls back to folders next to the sources, where kernels would become stale.
+    return kept if kernel_cache_folder() in Path(kept.cache_path).parents else None
+
+
+def can_keep_kernels() -> bool:
+    """Return whether compiled kernels can be kept for the next run."""
+    folder = kernel_cache_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(bytes(_KERNEL_BYTES))
+    except OSError:
+        return False
+    return True
 
 
 class _CompiledKernels(caching.CompileResultCacheImpl):
@@ -104,8 +132,27 @@ class _KernelCache(caching.FunctionCache):
         """Return the kernel of a signature, or None if the cache does not hold it."""
         _runtime.rtsys.initialize(target_context)  # all that kernels themselves call
         base = cast(Any, self)
-        with base._guard_against_spurious_io_errors():
-            return cast(object, base._load_overload(sig, target_context))
+        try:
+            loaded = base._load_overload(sig, target_context)
+        except OSError:
+            return None
+        except Exception:  # noqa: BLE001 - whatever a damaged file leads to
+            self._forget()
+            return None
+        # Two processes that compile a kernel at once may take one name for two signatures.
+        if loaded is None or loaded.signature.args != tuple(cast(Any, sig)):
+            return None
+        return cast(object, loaded)
+
+    def save_overload(self, sig: object, data: object) -> None:
+        """Keep a kernel for the next run; if the disk is full, that one compiles it anew."""
+        with suppress(OSError):
+            cast(Any, super()).save_overload(sig, data)
+
+    def _forget(self) -> None:
+        """Have what there is of this kernel written anew."""
+        with suppress(OSError):
+            Path(cast(Any, self)._cache_file._index_path).unlink(missing_ok=True)
 
 
 class CompileWatch(event.Listener):

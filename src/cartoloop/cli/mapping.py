@@ -98,7 +98,16 @@ def compilation_told() -> Iterator[CompileWatch]:
 @cache
 def _tell_of_compilation() -> None:
     """Tell the user, the first time that this is called."""
-    typer.echo(f"compiling kernels, once: about {COMPILE_TIME_S} s", err=True)
+    from cartoloop._jit import can_keep_kernels, kernel_cache_folder
+
+    if can_keep_kernels():
+        typer.echo(f"compiling kernels, once: about {COMPILE_TIME_S} s", err=True)
+        return
+    typer.echo(
+        f"compiling kernels, about {COMPILE_TIME_S} s in each run: {kernel_cache_folder()} cannot "
+        "be written or is full; set CARTOLOOP_CACHE_DIR to a folder that can",
+        err=True,
+    )
 
 
 def _run(
