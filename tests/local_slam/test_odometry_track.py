@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S, OdometryTrack
+from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S, MAX_HOLD_SHARE, OdometryTrack
 from cartoloop.sensor.pose import Pose, relative
 
 
@@ -49,19 +49,22 @@ def test_shortly_beyond_the_last_reading_the_motion_goes_on():
     assert readings.at(1.75) == pytest.approx(Pose(1.5, 3.0, 0.3))
 
 
-def test_further_on_it_is_held():
+def test_further_on_nothing_is_known():
     readings = track((1.0, 0.0, 0.0), (1.5, 1.0, 0.2))
-    at_limit = readings.at(1.5 + MAX_EXTRAPOLATION_S)
-    assert readings.at(100.0) == pytest.approx(at_limit)
+    assert readings.at(1.5 + MAX_EXTRAPOLATION_S) == pytest.approx(Pose(2.0, 4.0, 0.4))
+    assert readings.at(1.51 + MAX_EXTRAPOLATION_S) is None
 
 
-def test_one_reading_is_held():
-    assert track((1.0, 0.5, 0.1)).at(1.3) == pytest.approx(Pose(0.5, 1.0, 0.1))
+def test_one_reading_is_held_for_a_moment():
+    readings = track((1.0, 0.5, 0.1))
+    assert readings.at(1.01) == pytest.approx(Pose(0.5, 1.0, 0.1))
+    assert readings.at(1.3) is None
 
 
 def test_a_speed_told_by_readings_far_apart_is_not_believed():
     readings = track((1.0, 0.0, 0.0), (11.0, 10.0, 0.0))
-    assert readings.at(11.4) == pytest.approx(Pose(10.0, 20.0, 0.0))
+    assert readings.at(11.0 + 9.0 * MAX_HOLD_SHARE) == pytest.approx(Pose(10.0, 20.0, 0.0))
+    assert readings.at(11.0 + 11.0 * MAX_HOLD_SHARE) is None
 
 
 def test_of_readings_at_one_time_the_last_holds():

@@ -20,7 +20,11 @@ from cartoloop.sensor.pose import (
 )
 
 MAX_EXTRAPOLATION_S = 0.5
-"""Beyond the last reading the motion is continued for so long, then held."""
+"""Beyond the last reading the motion is continued for so long; then nothing is known of it."""
+
+MAX_PERIOD_S, MAX_HOLD_SHARE = 1.0, 0.05
+"""Readings that are so far apart tell no speed: the robot is taken to be where the last of them was
+for so small a share of the time between them alone."""
 
 MAX_STEP_M, MAX_SPEED = 1.0, 10.0
 """A step of more than this and that speed [m], [m/s] is no motion, but a counter that was reset."""
@@ -83,11 +87,15 @@ class OdometryTrack:
         if after < len(times):
             fraction = (time - times[after - 1]) / (times[after] - times[after - 1])
             return interpolate(poses[after - 1], poses[after], fraction)
-        if len(times) < 2 or time == times[-1]:
+        beyond = time - times[-1]
+        span = times[-1] - times[-2] if len(times) > 1 else MAX_PERIOD_S
+        tells_speed = span < MAX_PERIOD_S
+        # Wheels that fall silent have not stopped: held there, they would drag the scans along.
+        if beyond > (MAX_EXTRAPOLATION_S if tells_speed else MAX_HOLD_SHARE * span):
+            return None
+        if beyond == 0.0 or not tells_speed:
             return poses[-1]
-        span = times[-1] - times[-2]
-        beyond = min(time - times[-1], MAX_EXTRAPOLATION_S)
-        return interpolate(poses[-2], poses[-1], 1.0 + beyond / span) if span < 1.0 else poses[-1]
+        return interpolate(poses[-2], poses[-1], 1.0 + beyond / span)
 
     def arrays(self) -> tuple[FloatArray, FloatArray]:
         """Return times, shape (n,), and poses, shape (n, 3)."""
