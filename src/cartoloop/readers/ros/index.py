@@ -231,7 +231,10 @@ def _add_transforms(
             stream.undecodable["transform that is no pose"] += 1
     if static:
         return
-    for parent, child in {(t.parent, t.child) for t in sent if "odom" in t.parent.lower()}:
+    # In the order as sent: that of a set would be another in each process.
+    for parent, child in dict.fromkeys(
+        (t.parent, t.child) for t in sent if "odom" in t.parent.lower()
+    ):
         edge = edges.get((parent, child))
         if edge is None:
             edge = Stream(stream.topic, stream.msgtype, "odometry", stream.is_ros1)
