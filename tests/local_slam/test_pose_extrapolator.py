@@ -159,16 +159,37 @@ def test_a_scan_at_once_by_a_robot_without_imu_needs_no_motion(extrapolator):
 
 
 def test_gravity_tells_roll_and_pitch_of_every_scan(extrapolator):
-    turning(extrapolator, 0.0, 1.0, (-math.sin(0.1), 0.0, math.cos(0.1)))
+    turning(extrapolator, 0.0, 1.0, (-9.8 * math.sin(0.1), 0.0, 9.8 * math.cos(0.1)))
     motion = extrapolator.sweep_motion(0.5, 0.0, 0.0)
     assert motion.knots == pytest.approx(np.array([(0.0, 0.0, 0.0, 0.0, 0.1)]))
+
+
+@pytest.mark.parametrize(("up", "is_believed"), [(9.8, True), (-9.8, False), (0.2, True)])
+def test_the_heading_of_an_imu_that_hangs_head_down_waits_for_the_scans(
+    extrapolator, up, is_believed
+):
+    turning(extrapolator, 0.5, 1.0, (0.0, 0.0, up))
+    extrapolator.add_pose(0.5, IDENTITY)
+    turned = extrapolator.predict(0.9).tf_local_tracking.theta
+    assert turned == pytest.approx(0.2 if is_believed else 0.0)
+
+
+def test_wheels_that_fall_silent_do_not_hold_the_robot(extrapolator):
+    for k in range(11):
+        extrapolator.add_odometry(0.1 * k, Pose(0.1 * k, 0.0, 0.0))
+        extrapolator.add_pose(0.1 * k, Pose(0.1 * k, 0.0, 0.0))
+    for k in range(11, 20):
+        extrapolator.add_pose(0.1 * k, Pose(0.1 * k, 0.0, 0.0))
+    prediction = extrapolator.predict(2.0)
+    assert not prediction.by_odometry
+    assert prediction.tf_local_tracking.x == pytest.approx(2.0, abs=0.01)
 
 
 def test_projection_can_be_switched_off():
     extrapolator = PoseExtrapolator(
         PredictionConfig(), use_odometry=True, project_to_horizontal=False
     )
-    turning(extrapolator, 0.0, 1.0, (-math.sin(0.1), 0.0, math.cos(0.1)))
+    turning(extrapolator, 0.0, 1.0, (-9.8 * math.sin(0.1), 0.0, 9.8 * math.cos(0.1)))
     assert extrapolator.sweep_motion(0.5, 0.0, 0.0) is None
 
 

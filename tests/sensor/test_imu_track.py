@@ -45,9 +45,11 @@ def test_roll_and_pitch_are_read_off_gravity(roll, pitch):
     assert track.at(np.array((0.5,)))[0, :2] == pytest.approx((roll, pitch))
 
 
-def test_gravity_in_any_unit_will_do():
-    track = track_of(steady(1.0, (0.0, math.sin(0.1), math.cos(0.1))))
-    assert track.at(np.array((0.5,)))[0, 0] == pytest.approx(0.1)
+def test_an_acceleration_without_gravity_tells_neither_up_nor_tilts_the_heading():
+    track = track_of(steady(5.0, (0.3, 0.0, 0.2), (0.0, 0.0, 0.5)))
+    assert not track.tells_gravity
+    assert track.max_tilt == 0.0
+    assert np.ptp(track.at(np.array((1.0, 3.0)))[:, 2]) == pytest.approx(1.0)
 
 
 def test_the_gyroscope_tells_the_heading_and_carries_it_on_a_little():

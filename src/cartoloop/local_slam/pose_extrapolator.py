@@ -234,6 +234,9 @@ class PoseExtrapolator:
     def _imu_turn(self, begin: float, end: float) -> float | None:
         if self.imu is None or not self.imu_calibration.agrees:
             return None
+        # Turned over, or of the wrong sign: the scans must have told first.
+        if self.imu.is_askew and not self.imu_calibration.is_measured:
+            return None
         begin -= self.imu_calibration.time_offset
         end -= self.imu_calibration.time_offset
         if not self.imu.covers(min(begin, end), max(begin, end)):

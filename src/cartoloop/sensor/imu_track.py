@@ -29,6 +29,9 @@ MAX_REACH_S = 0.15
 MAX_TILT_RAD = math.radians(50.0)
 """A robot that seems more tilted is not: its IMU is turned, or tells no gravity."""
 
+GRAVITY_LIMITS = (6.0, 14.0)
+"""An acceleration that is shorter or longer on average is not that of gravity [m/s^2]."""
+
 MAX_BIAS = 0.1
 """A larger bias is a motion [rad/s]."""
 
@@ -74,6 +77,7 @@ class ImuTrack:
         self._heading_step = 0.0
         self._up: Vector = (0.0, 0.0, 1.0)
         self._has_gravity = False
+        self._size = 0.0
         self._rest = _RestDetector()
         self.num_readings = 0
         self.gyro_bias: Vector = (0.0, 0.0, 0.0)
@@ -83,7 +87,17 @@ class ImuTrack:
     @property
     def tells_gravity(self) -> bool:
         """Whether the acceleration is one that a robot on its feet feels."""
-        return self._has_gravity and _tilt(self._up) <= MAX_TILT_RAD
+        return self._feels_gravity and _tilt(self._up) <= MAX_TILT_RAD
+
+    @property
+    def is_askew(self) -> bool:
+        """Whether gravity comes from elsewhere than below: an axis or a sign may be wrong."""
+        return self._feels_gravity and _tilt(self._up) > MAX_TILT_RAD
+
+    @property
+    def _feels_gravity(self) -> bool:
+        low, high = GRAVITY_LIMITS
+        return self._has_gravity and low < self._size < high
 
     def add(self, imu: Imu) -> None:
         """Take in a reading; one that is not newer than the last is left out."""
@@ -148,7 +162,8 @@ class ImuTrack:
             rate - bias for rate, bias in zip(imu.angular_velocity, self.gyro_bias, strict=True)
         )
         self._up = _turned(self._up, (-rx * duration, -ry * duration, -rz * duration))
-        roll, pitch = _roll_and_pitch(self._up)
+        # Without gravity up is nowhere, and the IMU is taken to be level.
+        roll, pitch = _roll_and_pitch(self._up) if self._feels_gravity else (0.0, 0.0)
         # The rate of the yaw angle of Rz(yaw) Ry(pitch) Rx(roll).
         rate = (ry * math.sin(roll) + rz * math.cos(roll)) / max(math.cos(pitch), 0.1)
         self._heading_step = 0.5 * (rate + self._last_rate) * duration
@@ -158,12 +173,13 @@ class ImuTrack:
         """Move up towards the acceleration, and the bias towards what explains the way there."""
         x, y, z = (part / size for part in imu.linear_acceleration)
         if not self._has_gravity:
-            self._up, self._has_gravity = (x, y, z), True
+            self._up, self._has_gravity, self._size = (x, y, z), True, size
             return
         duration = min(imu.time - self._times[-1], MAX_GAP_S)
         elapsed = imu.time - self._start
         constant = min(self._time_constant, max(elapsed, duration))
         share = 1.0 - math.exp(-duration / constant)
+        self._size += share * (size - self._size)
         ux, uy, uz = self._up
         off = (uy * z - uz * y, uz * x - ux * z, ux * y - uy * x)
         self._up = _unit(ux + share * (x - ux), uy + share * (y - uy), uz + share * (z - uz))
@@ -180,7 +196,7 @@ class ImuTrack:
         self._rolls.append(roll)
         self._pitches.append(pitch)
         self._headings.append(heading)
-        if self._has_gravity:
+        if self._feels_gravity:
             self.max_tilt = max(self.max_tilt, _tilt(self._up))
         if len(self._times) >= 2 * MEMORY:
             for values in (self._times, self._rolls, self._pitches, self._headings):

@@ -277,6 +277,26 @@ def test_accelerations_in_g_become_metres_per_second_squared(tmp_path):
     assert codes(log) == ["acceleration_in_g"]
 
 
+def imu_that_tells(tmp_path, acceleration, velocity):
+    def imu(bag, t, i):
+        bag.add("/imu", bag.make.imu(START + t, acceleration, velocity), t)
+
+    mounting = ("base_link", "imu", (0, 0, 0.1), LEVEL)
+    return open_log(recording(tmp_path, {"/scan": "base_link"}, [mounting], extra=imu))
+
+
+def test_angular_velocities_in_degrees_become_radians(tmp_path):
+    log = imu_that_tells(tmp_path, (0.0, 0.0, 9.8), (0.0, 0.0, 45.0))
+    assert first_imu(log).angular_velocity[2] == pytest.approx(math.radians(45.0))
+    assert codes(log) == ["velocity_in_degrees"]
+
+
+def test_an_imu_whose_driver_takes_gravity_away_is_told_and_used_for_the_heading(tmp_path):
+    log = imu_that_tells(tmp_path, (0.1, 0.0, 0.2), (0.0, 0.0, 0.5))
+    assert first_imu(log).angular_velocity[2] == 0.5
+    assert codes(log) == ["no_gravity"]
+
+
 def test_an_imu_without_gyroscope_is_left_out(tmp_path):
     log = open_log(imu_recording(tmp_path, (0.0, 0.0, 9.8), covariances=(-1.0, 0.0)))
     assert not log.profile.has_imu

@@ -27,7 +27,12 @@ FloatArray = NDArray[np.float64]
 STANDARD_GRAVITY = 9.80665
 """One g [m/s^2]."""
 
-_ABSURD = 1e6  # m/s^2
+FASTEST_TURN = 35.0
+"""No gyroscope in use measures more [rad/s]; larger numbers are degrees."""
+
+_ABSURD = 1e6  # m/s^2, rad/s
+_MIN_FAST = 5  # readings that turn faster than that, for it to be no glitch
+_WEAKEST_GRAVITY = 5.0  # m/s^2
 _GRAVITY_MISFIT = math.radians(45.0)
 
 
@@ -121,28 +126,42 @@ def choose_imu(index: RecordingIndex, options: ReadOptions, choice: Choice, name
     found = tree.lookup(base, stream.frame)
     pose = found[0] if found else Pose3.identity()
     gravity = _mean_acceleration(stream)
+    if _is_in_g(gravity):
+        gravity = gravity * STANDARD_GRAVITY
     if found is None and not _points_up(pose, gravity):
+        which = "does not point up" if _is_felt(gravity) else "is not known without gravity"
         choice.reasons[stream.topic] = (
-            f"no transform from {base} to {stream.frame}, and its z axis does not point up"
+            f"no transform from {base} to {stream.frame}, and its z axis {which}"
         )
         return
     choice.findings += _imu_doubts(stream, base, pose, gravity, is_placed=found is not None)
     choice.reasons[stream.topic] = "asked for" if options.imu_topic else "the IMU"
-    scale = STANDARD_GRAVITY if _is_in_g(gravity) else 1.0
-    choice.imu = ImuChoice(stream, pose, scale)
+    choice.imu = ImuChoice(
+        stream,
+        pose,
+        acceleration_scale=STANDARD_GRAVITY if _is_in_g(_mean_acceleration(stream)) else 1.0,
+        velocity_scale=math.radians(1.0) if _is_in_degrees(stream) else 1.0,
+    )
 
 
 def _imu_doubts(
     stream: Stream, base: str, pose: Pose3, gravity: FloatArray, *, is_placed: bool
 ) -> list[Finding]:
-    """Return what is doubtful about an IMU that is used all the same."""
+    """Return what is doubtful about an IMU that is used all the same; gravity in m/s^2."""
     doubts = []
-    if _is_in_g(gravity):
+    if _is_in_g(_mean_acceleration(stream)):
+        size = np.linalg.norm(_mean_acceleration(stream))
         doubts.append((
             "acceleration_in_g",
-            f"{stream.topic}: accelerations are in g ({np.linalg.norm(gravity):.2f} on average), "
-            "not in m/s^2",
+            f"{stream.topic}: accelerations are in g ({size:.2f} on average), not in m/s^2",
             f"multiplied by {STANDARD_GRAVITY}; let the driver send m/s^2",
+        ))  # fmt: skip
+    if _is_in_degrees(stream):
+        doubts.append((
+            "velocity_in_degrees",
+            f"{stream.topic}: angular velocities reach {_fastest_turn(stream):.0f}: they are in "
+            "deg/s, not in rad/s",
+            "converted; let the driver send rad/s",
         ))  # fmt: skip
     if not is_placed:
         doubts.append((
@@ -150,6 +169,13 @@ def _imu_doubts(
             f"no transform from {base} to {stream.frame or 'the IMU'} ({stream.topic}): its "
             f"axes are taken for those of {base}",
             "record /tf_static, or give --urdf FILE",
+        ))  # fmt: skip
+    elif not _is_felt(gravity):
+        doubts.append((
+            "no_gravity",
+            f"{stream.topic}: accelerations are {np.linalg.norm(gravity):.2f} m/s^2 on average, "
+            "without gravity",
+            "only its angular velocity is used; let the driver send accelerations as measured",
         ))  # fmt: skip
     elif not _points_up(pose, gravity):
         doubts.append((
@@ -164,6 +190,26 @@ def _imu_doubts(
 
 def _is_in_g(gravity: FloatArray) -> bool:
     return bool(0.8 < np.linalg.norm(gravity) < 1.2)
+
+
+def _is_felt(gravity: FloatArray) -> bool:
+    return bool(np.linalg.norm(gravity) > _WEAKEST_GRAVITY)
+
+
+def _turn_rates(stream: Stream) -> list[float]:
+    """Return the angular velocities of the sample, by size, largest first; no absurd ones."""
+    velocities = [s.angular_velocity for s in stream.samples if isinstance(s, ImuMessage)]
+    sizes = [math.hypot(*velocity) for velocity in velocities if velocity is not None]
+    return sorted((size for size in sizes if size < _ABSURD), reverse=True)
+
+
+def _fastest_turn(stream: Stream) -> float:
+    """Return the largest angular velocity of the sample that is no glitch."""
+    return next(iter(_turn_rates(stream)[_MIN_FAST - 1 :]), 0.0)
+
+
+def _is_in_degrees(stream: Stream) -> bool:
+    return _fastest_turn(stream) > FASTEST_TURN
 
 
 def _is_whole(sample: object) -> bool:

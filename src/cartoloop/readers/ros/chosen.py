@@ -35,11 +35,12 @@ class OdometryChoice:
 
 @dataclass(frozen=True, eq=False)
 class ImuChoice:
-    """The IMU that is used; its pose in the base frame, and by what its accelerations count."""
+    """The IMU that is used; its pose in the base frame, and by what its readings are multiplied."""
 
     stream: Stream
     tf_base_sensor: Pose3
-    acceleration_scale: float
+    acceleration_scale: float = 1.0
+    velocity_scale: float = 1.0
 
 
 @dataclass(eq=False)

@@ -194,7 +194,8 @@ class ImuDecoder:
         rotation: NDArray[np.float64] = choice.tf_base_sensor.rotation
         self._turned = not np.allclose(rotation, np.eye(3), atol=1e-12)
         self._rows = [tuple(float(v) for v in row) for row in rotation]
-        self._scale = choice.acceleration_scale
+        self._acceleration_scale = choice.acceleration_scale
+        self._velocity_scale = choice.velocity_scale
 
     def decode(self, raw: bytes, stamp: float, time: float) -> Imu:
         """Return the event of a message.
@@ -211,10 +212,12 @@ class ImuDecoder:
         velocity = self._in_base(message.angular_velocity)
         if not all(abs(value) < _ABSURD for value in (*acceleration, *velocity)):
             raise DecodeError("IMU reading is not finite")
-        if self._scale != 1.0:
-            x, y, z = acceleration
-            acceleration = (self._scale * x, self._scale * y, self._scale * z)
-        return Imu(stamp, time, acceleration, velocity)
+        return Imu(
+            stamp,
+            time,
+            _scaled(acceleration, self._acceleration_scale),
+            _scaled(velocity, self._velocity_scale),
+        )
 
     def _in_base(self, vector: tuple[float, float, float]) -> tuple[float, float, float]:
         if not self._turned:
@@ -226,3 +229,10 @@ class ImuDecoder:
             b[0] * x + b[1] * y + b[2] * z,
             c[0] * x + c[1] * y + c[2] * z,
         )
+
+
+def _scaled(vector: tuple[float, float, float], by: float) -> tuple[float, float, float]:
+    if by == 1.0:
+        return vector
+    x, y, z = vector
+    return (by * x, by * y, by * z)
