@@ -27,6 +27,7 @@ from cartoloop.submaps.finished_grid import FinishedGrid
 FloatArray = NDArray[np.float64]
 Row = tuple[Any, ...]
 
+_MAX_UNIT = 1e300  # of points [m]: times 2^15 still a number
 _MAX_CELLS = 2**27  # of one submap: a square of 500 m; more is no submap but a damaged file
 _UPPER = np.triu_indices(3)
 
@@ -132,6 +133,8 @@ def _graph(database: sqlite3.Connection) -> tuple[PoseGraph, tuple[LoopClosure, 
     if graph.num_submaps:
         graph.fix_submap(0)
     table = _array(_rows(database, "constraints"), 15)
+    if not (np.isfinite(table[:, :13]).all() and (np.abs(table[:, 1:4]) < 2.0**62).all()):
+        raise ValueError("a constraint is made of what are no numbers")
     kinds, ends = table[:, 1].astype(np.int64), table[:, 2:4].astype(np.int64)
     informations = np.zeros((len(table), 3, 3))
     informations[:, *_UPPER] = table[:, 7:13]
@@ -185,6 +188,8 @@ def _grid(row: Row) -> FinishedGrid:
 
 
 def _points(num_points: int, unit: float, packed: bytes) -> FloatArray:
+    if not 0.0 <= float(unit) <= _MAX_UNIT:
+        raise ValueError(f"points are in units of {unit} m")
     numbers = np.frombuffer(_unpacked(packed, 4 * num_points), dtype="<i2")
     return numbers.reshape(2, num_points).T * float(unit)
 
