@@ -109,3 +109,18 @@ def test_a_second_reading_at_the_time_of_a_reset_takes_its_place():
     readings = track((1.0, 5.0, 0.0), (1.2, 0.0, 0.0), (1.2, 0.01, 0.0), (1.4, 0.11, 0.0))
     assert readings.num_jumps == 1
     assert readings.at(1.4).x == pytest.approx(5.11)
+
+
+def test_motion_across_a_reset_is_not_known():
+    readings = track((1.0, 0.0, 0.0), (1.2, 0.1, 0.0), (1.4, 50.0, 0.0), (1.6, 50.1, 0.0))
+    assert not readings.jumps_between(1.0, 1.2)
+    assert readings.jumps_between(1.1, 1.3)
+    assert readings.jumps_between(1.3, 1.1)
+    assert readings.jumps_between(1.3, 1.5)
+    assert not readings.jumps_between(1.4, 1.7)
+
+
+def test_what_follows_a_reset_is_not_known_until_the_next_reading():
+    readings = track((1.0, 0.0, 0.0), (1.2, 0.1, 0.0), (1.4, 50.0, 0.0))
+    assert readings.jumps_between(1.4, 1.5)
+    assert not readings.jumps_between(1.0, 1.2)

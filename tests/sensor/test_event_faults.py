@@ -60,3 +60,14 @@ def test_a_time_must_be_finite(event):
 )
 def test_each_fault_has_its_reason(event, reason):
     assert fault_of(event) == reason
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        replace(IMU, angular_velocity=(0.0, -900.0, 0.0)),
+        replace(IMU, linear_acceleration=(0.0, 0.0, 1e5)),
+    ],
+)
+def test_glitches_of_an_imu_are_more_than_it_can_measure(event):
+    assert "than" in str(fault_of(event))

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from itertools import chain
 
 import numpy as np
@@ -37,18 +37,19 @@ class OdometryTrack:
     """The odometry readings so far, by their time.
 
     Where they jump further than a robot can go, they were reset: the track goes on from where it
-    was, as if the robot had stood meanwhile.
-
-    Attributes
-    ----------
-    num_jumps : how often that happened.
+    was, as if the robot had stood meanwhile, which it need not have: see `jumps_between`.
     """
 
     def __init__(self) -> None:
-        self.num_jumps = 0
+        self._jump_times: list[float] = []
         self._tf_track_odom = IDENTITY
         self._times: list[float] = []
         self._poses: list[Pose] = []
+
+    @property
+    def num_jumps(self) -> int:
+        """How often the readings jumped."""
+        return len(self._jump_times)
 
     def __len__(self) -> int:
         return len(self._times)
@@ -73,7 +74,7 @@ class OdometryTrack:
         if self.num_jumps:
             pose = compose(self._tf_track_odom, pose)
         if self._poses and _is_jump(self._poses[-1], pose, time - self._times[-2]):
-            self.num_jumps += 1
+            self._jump_times.append(time)
             self._tf_track_odom = compose(self._poses[-1], inverse(tf_odom_tracking))
             return self._poses[-1]
         return pose
@@ -96,6 +97,21 @@ class OdometryTrack:
         if beyond == 0.0 or not tells_speed:
             return poses[-1]
         return interpolate(poses[-2], poses[-1], 1.0 + beyond / span)
+
+    def jumps_between(self, begin: float, end: float) -> bool:
+        """Return whether the motion between two times is not known, since the readings jumped.
+
+        That from the last reading before a jump on, or to what is told by the jump alone.
+        """
+        times, jumps = self._times, self._jump_times
+        if not jumps:
+            return False
+        first, last = min(begin, end), max(begin, end)
+        if times[-1] == jumps[-1] and last > times[-1]:
+            return True
+        after = bisect_left(times, last)  # the reading up to which the motion is interpolated
+        until = times[after] if after < len(times) else last
+        return bisect_right(jumps, first) < bisect_right(jumps, until)
 
     def arrays(self) -> tuple[FloatArray, FloatArray]:
         """Return times, shape (n,), and poses, shape (n, 3)."""

@@ -246,9 +246,9 @@ class PoseExtrapolator:
 
     def _odometry_step(self, begin: float, end: float) -> Pose | None:
         model = self._calibration.model
-        before = self._odometry.at(begin - model.time_offset)
-        after = self._odometry.at(end - model.time_offset)
-        if before is None or after is None:
+        begin, end = begin - model.time_offset, end - model.time_offset
+        before, after = self._odometry.at(begin), self._odometry.at(end)
+        if before is None or after is None or self._odometry.jumps_between(begin, end):
             return None
         return model.predict(relative(before, after))
 

@@ -9,15 +9,17 @@ import numpy as np
 
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
 
+MAX_TURN_RATE, MAX_ACCELERATION = 100.0, 1000.0
+"""More than any IMU on a robot can measure [rad/s], [m/s^2]."""
+
 
 def fault_of(event: SensorEvent) -> str | None:
     """Return what is wrong with an event, in a few words to count it by; None if nothing is."""
     if not math.isfinite(event.time):
         return "time is not finite"
     match event:
-        case Imu(linear_acceleration=acceleration, angular_velocity=rate):
-            if not all(map(math.isfinite, (*acceleration, *rate))):
-                return "IMU reading is not finite"
+        case Imu():
+            return _fault_of_imu(event)
         case Odometry(tf_odom_tracking=pose):
             if not all(map(math.isfinite, pose)):
                 return "odometry is not finite"
@@ -26,6 +28,17 @@ def fault_of(event: SensorEvent) -> str | None:
                 return "number of ranges does not match the scanner"
         case PointCloud():
             return _fault_of_cloud(event)
+    return None
+
+
+def _fault_of_imu(imu: Imu) -> str | None:
+    acceleration, rate = imu.linear_acceleration, imu.angular_velocity
+    if not all(map(math.isfinite, (*acceleration, *rate))):
+        return "IMU reading is not finite"
+    if max(map(abs, rate)) > MAX_TURN_RATE:
+        return "IMU turns faster than it can"
+    if max(map(abs, acceleration)) > MAX_ACCELERATION:
+        return "IMU reading is more than any acceleration"
     return None
 
 

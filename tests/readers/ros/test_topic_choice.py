@@ -291,6 +291,17 @@ def test_angular_velocities_in_degrees_become_radians(tmp_path):
     assert codes(log) == ["velocity_in_degrees"]
 
 
+def test_glitches_of_the_gyroscope_are_no_degrees(tmp_path):
+    def imu(bag, t, i):
+        glitch = i % 10 == 0
+        velocity, up = (900.0, 0.1) if glitch else (0.5, 9.8)
+        bag.add("/imu", bag.make.imu(START + t, (0.0, 0.0, up), (0.0, 0.0, velocity)), t)
+
+    mounting = ("base_link", "imu", (0, 0, 0.1), LEVEL)
+    log = open_log(recording(tmp_path, {"/scan": "base_link"}, [mounting], extra=imu))
+    assert "velocity_in_degrees" not in codes(log)
+
+
 def test_an_imu_whose_driver_takes_gravity_away_is_told_and_used_for_the_heading(tmp_path):
     log = imu_that_tells(tmp_path, (0.1, 0.0, 0.2), (0.0, 0.0, 0.5))
     assert first_imu(log).angular_velocity[2] == 0.5

@@ -31,7 +31,7 @@ FASTEST_TURN = 35.0
 """No gyroscope in use measures more [rad/s]; larger numbers are degrees."""
 
 _ABSURD = 1e6  # m/s^2, rad/s
-_MIN_FAST = 5  # readings that turn faster than that, for it to be no glitch
+_MIN_FAST = 3  # times that it turns faster than that in the sample, to believe it
 _WEAKEST_GRAVITY = 5.0  # m/s^2
 _GRAVITY_MISFIT = math.radians(45.0)
 
@@ -125,7 +125,7 @@ def choose_imu(index: RecordingIndex, options: ReadOptions, choice: Choice, name
     stream = whole[0]
     found = tree.lookup(base, stream.frame)
     pose = found[0] if found else Pose3.identity()
-    gravity = _mean_acceleration(stream)
+    gravity = _usual_acceleration(stream)
     if _is_in_g(gravity):
         gravity = gravity * STANDARD_GRAVITY
     if found is None and not _points_up(pose, gravity):
@@ -139,7 +139,7 @@ def choose_imu(index: RecordingIndex, options: ReadOptions, choice: Choice, name
     choice.imu = ImuChoice(
         stream,
         pose,
-        acceleration_scale=STANDARD_GRAVITY if _is_in_g(_mean_acceleration(stream)) else 1.0,
+        acceleration_scale=STANDARD_GRAVITY if _is_in_g(_usual_acceleration(stream)) else 1.0,
         velocity_scale=math.radians(1.0) if _is_in_degrees(stream) else 1.0,
     )
 
@@ -149,8 +149,8 @@ def _imu_doubts(
 ) -> list[Finding]:
     """Return what is doubtful about an IMU that is used all the same; gravity in m/s^2."""
     doubts = []
-    if _is_in_g(_mean_acceleration(stream)):
-        size = np.linalg.norm(_mean_acceleration(stream))
+    if _is_in_g(_usual_acceleration(stream)):
+        size = np.linalg.norm(_usual_acceleration(stream))
         doubts.append((
             "acceleration_in_g",
             f"{stream.topic}: accelerations are in g ({size:.2f} on average), not in m/s^2",
@@ -196,16 +196,15 @@ def _is_felt(gravity: FloatArray) -> bool:
     return bool(np.linalg.norm(gravity) > _WEAKEST_GRAVITY)
 
 
-def _turn_rates(stream: Stream) -> list[float]:
-    """Return the angular velocities of the sample, by size, largest first; no absurd ones."""
+def _fastest_turn(stream: Stream) -> float:
+    """Return the largest angular velocity of the sample that is no glitch, of whatever unit."""
     velocities = [s.angular_velocity for s in stream.samples if isinstance(s, ImuMessage)]
     sizes = [math.hypot(*velocity) for velocity in velocities if velocity is not None]
-    return sorted((size for size in sizes if size < _ABSURD), reverse=True)
-
-
-def _fastest_turn(stream: Stream) -> float:
-    """Return the largest angular velocity of the sample that is no glitch."""
-    return next(iter(_turn_rates(stream)[_MIN_FAST - 1 :]), 0.0)
+    # Successive readings are alike; one that stands alone is wrong.
+    threes = zip(sizes[::3], sizes[1::3], sizes[2::3], strict=False)
+    middles = [sorted(three)[1] for three in threes]
+    sound = sorted((size for size in middles if size < _ABSURD), reverse=True)
+    return next(iter(sound[_MIN_FAST - 1 :]), 0.0)
 
 
 def _is_in_degrees(stream: Stream) -> bool:
@@ -220,7 +219,7 @@ def _is_whole(sample: object) -> bool:
     )
 
 
-def _mean_acceleration(stream: Stream) -> FloatArray:
+def _usual_acceleration(stream: Stream) -> FloatArray:
     values = [
         s.linear_acceleration
         for s in stream.samples
@@ -228,7 +227,7 @@ def _mean_acceleration(stream: Stream) -> FloatArray:
     ]
     sound = [v for v in values if all(abs(part) < _ABSURD for part in v)]
     array = np.array(sound).reshape(-1, 3)
-    return array.mean(axis=0) if len(array) else np.zeros(3)
+    return np.median(array, axis=0) if len(array) else np.zeros(3)
 
 
 def _points_up(pose: Pose3, gravity: FloatArray) -> bool:
