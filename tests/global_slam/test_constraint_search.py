@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from threading import Event
 
 import numpy as np
@@ -11,9 +10,9 @@ import pytest
 
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam import constraint_search
-from cartoloop.global_slam.constraint_search import ConstraintSearch
+from cartoloop.global_slam.constraint_search import ConstraintSearch, spread_out
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest
+from cartoloop.global_slam.loop_closure import Found, LoopClosure, SearchRequest
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.finished_grid import FinishedGrid
 
@@ -34,10 +33,13 @@ def closure(submap, node):
 def found_in_even_submaps(monkeypatch):
     """Searches that find every node in a submap of even index, after making its smooth map."""
 
-    def search(submap, request, config):
-        assert submap.index == request.submap
+    def search(submap, requests, config):
         submap.smooth_map  # noqa: B018 - as a search makes it
-        return closure(request.submap, request.node) if request.submap % 2 == 0 else None
+        assert all(request.submap == submap.index for request in requests)
+        if submap.index % 2:
+            return Found([], len(requests))
+        closures = [(i, closure(one.submap, one.node)) for i, one in enumerate(requests)]
+        return Found(closures, len(requests))
 
     monkeypatch.setattr(constraint_search, "search", search)
 
@@ -103,15 +105,9 @@ def test_what_is_submitted_after_a_start_is_collected_after_the_next():
     search.close()
 
 
-@pytest.mark.usefixtures("found_in_even_submaps")
-def test_closures_enough_between_two_submaps_are_spread_and_end_the_search():
-    search = ConstraintSearch(ConstraintSearchConfig(max_closures_of_pair=3), 1)
-    ours = [replace(request(0, node), node_submap=7) for node in range(20)]
-    search.submit(submap(0), [*ours, request(0, 20)])
-    search.start()
-    assert [found.node for found in search.collect()] == [0, 4, 8, 20]
-    assert search.num_searched == 4
-    search.close()
+def test_nodes_are_sought_spread_over_the_way():
+    numbered = [(number, request(0, number)) for number in range(10)]
+    assert [number for number, _ in spread_out(numbered)] == [0, 4, 8, 1, 5, 9, 2, 6, 3, 7]
 
 
 def test_nothing_is_sought_for_no_requests():
@@ -139,9 +135,10 @@ def test_the_backlog_is_what_was_submitted_and_is_not_done():
 def test_what_is_not_done_is_left_for_the_next_time(monkeypatch):
     may_end = Event()
 
-    def search(submap, request, config):
+    def search(submap, requests, config):
         assert may_end.wait(10.0)
-        return closure(request.submap, request.node)
+        closures = [(i, closure(one.submap, one.node)) for i, one in enumerate(requests)]
+        return Found(closures, len(requests))
 
     monkeypatch.setattr(constraint_search, "search", search)
     search = ConstraintSearch(ConstraintSearchConfig(), 1)

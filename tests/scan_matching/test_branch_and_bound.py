@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cartoloop.kernels.node_bounds import place_points, scan_range, score_children
+from cartoloop.kernels.search_batch import rotation_step
 from cartoloop.kernels.search_tree import grow_tree
 from cartoloop.scan_matching.branch_and_bound import (
     NO_RUNNER_UP,
     RunnerUp,
     SubmapMatcher,
-    rotation_step,
 )
 from cartoloop.scan_matching.precomputation_grid import MAX_MOVE, STRIDES, PrecomputationGrids
 from cartoloop.sensor.pose import Pose, transform_points
@@ -428,3 +428,59 @@ def test_grids_may_be_released_while_threads_search():
     assert alone is not None
     with ThreadPoolExecutor(2) as threads:
         assert list(threads.map(find, range(30))) == [alone] * 30
+
+
+def many_scans(seed, count):
+    rng = np.random.default_rng(seed)
+    grid = random_grid(rng)
+    clouds = [rng.uniform(-0.8, 0.8, (int(rng.integers(1, 60)), 2)) for _ in range(count)]
+    estimates = rng.uniform(-0.5, 1.5, (count, 3))
+    linear, angular = rng.uniform(0.0, 0.5, count), rng.uniform(0.0, 0.4, count)
+    return grid, clouds, estimates, linear, angular
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1), min_score=st.floats(0.1, 0.6))
+def test_many_scans_at_once_are_found_where_each_is_found_alone(seed, min_score):
+    grid, clouds, estimates, linear, angular = many_scans(seed, 6)
+    matcher = SubmapMatcher(grid)
+
+    found = matcher.match_all(
+        clouds, estimates, linear_windows=linear, angular_windows=angular, min_score=min_score,
+        groups=np.arange(6), max_of_group=1,
+    )  # fmt: skip
+
+    assert found.was_sought.all()
+    for i, points in enumerate(clouds):
+        alone = matcher.match(
+            points, Pose(*estimates[i].tolist()), linear_window=float(linear[i]),
+            angular_window=float(angular[i]), min_score=min_score,
+        )  # fmt: skip
+        assert found.matches[i] == alone
+
+
+@pytest.mark.parametrize("max_of_group", [1, 2, 5])
+def test_of_a_group_no_more_are_sought_once_enough_are_found(max_of_group):
+    grid, clouds, estimates, linear, angular = many_scans(1, 9)
+    groups = np.array((0, 1, 0, 1, 0, 1, 0, 1, 0))
+
+    found = SubmapMatcher(grid).match_all(
+        clouds, estimates, linear_windows=linear, angular_windows=angular, min_score=0.0,
+        groups=groups, max_of_group=max_of_group,
+    )  # fmt: skip
+
+    for group, size in ((0, 5), (1, 4)):
+        expected = [True] * min(max_of_group, size) + [False] * max(size - max_of_group, 0)
+        assert found.was_sought[groups == group].tolist() == expected
+    assert [match is not None for match in found.matches] == found.was_sought.tolist()
+
+
+def test_nothing_is_found_for_no_scans():
+    grid, *_ = many_scans(2, 1)
+    none = np.zeros(0)
+    found = SubmapMatcher(grid).match_all(
+        [], np.zeros((0, 3)), linear_windows=none, angular_windows=none, min_score=0.5,
+        groups=np.zeros(0, dtype=np.int64), max_of_group=1,
+    )  # fmt: skip
+    assert found.matches == []
+    assert len(found.was_sought) == 0

@@ -24,7 +24,7 @@ from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.chordal_initialization import initialize_from_constraints
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
-from cartoloop.global_slam.loop_closure import refine
+from cartoloop.global_slam.loop_closure import refine_all
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, constraint_residuals
 from cartoloop.kernels import exhaustive_search, plain_search
@@ -174,8 +174,10 @@ def _match_workloads(driven: Drive) -> Iterator[Workload]:
     start = compose(in_submap, Pose(0.03, -0.02, 0.01))
     finished = FinishedSubmap(0, submap.grid.finish(), 1.0)
     yield Workload(
-        "match", ("scan_residuals", "smooth_map"), case,
-        partial(refine, finished.smooth_map, points, start, search),
+        "match", ("match_batch", "scan_residuals", "smooth_map"), case,
+        partial(
+            refine_all, finished.smooth_map, [points], np.array((start,)), search, math.inf
+        ),
         len(points), "points",
     )  # fmt: skip
     wide = CorrelativeMatcherConfig(linear_search_window=0.1, angular_search_window_deg=20.0)
@@ -213,7 +215,8 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
     off = compose(in_submap[middle], Pose(2.0, -1.5, 0.2))
     for name, estimate, cloud in (("hit", off, own[middle].points), ("miss", off, driven.points)):
         yield Workload(
-            "branch and bound", ("branch_and_bound", "node_bounds", "search_tree"),
+            "branch and bound",
+            ("branch_and_bound", "node_bounds", "search_batch", "search_tree"),
             {**case, "window": f"±7 m, ±30°, {name}"},
             partial(sought, cloud, estimate), len(cloud), "points",
         )  # fmt: skip

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Callable, Container, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from time import perf_counter
@@ -151,18 +150,12 @@ class ConstraintSearch:
 
     def _run(self, submap: FinishedSubmap, requests: tuple[Numbered, ...]) -> _Found:
         start = perf_counter()
-        closures: list[tuple[int, LoopClosure]] = []
-        num_of_pair: Counter[int] = Counter()
-        num_searched = 0
-        for number, request in spread_out(requests):
-            if num_of_pair[request.node_submap] < self._config.max_closures_of_pair:
-                num_searched += 1
-                if (closure := search(submap, request, self._config)) is not None:
-                    num_of_pair[request.node_submap] += 1
-                    closures.append((number, closure))
+        ordered = spread_out(requests)
+        found = search(submap, [request for _, request in ordered], self._config)
+        closures = [(ordered[i][0], closure) for i, closure in found.closures]
         if submap.index not in self._kept:
             submap.release()
-        return _Found(closures, num_searched, perf_counter() - start)
+        return _Found(closures, found.num_searched, perf_counter() - start)
 
 
 def spread_out(requests: Sequence[Numbered]) -> list[Numbered]:

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One loop closure: a scan sought in a finished submap (section V-B), then refined by (CS)."""
+"""Loop closures: scans sought in a finished submap (section V-B), then refined by (CS)."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +15,9 @@ from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.finished_submap import FinishedSubmap
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.scan_matching import least_squares
-from cartoloop.scan_matching.least_squares import (
-    LeastSquaresMatch,
-    LeastSquaresMatches,
-    SmoothMap,
-)
-from cartoloop.scan_matching.match_information import match_information
-from cartoloop.sensor.pose import FloatArray, Pose
+from cartoloop.scan_matching.least_squares import LeastSquaresMatches, SmoothMap
+from cartoloop.scan_matching.match_information import match_informations
+from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
 
 USUAL_RESIDUAL = 0.4
 """Root mean square of 1 - M at the points of scans that fit."""
@@ -90,44 +88,67 @@ def loop_closures(graph: PoseGraph, among: NDArray[np.bool_]) -> list[LoopClosur
     ]
 
 
+class Found(NamedTuple):
+    """What a search for many nodes found.
+
+    Attributes
+    ----------
+    closures : by the number of their request.
+    num_searched : how many nodes were sought.
+    """
+
+    closures: list[tuple[int, LoopClosure]]
+    num_searched: int
+
+
 def search(
-    submap: FinishedSubmap, request: SearchRequest, config: ConstraintSearchConfig
-) -> LoopClosure | None:
-    """Return the loop closure sought, or None where the node does not fit well enough."""
-    coarse = submap.matcher.match(
-        request.points,
-        request.tf_submap_node,
-        linear_window=request.linear_window,
-        angular_window=request.angular_window,
+    submap: FinishedSubmap, requests: Sequence[SearchRequest], config: ConstraintSearchConfig
+) -> Found:
+    """Seek nodes in their order in one submap, and refine where they fit well enough.
+
+    Of the nodes inserted into one other submap, no more are sought once enough are found.
+    """
+    numbers: dict[int, int] = {}
+    groups = [numbers.setdefault(request.node_submap, len(numbers)) for request in requests]
+    coarse = submap.matcher.match_all(
+        [request.points for request in requests],
+        np.array([request.tf_submap_node for request in requests]).reshape(-1, 3),
+        linear_windows=np.array([request.linear_window for request in requests]),
+        angular_windows=np.array([request.angular_window for request in requests]),
         min_score=min(config.min_score, config.min_score_ratio * submap.own_score),
+        groups=np.array(groups, dtype=np.int64),
+        max_of_group=config.max_closures_of_pair,
     )
-    if coarse is None:
-        return None
-    fine = refine(submap.smooth_map, request.points, coarse.tf_submap_scan, config)
-    return LoopClosure(
-        request.submap,
-        request.node,
-        fine.tf_grid_scan,
-        match_information(fine),
-        coarse.score,
-        coarse.runner_up,
-        request,
+    hits = [(i, match) for i, match in enumerate(coarse.matches) if match is not None]
+    num_searched = int(np.count_nonzero(coarse.was_sought))
+    if not hits:
+        return Found([], num_searched)
+    fine = refine_all(
+        submap.smooth_map,
+        [requests[i].points for i, _ in hits],
+        np.array([match.tf_submap_scan for _, match in hits]),
+        config,
+        math.inf,
     )
-
-
-def refine(
-    smooth_map: SmoothMap, points: FloatArray, tf_submap_node: Pose, config: ConstraintSearchConfig
-) -> LeastSquaresMatch:
-    """Return the match of (CS) near a pose, held to it by some pixels."""
-    return least_squares.match(
-        smooth_map,
-        points,
-        tf_submap_node,
-        tf_submap_node,
-        _pull(smooth_map, config),
-        config.least_squares_matcher.occupied_space_weight / USUAL_RESIDUAL**2,
-        config.least_squares_matcher.max_num_iterations,
-    )
+    informations = match_informations(fine.information, fine.residual)
+    closures = [
+        (
+            i,
+            LoopClosure(
+                requests[i].submap,
+                requests[i].node,
+                Pose(x, y, wrap_angle(theta)),
+                information,
+                match.score,
+                match.runner_up,
+                requests[i],
+            ),
+        )
+        for (i, match), (x, y, theta), information in zip(
+            hits, fine.tf_grid_scan.tolist(), informations, strict=True
+        )
+    ]
+    return Found(closures, num_searched)
 
 
 def refine_all(
@@ -135,8 +156,12 @@ def refine_all(
     points: Sequence[FloatArray],
     tf_submap_node: FloatArray,
     config: ConstraintSearchConfig,
+    max_start_residual: float,
 ) -> LeastSquaresMatches:
-    """Return the matches of (CS) near the poses of nodes, shape (n, 3), as :func:`refine` does."""
+    """Return the matches of (CS) near the poses of nodes, shape (n, 3), held to it by some pixels.
+
+    Those that fit worse than `max_start_residual` where they start are not matched.
+    """
     return least_squares.match_all(
         smooth_map,
         points,
@@ -144,7 +169,7 @@ def refine_all(
         _pull(smooth_map, config),
         config.least_squares_matcher.occupied_space_weight / USUAL_RESIDUAL**2,
         config.least_squares_matcher.max_num_iterations,
-        config.max_start_residual,
+        max_start_residual,
     )
 
 

@@ -63,7 +63,13 @@ def match_again(
     if not nodes:
         return []
     estimates = relative_all(tf_map_submap, node_poses[nodes])
-    matches = refine_all(submap.smooth_map, [points[node] for node in nodes], estimates, config)
+    matches = refine_all(
+        submap.smooth_map,
+        [points[node] for node in nodes],
+        estimates,
+        config,
+        config.max_start_residual,
+    )
     moved = matches.tf_grid_scan - estimates
     # Where not even its own scans fit a submap well, no more is asked of others.
     sparse = max(config.min_score - config.min_score_ratio * submap.own_score, 0.0)

@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from threading import Lock
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cartoloop.kernels.branch_and_bound import search
-from cartoloop.kernels.node_bounds import scan_range
+from cartoloop.kernels.search_batch import ROUNDING, search_scans
 from cartoloop.scan_matching.precomputation_grid import MAX_MOVE, PrecomputationGrids
 from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
 from cartoloop.submaps.finished_grid import (
@@ -19,9 +21,6 @@ from cartoloop.submaps.finished_grid import (
     mean_probability,
     mean_value,
 )
-
-ROUNDING = 1e-9
-"""So much more than a whole number of steps is taken for rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +37,19 @@ class BranchAndBoundMatch:
     tf_submap_scan: Pose
     score: float
     runner_up: float
+
+
+class BranchAndBoundMatches(NamedTuple):
+    """The best matches of many scans.
+
+    Attributes
+    ----------
+    matches : of each scan; None where none was good enough, or none was sought.
+    was_sought : bool, shape (n,).
+    """
+
+    matches: list[BranchAndBoundMatch | None]
+    was_sought: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,14 +75,6 @@ RUNNER_UP = RunnerUp()
 
 NO_RUNNER_UP = RunnerUp(margin=-1.0)
 """For :meth:`SubmapMatcher.match`: do not seek a runner-up, it is 0."""
-
-
-def rotation_step(max_range: float, resolution: float) -> float:
-    """Return delta_theta of eq. (7) [rad]: points up to a range [m] move by at most a pixel.
-
-    Points within half a pixel of the scan's origin never move by more, so they count as that far.
-    """
-    return math.acos(1.0 - 0.5 * (resolution / max(max_range, 0.5 * resolution)) ** 2)
 
 
 class SubmapMatcher:
@@ -130,15 +134,50 @@ class SubmapMatcher:
             more than a pixel from one rotation to the next.
         runner_up : what the match's `runner_up` is to be.
         """
-        half_width = _num_steps(linear_window, self._grid.resolution)
+        half_width = math.ceil(linear_window / self._grid.resolution - ROUNDING)
+        found = self._search(
+            [points],
+            np.array((tf_submap_scan,), dtype=np.float64),
+            np.array(((half_width, half_width),)),
+            np.array((angular_window,), dtype=np.float64),
+            min_score,
+            runner_up,
+            max_range=max_range,
+        )
+        return found.matches[0]
+
+    def match_all(
+        self,
+        points: Sequence[FloatArray],
+        tf_submap_scan: FloatArray,
+        *,
+        linear_windows: FloatArray,
+        angular_windows: FloatArray,
+        min_score: float,
+        groups: NDArray[np.int64],
+        max_of_group: int,
+        runner_up: RunnerUp = RUNNER_UP,
+    ) -> BranchAndBoundMatches:
+        """Return the best match of each of many scans, as :meth:`match` does, but in one go.
+
+        Parameters
+        ----------
+        points : of each scan.
+        tf_submap_scan : float64, shape (n, 3), the windows' centres.
+        linear_windows, angular_windows : float64, shape (n,).
+        groups : int64, shape (n,), from 0 on: scans that stand for each other.
+        max_of_group : once so many scans of a group are found, no more of it are sought.
+        """
+        half_widths = np.ceil(linear_windows / self._grid.resolution - ROUNDING).astype(np.int64)
         return self._search(
             points,
             tf_submap_scan,
-            (half_width, half_width),
-            angular_window,
+            np.column_stack((half_widths, half_widths)),
+            angular_windows,
             min_score,
-            max_range,
             runner_up,
+            groups=groups,
+            max_of_group=max_of_group,
         )
 
     def match_full_submap(
@@ -150,14 +189,21 @@ class SubmapMatcher:
         nearest to the grid's centre wins.
         """
         half_height, half_width = (size // 2 for size in self._grid.shape)
-        centre = Pose(
+        centre = (
             self._grid.origin_x + half_width * self._grid.resolution,
             self._grid.origin_y + half_height * self._grid.resolution,
             0.0,
         )
-        return self._search(
-            points, centre, (half_width, half_height), math.pi, min_score, max_range, NO_RUNNER_UP
+        found = self._search(
+            [points],
+            np.array((centre,)),
+            np.array(((half_width, half_height),)),
+            np.array((math.pi,)),
+            min_score,
+            NO_RUNNER_UP,
+            max_range=max_range,
         )
+        return found.matches[0]
 
     def _precomputed(self) -> PrecomputationGrids:
         """Return the precomputed grids; threads that need them at once make them only once."""
@@ -171,55 +217,57 @@ class SubmapMatcher:
 
     def _search(
         self,
-        points: FloatArray,
-        estimate: Pose,
-        half_size: tuple[int, int],
-        angular_window: float,
+        points: Sequence[FloatArray],
+        estimates: FloatArray,
+        half_sizes: NDArray[np.int64],
+        angular_windows: FloatArray,
         min_score: float,
-        max_range: float,
         runner_up: RunnerUp,
-    ) -> BranchAndBoundMatch | None:
-        """Return the match in a window of so many pixels to each side of the estimate."""
-        if len(points) == 0 or self._grid.size == 0:
-            return None
-        grids, resolution = self._precomputed(), self._grid.resolution
-        mean_distance, farthest = scan_range(points)
-        step = rotation_step(min(farthest, max_range), resolution)
-        num_cols, num_rows = half_size
-        num_rotations = _num_steps(angular_window, step)
-        away = (
-            math.floor((runner_up.distance / resolution) ** 2 + ROUNDING),
-            math.floor(runner_up.angle / step + ROUNDING),
-            math.ceil(runner_up.margin / PROBABILITY_STEP * len(points)),
-        )
-        frame = (*estimate, self._grid.origin_x, self._grid.origin_y, resolution, step)
-        matches = np.empty((2, 4), dtype=np.int64)
-        search(
+        *,
+        groups: NDArray[np.int64] | None = None,
+        max_of_group: int = 1,
+        max_range: float = math.inf,
+    ) -> BranchAndBoundMatches:
+        """Return the matches in windows of so many pixels to each side of the estimates."""
+        count = len(points)
+        was_sought = np.zeros(count, dtype=np.bool_)
+        if count == 0 or self._grid.size == 0:
+            return BranchAndBoundMatches([None] * count, was_sought)
+        grids, grid = self._precomputed(), self._grid
+        num_points = np.array([len(scan) for scan in points], dtype=np.int64)
+        found = np.empty((count, 2, 4), dtype=np.int64)
+        rotations, steps = np.empty(count, dtype=np.int64), np.empty(count)
+        search_scans(
             grids.cells,
             grids.heights,
             grids.boxes,
-            np.ascontiguousarray(points, dtype=np.float64),
-            np.array(frame, dtype=np.float64),
-            np.array((num_cols, num_rows, num_rotations), dtype=np.int64),
-            np.array((mean_distance / resolution, farthest / resolution, MAX_MOVE)),
-            max(math.ceil(mean_value(min_score) * len(points) - 1e-6), 0),
-            np.array(away, dtype=np.int64),
-            matches,
+            np.array((grid.origin_x, grid.origin_y, grid.resolution)),
+            np.ascontiguousarray(np.concatenate(points), dtype=np.float64),
+            np.concatenate((np.zeros(1, dtype=np.int64), np.cumsum(num_points))),
+            estimates,
+            half_sizes,
+            angular_windows,
+            np.array((mean_value(min_score), max_range, MAX_MOVE)),
+            np.array((runner_up.distance, runner_up.angle, runner_up.margin / PROBABILITY_STEP)),
+            np.zeros(count, dtype=np.int64) if groups is None else groups,
+            max_of_group,
+            found,
+            rotations,
+            steps,
+            was_sought,
         )
-        (total, col, row, rotation), (second, *_) = matches.tolist()
-        if total < 0:
-            return None
-        return BranchAndBoundMatch(
-            Pose(
-                estimate.x + (col - num_cols) * resolution,
-                estimate.y + (row - num_rows) * resolution,
-                wrap_angle(estimate.theta + (rotation - num_rotations) * step),
-            ),
-            mean_probability(total / len(points)),
-            mean_probability(second / len(points)) if second >= 0 else 0.0,
-        )
-
-
-def _num_steps(window: float, step: float) -> int:
-    """Return how many steps to each side cover a window, eq. (8)."""
-    return math.ceil(window / step - ROUNDING)
+        matches: list[BranchAndBoundMatch | None] = [None] * count
+        for i in np.flatnonzero(found[:, 0, 0] >= 0).tolist():
+            (total, col, row, rotation), (second, *_) = found[i].tolist()
+            x, y, theta = estimates[i].tolist()
+            half_width, half_height = half_sizes[i].tolist()
+            matches[i] = BranchAndBoundMatch(
+                Pose(
+                    x + (col - half_width) * grid.resolution,
+                    y + (row - half_height) * grid.resolution,
+                    wrap_angle(theta + (rotation - int(rotations[i])) * float(steps[i])),
+                ),
+                mean_probability(total / len(points[i])),
+                mean_probability(second / len(points[i])) if second >= 0 else 0.0,
+            )
+        return BranchAndBoundMatches(matches, was_sought)

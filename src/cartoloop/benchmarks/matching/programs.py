@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 from cartoloop.benchmarks.matching.bounding_grids import BoundingGrids
 from cartoloop.errors import CartoloopError
 from cartoloop.kernels import branch_and_bound as kernels
+from cartoloop.kernels import search_batch
 from cartoloop.kernels.exhaustive_search import search_as_written, search_by_rows
 from cartoloop.kernels.node_bounds import ByteArray, scan_range, score_children
 from cartoloop.kernels.plain_search import search_plainly
+from cartoloop.kernels.search_batch import ROUNDING, rotation_step
 from cartoloop.scan_matching.branch_and_bound import (
     NO_RUNNER_UP,
-    ROUNDING,
     BranchAndBoundMatch,
     RunnerUp,
     SubmapMatcher,
-    rotation_step,
 )
 from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
 from cartoloop.submaps.finished_grid import FinishedGrid, mean_probability, mean_value
@@ -217,7 +217,8 @@ def count_nodes(problem: Problem) -> tuple[int, int]:
 
     explore = _rebound(kernels.explore, score_children=counting_score)
     counting_search = _rebound(kernels.search, explore=explore)
-    matcher_search = _rebound(SubmapMatcher._search, search=counting_search)
+    counting_scans = _rebound(search_batch.search_scans, search=counting_search)
+    matcher_search = _rebound(SubmapMatcher._search, search_scans=counting_scans)
     counting_matcher = type("CountingMatcher", (SubmapMatcher,), {"_search": matcher_search})
     branch_and_bound(replace(problem, matcher=counting_matcher(problem.grid)))
     return top, below
@@ -226,7 +227,9 @@ def count_nodes(problem: Problem) -> tuple[int, int]:
 def _rebound(function: Callable[..., Any], **names: object) -> Callable[..., Any]:
     """Return a function uncompiled, with other things behind some of the names it uses."""
     plain = cast(FunctionType, getattr(function, "py_func", function))
-    return FunctionType(plain.__code__, {**plain.__globals__, **names}, plain.__name__)
+    rebound = FunctionType(plain.__code__, {**plain.__globals__, **names}, plain.__name__)
+    rebound.__kwdefaults__ = plain.__kwdefaults__
+    return rebound
 
 
 def _found(problem: Problem, best: IntArray) -> Found | None:
