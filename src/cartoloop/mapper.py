@@ -18,6 +18,7 @@ from cartoloop.global_slam.growing_array import GrowingArray
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.trajectory import optimized_trajectory, path_length
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
+from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S
 from cartoloop.map_output.report import (
     AdjustmentSummary,
     InputSummary,
@@ -241,7 +242,8 @@ class Mapper:
         waiting = self._waiting
         while waiting:
             scan = waiting[0]
-            if scan.time + scan.sweep[1] > time and self._local_slam.extrapolator.follows_motion:
+            end = scan.time + min(scan.sweep[1], MAX_SWEEP_S)
+            if end > time and self._local_slam.extrapolator.follows_motion:
                 return
             self._add_scan(waiting.popleft())
 

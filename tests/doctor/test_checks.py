@@ -64,6 +64,11 @@ class TestScans:
         rare = scans.check_returns(watch_of([*[wall(k) for k in range(200)], nothing]))
         assert rare.severity == "info"
 
+    def test_scans_in_millimetres_show_nothing_that_is_mapped(self):
+        geometry = replace(GEOMETRY, range_max=30000.0)
+        watch = watch_of([1000.0 * wall(k) for k in range(5)], geometry=geometry)
+        assert scans.check_returns(watch).code == "no_returns"
+
     def test_repeated_scans(self):
         finding = scans.check_repeated(watch_of([wall(0), wall(1), wall(1), wall(1), wall(2)]))
         assert (finding.code, finding.count, finding.time) == ("repeated_scans", 2, 100.2)

@@ -248,3 +248,15 @@ def test_scans_that_still_wait_are_mapped_in_the_end():
     mapper.add(scans[1])
     assert len(mapper.result().stamps) == 1
     assert len(mapper.finish().stamps) == 2
+
+
+def test_a_sweep_that_is_said_to_last_for_minutes_does_not_keep_scans_waiting():
+    recording = walk(rounds=1, scanners=[FRONT], odometry=OdometryModel())
+    scans = [event for event in recording.events() if isinstance(event, LaserScan)]
+    endless = replace(scans[0].geometry, time_increment=10.0)
+    mapper = Mapper()
+    mapper.add(Odometry(scans[0].time, scans[0].time, Pose(0.0, 0.0, 0.0)))
+    for scan in scans[:30]:  # three seconds
+        mapper.add(replace(scan, geometry=endless))
+    assert len(mapper.result().stamps) >= 19
+    assert len(mapper.finish().stamps) == 30

@@ -71,3 +71,22 @@ def test_each_fault_has_its_reason(event, reason):
 )
 def test_glitches_of_an_imu_are_more_than_it_can_measure(event):
     assert "than" in str(fault_of(event))
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"time_increment": math.inf},
+        {"angle_increment": math.nan},
+        {"range_max": math.nan},
+        {"tf_tracking_sensor": IDENTITY._replace(x=math.nan)},
+    ],
+)
+def test_a_scanner_must_be_somewhere_and_look_somewhere(values):
+    assert "of the scanner" in str(
+        fault_of(replace(SCAN, geometry=replace(SCAN.geometry, **values)))
+    )
+    both = {key: value for key, value in values.items() if hasattr(CLOUD.geometry, key)}
+    if both:
+        broken = replace(CLOUD, geometry=replace(CLOUD.geometry, **both))
+        assert "of the scanner" in str(fault_of(broken))

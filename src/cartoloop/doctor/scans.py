@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cartoloop.doctor.findings import Finding, first_of
 from cartoloop.sensor.events import LaserScan, ScanGeometry
+from cartoloop.sensor.range_filter import USEFUL_RANGE
 from cartoloop.sensor.sensor_profile import SensorProfile
 
 FloatArray = NDArray[np.float64]
@@ -98,7 +99,7 @@ class ScanWatch:
         measured = (ranges >= geometry.range_min) & (ranges < geometry.range_max)
         num_returns = int(np.count_nonzero(measured))
         self._count(ranges, geometry, num_returns)
-        if num_returns < MIN_RETURNS:
+        if np.count_nonzero(measured & (ranges <= USEFUL_RANGE)) < MIN_RETURNS:
             self.num_poor += 1
             self.first_poor = first_of(self.first_poor, scan.stamp)
         if len(ranges) == len(self.nearest):
@@ -167,8 +168,8 @@ def check_returns(watch: ScanWatch) -> Finding | None:
         return Finding(
             "error",
             "no_returns",
-            f"no scan has {MIN_RETURNS} returns: nothing to map",
-            "check the scanner, and its range limits in the recording",
+            f"no scan has {MIN_RETURNS} returns within {USEFUL_RANGE:g} m: nothing to map",
+            "check the scanner, and its range limits in the recording; ranges must be in metres",
             watch.name,
             watch.num_poor,
             watch.first_poor,

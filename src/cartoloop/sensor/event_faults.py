@@ -7,7 +7,15 @@ import math
 
 import numpy as np
 
-from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
+from cartoloop.sensor.events import (
+    CloudGeometry,
+    Imu,
+    LaserScan,
+    Odometry,
+    PointCloud,
+    ScanGeometry,
+    SensorEvent,
+)
 
 MAX_TURN_RATE, MAX_ACCELERATION = 100.0, 1000.0
 """More than any IMU on a robot can measure [rad/s], [m/s^2]."""
@@ -23,12 +31,17 @@ def fault_of(event: SensorEvent) -> str | None:
         case Odometry(tf_odom_tracking=pose):
             if not all(map(math.isfinite, pose)):
                 return "odometry is not finite"
-        case LaserScan(ranges=ranges, geometry=geometry):
-            if ranges.shape != (geometry.num_beams,):
-                return "number of ranges does not match the scanner"
+        case LaserScan():
+            return _fault_of_scan(event)
         case PointCloud():
             return _fault_of_cloud(event)
     return None
+
+
+def _fault_of_scan(scan: LaserScan) -> str | None:
+    if scan.ranges.shape != (scan.geometry.num_beams,):
+        return "number of ranges does not match the scanner"
+    return _fault_of_geometry(scan.geometry)
 
 
 def _fault_of_imu(imu: Imu) -> str | None:
@@ -45,8 +58,21 @@ def _fault_of_imu(imu: Imu) -> str | None:
 def _fault_of_cloud(cloud: PointCloud) -> str | None:
     if cloud.points.ndim != 2 or cloud.points.shape[1] != 3:
         return "points of a cloud are not three numbers each"
+    if fault := _fault_of_geometry(cloud.geometry):
+        return fault
     if cloud.times is None:
         return None
     if cloud.times.shape != cloud.points.shape[:1]:
         return "number of times does not match the points of a cloud"
     return None if np.isfinite(cloud.times).all() else "times of a cloud are not finite"
+
+
+def _fault_of_geometry(geometry: ScanGeometry | CloudGeometry) -> str | None:
+    numbers = [*geometry.tf_tracking_sensor, geometry.height, geometry.roll, geometry.pitch]
+    if isinstance(geometry, ScanGeometry):
+        numbers += (geometry.angle_min, geometry.angle_increment, geometry.time_increment)
+    if not all(map(math.isfinite, numbers)):
+        return "angles, times or place of the scanner are not finite"
+    if math.isnan(geometry.range_min) or math.isnan(geometry.range_max):
+        return "range limits of the scanner are not numbers"
+    return None
