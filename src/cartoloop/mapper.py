@@ -134,10 +134,16 @@ class Mapper:
         return stamps
 
     def add(self, event: SensorEvent) -> None:
-        """Take in one sensor event. Bad data never raises: it is skipped, and counted by reason.
+        """Take in one sensor event. Bad data does not raise: it is skipped, and counted by reason.
 
         A scan that is measured beam by beam waits until what follows tells how the robot moved
         meanwhile.
+
+        Raises
+        ------
+        InputError
+            The pose has gone astray, further than any map could reach. What was mapped before
+            stands; `result` returns it.
         """
         if isinstance(event, LaserScan | PointCloud):
             self._num_scans += 1
