@@ -147,6 +147,35 @@ def bench_scaling(
     _conclude(record, out, before, strict)
 
 
+@bench_app.command("live")
+def bench_live(
+    log: Annotated[
+        Path | None, typer.Argument(metavar="LOG", help="A recording instead of the museum.")
+    ] = None,
+    out: OutOption = Path("bench"),
+    paces: Annotated[str, typer.Option(help="Times real time, one after the other.")] = "1,4",
+    seconds: Annotated[float, typer.Option(min=1.0, help="How long each of them lasts.")] = 60.0,
+    repeat: RepeatOption = 1,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Measure how long each pose takes when scans come as from a robot."""
+    from cartoloop.benchmarks import live
+
+    try:
+        numbers = [float(pace) for pace in _names(paces)]
+    except ValueError:
+        raise typer.BadParameter("are numbers such as 1,4", param_hint="--paces") from None
+    if not numbers or min(numbers) <= 0.0:
+        raise typer.BadParameter("are numbers above 0", param_hint="--paces")
+    before = _earlier(against, "live")
+    record = live.run(
+        numbers, seconds, log=log, tell=lambda line: typer.echo(line, err=True), repeats=repeat
+    )
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
 @bench_app.command("page")
 def bench_page(
     records: Annotated[

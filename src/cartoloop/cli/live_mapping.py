@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import gc
 import sys
 import time
 from collections.abc import Callable, Collection, Iterator
@@ -29,9 +28,6 @@ if TYPE_CHECKING:
     from cartoloop.mapper import Mapper
     from cartoloop.sensor.pose import Pose
     from cartoloop.viewer.view import LiveView
-
-SWITCH_S = 0.0002
-"""Python's threads take turns so often: no pose waits for longer when another one computes [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +69,7 @@ def map_live(source: Source, loaded: LoadedConfig, out: Path, options: LiveOptio
         The user did not want to wait for the last loops; what was mapped is saved.
     """
     from cartoloop.live.notices import Notices
-    from cartoloop.live.warm_up import warm_up
+    from cartoloop.live.warm_up import get_ready
     from cartoloop.map_output.save import prepare_folder, save, save_report
     from cartoloop.mapper import Mapper
 
@@ -83,10 +79,7 @@ def map_live(source: Source, loaded: LoadedConfig, out: Path, options: LiveOptio
     tell = _Teller()
     notices = Notices(tell)
     with stop_signals() as stop, compilation_told():
-        warm_up()
-        gc.collect()
-        gc.freeze()  # what is there now stays: not to be looked through while mapping
-        sys.setswitchinterval(SWITCH_S)
+        get_ready()
         mapper = Mapper(loaded.config, live=True)
         with _poses_file(options.poses) as poses, _view(source, loaded, options) as view:
             session, save_now = _session(source, mapper, out, notices, options, poses, view)

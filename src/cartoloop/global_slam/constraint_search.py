@@ -47,13 +47,15 @@ class ConstraintSearch:
     Parameters
     ----------
     config : what is accepted.
-    num_threads : how many threads search; 0: as many as there are processors, at most 4.
+    num_threads : how many threads search; 0: as many as there are processors, at most 4;
+        one less with a bound.
     max_backlog : with more searches than this behind, new ones are dropped; None: never.
 
     Attributes
     ----------
     num_searched : how many searches were made.
     num_dropped : how many were dropped instead.
+    num_put_off : how many were not done when they were collected, and left for the next time.
     durations : time that each task of a thread took [s].
     """
 
@@ -62,7 +64,9 @@ class ConstraintSearch:
     ) -> None:
         self._config = config
         self._max_backlog = max_backlog
-        num_threads = num_threads or min(os.cpu_count() or 1, MAX_THREADS)
+        # Where nobody is to wait, one processor is left to the rest.
+        num_processors = (os.cpu_count() or 1) - (max_backlog is not None)
+        num_threads = num_threads or min(max(num_processors, 1), MAX_THREADS)
         self._threads = ThreadPoolExecutor(num_threads, thread_name_prefix="loop-closure")
         self._waiting: dict[int, list[Numbered]] = {}
         self._pending: list[tuple[Future[_Found], int]] = []
@@ -71,6 +75,7 @@ class ConstraintSearch:
         self._num_submitted = 0
         self.num_searched = 0
         self.num_dropped = 0
+        self.num_put_off = 0
         self.durations: list[float] = []
 
     @property
@@ -119,6 +124,7 @@ class ConstraintSearch:
         if not wait:
             started, pending = pending, [task for task in pending if task[0].done()]
             self._pending = [task for task in started if task not in pending]
+            self.num_put_off += sum(size for _, size in self._pending)
         found: list[tuple[int, LoopClosure]] = []
         for future, _ in pending:
             batch = future.result()

@@ -17,6 +17,7 @@ from cartoloop.live.messages import EndMessage
 from cartoloop.live.notices import Notices
 from cartoloop.live.sequencer import Sequencer
 from cartoloop.live.source import Source
+from cartoloop.live.warm_up import tidy
 from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import LaserScan, PointCloud
 from cartoloop.sensor.pose import Pose
@@ -172,6 +173,7 @@ class LiveSession:
             self._idle()
         if now >= self._next_status and self._mapper.num_scans:
             self._next_status = now + STATUS_S
+            tidy()
             if not self._is_silent:
                 self._notices.say(self._status())
 

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import sys
 
 import numpy as np
 
@@ -12,8 +14,27 @@ from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry
 from cartoloop.sensor.pose import Pose
 
+SWITCH_S = 0.0002
+"""Python's threads take turns so often: no pose waits for longer when another one computes [s]."""
+
 _ROOM = 4.0
 _SCANS = 60
+
+
+def get_ready() -> None:
+    """Prepare this process for live mapping: all is compiled, and threads take turns quickly."""
+    warm_up()
+    gc.collect()
+    gc.freeze()
+    gc.disable()  # to look through all that was mapped takes longer than to map a scan: see tidy
+    sys.setswitchinterval(SWITCH_S)
+
+
+def tidy() -> None:
+    """Free what lies about since the last time; to be called every few seconds."""
+    if not gc.isenabled():
+        gc.collect(1)
+        gc.freeze()  # what is left stays, and need not be looked through again
 
 
 def warm_up() -> None:
