@@ -160,13 +160,18 @@ class Mapper:
         # Live, whoever adds scans knows better what may yet come.
         self._add_scans_that_ended(math.inf if self._back_end is not None else event.time)
 
-    def finish(self) -> Result:
-        """Close the last loops, adjust all and return the map; nothing can be added after."""
+    def finish(self, note: Callable[[str], None] | None = None) -> Result:
+        """Close the last loops, adjust all and return the map; nothing can be added after.
+
+        Parameters
+        ----------
+        note : called with what comes next, in words, now and then, in this thread.
+        """
         try:
             self._add_scans_that_ended(math.inf)
             if (failure := self._end_back_end()) is not None:
                 raise failure
-            self._global_slam.finish(self._local_slam.active_submaps)
+            self._global_slam.finish(self._local_slam.active_submaps, note)
         finally:
             self.close()
         return self.result()

@@ -25,6 +25,7 @@ class Page:
         self.revisions = {}
         self.answers = []
         self.is_complete = False
+        self._answers = None
 
     def receive(self, data):
         assert isinstance(data, bytes)
@@ -55,8 +56,15 @@ class Page:
         assert json.loads(payload) == {}
         self.is_complete = True
 
+    def _answer(self, kind, payload):
+        self._answers = json.loads(payload)["id"]
+
     def _picture(self, kind, payload):
-        self.answers.append((MessageType.PICTURE, payload))
+        self._take_answer(MessageType.PICTURE, {"png": payload})
+
+    def _take_answer(self, kind, content):
+        self.answers.append((kind, content | {"id": self._answers}))
+        self._answers = None
 
     def _submap(self, kind, payload):
         submap, version, flags, rows, cols, _ = np.frombuffer(payload, "<u4", 6).tolist()
@@ -124,7 +132,7 @@ class Page:
         self.scan = read_scan(payload)
 
     def _node_scan(self, kind, payload):
-        self.answers.append((MessageType.NODE_SCAN, read_scan(payload)))
+        self._take_answer(MessageType.NODE_SCAN, read_scan(payload))
 
     def compose(self, lower, shape):
         """Return the picture of cells, uint8 (rows, cols, 3), row 0 being the lowest y.

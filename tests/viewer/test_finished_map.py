@@ -130,19 +130,33 @@ def test_details_of_a_closure(connection, page, result):
 def test_points_of_a_node(connection, page, result):
     kind, scan = ask(connection, page, type="node_scan", id=6, node=3)
 
-    assert (kind, scan["number"]) == (MessageType.NODE_SCAN, 3)
+    assert (kind, scan["id"], scan["number"]) == (MessageType.NODE_SCAN, 6, 3)
     assert scan["time"] == result.stamps[result.node_scan_index[3]]
     assert np.allclose(scan["pose"], result.graph.node_poses[3])
     assert np.allclose(scan["points"], result.node_points[3], atol=1e-5)
 
 
 def test_picture(connection, page):
-    kind, png = ask(connection, page, type="picture", id=7)
+    kind, answer = ask(connection, page, type="picture", id=7)
 
-    assert kind == MessageType.PICTURE
-    with Image.open(io.BytesIO(png)) as picture:
+    assert (kind, answer["id"]) == (MessageType.PICTURE, 7)
+    with Image.open(io.BytesIO(answer["png"])) as picture:
         assert picture.format == "PNG"
         assert min(picture.size) > 400
+
+
+def test_answers_to_quick_requests_tell_which_they_answer(connection, page):
+    page.answers.clear()
+    for number in range(8):
+        connection.send(json.dumps({"type": "node_scan", "id": 100 + number, "node": 7 - number}))
+    connection.send(json.dumps({"type": "node_scan", "id": 2**53 - 1, "node": 10**9}))
+    connection.send(json.dumps({"type": "picture", "id": 2**53 - 2}))
+    look(connection, page, lambda page: len(page.answers) == 10)
+
+    scans = [answer for kind, answer in page.answers if kind == MessageType.NODE_SCAN]
+    assert [(scan["id"], scan["number"]) for scan in scans] == [(100 + n, 7 - n) for n in range(8)]
+    rest = [(kind, answer["id"]) for kind, answer in page.answers[8:]]
+    assert rest == [(MessageType.PROBLEM, 2**53 - 1), (MessageType.PICTURE, 2**53 - 2)]
 
 
 def test_ping(connection, page):

@@ -101,6 +101,48 @@ def test_one_that_was_there_all_along_and_one_that_joins_late_see_the_same(view,
         assert np.array_equal(page.tables["submap_poses"], result.graph.submap_poses)
 
 
+def test_the_map_is_shown_as_it_is_while_it_is_finished(view, events):
+    mapper, stages = Mapper(), []
+    with join(view.url) as connection:
+        page = look(connection)
+        add(mapper, view, events)
+        view.finishing()
+        look(connection, page, lambda page: page.readings["state"] == "finishing")
+
+        def note(stage):
+            view.finishing(stage, mapper)
+            graph = mapper.global_slam.graph
+
+            def has_seen(page):
+                return (
+                    page.readings["text"] == f"finishing: {stage}"
+                    and len(page.tables["constraints"]) == graph.num_constraints
+                    and np.array_equal(page.tables["submap_poses"], graph.submap_poses)
+                )
+
+            look(connection, page, has_seen)
+            stages.append((stage, page.tables["submap_poses"]))
+
+        result = mapper.finish(note)
+        assert page.hello["mode"] == "recording"
+        view.finished(result)
+        look(connection, page, lambda page: page.readings["state"] == "finished")
+        with join(view.url) as late:
+            late_page = look(late)
+
+    assert [stage for stage, _ in stages] == [
+        "closing the last loops", "matching again, 1 of 2", "matching again, 2 of 2",
+        "last adjustment",
+    ]  # fmt: skip
+    assert not np.array_equal(stages[0][1], stages[1][1])
+    assert not np.array_equal(stages[1][1], stages[2][1])
+    assert late_page.hello["mode"] == "finished"
+    assert late_page.hello["session"] == page.hello["session"]
+    closure = late_page.json[MessageType.LATEST_CLOSURE]
+    row = late_page.tables["constraints"][closure["constraint"]]
+    assert row[[0, 1, 7]].tolist() == [closure["submap"], closure["node"], 1]
+
+
 def test_the_latest_closure_tells_where_it_was_sought(view, events):
     mapper = Mapper()
     with join(view.url) as connection:

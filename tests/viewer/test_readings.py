@@ -45,7 +45,9 @@ def test_what_is_said_from_the_start_to_the_end():
     readings.add(replace(UPDATE, time=perf_counter(), backlog=312))
     assert said(readings) == ("closing_loops", "closing loops: 312 behind")
     readings.end("finishing")
-    assert said(readings) == ("finishing", "closing the last loops")
+    assert said(readings) == ("finishing", "finishing")
+    readings.end("finishing", "matching again, 1 of 2")
+    assert said(readings) == ("finishing", "finishing: matching again, 1 of 2")
     readings.end("finished")
     assert said(readings) == ("finished", "finished")
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import typer
 
-from cartoloop.cli.mapping import compilation_told, completed, summary, timed
+from cartoloop.cli.mapping import compilation_told, completed, finishing_note, summary, timed
 from cartoloop.cli.memory import return_large_blocks
 from cartoloop.cli.stop_signals import StopRequest, stop_signals
 from cartoloop.errors import Interrupted, OutputError
@@ -205,7 +205,7 @@ def _finish(
                 view.finishing()
             typer.echo("closing the last loops (Ctrl-C: do without)", err=True)
             with stop.at_once():
-                return mapper.finish(), True, None
+                return mapper.finish(finishing_note(view, mapper)), True, None
     except KeyboardInterrupt:
         pass  # the user does not want to wait
     except Exception as late_failure:  # noqa: BLE001 - raised when the map is saved

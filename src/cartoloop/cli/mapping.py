@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
@@ -121,7 +121,7 @@ def _run(
                 view.finishing()
             typer.echo("closing the last loops", err=True)
             with stop.at_once():
-                return mapper.finish(), None
+                return mapper.finish(finishing_note(view, mapper)), None
     except KeyboardInterrupt:
         pass
     except Exception as failure:
@@ -131,6 +131,11 @@ def _run(
     finally:
         mapper.close()
     return mapper.result(), None
+
+
+def finishing_note(view: LiveView | None, mapper: Mapper) -> Callable[[str], None] | None:
+    """Return what shows in the view what is done in the end."""
+    return None if view is None else lambda stage: view.finishing(stage, mapper)
 
 
 def _add_all(

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -147,13 +147,17 @@ class GlobalSlam:
         with self._timer.measure("adjust"):
             self._adjust(max_num_iterations)
 
-    def finish(self, unfinished: Iterable[Submap]) -> None:
+    def finish(
+        self, unfinished: Iterable[Submap], note: Callable[[str], None] | None = None
+    ) -> None:
         """Close the last loops, then match all anew from the optimised poses and adjust once more.
 
         Parameters
         ----------
         unfinished : the submaps that are still active; no more scans will come.
+        note : called with what comes next, in words, whenever poses may have changed.
         """
+        tell = note or (lambda _: None)
         if self._config.optimize_every_n_nodes == 0 or self.graph.num_nodes == 0:
             return
         self._waits = True
@@ -161,12 +165,16 @@ class GlobalSlam:
             self._seek_in(self._finish(submap))
         self.search.start()
         iterations = self._config.pose_adjustment.max_num_final_iterations
+        tell("closing the last loops")
         self.adjust(iterations)
-        for _ in range(self._config.constraint_search.final_passes):
+        passes = self._config.constraint_search.final_passes
+        for number in range(1, passes + 1):
+            tell(f"matching again, {number} of {passes}")
             with self._timer.measure("match again"):
                 self._match_again()
             with self._timer.measure("adjust"):
                 self._adjust(iterations)
+        tell("last adjustment")
         with self._timer.measure("adjust"):
             self._reject_false_closures(iterations)
 

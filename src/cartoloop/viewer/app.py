@@ -216,9 +216,10 @@ class _Session:
                 content = self._state.closure(request.constraint) | {"id": request.id}
                 return protocol.json_message(MessageType.CLOSURE, content)
             case requests.NodeScan():
-                return self._state.node_scan(request.node)
+                return protocol.answer_message(request.id, self._state.node_scan(request.node))
             case requests.Picture():
                 async with self._pictures:
                     drawing = self._state.drawing()
                     png = await asyncio.to_thread(picture_png, drawing)
-                return protocol.message(MessageType.PICTURE, png)
+                picture = protocol.message(MessageType.PICTURE, png)
+                return protocol.answer_message(request.id, picture)

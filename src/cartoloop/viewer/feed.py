@@ -137,7 +137,7 @@ class Feed:
         """Lay down an update if the one before was taken; to be called in the mapping thread."""
         if self._ready is None and mapper.num_scans != self._num_scans and mapper.last_scan:
             self._num_scans = mapper.num_scans
-            self._ready = self._update(mapper)
+            self._ready = self.update(mapper)
 
     def take(self) -> Update | None:
         """Return the update that is ready, if any; to be called in the viewer's thread."""
@@ -146,7 +146,8 @@ class Feed:
             self._ready = None
         return update
 
-    def _update(self, mapper: Mapper) -> Update:
+    def update(self, mapper: Mapper) -> Update:
+        """Return what has changed since the update before, which must be taken in first."""
         slam, last = mapper.global_slam, mapper.last_scan
         assert last is not None
         graph, runs = slam.graph, slam.adjustments

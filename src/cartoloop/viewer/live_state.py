@@ -129,7 +129,6 @@ class LiveState:
         readings: Readings,
         playback: Playback | None = None,
     ) -> None:
-        self.mode: Mode = mode
         self.readings = readings
         self.last: Update | None = None
         self._playback = playback
@@ -142,10 +141,10 @@ class LiveState:
         self._growing: dict[int, GrowingTexture] = {}
         self._finished: dict[int, FinishedGrid] = {}
         self._num_found = 0
-        hello = Latest()
-        hello.set(protocol.json_message(MessageType.HELLO, self._hello(name, config)))
+        self._hello, self._hello_content = Latest(), self._greeting(name, config)
+        self._set_mode(mode)
         self.parts: dict[Key, Part] = {
-            key_of(MessageType.HELLO): hello,
+            key_of(MessageType.HELLO): self._hello,
             key_of(MessageType.PLAYBACK): self._playback_part,
             key_of(MessageType.READINGS): self._readings,
             key_of(MessageType.SUBMAP_POSES): self._poses,
@@ -186,18 +185,21 @@ class LiveState:
         rows = [constraint_rows(update.constraints)]
         if update.rejected:
             rows.append(rejected_rows(update.rejected))
+        revision = self._constraints.revision
         if self._constraints.set(update.first_constraint, rows):
             self._note(MessageType.CONSTRAINTS)
         self._apply_finished(update)
         scan = protocol.scan_message(update.num_scans, update.stamp, update.pose, update.returns)
         if update.num_scans and self._scan.set(scan):
             self._note(MessageType.SCAN)
-        if update.num_found != self._num_found:
+        if update.num_found != self._num_found or self._constraints.revision != revision:
             self._num_found = update.num_found
             self._show_latest_closure()
 
     def refresh(self) -> None:
         """Bring readings and playback up to date."""
+        if self.readings.phase == "finished" and self.mode != "finished":
+            self._set_mode("finished")
         paused = self._playback is not None and self._playback.paused
         counts = {
             "nodes": len(self._nodes),
@@ -328,13 +330,19 @@ class LiveState:
         )
         return found if (found.submap, found.node) == ends else None
 
-    def _hello(self, name: str, config: SubmapConfig) -> dict[str, Any]:
+    def _set_mode(self, mode: Mode) -> None:
+        """Tell pages that join from now on what they look at."""
+        self.mode: Mode = mode
+        content = self._hello_content | {"mode": mode}
+        self._hello.set(protocol.json_message(MessageType.HELLO, content))
+
+    def _greeting(self, name: str, config: SubmapConfig) -> dict[str, Any]:
         return {
             "protocol": protocol.PROTOCOL_VERSION,
             "program": f"cartoloop {cartoloop.__version__}",
             "session": secrets.token_hex(8),
             "name": name,
-            "mode": self.mode,
+            "mode": "",
             "frame": "map",
             "resolution": config.resolution,
             "log_odds": self._log_odds.tolist(),

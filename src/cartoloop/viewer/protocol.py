@@ -55,6 +55,7 @@ class MessageType(IntEnum):
     PICTURE = 15
     PROBLEM = 16
     PONG = 17
+    ANSWER = 19
 
 
 class WireConstraint(IntEnum):
@@ -120,6 +121,11 @@ def json_message(kind: MessageType, content: Mapping[str, Any]) -> bytes:
     """Return a message of JSON; its numbers must be finite."""
     text = json.dumps(content, separators=(",", ":"), allow_nan=False)
     return message(kind, text.encode("utf-8"))
+
+
+def answer_message(request: int, answer: bytes) -> bytes:
+    """Return a message that is no JSON, together with the `id` of the request that it answers."""
+    return json_message(MessageType.ANSWER, {"id": request}) + answer
 
 
 def submap_message(submap: int, version: int, texture: Texture, *, finished: bool) -> bytes:

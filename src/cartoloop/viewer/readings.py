@@ -33,7 +33,7 @@ _RATE_OVER_S = 3.0
 _MEMORY = 0.1  # share of the newest scan
 
 _END_STATES = {
-    "finishing": ("finishing", "closing the last loops"),
+    "finishing": ("finishing", "finishing"),
     "finished": ("finished", "finished"),
     "failed": ("failed", "failed"),
 }
@@ -108,14 +108,14 @@ class Readings:
     Attributes
     ----------
     phase : how far the run is.
-    failure : what ended it, where it failed.
+    detail : what is being done in the end, or what ended it where it failed.
     """
 
     def __init__(
         self, scans_total: int | None, duration_s: float | None, *, live: bool = False
     ) -> None:
         self.phase: Phase = "starting"
-        self.failure = ""
+        self.detail = ""
         self.real_time_factor: float | None = None
         self._scans_total = scans_total
         self._duration_s = duration_s
@@ -137,9 +137,9 @@ class Readings:
             self._deviation = largest_deviation(update.last_information)
         self._direction.add(update)
 
-    def end(self, phase: Phase, failure: str = "") -> None:
+    def end(self, phase: Phase, detail: str = "") -> None:
         """Note that the run is over, or about to be: figures of time stand still."""
-        self.phase, self.failure = phase, failure
+        self.phase, self.detail = phase, detail
         if phase in ("finished", "failed") and self._wall_s is None:
             self._wall_s = perf_counter() - self._begun
 
@@ -153,7 +153,7 @@ class Readings:
         """
         last = self._last
         state, text = _END_STATES.get(self.phase) or self._state(paused)
-        text = f"{text}: {self.failure}" if self.failure else text
+        text = f"{text}: {self.detail}" if self.detail else text
         over = self.phase in ("finished", "failed")
         run = last.last_adjustment if last else None
         wall_s = perf_counter() - self._begun if self._wall_s is None else self._wall_s

@@ -96,9 +96,17 @@ class ViewServer:
         self._is_up.wait()
 
     def call(self, task: Callable[[], None]) -> None:
-        """Have something done in the server's thread, soon."""
+        """Have something done in the server's thread, soon; what fails is kept in `failure`."""
+
+        def run() -> None:
+            try:
+                task()
+            except Exception as failure:  # noqa: BLE001 - told by who asks; mapping must go on
+                self.failure = self.failure or failure
+
         if self._loop is not None and self._thread.is_alive():
-            self._loop.call_soon_threadsafe(task)
+            with suppress(RuntimeError):  # the loop has just been closed
+                self._loop.call_soon_threadsafe(run)
 
     def call_and_wait(self, task: Callable[[], None], timeout: float = 60.0) -> None:
         """Have something done in the server's thread, and return when it is done."""
@@ -107,8 +115,6 @@ class ViewServer:
         def run() -> None:
             try:
                 task()
-            except Exception as failure:  # noqa: BLE001 - kept, and told by who asks
-                self.failure = self.failure or failure
             finally:
                 done.set()
 

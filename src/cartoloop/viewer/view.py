@@ -93,9 +93,21 @@ class LiveView:
         """
         self._feed.after_event(mapper)
 
-    def finishing(self) -> None:
-        """Say that the last loops are being closed."""
-        self._server.call(lambda: self._readings.end("finishing"))
+    def finishing(
+        self, stage: str = "closing the last loops", mapper: Mapper | None = None
+    ) -> None:
+        """Say what is being done in the end, and show the map as it stands if there is a mapper."""
+        has_map = mapper is not None and mapper.last_scan is not None
+        update = self._feed.update(mapper) if mapper is not None and has_map else None
+
+        def show() -> None:
+            self._readings.end("finishing", stage)
+            for news in (self._feed.take(), update):
+                if news is not None:
+                    self._state.apply(news)
+            self._state.refresh()
+
+        self._server.call(show)
 
     def finished(self, result: Result, failure: Exception | None = None) -> None:
         """Show the finished map, or what was mapped until a failure."""
