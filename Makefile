@@ -1,7 +1,8 @@
 # Two commands on a fresh machine with Python 3.11 or newer:
 #
 #   make demo    install into .venv, simulate an office floor, map it, name the map's picture
-#   make test    install into .venv, check style, types and architecture, run the tests
+#   make test    install into .venv, check style, types and architecture, run the tests; chromium
+#                is installed for those of the viewer's page, if need be and if that can be
 #
 # PYTHON chooses the interpreter, OUT the folder of the demo.
 
@@ -20,6 +21,7 @@ demo: .venv/.installed
 	$(BIN)/cartoloop demo -o $(OUT)
 
 test: check
+	@tests/viewer/install_browser.sh
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: .venv/.installed-dev
