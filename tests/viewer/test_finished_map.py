@@ -145,6 +145,14 @@ def test_picture(connection, page):
         assert min(picture.size) > 400
 
 
+def test_the_same_picture_is_drawn_once(connection, page, monkeypatch):
+    first = ask(connection, page, type="picture", id=1)[1]["png"]
+    monkeypatch.setattr("cartoloop.viewer.pictures.picture_png", None)
+    monkeypatch.setattr("cartoloop.viewer.pictures._MIN_AGE_S", 0.0)
+
+    assert ask(connection, page, type="picture", id=2)[1]["png"] == first
+
+
 def test_answers_to_quick_requests_tell_which_they_answer(connection, page):
     page.answers.clear()
     for number in range(8):

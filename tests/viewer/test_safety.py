@@ -4,15 +4,18 @@
 from __future__ import annotations
 
 import socket
+import time
+from contextlib import ExitStack
 from http.client import HTTPConnection
 
 import pytest
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidMessage, InvalidStatus
 
 from cartoloop.config import SubmapConfig
 from cartoloop.errors import ServeError
 from cartoloop.viewer.app import static_files
-from cartoloop.viewer.live_state import LiveState
+from cartoloop.viewer.live_state import LiveState, key_of
+from cartoloop.viewer.parts import Latest
 from cartoloop.viewer.protocol import MessageType
 from cartoloop.viewer.readings import Readings
 from cartoloop.viewer.requests import MAX_REQUEST_BYTES
@@ -69,8 +72,12 @@ def test_a_page_of_our_own_gets_the_state_of_an_empty_map(server):
 
 
 @pytest.mark.parametrize(
-    "origin", [None, "null", "http://evil.example", "http://127.0.0.1:1", "http://127.0.0.1"]
-)
+    "origin",
+    [
+        None, "null", "http://evil.example", "http://127.0.0.1:1", "http://127.0.0.1", "http://[",
+        "http://[::1", "http://[no address]", "//", ":", "\t", "http://" + 2000 * "a",
+    ],
+)  # fmt: skip
 def test_pages_of_others_are_refused(server, origin):
     with pytest.raises(InvalidStatus) as refused, join(server.url, origin=origin):
         pass
@@ -148,6 +155,114 @@ def test_nonsense_ends_the_connection_and_not_the_server(server, sent, code):
         assert closed.value.rcvd.code == code
     with join(server.url) as connection:
         assert look(connection).is_complete
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"\x00" * 100,
+        b"\xff" * 100,
+        b"\x81\x05hello",  # not masked
+        b"\x83\x80\x00\x00\x00\x00",  # a kind that there is not
+        b"\xf1\x80\x00\x00\x00\x00",  # extensions that were not agreed on
+        b"\x81\xff" + b"\x7f" + b"\xff" * 7 + bytes(4),  # 2**63 bytes to come
+        b"\x01\xfe\x02\x00" + bytes(4) + 512 * b" " + b"\x00\xfe\x02\x00" + bytes(4) + 512 * b" ",
+        b"\x81\x82" + bytes(4) + b"\xc3\x28",  # no UTF-8
+        b"GET / HTTP/1.1\r\n\r\n",
+    ],
+)
+def test_what_is_no_websocket_ends_the_connection_and_not_the_server(server, sent):
+    with join(server.url) as connection:
+        look(connection)
+        with pytest.raises(ConnectionClosed):
+            connection.socket.sendall(sent)
+            while True:
+                connection.recv(timeout=20.0)
+    with join(server.url) as connection:
+        assert look(connection).is_complete
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"\x00\x01\x02\r\n\r\n",
+        b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03\r\n\r\n",  # TLS
+        b"GET / HTTP/1.1\r\n\r\n",
+        b"GET /" + 200_000 * b"a" + b" HTTP/1.1\r\nHost: a\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: a\r\n" + b"A: b\r\n" * 50_000 + b"\r\n",
+        b"POST /socket HTTP/1.1\r\nHost: a\r\nContent-Length: 99999999999\r\n\r\n",
+        b"GET /socket HTTP/1.1\r\nHost: a\r\nConnection: upgrade\r\nUpgrade: websocket\r\n\r\n",
+    ],
+)
+def test_what_is_no_request_is_refused(server, sent):
+    with socket.create_connection(("127.0.0.1", server.port), timeout=20.0) as raw:
+        try:
+            raw.sendall(sent)
+            raw.shutdown(socket.SHUT_WR)
+            answer = b"".join(iter(lambda: raw.recv(65536), b""))
+        except OSError:  # it has heard enough
+            answer = b""
+    assert answer == b"" or 400 <= int(answer.split()[1]) < 600
+    with join(server.url) as connection:
+        assert look(connection).is_complete
+
+
+def test_those_who_ask_nothing_make_room(server, monkeypatch):
+    monkeypatch.setattr("cartoloop.viewer.connections.MAX_CONNECTIONS", 10)
+    with ExitStack() as stack:
+        pages = [stack.enter_context(join(server.url)) for _ in range(5)]
+        for _ in range(40):
+            raw = socket.create_connection(("127.0.0.1", server.port), timeout=20.0)
+            stack.enter_context(raw)
+        late = stack.enter_context(join(server.url))
+        for connection in (late, *pages):
+            assert look(connection).is_complete
+        while server.num_connections > 10:
+            time.sleep(0.01)
+
+
+def test_pages_beyond_what_is_possible_are_refused_and_the_others_stay(server, monkeypatch):
+    while server.num_connections:
+        time.sleep(0.01)
+    monkeypatch.setattr("cartoloop.viewer.connections.MAX_CONNECTIONS", 10)
+    with ExitStack() as stack:
+        pages = [stack.enter_context(join(server.url)) for _ in range(10)]
+        with pytest.raises((OSError, EOFError, InvalidMessage, ConnectionClosed)), join(server.url):
+            pass
+        for connection in pages:
+            assert look(connection).is_complete
+
+
+def test_it_closes_at_once_though_pages_read_nothing():
+    server = ViewServer(empty_state(), port=0)
+    with ExitStack() as stack:
+        for _ in range(5):
+            stack.enter_context(join(server.url))
+            raw = socket.create_connection(("127.0.0.1", server.port))
+            stack.enter_context(raw)
+        start = time.monotonic()
+        server.close()
+        assert time.monotonic() - start < 4.0
+    assert server.failure is None
+
+
+def test_what_goes_wrong_for_a_page_is_kept_and_others_go_on():
+    class Broken(Latest):
+        def news(self, seen):
+            raise ArithmeticError("one and one is three")
+
+    state = empty_state()
+    server = ViewServer(state, port=0)
+    with join(server.url) as early:
+        page = look(early)
+        server.call_and_wait(lambda: state.parts.update({key_of(MessageType.SCAN): Broken()}))
+        with join(server.url) as connection, pytest.raises(ConnectionClosed):
+            while True:
+                connection.recv(timeout=20.0)
+        early.send('{"type": "ping", "id": 1}')
+        look(early, page, lambda page: page.answers)
+    server.close()
+    assert isinstance(server.failure, ArithmeticError)
 
 
 def test_one_that_vanishes_leaves_no_trace(server):

@@ -6,6 +6,7 @@ from __future__ import annotations
 import asyncio
 import hmac
 import mimetypes
+from collections.abc import Callable
 from contextlib import suppress
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -21,7 +22,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from cartoloop.errors import CartoloopError
 from cartoloop.viewer import protocol, requests
 from cartoloop.viewer.live_state import LiveState, Subscription
-from cartoloop.viewer.pictures import picture_png
+from cartoloop.viewer.pictures import Pictures
 from cartoloop.viewer.playback import Playback
 from cartoloop.viewer.protocol import MessageType
 from cartoloop.viewer.requests import BadRequestError, parse_request
@@ -43,7 +44,12 @@ _HEADERS = {
 _TYPES = {".js": "text/javascript", ".mjs": "text/javascript", ".css": "text/css"}
 
 
-def create_app(state: LiveState, playback: Playback | None = None, token: str = "") -> Starlette:
+def create_app(
+    state: LiveState,
+    playback: Playback | None = None,
+    token: str = "",
+    on_failure: Callable[[Exception], None] | None = None,
+) -> Starlette:
     """Return the application that shows a state.
 
     Parameters
@@ -51,9 +57,10 @@ def create_app(state: LiveState, playback: Playback | None = None, token: str = 
     state : what is shown; to be touched in the application's event loop only.
     playback : what pages may pause; None where there is nothing to be paused.
     token : what pages must know; "" lets in whoever runs on this machine.
+    on_failure : called with what should not have happened; it ends the connection with that page.
     """
     static = static_files()
-    pictures = asyncio.Lock()
+    pictures = Pictures(state)
 
     async def file(request: HttpRequest) -> Response:
         content = static.get(request.path_params.get("name") or "index.html")
@@ -66,7 +73,12 @@ def create_app(state: LiveState, playback: Playback | None = None, token: str = 
             await websocket.close()  # before it was accepted: status 403
             return
         await websocket.accept()
-        await _Session(websocket, state, playback, pictures).run()
+        try:
+            await _Session(websocket, state, playback, pictures).run()
+        except Exception as failure:
+            if on_failure is not None:
+                on_failure(failure)
+            raise
 
     return Starlette(
         routes=[
@@ -102,12 +114,16 @@ def is_welcome(websocket: WebSocket, token: str) -> bool:
     name was made to lead here is no page of ours.
     """
     host = websocket.headers.get("host", "")
-    if urlsplit(websocket.headers.get("origin", "")).netloc != host or not host:
+    try:
+        origin, name = urlsplit(websocket.headers.get("origin", "")).netloc, urlsplit(f"//{host}")
+    except ValueError:  # brackets that hold no address
+        return False
+    if origin != host or not host:
         return False
     if token:
         given = websocket.query_params.get("token", "")
         return hmac.compare_digest(given.encode(), token.encode())
-    return is_loopback(urlsplit(f"//{host}").hostname or "")
+    return is_loopback(name.hostname or "")
 
 
 def is_loopback(host: str) -> bool:
@@ -127,7 +143,7 @@ class _Session:
         websocket: WebSocket,
         state: LiveState,
         playback: Playback | None,
-        pictures: asyncio.Lock,
+        pictures: Pictures,
     ) -> None:
         self._websocket = websocket
         self._state = state
@@ -218,8 +234,5 @@ class _Session:
             case requests.NodeScan():
                 return protocol.answer_message(request.id, self._state.node_scan(request.node))
             case requests.Picture():
-                async with self._pictures:
-                    drawing = self._state.drawing()
-                    png = await asyncio.to_thread(picture_png, drawing)
-                picture = protocol.message(MessageType.PICTURE, png)
+                picture = protocol.message(MessageType.PICTURE, await self._pictures.latest())
                 return protocol.answer_message(request.id, picture)

@@ -3,14 +3,24 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
-from typing import NamedTuple
+import math
+from time import perf_counter
+from typing import TYPE_CHECKING, NamedTuple
 
 from cartoloop.config import SubmapConfig
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.picture import draw_map
 from cartoloop.sensor.pose import FloatArray
 from cartoloop.submaps.finished_grid import FinishedGrid
+
+if TYPE_CHECKING:
+    from cartoloop.viewer.feed import Update
+    from cartoloop.viewer.live_state import LiveState
+
+_MIN_AGE_S = 5.0
+"""Who asks again before that gets the same picture."""
 
 
 class Drawing(NamedTuple):
@@ -20,6 +30,41 @@ class Drawing(NamedTuple):
     tf_map_submaps: FloatArray
     trajectory: FloatArray
     config: SubmapConfig
+
+
+class Pictures:
+    """Pictures of a state for who asks: one is made at a time, and not the same one twice.
+
+    To draw a large map takes a processor for a second, which mapping could use.
+
+    Parameters
+    ----------
+    state : what is drawn.
+    """
+
+    def __init__(self, state: LiveState) -> None:
+        self._state = state
+        self._making = asyncio.Lock()
+        self._png = b""
+        self._made = -math.inf
+        self._shows: Update | None = None
+
+    async def latest(self) -> bytes:
+        """Return the map as a PNG file; while it grows, it may be some seconds old.
+
+        Raises
+        ------
+        OutputError
+            The map is too large.
+        """
+        async with self._making:
+            over = self._state.readings.phase in ("finished", "failed")
+            is_same = over and self._shows is self._state.last
+            if not is_same and perf_counter() - self._made >= _MIN_AGE_S:
+                self._shows = self._state.last
+                self._png = await asyncio.to_thread(picture_png, self._state.drawing())
+                self._made = perf_counter()
+            return self._png
 
 
 def picture_png(drawing: Drawing) -> bytes:

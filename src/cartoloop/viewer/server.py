@@ -15,6 +15,7 @@ import uvicorn
 
 from cartoloop.errors import ServeError
 from cartoloop.viewer.app import create_app, is_loopback
+from cartoloop.viewer.connections import ACCEPTED_AT_ONCE, BoundedConnection
 from cartoloop.viewer.feed import Feed
 from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.playback import Playback
@@ -38,6 +39,7 @@ SEND_BUFFER_BYTES = 2**18
 
 _PORTS_TRIED = 20
 _ANY_HOST = ("0.0.0.0", "::")
+_ELSEWHERE = "192.0.2.1"  # an address that nobody has
 
 
 class ViewServer:
@@ -52,6 +54,7 @@ class ViewServer:
 
     Attributes
     ----------
+    failure : the first thing that went wrong, if any did.
     url : what a browser on this machine, or on another if the host allows that, must open.
 
     Raises
@@ -76,8 +79,9 @@ class ViewServer:
         self.port: int = self._socket.getsockname()[1]
         self.url = _url(host, self.port, token)
         config = uvicorn.Config(
-            create_app(state, playback, token),
-            http="h11",
+            create_app(state, playback, token, self._note),
+            http=BoundedConnection,
+            backlog=ACCEPTED_AT_ONCE,
             ws="websockets-sansio",
             ws_max_size=MAX_REQUEST_BYTES,
             ws_per_message_deflate=False,
@@ -95,6 +99,11 @@ class ViewServer:
         self._thread.start()
         self._is_up.wait()
 
+    @property
+    def num_connections(self) -> int:
+        """How many connections there are, of pages and others."""
+        return len(self._server.server_state.connections)
+
     def call(self, task: Callable[[], None]) -> None:
         """Have something done in the server's thread, soon; what fails is kept in `failure`."""
 
@@ -102,7 +111,7 @@ class ViewServer:
             try:
                 task()
             except Exception as failure:  # noqa: BLE001 - told by who asks; mapping must go on
-                self.failure = self.failure or failure
+                self._note(failure)
 
         if self._loop is not None and self._thread.is_alive():
             with suppress(RuntimeError):  # the loop has just been closed
@@ -132,7 +141,7 @@ class ViewServer:
         try:
             asyncio.run(self._serve())
         except Exception as failure:  # noqa: BLE001 - mapping must go on; told in the end
-            self.failure = failure
+            self._note(failure)
         finally:
             self._is_up.set()
 
@@ -147,8 +156,11 @@ class ViewServer:
             updating.cancel()
 
     def _note_failure(self, task: asyncio.Task[None]) -> None:
-        if not task.cancelled() and (failure := task.exception()) is not None:
-            self.failure = failure if isinstance(failure, Exception) else None
+        if not task.cancelled() and isinstance(failure := task.exception(), Exception):
+            self._note(failure)
+
+    def _note(self, failure: Exception) -> None:
+        self.failure = self.failure or failure
 
     async def _update(self) -> None:
         """Take in updates as they come, draw growing submaps as often as that is cheap enough."""
@@ -199,8 +211,16 @@ def _listen(host: str, port: int) -> socket.socket:
     )
 
 
+def _own_address() -> str:
+    """Return the address by which others reach this machine, its name if it has none."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, suppress(OSError):
+        probe.connect((_ELSEWHERE, 9))  # sends nothing: the system only chooses a way
+        return str(probe.getsockname()[0])
+    return socket.gethostname()
+
+
 def _url(host: str, port: int, token: str) -> str:
-    name = socket.gethostname() if host in _ANY_HOST else host
+    name = _own_address() if host in _ANY_HOST else host
     if ":" in name:
         name = f"[{name}]"
     return f"http://{name}:{port}/" + (f"?token={token}" if token else "")
