@@ -133,11 +133,17 @@ class Mapper:
         stamps: FloatArray = self._stamps.view[np.array(scans, dtype=np.int64)]
         return stamps
 
-    def add(self, event: SensorEvent) -> None:
+    def add(self, event: SensorEvent, on_pose: Callable[[], None] | None = None) -> None:
         """Take in one sensor event. Bad data does not raise: it is skipped, and counted by reason.
 
         A scan that is measured beam by beam waits until what follows tells how the robot moved
         meanwhile.
+
+        Parameters
+        ----------
+        event : what a sensor told.
+        on_pose : called for each scan as soon as `pose` is that of it, before it is inserted into
+            the submaps; must be quick.
 
         Raises
         ------
@@ -158,7 +164,9 @@ class Mapper:
             self._last_time = self._last_time_of[event.geometry.sensor] = event.time
             self._waiting.append(event)
         # Live, whoever adds scans knows better what may yet come.
-        self._add_scans_that_ended(math.inf if self._back_end is not None else event.time)
+        self._add_scans_that_ended(
+            math.inf if self._back_end is not None else event.time, on_pose
+        )
 
     def finish(self, note: Callable[[str], None] | None = None) -> Result:
         """Close the last loops, adjust all and return the map; nothing can be added after.
@@ -248,7 +256,9 @@ class Mapper:
         repeats = self._last_time_of.get(event.geometry.sensor) == event.time
         return "two scans at one time" if repeats else None
 
-    def _add_scans_that_ended(self, time: float) -> None:
+    def _add_scans_that_ended(
+        self, time: float, on_pose: Callable[[], None] | None = None
+    ) -> None:
         """Hand on the scans of which nothing more is to be known at a time."""
         waiting = self._waiting
         while waiting:
@@ -256,18 +266,23 @@ class Mapper:
             end = scan.time + min(scan.sweep[1], MAX_SWEEP_S)
             if end > time and self._local_slam.extrapolator.follows_motion:
                 return
-            self._add_scan(waiting.popleft())
+            self._add_scan(waiting.popleft(), on_pose)
 
-    def _add_scan(self, scan: LaserScan | PointCloud) -> None:
+    def _add_scan(self, scan: LaserScan | PointCloud, on_pose: Callable[[], None] | None) -> None:
         if not len(self._stamps):
             self._first_time = scan.time
-        result = self._local_slam.add_scan(scan)
+
+        def hand_out(tf_local_tracking: Pose) -> None:
+            self._local_pose = tf_local_tracking
+            if on_pose is not None:
+                on_pose()
+
+        result = self._local_slam.add_scan(scan, hand_out)
         if not result.was_matched and result.node is None:
             self._skipped["too few returns to match: pose as predicted"] += 1
         self._last_scan = result
         self._stamps.append(scan.stamp)
         self._local_poses.append(result.tf_local_tracking)
-        self._local_pose = result.tf_local_tracking
         if result.node is not None:
             self._node_scan_index.append(len(self._stamps) - 1)
             (self._back_end or self._global_slam).add_node(result.node)

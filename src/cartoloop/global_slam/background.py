@@ -9,6 +9,7 @@ from threading import Thread
 
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.submaps.node import Node
+from cartoloop.thread_priority import step_back
 
 Task = Callable[[], None]
 
@@ -59,6 +60,7 @@ class BackgroundGlobalSlam:
         self._thread.join()
 
     def _run(self) -> None:
+        step_back()  # the threads that search are started by this one
         while (task := self._tasks.get()) is not None:
             try:
                 task()

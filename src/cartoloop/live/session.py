@@ -7,6 +7,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from threading import Event, Thread
 from time import monotonic
 
@@ -19,7 +20,6 @@ from cartoloop.live.sequencer import Sequencer
 from cartoloop.live.source import Source
 from cartoloop.live.warm_up import tidy
 from cartoloop.mapper import Mapper
-from cartoloop.sensor.events import LaserScan, PointCloud
 from cartoloop.sensor.pose import Pose
 
 SILENT_S = 2.0
@@ -56,7 +56,7 @@ class LiveSession:
     source : opened already.
     mapper : made for live mapping.
     inbox, sequencer, notices : on the way between the two, and beside it.
-    after_scan : called when a pose is out; must be quick.
+    after_scan : called when a pose is known, before its scan is inserted; must be quick.
     idle : called now and then, also when nothing comes.
     end_after : end when nothing has come for so long [s]; never if None.
 
@@ -90,6 +90,7 @@ class LiveSession:
         self._thread = Thread(target=self._receive, name="source", daemon=True)
         self._last_came = monotonic()
         self._is_silent = False
+        self._has_answered = False
         self._next_status = monotonic() + STATUS_S
         self._told_dropped: Counter[str] = Counter()
         self.latencies: deque[float] = deque(maxlen=1000)
@@ -140,15 +141,16 @@ class LiveSession:
 
     def _add_ready(self, now: float) -> None:
         for event, arrival in self._sequencer.ready(now):
-            self._mapper.add(event)
-            if not isinstance(event, LaserScan | PointCloud):
-                continue
-            latency = self._inbox.now() - arrival
-            if self._mapper.last_stamp == event.stamp:
-                self.latencies.append(latency)
-                if self._after_scan is not None:
-                    pose, local = self._mapper.pose, self._mapper.local_pose
-                    self._after_scan(AddedScan(event.stamp, local, pose, latency))
+            self._mapper.add(event, partial(self._hand_out, event.stamp, arrival))
+
+    def _hand_out(self, stamp: float, arrival: float) -> None:
+        """Hand out the pose of a scan, which is known but not inserted yet."""
+        latency = self._inbox.now() - arrival
+        self.latencies.append(latency)
+        self._has_answered = True
+        if self._after_scan is not None:
+            pose, local = self._mapper.pose, self._mapper.local_pose
+            self._after_scan(AddedScan(stamp, local, pose, latency))
 
     def _watch(self, *, came: bool) -> None:
         """Tell what the user must know of the source and of ourselves."""
@@ -171,11 +173,12 @@ class LiveSession:
         self._notices.tick()
         if self._idle is not None:
             self._idle()
-        if now >= self._next_status and self._mapper.num_scans:
+        # After a scan was answered nothing comes for a while; who waits for it need not wait for us.
+        if now >= self._next_status and self._has_answered:
             self._next_status = now + STATUS_S
             tidy()
-            if not self._is_silent:
-                self._notices.say(self._status())
+            self._notices.say(self._status())
+        self._has_answered = False
 
     def _status(self) -> str:
         mapper = self._mapper

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,8 +108,15 @@ class LocalSlam:
         """Take in an inertial reading."""
         self.extrapolator.add_imu(imu)
 
-    def add_scan(self, scan: LaserScan | PointCloud) -> LocalSlamResult:
+    def add_scan(
+        self, scan: LaserScan | PointCloud, on_pose: Callable[[Pose], None] | None = None
+    ) -> LocalSlamResult:
         """Match a scan and insert it where it shows something new.
+
+        Parameters
+        ----------
+        on_pose : called with the scan's pose, local frame, as soon as it is known: whoever waits
+            for it need not wait until the scan is inserted.
 
         Raises
         ------
@@ -139,6 +147,8 @@ class LocalSlam:
                 motion = corrected
                 data, found = self._match_again(scan, motion, submap, found, scanner.matcher)
         tf_local_tracking = found.tf_local_tracking if found else prediction.tf_local_tracking
+        if on_pose is not None:
+            on_pose(tf_local_tracking)
         with self._timer.measure("predict"):
             self.extrapolator.add_pose(scan.time, tf_local_tracking, motion)
         node = None
