@@ -164,9 +164,7 @@ class Mapper:
             self._last_time = self._last_time_of[event.geometry.sensor] = event.time
             self._waiting.append(event)
         # Live, whoever adds scans knows better what may yet come.
-        self._add_scans_that_ended(
-            math.inf if self._back_end is not None else event.time, on_pose
-        )
+        self._add_scans_that_ended(math.inf if self._back_end is not None else event.time, on_pose)
 
     def finish(self, note: Callable[[str], None] | None = None) -> Result:
         """Close the last loops, adjust all and return the map; nothing can be added after.
@@ -256,9 +254,7 @@ class Mapper:
         repeats = self._last_time_of.get(event.geometry.sensor) == event.time
         return "two scans at one time" if repeats else None
 
-    def _add_scans_that_ended(
-        self, time: float, on_pose: Callable[[], None] | None = None
-    ) -> None:
+    def _add_scans_that_ended(self, time: float, on_pose: Callable[[], None] | None = None) -> None:
         """Hand on the scans of which nothing more is to be known at a time."""
         waiting = self._waiting
         while waiting:

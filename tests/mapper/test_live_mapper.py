@@ -98,3 +98,26 @@ def test_a_failure_of_the_graph_ends_the_run(drive, monkeypatch):
             mapper.add(event)
         mapper.finish()
     mapper.close()
+
+
+def test_a_pose_is_out_before_its_scan_is_inserted(drive):
+    mapper = Mapper(small_submaps(), live=True)
+    handed_out, nodes_then = [], []
+
+    def on_pose():
+        handed_out.append(mapper.local_pose)
+        nodes_then.append(mapper.num_nodes)
+
+    nodes_before = []
+    for event in drive.events(with_odometry=True):
+        if isinstance(event, LaserScan):
+            nodes_before.append(mapper.num_nodes)
+        mapper.add(event, on_pose)
+        if mapper.num_scans == 40:
+            break
+    result = mapper.finish()
+
+    assert nodes_then == nodes_before
+    assert nodes_then[0] == 0
+    assert result.graph.num_nodes > 10
+    assert np.array_equal(result.local_trajectory, np.array(handed_out))

@@ -173,7 +173,7 @@ class LiveSession:
         self._notices.tick()
         if self._idle is not None:
             self._idle()
-        # After a scan was answered nothing comes for a while; who waits for it need not wait for us.
+        # Right after a scan was answered, the next one is as far away as it can be.
         if now >= self._next_status and self._has_answered:
             self._next_status = now + STATUS_S
             tidy()

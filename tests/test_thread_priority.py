@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Threads of the background give way, alone and with those that they start."""
+
+from __future__ import annotations
+
+import os
+import sys
+from threading import Thread, get_native_id
+
+import pytest
+
+from cartoloop.mapper import Mapper
+from cartoloop.thread_priority import STEPS_BACK, step_back
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux ranks threads")
+
+
+def niceness():
+    return os.getpriority(os.PRIO_PROCESS, get_native_id())
+
+
+def in_thread(task):
+    thread = Thread(target=task)
+    thread.start()
+    thread.join()
+
+
+def test_a_thread_and_its_children_step_back_and_no_other():
+    before, found = niceness(), []
+
+    def child():
+        found.append(niceness())
+
+    def parent():
+        step_back()
+        found.append(niceness())
+        in_thread(child)
+
+    in_thread(parent)
+
+    assert found == [min(before + STEPS_BACK, 19)] * 2
+    assert niceness() == before
+
+
+def test_a_system_that_forbids_it_is_no_reason_to_fail(monkeypatch):
+    def forbidden(*_):
+        raise PermissionError
+
+    monkeypatch.setattr(os, "setpriority", forbidden)
+    before = niceness()
+
+    step_back()
+
+    assert niceness() == before
+
+
+def test_the_graph_of_live_mapping_steps_back():
+    mapper, found = Mapper(live=True), []
+    mapper.look(lambda: found.append(niceness()))
+    mapper.finish()
+
+    assert found == [min(niceness() + STEPS_BACK, 19)]
