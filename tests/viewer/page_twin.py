@@ -21,6 +21,7 @@ class Page:
         self.order = []
         self.json = {}
         self.submaps = {}
+        self.previews = {}
         self.tables = {}
         self.revisions = {}
         self.answers = []
@@ -74,6 +75,12 @@ class Page:
             "version": version, "finished": flags & 1, "x": x, "y": y, "resolution": resolution,
             "cells": cells,
         }  # fmt: skip
+
+    def _submap_preview(self, kind, payload):
+        submap, _, rows, cols = np.frombuffer(payload, "<u4", 4).tolist()
+        x, y, resolution = np.frombuffer(payload, "<f8", 3, 16).tolist()
+        cells = np.frombuffer(zlib.decompress(payload[40:]), np.uint8).reshape(rows, cols)
+        self.previews[submap] = {"x": x, "y": y, "resolution": resolution, "cells": cells}
 
     def _submap_patch(self, kind, payload):
         submap, base, version, row, col, rows, cols, _ = np.frombuffer(payload, "<u4", 8).tolist()

@@ -81,8 +81,8 @@ def test_all_of_the_map_comes_in_the_order_told(page, result):
     assert page.order.count(MessageType.SUBMAP) == graph.num_submaps > 3
     assert [kind for kind in dict.fromkeys(page.order) if kind != MessageType.LATEST_CLOSURE] == [
         MessageType.HELLO, MessageType.PLAYBACK, MessageType.READINGS, MessageType.SUBMAP_POSES,
-        MessageType.NODES, MessageType.NODE_TIMES, MessageType.SUBMAP, MessageType.CONSTRAINTS,
-        MessageType.SCAN, MessageType.COMPLETE,
+        MessageType.NODES, MessageType.NODE_TIMES, MessageType.SUBMAP_PREVIEW, MessageType.SUBMAP,
+        MessageType.CONSTRAINTS, MessageType.SCAN, MessageType.COMPLETE,
     ]  # fmt: skip
     assert (page.hello["protocol"], page.hello["mode"], page.hello["name"]) == (
         1, "finished", "ring",

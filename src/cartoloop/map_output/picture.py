@@ -124,12 +124,17 @@ def palette() -> NDArray[np.uint8]:
 
     Floors are bright, walls dark and the rest as the background, the more certain the clearer.
     """
-    levels = np.linspace(0.0, 1.0, 256)[:, np.newaxis]
-    floor = np.clip((0.5 - levels) / 0.3, 0.0, 1.0)
-    wall = np.clip((levels - 0.5) / 0.25, 0.0, 1.0)
+    floor, wall = floor_and_wall(np.linspace(0.0, 1.0, 256)[:, np.newaxis])
     ground = np.array(BACKGROUND, dtype=np.float64)
     table = ground + floor * (np.array(_FLOOR) - ground) + wall * (np.array(_WALL) - ground)
     return np.concatenate((np.rint(table), ground[np.newaxis])).astype(np.uint8)
+
+
+def floor_and_wall(probability: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how much floor and how much wall cells are shown as, in [0, 1]; the rest is ground."""
+    floor = np.clip((0.5 - probability) / 0.3, 0.0, 1.0)
+    wall = np.clip((probability - 0.5) / 0.25, 0.0, 1.0)
+    return floor, wall
 
 
 def _zoom(longest_edge: int) -> float:

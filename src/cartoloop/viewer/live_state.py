@@ -11,7 +11,7 @@ import secrets
 from asyncio import Event
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from cartoloop.viewer.parts import (
     rejected_rows,
 )
 from cartoloop.viewer.pictures import Drawing
+from cartoloop.viewer.previews import Preview
 from cartoloop.viewer.protocol import MessageType
 from cartoloop.viewer.readings import Readings
 from cartoloop.viewer.textures import FinishedTexture, GrowingTexture
@@ -49,6 +50,8 @@ Mode = Literal["recording", "live", "finished"]
 Key = tuple[int, int]
 """Names a part: its turn when a page joins, and the number of a submap."""
 
+_Made = TypeVar("_Made")
+
 BUNDLE_BYTES = 256 * 1024
 """About so much is sent at a time; between two, the state may change."""
 
@@ -56,8 +59,8 @@ _TEXTURE_THREADS = 4
 
 _TURNS = (
     MessageType.HELLO, MessageType.PLAYBACK, MessageType.READINGS, MessageType.SUBMAP_POSES,
-    MessageType.NODES, MessageType.NODE_TIMES, MessageType.SUBMAP, MessageType.CONSTRAINTS,
-    MessageType.LATEST_CLOSURE, MessageType.SCAN,
+    MessageType.NODES, MessageType.NODE_TIMES, MessageType.SUBMAP_PREVIEW,
+    MessageType.SUBMAP, MessageType.CONSTRAINTS, MessageType.LATEST_CLOSURE, MessageType.SCAN,
 )  # fmt: skip
 
 
@@ -288,13 +291,17 @@ class LiveState:
             submap: grid for submap, grid in update.finished.items() if submap not in self._finished
         }
 
-        def texture(submap: int) -> FinishedTexture:
+        def parts(submap: int) -> tuple[Preview, FinishedTexture]:
             growing = self._growing.get(submap)
-            return FinishedTexture(submap, growing.version + 1 if growing else 1, new[submap])
+            version = growing.version + 1 if growing else 1
+            grid = new[submap]
+            return Preview(submap, grid, self._log_odds), FinishedTexture(submap, version, grid)
 
-        for submap, finished in zip(new, _map_all(texture, list(new)), strict=True):
+        for submap, (preview, finished) in zip(new, _map_all(parts, list(new)), strict=True):
+            self.parts[key_of(MessageType.SUBMAP_PREVIEW, submap)] = preview
             self.parts[key_of(MessageType.SUBMAP, submap)] = finished
             self._growing.pop(submap, None)
+            self._note(MessageType.SUBMAP_PREVIEW, submap)
             self._note(MessageType.SUBMAP, submap)
         self._finished |= new
 
@@ -351,9 +358,7 @@ class LiveState:
         }
 
 
-def _map_all(
-    make: Callable[[int], FinishedTexture], submaps: Sequence[int]
-) -> Iterable[FinishedTexture]:
+def _map_all(make: Callable[[int], _Made], submaps: Sequence[int]) -> Iterable[_Made]:
     """Return what is made of each submap; of many in threads, for to compress them takes long."""
     if len(submaps) <= 2:
         return [make(submap) for submap in submaps]

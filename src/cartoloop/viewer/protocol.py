@@ -26,6 +26,7 @@ FINISHED = 1
 
 _HEADER = struct.Struct("<IHH")
 _SUBMAP = struct.Struct("<6I3d")
+_PREVIEW = struct.Struct("<4I3d")
 _PATCH = struct.Struct("<8I")
 _TABLE = struct.Struct("<4I")
 _SCAN = struct.Struct("<4d2I")
@@ -55,6 +56,7 @@ class MessageType(IntEnum):
     PICTURE = 15
     PROBLEM = 16
     PONG = 17
+    SUBMAP_PREVIEW = 18
     ANSWER = 19
 
 
@@ -144,6 +146,15 @@ def submap_message(submap: int, version: int, texture: Texture, *, finished: boo
         texture.resolution,
     )
     return message(MessageType.SUBMAP, head + _packed(texture.cells, finished))
+
+
+def preview_message(submap: int, texture: Texture) -> bytes:
+    """Return a finished submap as a small picture, see :func:`cartoloop.viewer.previews.shrink`."""
+    rows, cols = texture.cells.shape
+    head = _PREVIEW.pack(
+        submap, 0, rows, cols, texture.origin_x, texture.origin_y, texture.resolution
+    )
+    return message(MessageType.SUBMAP_PREVIEW, head + _packed(texture.cells, finished=True))
 
 
 def patch_message(
