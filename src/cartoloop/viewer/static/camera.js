@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+/**
+ * Where the camera looks: at the whole map at first, then where it is led, or after the robot.
+ * @module
+ */
+import { byId } from "./dom.js";
+
+const FOLLOW_KEY = "cartoloop.follow";
+/** Share of the way to the robot that the camera goes with each frame. */
+const FOLLOW_SHARE = 0.2;
+/** Beyond this it jumps [px]. */
+const JUMP_PX = 2000;
+/** Share of the screen that a map fills, and one that grows, so that it need not move all the time. */
+const FILLED = 0.94;
+const GROWING_FILLED = 0.7;
+const WIDE_PX = 900;
+const REMEMBER_MS = 300;
+
+/** Leads the view. */
+export class Camera {
+  /**
+   * @param {import("./view.js").View} view
+   * @param {object} hooks
+   * @param {() => import("./view.js").Bounds | null} hooks.bounds of the map
+   * @param {() => boolean} hooks.isFinished whether the map grows no more
+   * @param {() => boolean} hooks.isCalm whether nothing shall glide
+   * @param {() => void} hooks.onMove
+   * @param {() => void} hooks.onShown another view is on the screen
+   */
+  constructor(view, hooks) {
+    this.view = view;
+    this.hooks = hooks;
+    /** Whether the operator, or the address, has said where to look. */
+    this.isPlaced = view.fromText(new URLSearchParams(location.hash.slice(1)).get("view"));
+    this.isFollowing = sessionStorage.getItem(FOLLOW_KEY) === "yes";
+    this.shown = "";
+    this.showFollowing();
+  }
+
+  /** Another map is shown: look at all of it. */
+  forget() {
+    this.isPlaced = false;
+  }
+
+  /** The view was changed by hand. */
+  take() {
+    this.isPlaced = true;
+    this.setFollowing(false);
+  }
+
+  /** Show all of something. @param {import("./view.js").Bounds | null} bounds */
+  look(bounds) {
+    if (!bounds) return;
+    this.view.fit(bounds, insets(), FILLED);
+    this.take();
+    this.hooks.onMove();
+  }
+
+  /** Show the whole map. */
+  fit() {
+    this.look(this.hooks.bounds());
+  }
+
+  /** Show all of a map that nobody has moved yet; return whether that changes anything. */
+  placeFirst() {
+    const bounds = this.isPlaced ? null : this.hooks.bounds();
+    if (!bounds) return false;
+    const covered = insets();
+    this.isPlaced = this.hooks.isFinished();
+    if (!this.isPlaced && this.view.holds(bounds, covered)) return false;
+    this.view.fit(bounds, covered, this.isPlaced ? FILLED : GROWING_FILLED);
+    return true;
+  }
+
+  setFollowing(isOn) {
+    if (isOn === this.isFollowing) return;
+    this.isFollowing = isOn;
+    sessionStorage.setItem(FOLLOW_KEY, isOn ? "yes" : "no");
+    this.showFollowing();
+    this.hooks.onMove();
+  }
+
+  showFollowing() {
+    byId("follow").setAttribute("aria-pressed", String(this.isFollowing));
+  }
+
+  /**
+   * Bring the robot into the middle, softly.
+   * @param {import("./poses.js").Pose | null} pose tf_map_tracking
+   * @returns {boolean} whether it is on its way there
+   */
+  follow(pose) {
+    if (!this.isFollowing || !pose) return false;
+    this.isPlaced = true;
+    const { view } = this;
+    const [dx, dy] = [pose[0] - view.x, pose[1] - view.y];
+    const pixels = Math.hypot(dx, dy) * view.scale;
+    if (pixels < 0.5) return false;
+    const share = pixels > JUMP_PX || this.hooks.isCalm() ? 1 : FOLLOW_SHARE;
+    view.x += share * dx;
+    view.y += share * dy;
+    return true;
+  }
+
+  /** Bring up to date what tells of the view: the needle, the address. */
+  show() {
+    const text = this.view.toText();
+    if (text === this.shown) return;
+    this.shown = text;
+    byId("needle").style.transform = `rotate(${-this.view.rotation}rad)`;
+    this.hooks.onShown();
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => {
+      if (this.isPlaced) history.replaceState(null, "", `${location.search}#view=${text}`);
+    }, REMEMBER_MS);
+  }
+}
+
+/** Return how much of the screen is covered on each side, where that is worth a thought [px]. */
+function insets() {
+  const isWide = innerWidth > WIDE_PX;
+  const panel = byId("panel").getBoundingClientRect();
+  return {
+    left: isWide ? panel.right : 0, right: isWide ? innerWidth - byId("tools").getBoundingClientRect().left : 0,
+    top: isWide ? 0 : panel.bottom, bottom: byId("playback").hidden ? 24 : 72,
+  };
+}

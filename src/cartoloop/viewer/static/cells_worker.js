@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+/**
+ * A worker that inflates submaps and patches, beside the page's own thread.
+ *
+ * It answers with what the graphics card needs: the cells with a rim of unknown ones, where any of
+ * them are known, and a small preview. Cells of growing submaps it keeps, for patches.
+ * @module
+ */
+import { BLOCK, MARGIN, SHRINK, strideOf } from "./cells.js";
+
+/** How much floor and how much wall a cell is in previews, two bytes for each of its values. */
+let shades = new Uint8Array(512);
+/** @typedef {{rows: number, cols: number, bytes: Uint8Array}} Cells with their rim */
+/** @type {Map<number, Cells & {version: number}>} */
+const growing = new Map();
+let work = Promise.resolve();
+
+onmessage = (event) => {
+  work = work.then(() => take(event.data)).catch((error) => {
+    const { submap, generation, isPreview } = event.data;
+    postMessage({ problem: String(error), submap, generation, isPreview });
+  });
+};
+
+async function take(job) {
+  if (job.shades) {
+    shades = job.shades;
+    growing.clear();
+  } else if (job.isPreview) {
+    await takePreview(job);
+  } else if (job.base === undefined) {
+    await takeSubmap(job);
+  } else {
+    await takePatch(job);
+  }
+}
+
+async function takePreview({ packed, ...head }) {
+  const { rows, cols } = head;
+  const pixels = { rows, cols, bytes: new Uint8Array((rows + 2) * strideOf(cols)) };
+  await inflateInto(pixels, packed, { row: 0, col: 0, rows, cols });
+  const preview = new Uint8Array(4 * rows * cols);
+  for (let row = 0, to = 0; row < rows; row++) {
+    const from = (row + 1) * strideOf(cols) + MARGIN;
+    for (let at = from; at < from + cols; at++, to += 4) {
+      const pixel = pixels.bytes[at];
+      preview[to] = 17 * (pixel & 15);
+      preview[to + 1] = 17 * (pixel >> 4);
+      preview[to + 2] = Math.min(255, preview[to] + preview[to + 1]);
+    }
+  }
+  postMessage({ ...head, preview }, [preview.buffer]);
+}
+
+async function takeSubmap({ packed, ...head }) {
+  const { rows, cols } = head;
+  const cells = { rows, cols, bytes: new Uint8Array((rows + 2) * strideOf(cols)) };
+  await inflateInto(cells, packed, { row: 0, col: 0, rows, cols });
+  if (head.finished) growing.delete(head.submap);
+  else growing.set(head.submap, { ...cells, version: head.version, bytes: cells.bytes.slice() });
+  const spans = knownSpans(cells);
+  const answer = { ...head, cells: cells.bytes, spans };
+  const owned = [cells.bytes.buffer, spans.buffer];
+  if (!head.finished) { // of those that are, the server sends one
+    const box = { row: 0, col: 0, rows: Math.ceil(rows / SHRINK), cols: Math.ceil(cols / SHRINK) };
+    answer.preview = shrunk(cells, box);
+    owned.push(answer.preview.buffer);
+  }
+  postMessage(answer, owned);
+}
+
+async function takePatch({ packed, ...patch }) {
+  const cells = growing.get(patch.submap);
+  if (cells?.version !== patch.base) {
+    postMessage({ ...patch, ignored: true });
+    return;
+  }
+  await inflateInto(cells, packed, patch);
+  cells.version = patch.version;
+  const row = Math.floor(patch.row / SHRINK);
+  const col = Math.floor(patch.col / SHRINK);
+  const previewBox = {
+    row, col, rows: Math.ceil((patch.row + patch.rows) / SHRINK) - row,
+    cols: Math.ceil((patch.col + patch.cols) / SHRINK) - col,
+  };
+  const preview = shrunk(cells, previewBox);
+  const spans = knownSpans(cells);
+  const part = cutOut(cells, patch);
+  postMessage({ ...patch, cells: part, spans, preview, previewBox },
+    [part.buffer, spans.buffer, preview.buffer]);
+}
+
+/**
+ * Inflate a zlib stream into a box of cells, row by row as it comes.
+ * @param {Cells} cells
+ * @param {ArrayBuffer} packed
+ * @param {{row: number, col: number, rows: number, cols: number}} box
+ */
+async function inflateInto(cells, packed, box) {
+  if (box.rows * box.cols === 0) return;
+  const stride = strideOf(cells.cols);
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const reader = stream.getReader();
+  let row = 0;
+  let col = 0;
+  for (let { done, value } = await reader.read(); !done; { done, value } = await reader.read()) {
+    for (let at = 0; at < value.length;) {
+      if (row >= box.rows) throw new RangeError("a submap has more cells than it says");
+      const count = Math.min(box.cols - col, value.length - at);
+      const to = (box.row + row + 1) * stride + MARGIN + box.col + col;
+      cells.bytes.set(value.subarray(at, at + count), to);
+      at += count;
+      col += count;
+      if (col === box.cols) [row, col] = [row + 1, 0];
+    }
+  }
+  if (row < box.rows) throw new RangeError("a submap has less cells than it says");
+}
+
+function cutOut(cells, { row, col, rows, cols }) {
+  const stride = strideOf(cells.cols);
+  const found = new Uint8Array(rows * cols);
+  for (let r = 0; r < rows; r++) {
+    const from = (row + r + 1) * stride + MARGIN + col;
+    found.set(cells.bytes.subarray(from, from + cols), r * cols);
+  }
+  return found;
+}
+
+/**
+ * Return where cells are known: row, first and end column of runs of blocks.
+ * @param {Cells} cells
+ */
+function knownSpans({ rows, cols, bytes }) {
+  const words = new Uint32Array(bytes.buffer, bytes.byteOffset, bytes.byteLength / 4);
+  const stride = strideOf(cols) / 4;
+  const [down, across] = [Math.ceil(rows / BLOCK), Math.ceil(cols / BLOCK)];
+  const found = [];
+  for (let row = 0; row < down; row++) {
+    let begin = -1;
+    for (let col = 0; col <= across; col++) {
+      const known = col < across && isBlockKnown(words, stride, row, col, rows);
+      if (known && begin < 0) begin = col;
+      if (!known && begin >= 0) {
+        found.push(row, begin, col);
+        begin = -1;
+      }
+    }
+  }
+  return new Uint16Array(found);
+}
+
+function isBlockKnown(words, stride, row, col, rows) {
+  const endRow = Math.min(rows, (row + 1) * BLOCK);
+  for (let r = row * BLOCK; r < endRow; r++) {
+    const from = (r + 1) * stride + (MARGIN + col * BLOCK) / 4;
+    const end = Math.min(from + BLOCK / 4, (r + 2) * stride);
+    for (let at = from; at < end; at++) if (words[at] !== 0) return true;
+  }
+  return false;
+}
+
+/**
+ * Return means over squares of cells, four bytes each: how much floor, how much wall, both
+ * together, and nought.
+ * @param {Cells} cells
+ * @param {{row: number, col: number, rows: number, cols: number}} box of squares
+ */
+function shrunk({ rows, cols, bytes }, box) {
+  const words = new Uint32Array(bytes.buffer, bytes.byteOffset, bytes.byteLength / 4);
+  const stride = strideOf(cols) / 4;
+  const found = new Uint8Array(4 * box.rows * box.cols);
+  const count = SHRINK * SHRINK;
+  for (let r = 0; r < box.rows; r++) {
+    const beginRow = (box.row + r) * SHRINK;
+    const endRow = Math.min(rows, beginRow + SHRINK);
+    for (let c = 0; c < box.cols; c++) {
+      let [floor, wall] = [0, 0];
+      for (let row = beginRow; row < endRow; row++) {
+        let word = words[(row + 1) * stride + MARGIN / 4 + box.col + c];
+        for (; word !== 0; word >>>= 8) {
+          const cell = word & 255;
+          if (cell === 0) continue;
+          floor += shades[2 * cell];
+          wall += shades[2 * cell + 1];
+        }
+      }
+      const to = 4 * (r * box.cols + c);
+      found[to] = floor / count;
+      found[to + 1] = wall / count;
+      found[to + 2] = Math.min(255, found[to] + found[to + 1]);
+    }
+  }
+  return found;
+}

@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+/**
+ * A loop closure that was clicked on: how sure it is, and both scans laid over each other.
+ * @module
+ */
+import { byId, setText } from "./dom.js";
+import { chain, poseAt, transform } from "./poses.js";
+import { Kind } from "./protocol.js";
+import { beginOf } from "./residual.js";
+import { length, score } from "./words.js";
+
+/** A click finds closures that are so near [px]. */
+const PICK_PX = 12;
+const VIOLATED_M = 0.2;
+const VIOLATED_DEG = 1.0;
+
+/**
+ * Return the row of the closure that was clicked on, null if there is none: of the lines, the
+ * nearest one; of several at one place, the one whose node is nearest.
+ * @param {import("./overlays.js").Scene} scene
+ * @param {Iterable<number>} rows that are shown
+ * @param {import("./view.js").View} view
+ */
+export function pickClosure({ state, motion }, rows, view, px, py) {
+  const [submaps, nodes] = [motion.submaps.shown, motion.nodes.shown];
+  const [x, y] = view.toMap(px, py);
+  let best = null;
+  let least = PICK_PX / view.scale;
+  for (const row of rows) {
+    const constraint = state.constraints.at(row);
+    if (constraint.kind !== Kind.CLOSURE && constraint.kind !== Kind.REJECTED) continue;
+    const from = beginOf(constraint, submaps, nodes);
+    const to = poseAt(nodes, constraint.b);
+    const far = distanceToLine(x, y, from, to) + 0.05 * Math.hypot(x - to[0], y - to[1]) / (1 + view.scale);
+    if (far < least) [best, least] = [row, far];
+  }
+  return best;
+}
+
+function distanceToLine(x, y, [ax, ay], [bx, by]) {
+  const [dx, dy] = [bx - ax, by - ay];
+  const square = dx * dx + dy * dy;
+  const share = square > 0 ? Math.min(Math.max(((x - ax) * dx + (y - ay) * dy) / square, 0), 1) : 0;
+  return Math.hypot(x - ax - share * dx, y - ay - share * dy);
+}
+
+/** The card that tells of a closure. */
+export class ClosureCard {
+  /**
+   * @param {object} hooks
+   * @param {(request: object) => Promise<any>} hooks.ask the server
+   * @param {import("./state.js").MapState} hooks.state
+   * @param {import("./theme.js").Theme} hooks.theme
+   * @param {() => void} hooks.onChange
+   * @param {(text: string) => void} hooks.onHint
+   * @param {(bounds: import("./view.js").Bounds) => void} hooks.onShow bring it into sight
+   */
+  constructor(hooks) {
+    this.hooks = hooks;
+    this.root = byId("closure");
+    /** What is told of it. @type {Record<string, any> | null} */
+    this.told = null;
+    byId("closure-close").addEventListener("click", () => this.close());
+    byId("closure-previous").addEventListener("click", () => this.step(-1));
+    byId("closure-next").addEventListener("click", () => this.step(1));
+    byId("closure-show").addEventListener("click", () => this.bringIntoSight());
+    new ResizeObserver(() => this.drawScans()).observe(byId("closure-scans"));
+  }
+
+  /** Ask for a closure, and show it. @param {number} row */
+  async open(row) {
+    const { ask, onHint, onChange } = this.hooks;
+    try {
+      const answer = await ask({ type: "closure", constraint: row });
+      this.told = answer.content;
+    } catch (problem) {
+      onHint(problem.message);
+      return;
+    }
+    this.root.hidden = false;
+    this.show();
+    onChange();
+  }
+
+  close() {
+    if (!this.told) return;
+    this.told = null;
+    this.root.hidden = true;
+    this.hooks.onChange();
+  }
+
+  /** Go on to the next closure in the order in which they were found. */
+  step(by) {
+    const { kinds } = this.hooks.state.constraints;
+    if (!this.told) return;
+    for (let row = this.told.constraint + by; row >= 0 && row < kinds.length; row += by) {
+      if (kinds.numbers[row] === Kind.CLOSURE || kinds.numbers[row] === Kind.REJECTED) {
+        this.open(row).then(() => this.bringIntoSight());
+        return;
+      }
+    }
+  }
+
+  bringIntoSight() {
+    const { told } = this;
+    if (!told) return;
+    const found = chain(told.tf_map_submap, told.tf_submap_node);
+    const points = told.points.map(([x, y]) => transform(found, x, y));
+    const [xs, ys] = [points.map(([x]) => x), points.map(([, y]) => y)];
+    this.hooks.onShow({
+      left: Math.min(...xs, found[0] - 3), right: Math.max(...xs, found[0] + 3),
+      bottom: Math.min(...ys, found[1] - 3), top: Math.max(...ys, found[1] + 3),
+    });
+  }
+
+  show() {
+    const { told } = this;
+    const isRejected = this.hooks.state.constraints.kinds.numbers[told.constraint] === Kind.REJECTED;
+    const isViolated = told.residual_m > VIOLATED_M || told.residual_deg > VIOLATED_DEG;
+    setText(byId("closure-title"), `Node ${told.node} in submap ${told.submap}`);
+    setText(byId("closure-node"), `node ${told.node}`);
+    setText(byId("closure-other"), told.other_node === null ? "no other scan"
+      : `node ${told.other_node}, of the submap`);
+    const verdict = byId("closure-verdict");
+    setText(verdict, verdictOf(isRejected, isViolated));
+    verdict.classList.toggle("bad", isRejected || isViolated);
+    byId("closure-score-bar").value = told.score ?? 0;
+    byId("closure-runner-bar").value = told.runner_up ?? 0;
+    setText(byId("closure-score"), score(told.score));
+    setText(byId("closure-runner"), told.runner_up === 0 ? "none" : score(told.runner_up));
+    setText(byId("closure-residual"), `${length(told.residual_m)}, ${told.residual_deg.toFixed(2)}°`);
+    setText(byId("closure-window"), told.window
+      ? `±${told.window.linear_m.toFixed(1)} m, ±${((told.window.angular_rad * 180) / Math.PI).toFixed(0)}°`
+      : "matched anew in the end");
+    this.drawScans();
+  }
+
+  /** Draw both scans in the submap's frame, turned as the map is. */
+  drawScans() {
+    const { told } = this;
+    const canvas = byId("closure-scans");
+    if (!told || canvas.clientWidth === 0) return;
+    const ratio = Math.min(devicePixelRatio || 1, 3);
+    canvas.width = canvas.clientWidth * ratio;
+    canvas.height = canvas.clientHeight * ratio;
+    const { found, matched, robot } = this.hooks.theme.inks;
+    const submap = told.tf_map_submap;
+    const layers = [
+      { pose: told.tf_submap_other && chain(submap, told.tf_submap_other), points: told.other_points, ink: matched },
+      { pose: chain(submap, told.tf_submap_node), points: told.points, ink: found },
+    ].filter(({ pose }) => pose);
+    drawPoints(canvas, ratio, layers.map(({ pose, points, ink }) => ({
+      ink, robot, at: [pose[0], pose[1]], points: points.map(([x, y]) => transform(pose, x, y)),
+    })));
+  }
+}
+
+function verdictOf(isRejected, isViolated) {
+  if (isRejected) return "Taken out in the end: the rest contradicted it.";
+  if (isViolated) return "The map disagrees with it.";
+  return "The map agrees with it.";
+}
+
+/** Draw points [m, map], all of them in sight. */
+function drawPoints(canvas, ratio, layers) {
+  const context = canvas.getContext("2d");
+  const all = layers.flatMap(({ points, at }) => [...points, at]);
+  const [xs, ys] = [all.map(([x]) => x), all.map(([, y]) => y)];
+  const [left, right] = [Math.min(...xs), Math.max(...xs)];
+  const [bottom, top] = [Math.min(...ys), Math.max(...ys)];
+  const margin = 14 * ratio;
+  const scale = Math.min((canvas.width - 2 * margin) / Math.max(right - left, 0.1),
+    (canvas.height - 2 * margin) / Math.max(top - bottom, 0.1));
+  const place = ([x, y]) => [canvas.width / 2 + (x - (left + right) / 2) * scale,
+    canvas.height / 2 - (y - (bottom + top) / 2) * scale];
+  for (const { ink, points, at } of layers) {
+    context.fillStyle = `rgb(${ink.join(" ")} / 0.75)`;
+    for (const point of points) {
+      const [x, y] = place(point);
+      context.beginPath();
+      context.arc(x, y, 1.5 * ratio, 0, 2 * Math.PI);
+      context.fill();
+    }
+    context.fillStyle = `rgb(${ink.join(" ")})`;
+    context.beginPath();
+    context.arc(...place(at), 4 * ratio, 0, 2 * Math.PI);
+    context.fill();
+  }
+}

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+/**
+ * The WebSocket: connects by itself, again and again, and brings answers to who has asked.
+ * @module
+ */
+import { decode, Type } from "./protocol.js";
+
+const FIRST_RETRY_MS = 400;
+const LAST_RETRY_MS = 5000;
+const PING_PERIOD_MS = 5000;
+const ANSWER_TIMEOUT_MS = 20000;
+const ANSWERS = new Set([Type.CLOSURE, Type.PROBLEM, Type.PONG]);
+
+/** @typedef {"connected" | "lost"} Status */
+
+/** Return where the server is, with the token of the page's own address. */
+export function socketUrl() {
+  const scheme = location.protocol === "https:" ? "wss:" : "ws:";
+  return `${scheme}//${location.host}/socket${location.search}`;
+}
+
+/** A connection that is made again whenever it is lost. */
+export class Connection {
+  /**
+   * @param {string} url of the WebSocket
+   * @param {object} handlers
+   * @param {() => void} handlers.onOpen a new connection: what was known is void
+   * @param {(message: {type: number}) => void} handlers.onMessage
+   * @param {(status: Status) => void} handlers.onStatus
+   */
+  constructor(url, handlers) {
+    this.url = url;
+    this.handlers = handlers;
+    /** Bytes received over this connection. */
+    this.bytes = 0;
+    this.retryMs = FIRST_RETRY_MS;
+    /** @type {WebSocket | null} */
+    this.socket = null;
+    this.nextId = 1;
+    /** @type {Map<number, {resolve: Function, reject: Function}>} */
+    this.asked = new Map();
+    this.stopped = false;
+    setInterval(() => this.ping(), PING_PERIOD_MS);
+    addEventListener("online", () => this.retryNow());
+    document.addEventListener("visibilitychange", () => {
+      if (!document.hidden) this.retryNow();
+    });
+    this.open();
+  }
+
+  get isOpen() {
+    return this.socket?.readyState === WebSocket.OPEN;
+  }
+
+  /** Connect, forgetting any connection that there is. */
+  open() {
+    clearTimeout(this.timer);
+    this.socket?.close();
+    const socket = new WebSocket(this.url);
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    this.bytes = 0;
+    socket.onopen = () => {
+      this.retryMs = FIRST_RETRY_MS;
+      this.handlers.onOpen();
+      this.handlers.onStatus("connected");
+    };
+    socket.onmessage = (event) => {
+      if (socket === this.socket) this.receive(event.data);
+    };
+    socket.onclose = () => {
+      if (socket === this.socket) this.lose();
+    };
+  }
+
+  /** Stop for good: the server speaks another language. */
+  stop() {
+    this.stopped = true;
+    this.socket?.close();
+  }
+
+  retryNow() {
+    if (!this.stopped && this.socket?.readyState === WebSocket.CLOSED) this.open();
+  }
+
+  lose() {
+    for (const { reject } of this.asked.values()) reject(new Error("The connection was lost."));
+    this.asked.clear();
+    if (this.stopped) return;
+    this.handlers.onStatus("lost");
+    this.timer = setTimeout(() => this.open(), this.retryMs);
+    this.retryMs = Math.min(2 * this.retryMs, LAST_RETRY_MS);
+  }
+
+  /** @param {ArrayBuffer} data */
+  receive(data) {
+    this.bytes += data.byteLength;
+    let id = null; // of the request that the next message answers
+    for (const message of decode(data)) {
+      if (message.type === Type.ANSWER) {
+        id = message.content.id;
+      } else if (id !== null || ANSWERS.has(message.type)) {
+        this.answer(id ?? message.content.id, message);
+        id = null;
+      } else {
+        this.handlers.onMessage(message);
+      }
+    }
+  }
+
+  /** Give a message to who has asked for it. */
+  answer(id, message) {
+    const waiting = this.asked.get(id);
+    if (!waiting) return;
+    this.asked.delete(id);
+    if (message.type === Type.PROBLEM) waiting.reject(new Error(message.content.text));
+    else waiting.resolve(message);
+  }
+
+  /**
+   * Send a request that is answered by the state itself.
+   * @param {object} request
+   */
+  send(request) {
+    if (this.isOpen) this.socket.send(JSON.stringify(request));
+  }
+
+  /**
+   * Send a request, and return its answer.
+   * @param {object} request without its id
+   * @returns {Promise<any>}
+   */
+  ask(request) {
+    if (!this.isOpen) return Promise.reject(new Error("There is no connection to the program."));
+    const id = this.nextId++;
+    return new Promise((resolve, reject) => {
+      this.asked.set(id, { resolve, reject });
+      this.send({ ...request, id });
+      setTimeout(() => {
+        if (this.asked.delete(id)) reject(new Error("The program does not answer."));
+      }, ANSWER_TIMEOUT_MS);
+    });
+  }
+
+  /** Make sure that the other side is there: a laptop that slept notices only so. */
+  ping() {
+    if (!this.isOpen || document.hidden) return;
+    const socket = this.socket;
+    this.ask({ type: "ping" }).catch(() => {
+      if (socket === this.socket && this.isOpen) this.open();
+    });
+  }
+}

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+/**
+ * All that is drawn by the graphics card, and when.
+ * @module
+ */
+import { poseAt, transform } from "../poses.js";
+import { View } from "../view.js";
+import { Composer } from "./composer.js";
+import { openContext } from "./context.js";
+import { MapLayer } from "./map_layer.js";
+import { MARGIN, Screen } from "./screen.js";
+import { Submaps } from "./submaps.js";
+import { TileWork } from "./tile_work.js";
+import { Tiles } from "./tiles.js";
+
+const MAX_PIXEL_RATIO = 2;
+/** So long the graphics card may be busy composing at a time. */
+const SLICE_MS = 60;
+const HANDLED_SLICE_MS = 10;
+
+/**
+ * @typedef {object} Picture
+ * @property {ArrayLike<number>} poses tf_map_submap as shown
+ * @property {(submap: number) => boolean} isShown
+ * @property {boolean} gliding whether submaps are on their way, so that no square holds
+ * @property {boolean} moving whether the next picture will be another one, so that this may be coarse
+ * @property {(view: View) => void} drawOver
+ */
+
+/** Draws the map, and has others draw over it. */
+export class Renderer {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {View} view
+   * @param {() => void} onNews there is something to compose, or to draw
+   * @throws {Error} where the browser cannot
+   */
+  constructor(canvas, view, onNews) {
+    const { gl, formats } = openContext(canvas);
+    this.canvas = canvas;
+    this.gl = gl;
+    this.view = view;
+    this.submaps = new Submaps(gl, (submap, box) => {
+      if (submap) this.tiles.change(submap, box);
+      else if (this.map.hasPreview) this.invalidate();
+      onNews();
+    });
+    this.composer = new Composer(gl, formats);
+    this.tiles = new Tiles(gl, this.composer, this.submaps);
+    this.work = new TileWork(gl, this.tiles);
+    this.screen = new Screen(gl);
+    this.map = new MapLayer(gl, this.submaps, this.tiles, this.screen);
+    /** What the picture shows that was drawn last: more than the screen, all around. */
+    this.drawn = new View();
+  }
+
+  /** Something other than the view has changed: all is to be drawn. */
+  invalidate() {
+    this.screen.invalidate();
+  }
+
+  /** A connection begins. */
+  begin(hello) {
+    this.submaps.begin(hello);
+    this.composer.begin(hello);
+    this.tiles.begin();
+    this.work.begin();
+  }
+
+  /** Whether what is shown is all there is to be seen. */
+  get isSettled() {
+    if (this.submaps.numPending > 0 || !this.screen.isValid || this.map.isCoarse) return false;
+    return !this.map.isFine(this.view) || (this.work.isDone && !this.map.hasPreview);
+  }
+
+  /** Fit the picture to the canvas; return whether it has changed. */
+  resize() {
+    const ratio = Math.min(devicePixelRatio || 1, MAX_PIXEL_RATIO);
+    const { clientWidth, clientHeight } = this.canvas;
+    const [width, height] = [Math.round(clientWidth * ratio), Math.round(clientHeight * ratio)];
+    this.view.resize(clientWidth, clientHeight, ratio);
+    if (this.canvas.width === width && this.canvas.height === height) return false;
+    this.canvas.width = Math.max(1, width);
+    this.canvas.height = Math.max(1, height);
+    return true;
+  }
+
+  /**
+   * Bring the composed map up to date, as far as there is time.
+   * @param {ArrayLike<number>} poses tf_map_submap
+   * @param {(submap: number) => boolean} isShown
+   * @param {boolean} isHandled whether there are hands on the map, that must not wait
+   * @returns {boolean} whether there is more to do
+   */
+  compose(poses, isShown, isHandled) {
+    if (this.gl.isContextLost()) return false;
+    this.tiles.place(poses, isShown);
+    if (!this.map.isFine(this.view)) return false;
+    this.tiles.see(this.view.bounds());
+    return this.work.advance(isHandled ? HANDLED_SLICE_MS : SLICE_MS);
+  }
+
+  /**
+   * Draw, as little as is needed.
+   * @param {Picture} picture
+   * @returns {boolean} whether all was drawn anew
+   */
+  draw(picture) {
+    const { gl, screen, view, drawn } = this;
+    if (gl.isContextLost()) return false;
+    screen.resize();
+    let offset = this.offset(picture);
+    const isAll = offset === null;
+    if (isAll) {
+      drawn.copy(view);
+      drawn.resize(screen.width / view.ratio, screen.height / view.ratio, view.ratio);
+      this.map.begin();
+      this.paint(picture, [picture.moving ? screen.window : screen.all]);
+    } else if (!screen.holds(offset)) {
+      const [dx, dy] = [MARGIN - offset[0], MARGIN - offset[1]];
+      drawn.panBy(dx / view.ratio, -dy / view.ratio);
+      this.paint({ ...picture, moving: false }, screen.move(dx, dy));
+    } else if (offset.join() === this.presented) {
+      return false;
+    }
+    offset = this.offset(picture) ?? [MARGIN, MARGIN];
+    this.presented = offset.join();
+    screen.present(offset);
+    return isAll;
+  }
+
+  /** Draw parts of the picture anew; all the rest of it, beside what is not yet drawn, stays. */
+  paint(picture, rects) {
+    const { gl, screen, drawn } = this;
+    gl.enable(gl.SCISSOR_TEST);
+    for (const rect of rects) {
+      gl.scissor(...rect);
+      this.map.draw(drawn, picture, rect);
+      gl.bindFramebuffer(gl.FRAMEBUFFER, screen.target);
+      picture.drawOver(drawn);
+    }
+    gl.disable(gl.SCISSOR_TEST);
+    screen.valid = picture.moving ? rects[0] : screen.all;
+    this.presented = "";
+  }
+
+  /**
+   * Return where in the picture that was drawn last the view is, null if it must be drawn anew.
+   * @param {Picture} picture
+   * @returns {[number, number] | null} [device px]
+   */
+  offset({ gliding }) {
+    const { screen, view, drawn } = this;
+    const isSame = view.scale === drawn.scale && view.rotation === drawn.rotation
+      && view.ratio === drawn.ratio;
+    if (!screen.isValid || !isSame || gliding) return null;
+    const [x, y] = drawn.toScreen(view.x, view.y);
+    return [Math.round((x - view.width / 2) * view.ratio),
+      Math.round(screen.height - (y + view.height / 2) * view.ratio)];
+  }
+
+  /** Call back when all that was asked for is on the screen. @param {() => void} callback */
+  whenDrawn(callback) {
+    const { gl } = this;
+    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    const look = () => {
+      if (gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) setTimeout(look, 4);
+      else callback();
+    };
+    look();
+  }
+
+  /**
+   * Return where the map is.
+   * @param {ArrayLike<number>} poses tf_map_submap
+   * @returns {import("../view.js").Bounds | null}
+   */
+  bounds(poses) {
+    const [xs, ys] = [[], []];
+    for (const [id, { x, y, rows, cols, resolution }] of this.submaps.previews) {
+      if (3 * id + 2 >= poses.length) continue;
+      for (const col of [0, cols - 1]) {
+        for (const row of [0, rows - 1]) {
+          const at = transform(poseAt(poses, id), x + col * resolution, y + row * resolution);
+          xs.push(at[0]);
+          ys.push(at[1]);
+        }
+      }
+    }
+    if (xs.length === 0) return null;
+    return { left: Math.min(...xs), right: Math.max(...xs), bottom: Math.min(...ys), top: Math.max(...ys) };
+  }
+}

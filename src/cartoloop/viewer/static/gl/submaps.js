@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+/**
+ * Submaps on the graphics card: inflated by workers, uploaded when there is time for it.
+ * @module
+ */
+import { MARGIN, SHRINK, strideOf } from "../cells.js";
+import { Type } from "../protocol.js";
+import { shadesOfCells } from "../shades.js";
+import { createTexture, mipLevels } from "./context.js";
+
+const WORKERS = Math.min(4, Math.max(2, (navigator.hardwareConcurrency ?? 2) - 1));
+/** Overlapping submaps agree, so a single one is shown as sure as this many of it. */
+const AGREEING = 2;
+
+/**
+ * @typedef {object} Submap
+ * @property {number} submap its number
+ * @property {boolean} finished
+ * @property {number} rows
+ * @property {number} cols
+ * @property {number} x centre of cell (0, 0) [m, submap frame]
+ * @property {number} y
+ * @property {number} resolution [m]
+ * @property {WebGLTexture | null} cells with a rim of one cell; null until uploaded
+ * @property {Uint16Array} spans row, first and end column of the blocks that are known
+ * @property {Uint8Array | null} waiting cells that are not uploaded yet
+ */
+
+/**
+ * @typedef {object} Preview of a submap
+ * @property {WebGLTexture} texture how much floor, how much wall, both together
+ * @property {number} rows
+ * @property {number} cols
+ * @property {number} x centre of pixel (0, 0) [m, submap frame]
+ * @property {number} y
+ * @property {number} resolution edge of a pixel [m]
+ */
+
+/** @typedef {{row: number, col: number, rows: number, cols: number}} Box of cells */
+
+/** All submaps that are known. */
+export class Submaps {
+  /**
+   * @param {WebGL2RenderingContext} gl
+   * @param {(submap: Submap | null, box?: Box) => void} onChange a submap is new (no box),
+   *   or part of it has changed, or only a preview has (no submap)
+   */
+  constructor(gl, onChange) {
+    this.gl = gl;
+    this.onChange = onChange;
+    /** @type {Map<number, Submap>} */
+    this.all = new Map();
+    /** @type {Map<number, Preview>} */
+    this.previews = new Map();
+    /** Submaps and patches that workers have still to do. */
+    this.numPending = 0;
+    /** Of these, previews of finished submaps. */
+    this.numPreviewsPending = 0;
+    this.generation = 0;
+    this.maxEdge = gl.getParameter(gl.MAX_TEXTURE_SIZE) - 2 * MARGIN;
+    /** Submaps that this device cannot draw, as they are too large for its textures. */
+    this.tooLarge = new Set();
+    this.workers = Array.from({ length: WORKERS }, () => {
+      const worker = new Worker(new URL("../cells_worker.js", import.meta.url), { type: "module" });
+      worker.onmessage = (event) => this.receive(event.data);
+      return worker;
+    });
+  }
+
+  /** Forget all: a connection begins. @param {{log_odds: number[]}} hello */
+  begin(hello) {
+    const { gl } = this;
+    this.generation++;
+    this.numPending = this.numPreviewsPending = 0;
+    for (const submap of this.all.values()) gl.deleteTexture(submap.cells);
+    for (const preview of this.previews.values()) gl.deleteTexture(preview.texture);
+    this.all.clear();
+    this.previews.clear();
+    this.tooLarge.clear();
+    const shades = shadesOfCells(hello, AGREEING);
+    for (const worker of this.workers) worker.postMessage({ shades });
+  }
+
+  /** Take in a SUBMAP, a SUBMAP_PATCH or a SUBMAP_PREVIEW. */
+  take({ type, ...job }) {
+    const isPreview = type === Type.SUBMAP_PREVIEW;
+    this.numPending++;
+    if (isPreview) this.numPreviewsPending++;
+    const worker = this.workers[job.submap % this.workers.length];
+    worker.postMessage({ ...job, isPreview, generation: this.generation }, [job.packed]);
+  }
+
+  receive(done) {
+    if (done.generation !== this.generation) return;
+    this.numPending--;
+    if (done.isPreview) this.numPreviewsPending--;
+    if (done.problem || done.ignored) {
+      this.onChange(null);
+    } else if (done.isPreview) {
+      this.takePreview(done);
+    } else if (done.base === undefined) {
+      this.takeWhole(done);
+    } else {
+      this.takePatch(done);
+    }
+  }
+
+  takePreview({ submap, preview, rows, cols, x, y, resolution }) {
+    const { gl } = this;
+    gl.deleteTexture(this.previews.get(submap)?.texture ?? null);
+    this.previews.delete(submap);
+    if (rows * cols === 0 || Math.max(rows, cols) > this.maxEdge) return;
+    const texture = createTexture(gl, gl.RGBA8, cols, rows, {
+      levels: mipLevels(cols, rows), min: gl.LINEAR_MIPMAP_NEAREST, mag: gl.LINEAR,
+    });
+    this.previews.set(submap, { texture, rows, cols, x, y, resolution });
+    this.fillPreview(texture, preview, { row: 0, col: 0, rows, cols });
+    this.onChange(null);
+  }
+
+  /** The preview of a submap that grows, which the page makes itself. */
+  takeOwnPreview({ submap, rows, cols, x, y, resolution, preview }) {
+    const shift = ((SHRINK - 1) / 2) * resolution;
+    this.takePreview({
+      submap, preview, rows: Math.ceil(rows / SHRINK), cols: Math.ceil(cols / SHRINK),
+      x: x + shift, y: y + shift, resolution: SHRINK * resolution,
+    });
+  }
+
+  takeWhole({ cells, spans, preview, ...head }) {
+    const { gl } = this;
+    const before = this.all.get(head.submap);
+    if (Math.max(head.rows, head.cols) > this.maxEdge) {
+      this.tooLarge.add(head.submap);
+      return;
+    }
+    const submap = { ...head, waiting: cells, cells: null, spans };
+    if (preview) this.takeOwnPreview({ ...head, preview });
+    this.all.set(head.submap, submap);
+    if (!head.finished || (before && before.cells)) this.upload(submap);
+    if (before) gl.deleteTexture(before.cells);
+    this.onChange(submap);
+  }
+
+  takePatch({ cells, spans, preview, previewBox, ...patch }) {
+    const { gl } = this;
+    const submap = this.all.get(patch.submap);
+    if (!submap) return;
+    this.upload(submap);
+    gl.bindTexture(gl.TEXTURE_2D, submap.cells);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, patch.col + MARGIN, patch.row + 1, patch.cols, patch.rows,
+      gl.RED_INTEGER, gl.UNSIGNED_BYTE, cells);
+    const shown = this.previews.get(patch.submap);
+    if (shown) this.fillPreview(shown.texture, preview, previewBox);
+    submap.spans = spans;
+    this.onChange(submap, patch);
+  }
+
+  /** Upload the cells of a submap, if that has not been done. @param {Submap} submap */
+  upload(submap) {
+    const { gl } = this;
+    if (!submap.waiting) return;
+    const [width, height] = [strideOf(submap.cols), submap.rows + 2];
+    submap.cells = createTexture(gl, gl.R8UI, width, height);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, gl.RED_INTEGER, gl.UNSIGNED_BYTE,
+      submap.waiting);
+    submap.waiting = null;
+  }
+
+  fillPreview(texture, preview, box) {
+    const { gl } = this;
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, box.col, box.row, box.cols, box.rows, gl.RGBA,
+      gl.UNSIGNED_BYTE, preview);
+    gl.generateMipmap(gl.TEXTURE_2D);
+  }
+}

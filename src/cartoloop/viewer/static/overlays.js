@@ -1,0 +1,248 @@
+// SPDX-License-Identifier: Apache-2.0
+/**
+ * What is drawn over the map: the way, the scan, nodes, constraints, closures.
+ * @module
+ */
+import { inkOf, LineList, Pen, Shape } from "./gl/lines.js";
+import { chain, poseAt, transform } from "./poses.js";
+import { Kind } from "./protocol.js";
+import { beginOf, residualOf } from "./residual.js";
+
+/** Layers, and whether they are on at first. */
+export const LAYERS = Object.freeze({
+  trajectory: true, scan: true, nodes: false, closures: true, constraints: false, latest: true,
+});
+
+/** Smaller distances on the screen need not be drawn [px]; at most twice that. */
+const SEEN_PX = 1.5;
+const ROBOT_PX = 15;
+const FADED = 0.3;
+
+/**
+ * @typedef {object} Scene what is to be drawn
+ * @property {import("./state.js").MapState} state
+ * @property {import("./motion.js").Motion} motion
+ * @property {Record<string, boolean>} layers
+ * @property {"kind" | "residual"} colouring of constraints
+ * @property {number} numNodes so many nodes are shown
+ * @property {import("./protocol.js").Scan | null} scan
+ * @property {object | null} closure that is looked at
+ * @property {object | null} latest that was found
+ * @property {number} pulse of the latest closure, from 1 to 0
+ */
+
+/** Draws over the map. */
+export class Overlays {
+  /**
+   * @param {WebGL2RenderingContext} gl
+   * @param {import("./theme.js").Theme} theme
+   */
+  constructor(gl, theme) {
+    this.theme = theme;
+    this.pen = new Pen(gl);
+    this.way = new Shape(gl);
+    this.nodes = new Shape(gl);
+    this.tail = new Shape(gl);
+    this.returns = new Shape(gl);
+    this.constraints = new Shape(gl);
+    this.frame = new Shape(gl);
+    this.dots = new Shape(gl);
+  }
+
+  /** @param {import("./view.js").View} view @param {Scene} scene */
+  draw(view, scene) {
+    this.anchor = [Math.round(view.x), Math.round(view.y)];
+    this.pen.begin(view);
+    const inks = this.theme.inks;
+    const { layers } = scene;
+    const apart = SEEN_PX * 2 ** -Math.floor(Math.log2(view.scale));
+    this.setWay(scene, apart, inks);
+    if (layers.closures || layers.constraints) {
+      this.setConstraints(scene, apart);
+      // One that is looked at must stand out.
+      this.pen.lines(this.constraints, 1.2, scene.closure ? [1, 1, 1, FADED] : undefined);
+    }
+    if (layers.trajectory) this.drawWay(scene, inks);
+    if (layers.nodes) this.pen.dots(this.nodes, 4.5, tint(inks.node, 0.9));
+    if (layers.latest && scene.latest && !scene.closure) this.drawClosure(scene.latest, scene);
+    if (layers.scan && scene.scan) this.drawScan(scene.scan, inks);
+    if (scene.closure) this.drawClosure(scene.closure, scene);
+    if (scene.scan) this.drawRobot(scene.scan.pose, view, inks);
+    this.pen.end();
+  }
+
+  /**
+   * Bring the way and the nodes on the graphics card up to date: as many as can be told apart.
+   * @param {Scene} scene
+   * @param {number} apart smallest distance that can be seen [m]
+   */
+  setWay({ motion, numNodes }, apart, inks) {
+    const key = [motion.version, numNodes, apart, this.theme.name].join();
+    if (this.way.key === key) return;
+    this.way.key = key;
+    const poses = motion.nodes.shown;
+    const kept = nodesApart(poses, numNodes, apart);
+    const places = new Float32Array(2 * kept.length);
+    const lines = new LineList(kept.length, this.anchor);
+    const ink = inkOf(inks.trajectory);
+    kept.forEach((node, i) => {
+      const [x, y] = poseAt(poses, node);
+      places[2 * i] = x - this.anchor[0];
+      places[2 * i + 1] = y - this.anchor[1];
+      if (i > 0) lines.add(...poseAt(poses, kept[i - 1]).slice(0, 2), x, y, ink);
+    });
+    this.nodes.set(places, kept.length, this.anchor);
+    lines.into(this.way);
+  }
+
+  drawWay(scene, inks) {
+    const ink = tint([255, 255, 255], 1);
+    this.pen.lines(this.way, 1.8, ink);
+    if (!scene.scan || scene.numNodes === 0 || scene.numNodes < scene.state.nodes.length) return;
+    const last = poseAt(scene.motion.nodes.shown, scene.numNodes - 1);
+    const line = new LineList(1, this.anchor);
+    line.add(last[0], last[1], scene.scan.pose[0], scene.scan.pose[1], inkOf(inks.trajectory));
+    line.into(this.tail);
+    this.pen.lines(this.tail, 1.8, ink);
+  }
+
+  drawScan({ pose, points }, inks) {
+    this.setPoints(this.returns, pose, points);
+    this.pen.dots(this.returns, 3.2, tint(inks.scan, 0.9));
+  }
+
+  setPoints(shape, pose, points) {
+    const places = new Float32Array(points.length);
+    for (let i = 0; i < points.length; i += 2) {
+      const [x, y] = transform(pose, points[i], points[i + 1]);
+      places[i] = x - this.anchor[0];
+      places[i + 1] = y - this.anchor[1];
+    }
+    shape.set(places, places.length / 2, this.anchor);
+  }
+
+  drawRobot([x, y, theta], view, inks) {
+    const nose = transform([x, y, theta], ROBOT_PX / view.scale, 0);
+    for (const [rgb, more] of [[inks.halo, 4], [inks.robot, 0]]) {
+      const line = new LineList(1, this.anchor);
+      line.add(x, y, nose[0], nose[1], inkOf(rgb));
+      line.into(this.tail);
+      this.pen.lines(this.tail, 4 + more);
+      this.dots.set(new Float32Array([x - this.anchor[0], y - this.anchor[1]]), 1, this.anchor);
+      this.pen.dots(this.dots, 14 + more, tint(rgb, 1));
+    }
+  }
+
+  /** Bring the lines of constraints up to date. @param {Scene} scene */
+  setConstraints(scene, apart) {
+    const { state, motion, layers, colouring, numNodes } = scene;
+    const key = [motion.version, state.graphVersion, layers.closures, layers.constraints, colouring,
+      numNodes, apart, this.theme.name].join();
+    if (this.constraints.key === key) return;
+    this.constraints.key = key;
+    const [submaps, nodes] = [motion.submaps.shown, motion.nodes.shown];
+    const { constraints } = state;
+    const lines = new LineList(constraints.length, this.anchor);
+    for (const row of this.rowsShown(scene, thinning(scene, apart))) {
+      const constraint = constraints.at(row);
+      const from = beginOf(constraint, submaps, nodes);
+      const to = poseAt(nodes, constraint.b);
+      lines.add(from[0], from[1], to[0], to[1], this.inkOf(constraint, scene));
+    }
+    lines.into(this.constraints);
+  }
+
+  /**
+   * Yield the rows of constraints that are shown.
+   * @param {Scene} scene
+   * @param {number} every of so many nodes only one is shown, and what was rejected
+   */
+  * rowsShown({ state, motion, layers, numNodes }, every = 1) {
+    const { a, b, kinds } = state.constraints;
+    const numSubmaps = motion.submaps.shown.length / 3;
+    for (let row = 0; row < kinds.length; row++) {
+      const kind = kinds.numbers[row];
+      const isClosure = kind === Kind.CLOSURE || kind === Kind.REJECTED;
+      if (!(isClosure ? layers.closures : layers.constraints)) continue;
+      if (b.numbers[row] >= numNodes) continue;
+      if (b.numbers[row] % every !== 0 && kind !== Kind.REJECTED) continue;
+      if (a.numbers[row] >= (kind === Kind.NODES ? numNodes : numSubmaps)) continue;
+      yield row;
+    }
+  }
+
+  inkOf(constraint, { state, motion, colouring }) {
+    const { inks } = this.theme;
+    const isClosure = constraint.kind === Kind.CLOSURE || constraint.kind === Kind.REJECTED;
+    const alpha = isClosure ? closureAlpha(state.readings?.loop_closures ?? 0) : 0.3;
+    if (colouring === "residual") {
+      const { share } = residualOf(constraint, motion.submaps.shown, motion.nodes.shown);
+      return inkOf(this.theme.residual(share), alpha + 0.5 * Math.min(share, 1));
+    }
+    const names = ["intra", "closure", "nodes", "rejected"];
+    return inkOf(inks[names[constraint.kind]], constraint.kind === Kind.REJECTED ? 0.9 : alpha);
+  }
+
+  /** Draw where a closure was sought and found, and both scans. */
+  drawClosure(closure, { motion, pulse, latest }) {
+    const { inks } = this.theme;
+    const submaps = motion.submaps.shown;
+    if (3 * closure.submap + 2 >= submaps.length) return;
+    const submap = poseAt(submaps, closure.submap);
+    const found = chain(submap, closure.tf_submap_node);
+    if (closure.tf_submap_other) {
+      this.setPoints(this.dots, chain(submap, closure.tf_submap_other), closure.other_points.flat());
+      this.pen.dots(this.dots, 3, tint(inks.matched, 0.9));
+    }
+    this.setPoints(this.dots, found, closure.points.flat());
+    this.pen.dots(this.dots, 3, tint(inks.found, 0.9));
+    const lines = new LineList(8, this.anchor);
+    const ink = inkOf(inks.found);
+    if (closure.window) {
+      const { tf_submap_node: centre, linear_m: reach } = closure.window;
+      const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]]
+        .map(([u, v]) => transform(submap, centre[0] + u * reach, centre[1] + v * reach));
+      corners.forEach((corner, i) => lines.add(...corner, ...corners[(i + 1) % 4], inkOf(inks.window, 0.8)));
+    }
+    lines.add(submap[0], submap[1], found[0], found[1], ink);
+    lines.into(this.frame);
+    this.pen.lines(this.frame, closure === latest ? 1.6 + 3 * pulse : 1.8);
+    this.dots.set(new Float32Array([found[0] - this.anchor[0], found[1] - this.anchor[1]]), 1, this.anchor);
+    this.pen.dots(this.dots, 12 + 40 * pulse, tint(inks.found, pulse > 0 ? 0.5 : 0.3));
+    this.pen.dots(this.dots, 9, tint(inks.found, 1));
+  }
+}
+
+/** Return nodes that are so far apart from one to the next, and the last. */
+function nodesApart(poses, numNodes, apart) {
+  const kept = [];
+  let [x, y] = [Infinity, Infinity];
+  for (let node = 0; node < numNodes; node++) {
+    const far = Math.hypot(poses[3 * node] - x, poses[3 * node + 1] - y);
+    if (!(far < apart) || node === numNodes - 1) {
+      kept.push(node);
+      [x, y] = poseAt(poses, node);
+    }
+  }
+  return kept;
+}
+
+/** Return of how many nodes one has its constraints shown: fans of lines hide the map. */
+function thinning({ motion, numNodes }, apart) {
+  const poses = motion.nodes.shown;
+  let way = 0;
+  for (let node = 1; node < numNodes; node++) {
+    way += Math.hypot(poses[3 * node] - poses[3 * node - 3], poses[3 * node + 1] - poses[3 * node - 2]);
+  }
+  const step = way / Math.max(numNodes, 1);
+  return Math.max(1, 2 ** Math.round(Math.log2((3 * apart) / Math.max(step, 1e-3))));
+}
+
+/** Many closures are drawn fainter, one by one, so that the map is seen through them. */
+function closureAlpha(count) {
+  return Math.min(0.7, Math.max(0.06, 12 / Math.sqrt(count + 1) / 10));
+}
+
+function tint(rgb, alpha) {
+  return [...rgb.map((value) => value / 255), alpha];
+}

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+/**
+ * The readings: state in words, figures, what was skipped and why.
+ * @module
+ */
+import { byId, setText, store, stored } from "./dom.js";
+import { count, duration, factor, length, milliseconds } from "./words.js";
+
+const KEY = "cartoloop.readings";
+
+/** Shows READINGS. */
+export class Panel {
+  constructor() {
+    this.root = byId("panel");
+    const toggle = byId("panel-toggle");
+    const open = (isOpen) => {
+      this.root.classList.toggle("open", isOpen);
+      toggle.setAttribute("aria-expanded", String(isOpen));
+    };
+    open(stored(KEY, innerWidth > 640 && innerHeight > 620));
+    toggle.addEventListener("click", () => {
+      const isOpen = !this.root.classList.contains("open");
+      open(isOpen);
+      store(KEY, isOpen);
+    });
+  }
+
+  /** @param {{name: string}} hello */
+  begin({ name, program }) {
+    setText(byId("name"), name);
+    setText(byId("about"), program);
+    document.title = `${name} · cartoloop`;
+  }
+
+  /** @param {Record<string, any>} now READINGS */
+  show(now) {
+    const figures = {
+      time: duration(now.time_s),
+      factor: factor(now.real_time_factor),
+      closures: count(now.loop_closures),
+      scans: now.scans_total && now.scans_total !== now.scans
+        ? `${count(now.scans)} of ${count(now.scans_total)}` : count(now.scans),
+      nodes: count(now.nodes),
+      submaps: count(now.submaps),
+      constraints: count(now.constraints),
+      backlog: count(now.backlog),
+      adjustment: adjustment(now.adjustment),
+      uncertain: length(now.uncertain_m),
+      memory: now.memory_mb ? `${count(now.memory_mb)} MB` : "–",
+      skipped: count(sum(now.skipped)),
+    };
+    for (const [name, text] of Object.entries(figures)) setText(byId(`read-${name}`), text);
+    byId("figure-factor").hidden = now.real_time_factor === null;
+    this.showProgress(now);
+    this.showSkipped(now.skipped);
+  }
+
+  showProgress({ state, time_s: time, duration_s: whole }) {
+    const progress = byId("progress");
+    progress.hidden = !whole || state === "finished" || state === "failed";
+    if (!progress.hidden) {
+      progress.firstElementChild.style.width = `${Math.min(100, (100 * time) / whole)}%`;
+    }
+  }
+
+  showSkipped(skipped) {
+    const rows = Object.entries(skipped ?? {}).map(([reason, times]) => {
+      const [row, name, number] = ["li", "span", "span"].map((tag) => document.createElement(tag));
+      name.textContent = reason;
+      number.textContent = count(times);
+      row.append(name, number);
+      return row;
+    });
+    byId("skipped").replaceChildren(...rows);
+  }
+}
+
+function sum(counts) {
+  return Object.values(counts ?? {}).reduce((total, value) => total + value, 0);
+}
+
+function adjustment(told) {
+  if (!told || told.last_ms === null) return "–";
+  return milliseconds(told.last_ms);
+}

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+/**
+ * Draws a picture whenever something has changed, as often as the screen takes them.
+ * @module
+ */
+import { Overlays } from "./overlays.js";
+
+/** While more is being composed, what has been is shown so often [ms]. */
+const REFINE_PERIOD_MS = 250;
+/** For so long after a movement of the hand another one is awaited [ms]. */
+const HANDLED_MS = 250;
+/** The latest loop closure stands out for so long [ms]. */
+const PULSE_MS = 1600;
+/** Share of the last frame in the mean of how long frames take. */
+const FRAME_SHARE = 0.1;
+
+/** What is to be seen, and when it is drawn. */
+export class Stage {
+  /**
+   * @param {object} parts
+   * @param {import("./gl/renderer.js").Renderer} parts.renderer
+   * @param {import("./state.js").MapState} parts.state
+   * @param {import("./motion.js").Motion} parts.motion
+   * @param {import("./camera.js").Camera} parts.camera
+   * @param {import("./theme.js").Theme} parts.theme
+   * @param {import("./layers.js").Layers} parts.layers
+   * @param {import("./playback.js").PlaybackBar} parts.playback
+   * @param {import("./closure.js").ClosureCard} parts.closure
+   */
+  constructor(parts) {
+    Object.assign(this, parts);
+    this.overlays = new Overlays(this.renderer.gl, this.theme);
+    /** Whether the first picture of this connection is still to be drawn. */
+    this.isFirst = true;
+    this.isScheduled = false;
+    this.pulseBegan = -Infinity;
+    this.handledAt = -Infinity;
+    this.drawnAt = 0;
+    this.numComposed = 0;
+    /** So many pictures were drawn. */
+    this.numFrames = 0;
+    /** Mean time from one picture to the next while the picture moves [ms]. */
+    this.frameMs = null;
+    this.wasBusy = false;
+  }
+
+  /** A connection begins: what is shown stays until the whole state has come. */
+  begin() {
+    this.isFirst = true;
+    this.motion.clear();
+  }
+
+  /** A hand has moved the view. */
+  handle() {
+    this.handledAt = performance.now();
+    this.schedule();
+  }
+
+  /** Let the latest closure stand out for a while. */
+  pulse() {
+    this.pulseBegan = performance.now();
+  }
+
+  /** Something other than the view has changed. */
+  change() {
+    this.renderer.invalidate();
+    this.schedule();
+  }
+
+  /** The view may have changed, or there is something to compose. */
+  schedule() {
+    if (this.isScheduled) return;
+    this.isScheduled = true;
+    requestAnimationFrame((now) => this.frame(now));
+  }
+
+  frame(now) {
+    this.isScheduled = false;
+    this.noteFrame(now);
+    const { renderer, motion, playback, camera } = this;
+    if (renderer.resize()) renderer.invalidate();
+    if (this.hasAll || this.isFirst) motion.update(this.state, now);
+    if (this.hasAll && camera.placeFirst()) renderer.invalidate();
+    const isPlaying = playback.advance(now);
+    const isPulsing = now - this.pulseBegan < PULSE_MS;
+    if (motion.isGliding || isPlaying || isPulsing) renderer.invalidate();
+    if (playback.isBack) playback.bringScan(() => this.change());
+    const isFollowing = camera.follow(this.robotPose());
+    const isGliding = motion.isGliding || playback.isScrubbing;
+    const isHandled = now - this.handledAt < HANDLED_MS;
+    const isMoving = isGliding || isPlaying || isHandled;
+    const more = this.hasAll && !isGliding && !this.isFirst
+      && renderer.compose(motion.submaps.shown, (submap) => this.isShown(submap), isHandled);
+    this.refine(now, more, isMoving);
+    this.draw(now, isGliding, isMoving);
+    camera.show();
+    if (more || isMoving || isPulsing || isFollowing || renderer.map.isCoarse) this.schedule();
+    this.wasBusy = isMoving;
+  }
+
+  noteFrame(now) {
+    const took = now - this.lastFrame;
+    if (this.wasBusy && took > 0) {
+      this.frameMs = this.frameMs === null ? took : this.frameMs + FRAME_SHARE * (took - this.frameMs);
+    }
+    this.lastFrame = now;
+  }
+
+  /** Draw anew what has been composed meanwhile, but not all the time. */
+  refine(now, more, isMoving) {
+    const { renderer } = this;
+    if (renderer.map.isCoarse && !isMoving) renderer.invalidate();
+    if (renderer.work.numComposed === this.numComposed) return;
+    if (renderer.map.hasPreview && more && now - this.drawnAt < REFINE_PERIOD_MS) return;
+    this.numComposed = renderer.work.numComposed;
+    renderer.invalidate();
+  }
+
+  draw(now, gliding, moving) {
+    const { renderer, hasAll } = this;
+    if (!hasAll && (!this.isFirst || now - this.drawnAt < REFINE_PERIOD_MS)) return;
+    const scene = this.scene(now);
+    const isDrawn = renderer.draw({
+      poses: this.motion.submaps.shown, isShown: (submap) => this.isShown(submap), gliding, moving,
+      drawOver: (view) => this.overlays.draw(view, scene),
+    });
+    if (isDrawn) this.drawnAt = now;
+    this.numFrames++;
+    if (!this.isFirst || !hasAll) return;
+    this.isFirst = false;
+    renderer.whenDrawn(() => performance.mark("cartoloop:first-picture"));
+    this.change();
+  }
+
+  /** Draw at once, for who reads the canvas. */
+  drawNow() {
+    this.renderer.invalidate();
+    this.draw(performance.now(), this.motion.isGliding, false);
+  }
+
+  /** Whether all submaps can be shown, if only as previews. */
+  get hasAll() {
+    const { submaps } = this.renderer;
+    if (this.state.isComplete) return submaps.numPreviewsPending === 0;
+    const count = this.state.submapPoses.length;
+    return count > 0 && submaps.previews.size >= count;
+  }
+
+  /** Whether a submap is there as of the time that is shown. */
+  isShown(submap) {
+    if (!this.playback.isBack) return true;
+    return !(this.state.firstNodes.get(submap) >= this.playback.numNodes);
+  }
+
+  /** @returns {import("./overlays.js").Scene} */
+  scene(now) {
+    const { state, motion, layers, playback } = this;
+    return {
+      state, motion, layers: layers.on, colouring: layers.colouring,
+      numNodes: Math.min(playback.numNodes, motion.nodes.shown.length / 3),
+      scan: playback.isBack ? playback.scan : state.scan,
+      closure: this.closure.told, latest: playback.isBack ? null : state.latestClosure,
+      pulse: Math.max(0, 1 - (now - this.pulseBegan) / PULSE_MS),
+    };
+  }
+
+  /** Return where the robot is, as of the time that is shown. */
+  robotPose() {
+    const { scan } = this.playback.isBack ? this.playback : this.state;
+    return scan?.pose ?? null;
+  }
+}

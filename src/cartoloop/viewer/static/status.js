@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+/**
+ * How it stands, in plain words: what the program does, whether there is a connection to it, and
+ * whether this browser can show anything.
+ * @module
+ */
+import { byId, setText } from "./dom.js";
+
+/** A connection that is back sooner is not worth a word. */
+const PATIENCE_MS = 700;
+/** The graphics card is given so long to come back. */
+const GRAPHICS_MS = 5000;
+
+const LOST = "No connection to the program. The map stays as it was; this page tries again by itself.";
+const NEVER = "The program cannot be reached. Is it still running? This page tries again by itself.";
+
+/** Tells the state of things. */
+export class Status {
+  constructor() {
+    this.dot = byId("state-dot");
+    this.text = byId("state");
+    this.banner = byId("banner");
+    this.hasFailed = false;
+  }
+
+  /**
+   * @param {import("./connection.js").Status} connection
+   * @param {{state: string, text: string} | null} readings the last that came
+   */
+  show(connection, readings) {
+    if (this.hasFailed) return;
+    clearTimeout(this.timer);
+    document.body.dataset.connection = connection;
+    if (connection === "connected") {
+      this.tell("");
+      this.say(readings?.state ?? "starting", readings?.text ?? "loading the map");
+      return;
+    }
+    this.say("lost", readings ? "reconnecting" : "connecting");
+    this.timer = setTimeout(() => this.tell(readings ? LOST : NEVER), PATIENCE_MS);
+  }
+
+  /** Nothing more can be shown. @param {string} text why */
+  fail(text) {
+    clearTimeout(this.timer);
+    this.hasFailed = true;
+    document.body.dataset.connection = "failed";
+    this.say("failed", "cannot be shown");
+    this.tell(text);
+  }
+
+  /** Watch over the graphics card: all that it held is gone when it is lost. */
+  watch(canvas) {
+    canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault();
+      this.tell("The graphics card was lost. The page is loaded anew as soon as it is back.");
+      setTimeout(() => location.reload(), GRAPHICS_MS);
+    });
+    canvas.addEventListener("webglcontextrestored", () => location.reload());
+  }
+
+  say(state, text) {
+    this.dot.dataset.state = state;
+    setText(this.text, text);
+  }
+
+  tell(text) {
+    this.banner.hidden = text === "";
+    setText(this.banner, text);
+  }
+}

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+/**
+ * Light and dark: as the system has it, or as the operator wants it.
+ * @module
+ */
+import { DARK, lightColours } from "./shades.js";
+
+const KEY = "cartoloop.theme";
+
+/** @typedef {[number, number, number]} Rgb */
+
+/**
+ * Colours over the map, after Okabe and Ito: people with any colour vision can tell them apart.
+ * @type {Record<"light" | "dark", Record<string, Rgb>>}
+ */
+const INKS = {
+  light: {
+    trajectory: [0, 114, 178], scan: [213, 94, 0], node: [0, 114, 178], robot: [0, 90, 150],
+    halo: [255, 255, 255], closure: [213, 94, 0], intra: [86, 150, 190], nodes: [0, 158, 115],
+    rejected: [204, 121, 167], window: [94, 98, 104], matched: [0, 114, 178], found: [213, 94, 0],
+  },
+  dark: {
+    trajectory: [86, 180, 233], scan: [240, 150, 60], node: [86, 180, 233], robot: [86, 180, 233],
+    halo: [20, 23, 27], closure: [240, 128, 60], intra: [90, 140, 175], nodes: [40, 190, 145],
+    rejected: [220, 150, 190], window: [170, 175, 182], matched: [86, 180, 233],
+    found: [240, 128, 60],
+  },
+};
+
+/** From what agrees to what is violated: from blue over yellow-grey to red, ever darker or lighter. */
+const RESIDUALS = {
+  light: [[0, 114, 178], [120, 140, 120], [214, 150, 30], [200, 60, 10]],
+  dark: [[86, 180, 233], [140, 170, 150], [236, 190, 80], [255, 110, 60]],
+};
+
+/** Knows which theme is on. */
+export class Theme {
+  /** @param {() => void} onChange */
+  constructor(onChange) {
+    this.onChange = onChange;
+    this.system = matchMedia("(prefers-color-scheme: dark)");
+    this.system.addEventListener("change", () => this.apply());
+    /** @type {"light" | "dark" | null} null: as the system has it */
+    this.chosen = localStorage.getItem(KEY);
+    this.palette = null;
+    this.apply();
+  }
+
+  /** @returns {"light" | "dark"} */
+  get name() {
+    return this.chosen ?? (this.system.matches ? "dark" : "light");
+  }
+
+  get inks() {
+    return INKS[this.name];
+  }
+
+  /** Colours of the map. */
+  get map() {
+    if (this.name === "dark" || !this.palette) return DARK;
+    return lightColours(this.palette);
+  }
+
+  /** Go over to the other one. */
+  toggle() {
+    this.chosen = this.name === "dark" ? "light" : "dark";
+    localStorage.setItem(KEY, this.chosen);
+    this.apply();
+  }
+
+  apply() {
+    document.documentElement.dataset.theme = this.name;
+    this.onChange();
+  }
+
+  /** Return the colour of a residual, from 0 to 1, at which it is violated. @returns {Rgb} */
+  residual(share) {
+    const ramp = RESIDUALS[this.name];
+    const at = Math.min(Math.max(share, 0), 1) * (ramp.length - 1);
+    const low = Math.min(Math.floor(at), ramp.length - 2);
+    return ramp[low].map((value, i) => Math.round(value + (at - low) * (ramp[low + 1][i] - value)));
+  }
+}
