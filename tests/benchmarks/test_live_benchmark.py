@@ -26,6 +26,7 @@ def test_latencies_of_a_replay_are_measured(tmp_path, capsys):
         assert 0.0 < figures["median latency"] <= figures["99% within"] <= figures["longest"]
         assert figures["nodes"] > 10
         assert figures["dropped"] == 0
+        assert figures["closures join within"] >= 0.0
     assert "median latency [ms]" in capsys.readouterr().out
 
 

@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+import time
+from itertools import pairwise
 from threading import Event
 
 import numpy as np
 import pytest
 
 from cartoloop.config import Config
+from cartoloop.global_slam.global_slam import SEARCHES_A_LIVE_PERIOD
 from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import LaserScan, Odometry
 from cartoloop.sensor.pose import Pose
@@ -121,3 +124,28 @@ def test_a_pose_is_out_before_its_scan_is_inserted(drive):
     assert nodes_then[0] == 0
     assert result.graph.num_nodes > 10
     assert np.array_equal(result.local_trajectory, np.array(handed_out))
+
+
+def test_closures_join_long_before_the_next_adjustment(drive):
+    config, joined = small_submaps(), []
+    mapper = Mapper(config, live=True)
+    slam = mapper.global_slam
+    for event in drive.events(with_odometry=True):
+        mapper.add(event)
+        if isinstance(event, LaserScan):  # at a robot's pace, all is done before the next one
+            done = Event()
+            mapper.look(done.set)
+            assert done.wait(30.0)
+            while slam.search.num_running:
+                time.sleep(0.001)
+            joined.append((slam.graph.num_nodes, slam.num_loop_closures))
+    mapper.close()
+
+    period = config.global_slam.optimize_every_n_nodes
+    came_at = {
+        nodes % period for (nodes, now), (_, before) in pairwise(reversed(joined)) if now > before
+    }
+    assert len(came_at) > 1
+    assert len(slam.found_after) == len(slam.found) > 0
+    assert max(slam.found_after) <= 2 * (period // SEARCHES_A_LIVE_PERIOD) + 1
+    assert slam.num_put_off == 0

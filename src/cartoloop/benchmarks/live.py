@@ -83,6 +83,7 @@ def _row(same: Sequence[PaceResult]) -> Row:
     """Return the figures of one pace in all repeats."""
     quantiles = np.array([np.quantile(run.latencies, (0.5, 0.99, 1.0)) for run in same]) * 1e3
     cpu = [1e3 * float(np.quantile(run.cpu_s, 0.99)) for run in same]
+    joined = [max(run.joined_after, default=0.0) for run in same]
     first = same[0]
     return Row(
         {"times real time": first.pace},
@@ -95,6 +96,7 @@ def _row(same: Sequence[PaceResult]) -> Row:
             "CPU, 99% within": Figure.of_samples(cpu, "ms"),
             "nodes": Figure.of_samples([run.nodes for run in same], "", None),
             "closures": Figure.of_samples([run.closures for run in same], "", None),
+            "closures join within": Figure.of_samples(joined, "periods"),
             "adjustments": Figure.of_samples([run.adjustments for run in same], "", None),
             "searches": Figure.of_samples([run.searched for run in same], "", None),
             "put off": Figure.of_samples([run.put_off for run in same], ""),

@@ -20,6 +20,7 @@ from threading import Event
 
 import numpy as np
 
+from cartoloop.config import Config
 from cartoloop.live.autosave import Autosave
 from cartoloop.live.inbox import Inbox
 from cartoloop.live.messages import EndMessage, parse_message
@@ -31,6 +32,8 @@ from cartoloop.live.warm_up import get_ready
 from cartoloop.mapper import Mapper
 from cartoloop.readers import open_log
 from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
+
+CONFIG = Config()
 
 SETTLING_S = 5.0
 
@@ -46,9 +49,11 @@ class PaceResult:
     poses : how many of them got a pose.
     latencies : of each, from its arrival until its pose was out [s].
     cpu_s : of each, processor time of the mapping thread, waking up and all [s].
+    joined_after : of each closure, periods of adjustment from when it was asked for to when it
+        joined the graph.
     nodes, closures, adjustments, saves : how many were added meanwhile.
     searched : how many searches were made.
-    put_off : searches that were not done at the first adjustment after they were started.
+    put_off : searches that were started and not done when the graph was adjusted.
     dropped : searches dropped.
     """
 
@@ -57,6 +62,7 @@ class PaceResult:
     poses: int
     latencies: list[float]
     cpu_s: list[float]
+    joined_after: list[float]
     nodes: int
     closures: int
     adjustments: int
@@ -108,7 +114,7 @@ def replay(path: Path, num_first: int, paces: Sequence[tuple[float, float]]) -> 
     """
     events = iter(open_log(path))
     get_ready()
-    mapper = Mapper(live=True)
+    mapper = Mapper(CONFIG, live=True)
     results = []
     notices = Notices(lambda line: print(line, file=sys.stderr))
     sequencer = Sequencer(notices)
@@ -147,14 +153,16 @@ def _at_pace(
     session = LiveSession(
         PacedSource(events, pace), mapper, Inbox(), sequencer, notices, after_scan=after_scan
     )
-    before = _counts(mapper, autosave)
+    before, num_found = _counts(mapper, autosave), len(mapper.global_slam.found_after)
     session.run(lambda: False)
     _catch_up(mapper)
     after = _counts(mapper, autosave)
     num_scans = sum(isinstance(event, LaserScan) for event in events)
     added = [now - then for now, then in zip(after, before, strict=True)]
     cpu_s = np.diff(cpu_times).tolist()
-    return PaceResult(pace, num_scans, len(latencies), latencies, cpu_s, *added)
+    period = CONFIG.global_slam.optimize_every_n_nodes
+    joined = [nodes / period for nodes in mapper.global_slam.found_after[num_found:]]
+    return PaceResult(pace, num_scans, len(latencies), latencies, cpu_s, joined, *added)
 
 
 def _counts(mapper: Mapper, autosave: Autosave) -> tuple[int, ...]:
@@ -165,16 +173,18 @@ def _counts(mapper: Mapper, autosave: Autosave) -> tuple[int, ...]:
         len(slam.adjustments),
         autosave.num_saves,
         slam.search.num_searched,
-        slam.search.num_put_off,
+        slam.num_put_off,
         slam.search.num_dropped,
     )
 
 
 def _catch_up(mapper: Mapper) -> None:
-    """Return when all nodes are in the graph."""
+    """Return when all nodes are in the graph, and sought where searches were started."""
     done = Event()
     mapper.look(done.set)
     done.wait()
+    while mapper.global_slam.search.num_running:
+        time.sleep(0.01)
 
 
 def _of_duration(events: Iterator[SensorEvent], seconds: float) -> Iterator[SensorEvent]:

@@ -55,7 +55,6 @@ class ConstraintSearch:
     ----------
     num_searched : how many searches were made.
     num_dropped : how many were dropped instead.
-    num_put_off : how many were not done when they were collected, and left for the next time.
     durations : time that each task of a thread took [s].
     """
 
@@ -75,15 +74,17 @@ class ConstraintSearch:
         self._num_submitted = 0
         self.num_searched = 0
         self.num_dropped = 0
-        self.num_put_off = 0
         self.durations: list[float] = []
 
     @property
     def backlog(self) -> int:
         """How many searches were submitted and are not done; may be asked in any thread."""
-        waiting = sum(len(requests) for requests in list(self._waiting.values()))
-        running = sum(size for future, size in self._pending if not future.done())
-        return waiting + running
+        return sum(len(requests) for requests in list(self._waiting.values())) + self.num_running
+
+    @property
+    def num_running(self) -> int:
+        """How many of them were started; may be asked in any thread."""
+        return sum(size for future, size in self._pending if not future.done())
 
     def submit(self, submap: FinishedSubmap, requests: Sequence[SearchRequest]) -> None:
         """Note nodes to be sought in one submap when :meth:`start` is called next."""
@@ -124,7 +125,6 @@ class ConstraintSearch:
         if not wait:
             started, pending = pending, [task for task in pending if task[0].done()]
             self._pending = [task for task in started if task not in pending]
-            self.num_put_off += sum(size for _, size in self._pending)
         found: list[tuple[int, LoopClosure]] = []
         for future, _ in pending:
             batch = future.result()

@@ -40,6 +40,9 @@ SEARCHES_A_PERIOD = 2
 """So often, from one adjustment to the next, searches are started. Those started right after an
 adjustment are done long before the next one, which need not wait for them then."""
 
+SEARCHES_A_LIVE_PERIOD = 9
+"""The same where nobody waits for searches; what they found joins the graph as often."""
+
 
 @dataclass(frozen=True, slots=True)
 class AdjustmentRun:
@@ -71,8 +74,14 @@ class GlobalSlam:
     config : its parameters.
     timer : takes its times.
     wait_for_searches : whether an adjustment waits for the searches that were started before it,
-        so that the result is always the same. Otherwise what is not done joins at the next one,
-        and searches that would be too far behind are dropped and counted.
+        so that the result is always the same. Otherwise what is found joins when it is, and
+        searches that would be too far behind are dropped and counted.
+
+    Attributes
+    ----------
+    found : the loop closures, in the order in which they joined the graph.
+    found_after : of each, how many nodes were added between asking for it and its joining.
+    num_put_off : searches that were started and not done when the graph was adjusted.
     """
 
     def __init__(
@@ -89,6 +98,8 @@ class GlobalSlam:
             max_backlog=None if wait_for_searches else MAX_BACKLOG,
         )
         self.found: list[LoopClosure] = []
+        self.found_after: list[int] = []
+        self.num_put_off = 0
         self.adjustments: list[AdjustmentRun] = []
         self.rejected: list[LoopClosure] = []
         self._selection = PairSelection(config.constraint_search)
@@ -130,20 +141,16 @@ class GlobalSlam:
             self._seek_in(finished)
         if self.graph.num_nodes % every == 0:
             self.adjust(self._config.pose_adjustment.max_num_iterations)
-        if self.graph.num_nodes % max(every // SEARCHES_A_PERIOD, 1) == 0:
+        often = SEARCHES_A_PERIOD if self._waits else SEARCHES_A_LIVE_PERIOD
+        if self.graph.num_nodes % max(every // often, 1) == 0:
+            if not self._waits:
+                self._take_in_closures()
             self.search.start()
 
     def adjust(self, max_num_iterations: int) -> None:
         """Take in the loop closures whose searches were started, and adjust all poses."""
-        num_timed = len(self.search.durations)
-        with self._timer.measure("wait for searches"):
-            closures = self.search.collect(wait=self._waits)
-        for duration in self.search.durations[num_timed:]:
-            self._timer.record("search", duration)
-        self.found += closures
-        for closure in closures:
-            self._selection.note_found(closure.submap, self._node_submaps[closure.node][0])
-        self._add_closures(closures)
+        self._take_in_closures()
+        self.num_put_off += self.search.num_running
         with self._timer.measure("adjust"):
             self._adjust(max_num_iterations)
 
@@ -278,7 +285,22 @@ class GlobalSlam:
             Pose(*self.graph.submap_poses[submap].tolist()),
             Pose(*self.graph.node_poses[node].tolist()),
         )
-        return SearchRequest(submap, node, own, points, estimate, *self._selection.window(length))
+        window = self._selection.window(length)
+        return SearchRequest(submap, node, own, points, estimate, *window, self.graph.num_nodes)
+
+    def _take_in_closures(self) -> None:
+        """Add the loop closures that were found to the graph."""
+        num_timed = len(self.search.durations)
+        with self._timer.measure("wait for searches"):
+            closures = self.search.collect(wait=self._waits)
+        for duration in self.search.durations[num_timed:]:
+            self._timer.record("search", duration)
+        self.found += closures
+        for closure in closures:
+            self._selection.note_found(closure.submap, self._node_submaps[closure.node][0])
+            if closure.request is not None:
+                self.found_after.append(self.graph.num_nodes - closure.request.num_nodes)
+        self._add_closures(closures)
 
     def _add_closures(self, closures: Sequence[LoopClosure]) -> None:
         if closures:

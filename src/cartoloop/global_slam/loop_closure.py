@@ -37,6 +37,7 @@ class SearchRequest:
     points : float64, shape (n, 2), the node's returns [m], tracking frame.
     tf_submap_node : estimate, the centre of the window.
     linear_window, angular_window : how far to search each way [m], [rad].
+    num_nodes : how many nodes the graph had when it was asked for.
     """
 
     submap: int
@@ -46,6 +47,7 @@ class SearchRequest:
     tf_submap_node: Pose
     linear_window: float
     angular_window: float
+    num_nodes: int = 0
 
 
 @dataclass(frozen=True, slots=True)
