@@ -25,6 +25,10 @@ class NoBrowserError(CartoloopError):
     """There is no browser that can be used, and why."""
 
 
+class PageFailed(CartoloopError):  # noqa: N818 - named for what happened
+    """A page does not do what is expected of it."""
+
+
 @contextmanager
 def browser() -> Iterator[Browser]:
     """Yield a browser whose WebGL is computed by the processor: the same picture everywhere.
@@ -33,6 +37,8 @@ def browser() -> Iterator[Browser]:
     ------
     NoBrowserError
         playwright or Chromium is not installed, or does not start.
+    PageFailed
+        Something that was awaited did not come, or what was asked of a page cannot be done.
     """
     program = next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:
@@ -55,5 +61,7 @@ def browser() -> Iterator[Browser]:
             ) from error
         try:
             yield started
+        except Error as error:
+            raise PageFailed(f"the page failed: {error.message.splitlines()[0]}") from error
         finally:
             started.close()

@@ -166,16 +166,23 @@ class _Session:
         with suppress(WebSocketDisconnect):
             for task in done:
                 if (close := task.result()) is not None:
-                    await self._websocket.close(*close)
+                    with suppress(RuntimeError):  # it has just been closed
+                        await self._websocket.close(*close)
 
     async def _send(self, subscription: Subscription) -> None:
         """Send answers and what has changed; each send waits until the page takes it."""
         while True:
             await subscription.changed.wait()
             while not self._answers.empty():
-                await self._websocket.send_bytes(self._answers.get_nowait())
+                await self._send_bytes(self._answers.get_nowait())
             if bundle := subscription.bundle(self._state.parts):
-                await self._websocket.send_bytes(bundle)
+                await self._send_bytes(bundle)
+
+    async def _send_bytes(self, data: bytes) -> None:
+        try:
+            await self._websocket.send_bytes(data)
+        except RuntimeError as error:  # whoever broke the protocol was told so by the layer below
+            raise WebSocketDisconnect(1006) from error
 
     async def _receive(self, subscription: Subscription) -> tuple[int, str] | None:
         """Answer requests; return code and reason where the connection must end for one."""
