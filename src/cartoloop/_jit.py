@@ -13,7 +13,6 @@ what is wrong with a file of the cache, or the disk, costs no more than compilin
 from __future__ import annotations
 
 import hashlib
-import os
 import sys
 import tempfile
 import threading
@@ -28,8 +27,13 @@ import llvmlite.binding as llvm
 import numba
 from numba.core import caching, compiler, event, runtime
 
+from cartoloop._kernel_folder import Turns, user_cache_folder
+
 _KERNEL_BYTES = 1 << 20
 """More than any one kernel takes on the disk."""
+
+_WAIT = "cartoloop:wait"
+"""The event that another process compiles what this one needs."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -38,17 +42,6 @@ _config: Any = numba.config
 _runtime: Any = runtime
 _njit: Any = numba.njit
 _rebuild: Any = compiler.CompileResult._rebuild
-
-
-def _user_cache_folder() -> Path:
-    """Return the folder for cached data that the operating system gives the user."""
-    if configured := os.environ.get("CARTOLOOP_CACHE_DIR"):
-        return Path(configured).absolute()
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "cartoloop"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "cartoloop"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "cartoloop"
 
 
 @lru_cache(maxsize=1)
@@ -60,7 +53,7 @@ def kernel_cache_folder() -> Path:
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
     bounds_check = "-checked" if _config.BOUNDSCHECK else ""
-    return _user_cache_folder() / "kernels" / (digest.hexdigest()[:16] + bounds_check)
+    return user_cache_folder() / "kernels" / (digest.hexdigest()[:16] + bounds_check)
 
 
 def kernel(function: F) -> F:
@@ -103,6 +96,12 @@ def can_keep_kernels() -> bool:
     return True
 
 
+@lru_cache(maxsize=1)
+def _turns(folder: Path) -> Turns:
+    """Return whose turn it is to compile what is not in a folder."""
+    return Turns(folder)
+
+
 class _CompiledKernels(caching.CompileResultCacheImpl):
     """Makes kernels of what the files of the cache hold."""
 
@@ -124,13 +123,37 @@ class _CompiledKernels(caching.CompileResultCacheImpl):
 
 
 class _KernelCache(caching.FunctionCache):
-    """Loads kernels without readying the compiler for a compilation, which readies it itself."""
+    """Loads kernels without readying the compiler for a compilation, which readies it itself.
+
+    A kernel that is not there is compiled by one process alone, while others wait for it. They wait
+    for no more than what it calls while they hold it themselves: not for each other.
+    """
 
     _impl_class = _CompiledKernels
 
     def load_overload(self, sig: object, target_context: object) -> object:
-        """Return the kernel of a signature, or None if the cache does not hold it."""
+        """Return the kernel of a signature, or None if the cache does not hold it.
+
+        It is this process' turn to compile it then.
+        """
         _runtime.rtsys.initialize(target_context)  # all that kernels themselves call
+        turns = _turns(kernel_cache_folder())
+        if (loaded := self._load(sig, target_context)) is not None:
+            return loaded
+        if turns.is_taken(self._kernel_name):
+            trigger: Any = event.trigger_event
+            with trigger(_WAIT):
+                turns.wait(self._kernel_name)
+        # Another process may have compiled it since.
+        if (loaded := self._load(sig, target_context)) is not None:
+            turns.give_back(self._kernel_name)
+        return loaded
+
+    @property
+    def _kernel_name(self) -> str:
+        return cast(str, cast(Any, self)._impl.filename_base)
+
+    def _load(self, sig: object, target_context: object) -> object:
         base = cast(Any, self)
         try:
             loaded = base._load_overload(sig, target_context)
@@ -148,6 +171,7 @@ class _KernelCache(caching.FunctionCache):
         """Keep a kernel for the next run; if the disk is full, that one compiles it anew."""
         with suppress(OSError):
             cast(Any, super()).save_overload(sig, data)
+        _turns(kernel_cache_folder()).give_back(self._kernel_name)
 
     def _forget(self) -> None:
         """Have what there is of this kernel written anew."""
@@ -156,11 +180,12 @@ class _KernelCache(caching.FunctionCache):
 
 
 class CompileWatch(event.Listener):
-    """Knows whether kernels are compiled, and how long this thread has waited for it.
+    """Knows whether kernels are compiled, and how long this thread has been held up by it.
 
     Attributes
     ----------
-    seconds : time that the thread which made the watch has spent compiling [s].
+    seconds : time that the thread which made the watch has spent compiling, or waiting for another
+        process to compile [s].
     """
 
     def __init__(self, on_first: Callable[[], None]) -> None:
@@ -199,5 +224,5 @@ def watch_compilation(on_first: Callable[[], None]) -> Iterator[CompileWatch]:
     """
     watch = CompileWatch(on_first)
     install: Any = event.install_listener
-    with install("numba:compile", watch):
+    with install("numba:compile", watch), install(_WAIT, watch):
         yield watch

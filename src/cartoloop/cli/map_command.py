@@ -64,10 +64,11 @@ def map_command(
 
     loaded = load_config(config, settings_with_threads(settings, threads))
 
-    from cartoloop.cli.mapping import map_recording
+    from cartoloop.cli.mapping import compilation_told, map_recording
     from cartoloop.readers import open_logs
 
-    log = open_logs(logs, options)
+    with compilation_told():
+        log = open_logs(logs, options)
     typer.echo(log.description)
     if not view:
         map_recording(log, loaded, out, layers)

@@ -15,6 +15,7 @@ import typer
 
 from cartoloop.cli.memory import return_large_blocks
 from cartoloop.cli.progress import format_duration, progress
+from cartoloop.cli.second_process import start_second_process
 from cartoloop.cli.stop_signals import StopRequest, stop_signals
 from cartoloop.errors import InputError, Interrupted
 
@@ -28,8 +29,11 @@ if TYPE_CHECKING:
     from cartoloop.readers import Log
     from cartoloop.viewer.view import LiveView
 
-COMPILE_TIME_S = 20
-"""About how long compiling all kernels takes."""
+COMPILE_TIME_S = 26
+"""About how long compiling all kernels takes one process."""
+
+SHARED_COMPILE_TIME_S = 15
+"""About how long it takes two."""
 
 _MAX_PROBLEMS_SHOWN = 5
 
@@ -97,11 +101,13 @@ def compilation_told() -> Iterator[CompileWatch]:
 
 @cache
 def _tell_of_compilation() -> None:
-    """Tell the user, the first time that this is called."""
+    """Tell the user, and get help, the first time that this is called."""
     from cartoloop._jit import can_keep_kernels, kernel_cache_folder
 
     if can_keep_kernels():
-        typer.echo(f"compiling kernels, once: about {COMPILE_TIME_S} s", err=True)
+        has_help = start_second_process()
+        seconds = SHARED_COMPILE_TIME_S if has_help else COMPILE_TIME_S
+        typer.echo(f"compiling kernels, once: about {seconds} s", err=True)
         return
     typer.echo(
         f"compiling kernels, about {COMPILE_TIME_S} s in each run: {kernel_cache_folder()} cannot "
