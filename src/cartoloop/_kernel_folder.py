@@ -8,6 +8,7 @@ take turns through a file in it, which tells by its time when the folder was las
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
 import time
@@ -19,6 +20,7 @@ UNUSED_S = 30 * 86400.0
 """Folders that have not been used for so long are removed [s]."""
 
 _TURNS = "turns"
+_OWN_NAME = re.compile(r"[0-9a-f]{16}(-checked)?(\.\d+\.unused)?")
 _PATIENCE_S = 60.0
 _POLL_S = 0.01
 
@@ -88,7 +90,7 @@ def remove_unused(folders: Path, before: float) -> None:
     """
     for folder in folders.iterdir():
         with suppress(OSError):
-            if folder.is_dir() and _last_use(folder) < before:
+            if _OWN_NAME.fullmatch(folder.name) and _last_use(folder) < before:
                 # A name that nobody knows: it is there as a whole, or not at all.
                 doomed = folder.rename(folder.with_name(f"{folder.name}.{os.getpid()}.unused"))
                 shutil.rmtree(doomed, ignore_errors=True)

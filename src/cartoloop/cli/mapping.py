@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -103,7 +104,9 @@ def compilation_told() -> Iterator[CompileWatch]:
 def _tell_of_compilation() -> None:
     """Tell the user, and get help, the first time that this is called."""
     from cartoloop._jit import can_keep_kernels, kernel_cache_folder
+    from cartoloop.compile_ahead import OBJECTS
 
+    gc.set_threshold(OBJECTS)
     if can_keep_kernels():
         has_help = start_second_process()
         seconds = SHARED_COMPILE_TIME_S if has_help else COMPILE_TIME_S

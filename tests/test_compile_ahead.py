@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The first run has a second process compile what it needs later; no kernel is compiled twice."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cartoloop
+
+COUNT = """
+import sys
+import numpy as np
+from numba.core import event
+from cartoloop.kernels.voxel_filter import adaptive_voxel_filter
+
+class Names(event.Listener):
+    def on_start(self, event):
+        print(event.data["dispatcher"].__name__)
+
+    def on_end(self, event):
+        pass
+
+event.register("numba:compile", Names())
+points = np.random.default_rng(0).uniform(-5.0, 5.0, (300, 2))
+kept = np.zeros_like(points)
+print(adaptive_voxel_filter(points, 2.0, 100, 60.0, kept), kept.sum())
+"""
+
+SIGNATURES = """
+import sys
+from cartoloop.compile_ahead import compile_ahead
+from cartoloop.live.warm_up import warm_up
+
+def compiled():
+    return {
+        f"{module}.{name}": set(kernel.signatures)
+        for module in list(sys.modules)
+        if module.startswith("cartoloop.kernels.")
+        for name, kernel in vars(sys.modules[module]).items()
+        if getattr(kernel, "signatures", None) and kernel.py_func.__module__ == module
+    }
+
+compile_ahead()
+ahead = compiled()
+warm_up()
+print(len(ahead))
+for name, signatures in compiled().items():
+    if signatures != ahead.get(name):
+        print(name.removeprefix("cartoloop.kernels."))
+"""
+
+LOCAL_SLAM = {
+    "correlative.match_correlative",
+    "grid_update.update_cells",
+    "range_projection.project_ranges",
+    "ray_casting.fits",
+    "ray_casting.scan_cells",
+    "scan_residuals.match_least_squares",
+    "voxel_filter.adaptive_voxel_filter",
+    "voxel_filter.voxel_filter",
+}
+
+
+def test_two_processes_at_once_compile_each_kernel_once(tmp_path):
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", COUNT],
+            env=os.environ | {"CARTOLOOP_CACHE_DIR": str(tmp_path)},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for _ in range(2)
+    ]
+    told = [process.communicate()[0].splitlines() for process in processes]
+    assert told[0][-1] == told[1][-1]
+    compiled = [name for lines in told for name in lines[:-1]]
+    assert compiled.count("adaptive_voxel_filter") == 1
+    assert min(map(len, told)) == 1
+
+
+def test_all_that_global_slam_needs_is_compiled_ahead():
+    run = subprocess.run(
+        [sys.executable, "-c", SIGNATURES], capture_output=True, text=True, check=True
+    )
+    num_ahead, *later = run.stdout.split()
+    assert int(num_ahead) > 30
+    assert set(later) <= LOCAL_SLAM
+
+
+def test_the_second_process_ends_with_the_first(tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", "cartoloop.compile_ahead"],
+        env=os.environ
+        | {
+            "CARTOLOOP_CACHE_DIR": str(tmp_path),
+            "PYTHONPATH": str(Path(cartoloop.__file__).parent.parent),
+        },
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert process.communicate(timeout=30.0) == (b"", b"")
+    assert process.returncode == 0
+    assert not list(tmp_path.rglob("ahead-*"))
