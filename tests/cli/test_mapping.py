@@ -69,7 +69,7 @@ class StandIn:
             report=Report(input=summary, skipped={"no returns": 2}),
         )
 
-    def finish(self):
+    def finish(self, note=None):
         if self.at_finish:
             self.at_finish()
         return self.result()
