@@ -9,10 +9,9 @@ from time import monotonic
 
 from cartoloop.errors import OutputError
 from cartoloop.live.notices import Notices
-from cartoloop.map_file.save import map_bytes
+from cartoloop.map_file.growing_map import GrowingMap
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.result import Result
-from cartoloop.map_output.save import write_file
 from cartoloop.mapper import Mapper
 
 MIN_PERIOD_S = 1.0
@@ -42,6 +41,7 @@ class Autosave:
         self, mapper: Mapper, folder: Path, notices: Notices, min_period: float = MIN_PERIOD_S
     ) -> None:
         self._mapper = mapper
+        self._map = GrowingMap()
         self._path = folder / FILE_NAME
         self._notices = notices
         self._min_period = min_period
@@ -74,7 +74,7 @@ class Autosave:
     def _save(self, result: Result) -> None:
         start = monotonic()
         try:
-            write_file(self._path, map_bytes(result))
+            self._map.save(result, self._path)
             self.num_saves += 1
         except OutputError as error:
             self._notices.note("the map is not saved", f"{error}; trying on")

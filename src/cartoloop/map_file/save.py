@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict
+from itertools import count
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,23 +33,54 @@ POINT_UNIT = 0.001
 """Points are kept to a millimetre, or where they lie further than 32 m, as finely as they fit."""
 
 _MAX_INT16 = 32767
+_ROWS_AT_A_TIME = 500
 _UPPER = np.triu_indices(3)
+
+
+class PackedPoints:
+    """The points of nodes as the file holds them, each packed once."""
+
+    def __init__(self) -> None:
+        self._packed: list[tuple[FloatArray, float, bytes]] = []
+
+    def of_node(self, index: int, points: FloatArray) -> tuple[float, bytes]:
+        """Return the unit and the numbers of a node's points; see :func:`pack_points`.
+
+        Parameters
+        ----------
+        index : of the node; each is asked for only after those before it.
+        points : the same array each time, unless they are others.
+        """
+        if index == len(self._packed):
+            self._packed.append((points, *pack_points(points)))
+        elif self._packed[index][0] is not points:
+            self._packed[index] = (points, *pack_points(points))
+        return self._packed[index][1:]
 
 
 def map_bytes(result: Result) -> bytes:
     """Return a result as the content of ``map.cartoloop``; the same result, the same bytes."""
     with closing(sqlite3.connect(":memory:")) as database:
-        database.executescript(
-            f"PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {SCHEMA_VERSION};"
-            f"{TABLES}"
-        )
-        _insert(database, "about", _about(result))
-        _insert(database, "submaps", _submaps(result.submap_grids, result.graph.submap_poses))
-        _insert(database, "nodes", _nodes(result))
-        _insert(database, "constraints", _constraints(result.graph, result.rejected))
-        _insert(database, "trajectory", _trajectory(result))
-        database.commit()
+        fill(database, result, PackedPoints())
         return database.serialize()
+
+
+def fill(database: sqlite3.Connection, result: Result, packed: PackedPoints) -> None:
+    """Write a result into an empty database.
+
+    Parameters
+    ----------
+    packed : of the same map, when there was less of it.
+    """
+    database.executescript(
+        f"PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {SCHEMA_VERSION};{TABLES}"
+    )
+    _insert(database, "about", _about(result))
+    _insert(database, "submaps", _submaps(result.submap_grids, result.graph.submap_poses))
+    _insert(database, "nodes", _nodes(result, packed))
+    _insert(database, "constraints", _constraints(result.graph, result.rejected))
+    _insert(database, "trajectory", _trajectory(result))
+    database.commit()
 
 
 def report_without_times(report: Report) -> dict[str, Any]:
@@ -96,27 +128,25 @@ def _submaps(grids: Sequence[FinishedGrid], poses: FloatArray) -> Iterator[Row]:
         yield index, *pose, *grid.shape, *place, grid.packed
 
 
-def _nodes(result: Result) -> Iterator[Row]:
-    poses = result.graph.node_poses.tolist()
+def _nodes(result: Result, packed: PackedPoints) -> Iterator[Row]:
     nothing = np.zeros((0, 2))
-    for index, (scan, pose) in enumerate(zip(result.node_scan_index.tolist(), poses, strict=True)):
+    for index, scan, *pose in _rows(result.node_scan_index, *result.graph.node_poses.T):
         points = result.node_points[index] if index < len(result.node_points) else nothing
-        yield index, scan, *pose, len(points), *pack_points(points)
+        yield index, scan, *pose, len(points), *packed.of_node(index, points)
 
 
 def _constraints(graph: PoseGraph, rejected: Sequence[LoopClosure]) -> Iterator[Row]:
-    columns = zip(
-        graph.kinds.tolist(),
-        graph.index_a.tolist(),
-        graph.index_b.tolist(),
-        graph.relative_poses.tolist(),
-        graph.informations[:, *_UPPER].tolist(),
-        graph.scores.tolist(),
-        graph.runner_ups.tolist(),
-        strict=True,
+    columns = (
+        graph.kinds,
+        graph.index_a,
+        graph.index_b,
+        *graph.relative_poses.T,
+        *graph.informations[:, *_UPPER].T,
+        graph.scores,
+        graph.runner_ups,
     )
-    for index, (kind, a, b, pose, information, score, runner_up) in enumerate(columns):
-        yield index, kind, a, b, *pose, *information, _or_null(score), _or_null(runner_up)
+    for *row, score, runner_up in _rows(*columns):
+        yield *row, _or_null(score), _or_null(runner_up)
     for index, closure in enumerate(rejected, start=graph.num_constraints):
         ends = (REJECTED, closure.submap, closure.node)
         information = closure.information[_UPPER].tolist()
@@ -125,8 +155,17 @@ def _constraints(graph: PoseGraph, rejected: Sequence[LoopClosure]) -> Iterator[
 
 
 def _trajectory(result: Result) -> Iterator[Row]:
-    rows = np.column_stack((result.stamps, result.trajectory, result.local_trajectory))
-    return ((scan, *row) for scan, row in enumerate(rows.tolist()))
+    return _rows(result.stamps, *result.trajectory.T, *result.local_trajectory.T)
+
+
+def _rows(*columns: NDArray[Any]) -> Iterator[Row]:
+    """Yield the rows of a table, each with its number.
+
+    They are made some at a time: whoever waits for the interpreter does not wait for all.
+    """
+    for first in range(0, len(columns[0]), _ROWS_AT_A_TIME):
+        part = slice(first, first + _ROWS_AT_A_TIME)
+        yield from zip(count(first), *(column[part].tolist() for column in columns), strict=False)
 
 
 def _or_null(value: float) -> float | None:

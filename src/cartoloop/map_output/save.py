@@ -24,6 +24,7 @@ from cartoloop.map_output.map_files import pgm_bytes, yaml_text
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer, MapPicture
 from cartoloop.map_output.text_files import g2o_text, tum_text
+from cartoloop.map_output.unfinished_file import unfinished_file
 
 if TYPE_CHECKING:
     from cartoloop.map_output.report import Report
@@ -115,13 +116,8 @@ def write_file(path: Path, content: str | bytes) -> None:
         It cannot be written; what was there before is kept.
     """
     data = content if isinstance(content, bytes) else content.encode("utf-8")
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
+    with unfinished_file(path) as unfinished:
         unfinished.write_bytes(data)
-        unfinished.replace(path)
-    except OSError as error:
-        unfinished.unlink(missing_ok=True)
-        raise OutputError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _png_bytes(result: Result, picture: MapPicture, layers: Collection[Layer]) -> bytes:

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A map that is saved while it grows is the same as one saved once."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cartoloop.config import Config
+from cartoloop.errors import OutputError
+from cartoloop.map_file import save as save_module
+from cartoloop.map_file.growing_map import GrowingMap
+from cartoloop.map_file.save import map_bytes
+from cartoloop.map_file.schema import FILE_NAME
+from tests.map_output.small_result import small_result
+
+
+def content(file):
+    with closing(sqlite3.connect(file)) as database:
+        return list(database.iterdump())
+
+
+@pytest.fixture
+def result():
+    rng = np.random.default_rng(2)
+    made = small_result(Config())
+    return replace(made, node_points=tuple(rng.uniform(-9.0, 9.0, (5, 2)) for _ in range(2)))
+
+
+@pytest.fixture
+def saved_once(tmp_path):
+    def save(result):
+        path = tmp_path / "once"
+        path.write_bytes(map_bytes(result))
+        return content(path)
+
+    return save
+
+
+def test_every_save_is_that_of_the_map_as_it_is_then(result, saved_once, tmp_path):
+    growing, path = GrowingMap(), tmp_path / FILE_NAME
+    fewer = replace(
+        result,
+        stamps=result.stamps[:1],
+        trajectory=result.trajectory[:1],
+        local_trajectory=result.local_trajectory[:1],
+    )
+    moved = result.graph.without(np.zeros(result.graph.num_constraints, dtype=bool))
+    moved.node_poses[:] += 0.25
+    other_points = (result.node_points[0], result.node_points[1] + 1.0)
+
+    for now in (fewer, result, replace(result, graph=moved, node_points=other_points)):
+        growing.save(now, path)
+        assert content(path) == saved_once(now)
+
+
+def test_points_are_packed_once(result, tmp_path, monkeypatch):
+    packed = []
+
+    def pack_points(points):
+        packed.append(points)
+        return 0.001, b""
+
+    monkeypatch.setattr(save_module, "pack_points", pack_points)
+    growing = GrowingMap()
+    for _ in range(3):
+        growing.save(result, tmp_path / FILE_NAME)
+
+    assert len(packed) == result.graph.num_nodes
+
+
+def test_a_save_that_fails_leaves_what_was_there(result, tmp_path, monkeypatch):
+    growing, path = GrowingMap(), tmp_path / FILE_NAME
+    growing.save(result, path)
+    before = path.read_bytes()
+
+    def full(*_):
+        raise sqlite3.OperationalError("database or disk is full")
+
+    monkeypatch.setattr("cartoloop.map_file.growing_map.fill", full)
+    with pytest.raises(OutputError, match="disk is full"):
+        growing.save(result, path)
+
+    assert path.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == [FILE_NAME]
+
+
+def test_a_folder_that_is_gone_is_told(result, tmp_path):
+    with pytest.raises(OutputError, match="cannot be written"):
+        GrowingMap().save(result, tmp_path / "gone" / FILE_NAME)
