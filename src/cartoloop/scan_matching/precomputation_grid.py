@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.kernels.precomputation_grid import halve, surround, widen_boxes
+from cartoloop.reused_memory import ReusedMemory
 
 STRIDES = (1, 1, 1, 2, 4, 8)
 """For blocks of 1, 2, 4, ... translations: the stride of the grids that bound them [cells].
@@ -32,6 +33,8 @@ MARGIN = _FINE[-1] + LARGEST_STEP
 """Zeros before the first column and row [strides]: boxes from there on, or a step on, are empty."""
 
 _END_MARGIN = LARGEST_STEP + 1
+
+_MEMORY = ReusedMemory(max_idle_bytes=24 << 20)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +104,7 @@ class PrecomputationGrids:
             num_rows, num_cols = (-(-size // stride) for size in cells.shape)
             self.layouts[stride] = GridLayout(stride, num_rows, num_cols, end)
             end = self.layouts[stride].end
-        self.cells: NDArray[np.uint8] = np.empty(end, dtype=np.uint8)
+        self.cells = _MEMORY.array(end)
         cells = np.ascontiguousarray(cells)
         for layout in self.layouts.values():
             if layout.stride > 1:
@@ -124,19 +127,27 @@ class PrecomputationGrids:
     def grid(self, stride: int, edge: int) -> NDArray[np.uint8]:
         """Return the grid of boxes of `edge` strides, with its margins: ``[row + MARGIN, ...]``."""
         layout = self.layouts[stride]
-        first = layout.first + BOXES[stride].index(edge) * layout.grid_size
-        return self.cells[first : first + layout.grid_size].reshape(-1, layout.row_length)
+        grid = self._grid_number(layout, BOXES[stride].index(edge))
+        return grid.reshape(-1, layout.row_length)
 
     def _fill(self, layout: GridLayout, cells: NDArray[np.uint8]) -> None:
         """Compute the grids of one stride from the maxima of the blocks of its size."""
-        narrow, narrow_edge = np.empty(layout.grid_size, dtype=np.uint8), 1
+        narrow = self._grid_number(layout, 0)
+        if BOXES[layout.stride][0] > 1:
+            narrow = np.empty(layout.grid_size, dtype=np.uint8)
         surround(cells, MARGIN, layout.row_length, narrow)
+        narrow_edge = 1
         for number, edge in enumerate(BOXES[layout.stride]):
             while edge > 2 * narrow_edge:
                 wider = np.empty_like(narrow)
                 widen_boxes(narrow, narrow_edge, layout.row_length, wider)
                 narrow, narrow_edge = wider, 2 * narrow_edge
-            first = layout.first + number * layout.grid_size
-            grid = self.cells[first : first + layout.grid_size]
-            widen_boxes(narrow, edge - narrow_edge, layout.row_length, grid)
+            grid = self._grid_number(layout, number)
+            if edge > narrow_edge:
+                widen_boxes(narrow, edge - narrow_edge, layout.row_length, grid)
             narrow, narrow_edge = grid, edge
+
+    def _grid_number(self, layout: GridLayout, number: int) -> NDArray[np.uint8]:
+        """Return one of the grids of a stride, in one dimension."""
+        first = layout.first + number * layout.grid_size
+        return self.cells[first : first + layout.grid_size]
