@@ -8,6 +8,8 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.kernels.cell_values import look_up, quantize_box
+
 MIN_PROBABILITY = 0.1
 MAX_PROBABILITY = 0.9
 """The interval [p_min, p_max] that probabilities are clamped to (section IV-B)."""
@@ -57,13 +59,24 @@ class FinishedGrid:
         """Return the probability of each cell, float32 like `cells`; 0 where never observed."""
         table = MIN_PROBABILITY + (np.arange(256) - 1) * PROBABILITY_STEP
         table[0] = 0.0
-        return table.astype(np.float32)[self.cells]
+        probabilities = np.empty(self.shape, dtype=np.float32)
+        look_up(self.cells, table.astype(np.float32), probabilities)
+        return probabilities
 
 
 def quantize_probabilities(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Return cell values for probabilities within the clamping interval, 0 for never observed."""
-    values = np.rint((probabilities - MIN_PROBABILITY) / PROBABILITY_STEP) + 1.0
-    return np.where(probabilities > 0.0, values, 0.0).astype(np.uint8)
+    row = np.ascontiguousarray(probabilities).reshape(1, -1)
+    return quantize_part(row, 0, 0, row.shape).reshape(probabilities.shape)
+
+
+def quantize_part(
+    probabilities: NDArray[np.float32], first_row: int, first_col: int, shape: tuple[int, int]
+) -> NDArray[np.uint8]:
+    """Return the cell values of a part of a grid, in C order, that begins at a cell."""
+    values = np.empty(shape, dtype=np.uint8)
+    quantize_box(probabilities, first_row, first_col, MIN_PROBABILITY, PROBABILITY_STEP, values)
+    return values
 
 
 def mean_probability(mean_value: float) -> float:

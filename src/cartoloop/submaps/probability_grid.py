@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.submaps.finished_grid import FinishedGrid, quantize_probabilities
+from cartoloop.kernels.cell_values import known_box
+from cartoloop.submaps.finished_grid import FinishedGrid, quantize_part
 
 GROWTH_CELLS = 64
 """A grid that must grow does so by at least this much, so that it seldom must."""
@@ -90,15 +91,11 @@ class ProbabilityGrid:
     def finish(self) -> FinishedGrid:
         """Return the known part, quantised, for searches and maps."""
         cells, first_col, first_row = self.extent
-        known = cells > 0.0
-        rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
-        if len(rows) == 0:
-            return FinishedGrid(np.zeros((0, 0), dtype=np.uint8), 0.0, 0.0, self.resolution)
-        box = (slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
+        row, col, *shape = known_box(cells)
         return FinishedGrid(
-            quantize_probabilities(cells[box]),
-            (first_col + int(cols[0])) * self.resolution,
-            (first_row + int(rows[0])) * self.resolution,
+            quantize_part(cells, row, col, (shape[0], shape[1])),
+            (first_col + col) * self.resolution,
+            (first_row + row) * self.resolution,
             self.resolution,
         )
 
