@@ -187,10 +187,10 @@ def _grid(row: Row) -> FinishedGrid:
     return FinishedGrid(array, float(origin_x), float(origin_y), float(resolution))
 
 
-def _points(num_points: int, unit: float, packed: bytes) -> FloatArray:
+def _points(num_points: int, unit: float, numbers_of_unit: bytes) -> FloatArray:
     if not 0.0 <= float(unit) <= _MAX_UNIT:
         raise ValueError(f"points are in units of {unit} m")
-    numbers = np.frombuffer(_unpacked(packed, 4 * num_points), dtype="<i2")
+    numbers = np.frombuffer(numbers_of_unit, dtype="<i2")
     return numbers.reshape(2, num_points).T * float(unit)
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict
@@ -98,11 +97,14 @@ def report_without_times(report: Report) -> dict[str, Any]:
 
 
 def pack_points(points: NDArray[np.floating]) -> tuple[float, bytes]:
-    """Return the unit [m] of points (n, 2) and, compressed, their whole numbers of it."""
+    """Return the unit [m] of points (n, 2) and their whole numbers of it.
+
+    They are not compressed: noise is not smaller for it.
+    """
     furthest = float(np.abs(points).max(initial=0.0))
     unit = max(POINT_UNIT, furthest / _MAX_INT16)
     numbers = np.rint(points.T / unit).astype("<i2")
-    return unit, zlib.compress(numbers.tobytes())
+    return unit, numbers.tobytes()
 
 
 def _insert(database: sqlite3.Connection, table: str, rows: Iterator[Row]) -> None:

@@ -11,7 +11,7 @@ FILE_NAME = "map.cartoloop"
 APPLICATION_ID = 0x6361_7274
 """Stands in the file's header: it is such a map, not any database. ASCII "cart"."""
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Stands in the file's header as ``user_version``; rises when readers of the old would fail."""
 
 TABLES = """
@@ -26,7 +26,7 @@ CREATE TABLE submaps (
   submap INTEGER PRIMARY KEY, x REAL, y REAL, theta REAL,
   num_rows INTEGER, num_cols INTEGER, origin_x REAL, origin_y REAL, resolution REAL, cells BLOB);
 
--- x, y, theta: tf_map_node. scan: its row in trajectory. points: zlib stream of int16, all x, then
+-- x, y, theta: tf_map_node. scan: its row in trajectory. points: int16, all x, then
 -- all y, in the node's frame in units of point_unit [m]: what loop closure seeks in submaps
 CREATE TABLE nodes (
   node INTEGER PRIMARY KEY, scan INTEGER, x REAL, y REAL, theta REAL,

@@ -116,8 +116,11 @@ def _rows(
         )
     )
     return [
-        f"{stage},{closure.submap},{closure.node},{','.join(map(_number, numbers))}"
-        for closure, numbers in zip(closures, table.tolist(), strict=True)
+        f"{stage},{closure.submap},{closure.node},{x!r},{y!r},{theta!r},"
+        f"{_number(score)},{_number(runner_up)},{metres!r},{degrees!r},{weight!r}"
+        for closure, (x, y, theta, score, runner_up, metres, degrees, weight) in zip(
+            closures, table.tolist(), strict=True
+        )
     ]
 
 
