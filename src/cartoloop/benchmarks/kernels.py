@@ -194,7 +194,7 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
     case: Case = {"input": driven.name}
     search = driven.config.global_slam.constraint_search
     submap = driven.finished[0]
-    yield Workload("finish", (), case, submap.grid.finish, grid.size, "pixels")
+    yield Workload("finish", ("cell_values",), case, submap.grid.finish, grid.size, "pixels")
     yield Workload(
         "precompute", ("precomputation_grid",), case,
         partial(PrecomputationGrids, grid.cells), grid.size, "pixels",
@@ -271,9 +271,11 @@ def _ways_workload() -> Workload:
     travelled = np.arange(0.0, 17.0 * submaps, 17.0)
     selection = PairSelection(Config().global_slam.constraint_search)
 
+    pair, way = (np.array((submaps - 1,)), np.zeros(1, dtype=np.int64)), (np.zeros(1), np.ones(1))
+
     def find() -> None:
         selection.update(travelled, closures)
-        selection.uncertain_length(submaps - 1, 0, 0.0, math.inf)
+        selection.uncertain_lengths(*pair, *way)
 
     return Workload(
         "ways", ("shortest_ways",), {"input": f"{submaps} submaps"}, find, submaps, "submaps"

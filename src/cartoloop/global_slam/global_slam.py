@@ -107,8 +107,8 @@ class GlobalSlam:
         self._node_points: list[FloatArray] = []
         self._node_submaps: list[tuple[int, ...]] = []
         self._first_submap = GrowingArray((), np.int64)
-        self._node_travelled: list[float] = []
-        self._submap_travelled: list[float] = []
+        self._node_travelled = GrowingArray((), np.float64)
+        self._submap_travelled = GrowingArray((), np.float64)
         self._submap_nodes: list[set[int]] = []
         self._last_local_pose = IDENTITY
         self._tf_local_last_submap = IDENTITY
@@ -198,9 +198,8 @@ class GlobalSlam:
         pose = node.tf_local_tracking
         step = math.hypot(pose.x - self._last_local_pose.x, pose.y - self._last_local_pose.y)
         self._last_local_pose = pose
-        self._node_travelled.append(
-            self._node_travelled[-1] + step if self._node_travelled else 0.0
-        )
+        travelled = self._node_travelled.view[-1] + step if graph.num_nodes else 0.0
+        self._node_travelled.append(travelled)
         graph.add_node(compose(self._tf_map_local, pose))
         self._node_points.append(node.points)
         self._node_submaps.append(tuple(submap.index for submap in node.submaps))
@@ -209,7 +208,7 @@ class GlobalSlam:
             if submap.index == graph.num_submaps:
                 graph.add_submap(compose(self._tf_map_local, submap.tf_local_submap))
                 self._tf_local_last_submap = submap.tf_local_submap
-                self._submap_travelled.append(self._node_travelled[-1])
+                self._submap_travelled.append(travelled)
                 self._submap_nodes.append(set())
                 if submap.index == 0:
                     graph.fix_submap(0)
@@ -240,20 +239,20 @@ class GlobalSlam:
         """Seek a node in all finished submaps near enough."""
         with self._timer.measure("select pairs"):
             submaps = np.arange(len(self._finished))
-            poses, pose = self.graph.submap_poses[submaps], self.graph.node_poses[node]
-            worth = self._selection.is_due(submaps, node) & self._are_near(poses, pose)
-            for submap in np.flatnonzero(worth).tolist():
-                if (request := self._request(submap, node)) is not None:
-                    self.search.submit(self._finished[submap], [request])
+            poses, pose = self.graph.submap_poses[: len(submaps)], self.graph.node_poses[node]
+            worth = self._selection.may_be_due(submaps, node) & self._are_near(poses, pose)
+            near = np.flatnonzero(worth)
+            for request in self._requests(near, np.full(len(near), node)):
+                self.search.submit(self._finished[request.submap], [request])
 
     def _seek_in(self, submap: FinishedSubmap) -> None:
         """Seek all nodes near enough in a submap that has just been finished."""
         with self._timer.measure("select pairs"):
             nodes = np.arange(self.graph.num_nodes)
             poses, pose = self.graph.node_poses, self.graph.submap_poses[submap.index]
-            worth = self._selection.is_due(submap.index, nodes) & self._are_near(poses, pose)
-            candidates = (self._request(submap.index, n) for n in np.flatnonzero(worth).tolist())
-            self.search.submit(submap, [request for request in candidates if request is not None])
+            worth = self._selection.may_be_due(submap.index, nodes) & self._are_near(poses, pose)
+            near = np.flatnonzero(worth)
+            self.search.submit(submap, self._requests(np.full(len(near), submap.index), near))
 
     def _are_near(self, poses: FloatArray, pose: FloatArray) -> NDArray[np.bool_]:
         """Return which of the poses, shape (n, 3), are near enough to another for a search."""
@@ -263,30 +262,42 @@ class GlobalSlam:
         )
         return near
 
-    def _request(self, submap: int, node: int) -> SearchRequest | None:
-        """Return the search for a pair, or None where there is nothing to be gained."""
-        points = self._node_points[node]
-        if (
-            submap in self._node_submaps[node]
-            or len(points) < self._config.constraint_search.min_num_points
-        ):
-            return None
-        own = self._node_submaps[node][0]
-        travelled = self._node_travelled[node]
-        length = self._selection.uncertain_length(
-            submap,
-            own,
-            abs(travelled - self._submap_travelled[own]),
-            abs(travelled - self._submap_travelled[submap]),
+    def _requests(
+        self, submaps: NDArray[np.int64], nodes: NDArray[np.int64]
+    ) -> list[SearchRequest]:
+        """Return the searches for those of the pairs by which there is something to be gained."""
+        own = self._first_submap.view[nodes]
+        begun, travelled = self._submap_travelled.view, self._node_travelled.view[nodes]
+        lengths = self._selection.uncertain_lengths(
+            submaps, own, np.abs(travelled - begun[own]), np.abs(travelled - begun[submaps])
         )
-        if not self._selection.take(submap, node, own, length):
-            return None
+        due = self._selection.are_due(submaps, nodes, lengths)
+        pairs = zip(
+            submaps[due].tolist(),
+            nodes[due].tolist(),
+            own[due].tolist(),
+            lengths[due].tolist(),
+            strict=True,
+        )
+        return [
+            self._request(submap, node, node_submap, length)
+            for submap, node, node_submap, length in pairs
+            if submap not in self._node_submaps[node]
+            and len(self._node_points[node]) >= self._config.constraint_search.min_num_points
+            and self._selection.take(submap, node_submap, length)
+        ]
+
+    def _request(self, submap: int, node: int, node_submap: int, length: float) -> SearchRequest:
+        """Return the search for a pair that stands apart by an uncertain length [m]."""
         estimate = relative(
             Pose(*self.graph.submap_poses[submap].tolist()),
             Pose(*self.graph.node_poses[node].tolist()),
         )
         window = self._selection.window(length)
-        return SearchRequest(submap, node, own, points, estimate, *window, self.graph.num_nodes)
+        points = self._node_points[node]
+        return SearchRequest(
+            submap, node, node_submap, points, estimate, *window, self.graph.num_nodes
+        )
 
     def _take_in_closures(self) -> None:
         """Add the loop closures that were found to the graph."""
@@ -337,7 +348,7 @@ class GlobalSlam:
         )
         newest = Pose(*self.graph.submap_poses[-1].tolist())
         self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
-        self._selection.update(np.array(self._submap_travelled), self._true_closures())
+        self._selection.update(self._submap_travelled.view, self._true_closures())
 
     def _true_closures(self) -> NDArray[np.int64]:
         """Return submap and submap of the node of the closures that hold, shape (k, 2)."""

@@ -71,22 +71,29 @@ class PairSelection:
         linear = config.linear_search_window - config.min_linear_search_window
         return linear / max(config.linear_drift, 1e-6) + 1.0
 
-    def uncertain_length(
-        self, submap: int, node_submap: int, node_from_its_submap: float, travelled: float
-    ) -> float:
-        """Return the shortest known way from a submap to a node [m].
+    def uncertain_lengths(
+        self,
+        submaps: IntArray,
+        node_submaps: IntArray,
+        node_from_its_submap: FloatArray,
+        travelled: FloatArray,
+    ) -> FloatArray:
+        """Return the shortest known way of each pair, from submap to node [m].
 
         Parameters
         ----------
-        submap : the finished submap.
-        node_submap : the older submap that the node was inserted into.
-        node_from_its_submap : how far the robot had gone since that was begun [m].
-        travelled : how far it went between beginning the two submaps and the node [m].
+        submaps : the finished submaps, shape (n,).
+        node_submaps : the older submaps that the nodes were inserted into, shape (n,).
+        node_from_its_submap : how far the robot had gone since those were begun [m], shape (n,).
+        travelled : how far it went between beginning the submaps and the nodes [m], shape (n,).
         """
-        if max(submap, node_submap) >= self._num_submaps:
-            return travelled
-        between = float(self._lengths_from(max(submap, node_submap))[min(submap, node_submap)])
-        return min(travelled, between + node_from_its_submap)
+        newer, older = np.maximum(submaps, node_submaps), np.minimum(submaps, node_submaps)
+        lengths: FloatArray = travelled.copy()
+        for submap in np.unique(newer[newer < self._num_submaps]).tolist():
+            of = newer == submap
+            between = self._lengths_from(submap)[older[of]]
+            lengths[of] = np.minimum(lengths[of], between + node_from_its_submap[of])
+        return lengths
 
     def _lengths_from(self, submap: int) -> FloatArray:
         """Return the lengths of the ways from a submap to all, shape (m,); inf where very long.
@@ -117,34 +124,39 @@ class PairSelection:
             math.radians(min(angular_deg, config.angular_search_window_deg)),
         )
 
-    def is_due(
-        self, submap: int | NDArray[np.int64], node: int | NDArray[np.int64]
-    ) -> NDArray[np.bool_]:
-        """Return which pairs :meth:`take` may take, as far as their numbers tell."""
+    def may_be_due(self, submap: int | IntArray, node: int | IntArray) -> NDArray[np.bool_]:
+        """Return which pairs :meth:`are_due` may call due, as far as their numbers tell."""
         number = np.asarray(submap) + np.asarray(node)
         due: NDArray[np.bool_] = (number % self._config.every_nth_node == 0) | (
             number % self._config.every_nth_bound_node == 0
         )
         return due
 
-    def take(self, submap: int, node: int, node_submap: int, uncertain_length: float) -> bool:
-        """Return whether the pair is to be searched, and count it if so.
+    def are_due(
+        self, submaps: IntArray, nodes: IntArray, uncertain_lengths: FloatArray
+    ) -> NDArray[np.bool_]:
+        """Return which pairs :meth:`take` may take.
 
         Of pairs of submaps that no closure ties yet, every n-th node is sought; of those whose
         relative pose is known, some, until enough of them are found.
         """
         config = self._config
+        is_bound = uncertain_lengths < config.bound_length
+        every = np.where(is_bound, config.every_nth_bound_node, config.every_nth_node)
+        due: NDArray[np.bool_] = (nodes + submaps) % every == 0
+        return due
+
+    def take(self, submap: int, node_submap: int, uncertain_length: float) -> bool:
+        """Return whether a pair that is due is to be searched, and count it if so."""
+        config = self._config
         pair = (submap, node_submap)
         if self._num_found[pair] >= config.max_closures_of_pair:
             return False
         if uncertain_length < config.bound_length:
-            if (node + submap) % config.every_nth_bound_node:
-                return False
             if self._num_sought_bound[pair] >= config.max_searches_of_bound_pair:
                 return False
             self._num_sought_bound[pair] += 1
-            return True
-        return (node + submap) % config.every_nth_node == 0
+        return True
 
     def note_found(self, submap: int, node_submap: int) -> None:
         """Count a closure between a submap and a node inserted into another."""
