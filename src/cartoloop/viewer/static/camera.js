@@ -13,7 +13,7 @@ const JUMP_PX = 2000;
 /** Share of the screen that a map fills, and one that grows, so that it need not move all the time. */
 const FILLED = 0.94;
 const GROWING_FILLED = 0.7;
-const WIDE_PX = 900;
+const LEAST_INSET_PX = 24;
 const REMEMBER_MS = 300;
 
 /** Leads the view. */
@@ -51,7 +51,7 @@ export class Camera {
   /** Show all of something. @param {import("./view.js").Bounds | null} bounds */
   look(bounds) {
     if (!bounds) return;
-    this.view.fit(bounds, insets(), FILLED);
+    this.view.fit(bounds, insets(this.view, bounds), FILLED);
     this.take();
     this.hooks.onMove();
   }
@@ -65,7 +65,7 @@ export class Camera {
   placeFirst() {
     const bounds = this.isPlaced ? null : this.hooks.bounds();
     if (!bounds) return false;
-    const covered = insets();
+    const covered = insets(this.view, bounds);
     this.isPlaced = this.hooks.isFinished();
     if (!this.isPlaced && this.view.holds(bounds, covered)) return false;
     this.view.fit(bounds, covered, this.isPlaced ? FILLED : GROWING_FILLED);
@@ -116,12 +116,20 @@ export class Camera {
   }
 }
 
-/** Return how much of the screen is covered on each side, where that is worth a thought [px]. */
-function insets() {
-  const isWide = innerWidth > WIDE_PX;
+/**
+ * Return how much of the screen is left free on each side, so that something is seen beside the panel
+ * and the tools, or below them: whichever way it is larger [px].
+ * @param {import("./view.js").View} view
+ * @param {import("./view.js").Bounds} bounds
+ * @returns {import("./view.js").Insets}
+ */
+function insets(view, bounds) {
   const panel = byId("panel").getBoundingClientRect();
-  return {
-    left: isWide ? panel.right : 0, right: isWide ? innerWidth - byId("tools").getBoundingClientRect().left : 0,
-    top: isWide ? 0 : panel.bottom, bottom: byId("playback").hidden ? 24 : 72,
-  };
+  const tools = byId("tools").getBoundingClientRect();
+  const bottom = byId("playback").hidden ? LEAST_INSET_PX : innerHeight - byId("playback").offsetTop;
+  const choices = [true, false].flatMap((isBeside) => [true, false].map((isLeft) => ({
+    left: isBeside ? panel.right : 0, right: isLeft ? innerWidth - tools.left : 0, bottom,
+    top: Math.max(0, isBeside ? 0 : panel.bottom, isLeft ? 0 : tools.bottom),
+  })));
+  return choices.reduce((a, b) => (view.fittingScale(bounds, b) > view.fittingScale(bounds, a) ? b : a));
 }

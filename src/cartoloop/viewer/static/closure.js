@@ -131,7 +131,7 @@ export class ClosureCard {
     setText(byId("closure-residual"), `${length(told.residual_m)}, ${told.residual_deg.toFixed(2)}°`);
     setText(byId("closure-window"), told.window
       ? `±${told.window.linear_m.toFixed(1)} m, ±${((told.window.angular_rad * 180) / Math.PI).toFixed(0)}°`
-      : "matched anew in the end");
+      : "refined at the end");
     this.drawScans();
   }
 
@@ -156,7 +156,7 @@ export class ClosureCard {
 }
 
 function verdictOf(isRejected, isViolated) {
-  if (isRejected) return "Taken out in the end: the rest contradicted it.";
+  if (isRejected) return "Rejected in the end: the rest of the map contradicted it.";
   if (isViolated) return "The map disagrees with it.";
   return "The map agrees with it.";
 }

@@ -6,9 +6,9 @@
 import { wrapAngle } from "./poses.js";
 
 const GLIDE_MS = 420;
-/** Poses that move by less than this jump: nobody would see them glide [m, rad]. */
-const SEEN_M = 0.01;
-const SEEN_RAD = 0.001;
+/** Poses that move by less jump: nobody would see them glide [px, rad]. */
+const SEEN_PX = 1.5;
+const SEEN_RAD = 0.002;
 
 /** A table of poses that glides. */
 class Glide {
@@ -17,11 +17,11 @@ class Glide {
     this.from = null;
   }
 
-  /** Return how far the poses are from those. */
-  differs(target) {
+  /** Return whether any pose is further than that from where it is shown [m]. */
+  differs(target, seen) {
     const count = Math.min(this.shown.length, target.length);
     for (let i = 0; i < count; i += 3) {
-      if (Math.hypot(target[i] - this.shown[i], target[i + 1] - this.shown[i + 1]) > SEEN_M
+      if (Math.hypot(target[i] - this.shown[i], target[i + 1] - this.shown[i + 1]) > seen
         || Math.abs(wrapAngle(target[i + 2] - this.shown[i + 2])) > SEEN_RAD) return true;
     }
     return false;
@@ -80,14 +80,17 @@ export class Motion {
    * Bring what is shown up to date.
    * @param {import("./state.js").MapState} state
    * @param {number} now [ms]
+   * @param {number} scale pixels a metre
    */
-  update(state, now) {
+  update(state, now, scale) {
     if (!this.isPending && !this.isGliding && this.known === state.graphVersion) return;
     this.known = state.graphVersion;
     const [submaps, nodes] = [state.submapPoses.rows, state.nodes.rows];
     if (this.isPending) {
       this.isPending = false;
-      if (!this.calm.matches && (this.submaps.differs(submaps) || this.nodes.differs(nodes))) {
+      const seen = SEEN_PX / scale;
+      const isSeen = this.submaps.differs(submaps, seen) || this.nodes.differs(nodes, seen);
+      if (isSeen && !this.calm.matches) {
         this.submaps.begin();
         this.nodes.begin();
         this.began = now;

@@ -206,9 +206,9 @@ export class Overlays {
     }
     lines.add(submap[0], submap[1], found[0], found[1], ink);
     lines.into(this.frame);
-    this.pen.lines(this.frame, closure === latest ? 1.6 + 3 * pulse : 1.8);
+    this.pen.lines(this.frame, closure === latest ? 1.6 + 2 * pulse : 1.8);
     this.dots.set(new Float32Array([found[0] - this.anchor[0], found[1] - this.anchor[1]]), 1, this.anchor);
-    this.pen.dots(this.dots, 12 + 40 * pulse, tint(inks.found, pulse > 0 ? 0.5 : 0.3));
+    if (pulse > 0) this.pen.dots(this.dots, 12 + 48 * (1 - pulse), tint(inks.found, 0.5 * pulse));
     this.pen.dots(this.dots, 9, tint(inks.found, 1));
   }
 }

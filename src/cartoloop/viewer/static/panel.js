@@ -4,7 +4,7 @@
  * @module
  */
 import { byId, setText, store, stored } from "./dom.js";
-import { count, duration, factor, length, milliseconds } from "./words.js";
+import { count, duration, factor, length, milliseconds, NOTHING } from "./words.js";
 
 const KEY = "cartoloop.readings";
 
@@ -34,6 +34,7 @@ export class Panel {
 
   /** @param {Record<string, any>} now READINGS */
   show(now) {
+    this.root.classList.remove("blank");
     const figures = {
       time: duration(now.time_s),
       factor: factor(now.real_time_factor),
@@ -46,11 +47,15 @@ export class Panel {
       backlog: count(now.backlog),
       adjustment: adjustment(now.adjustment),
       uncertain: length(now.uncertain_m),
-      memory: now.memory_mb ? `${count(now.memory_mb)} MB` : "–",
-      skipped: count(sum(now.skipped)),
+      memory: now.memory_mb ? `${count(now.memory_mb)} MB` : NOTHING,
+      skipped: sum(now.skipped) > 0 ? count(sum(now.skipped)) : NOTHING,
+
     };
-    for (const [name, text] of Object.entries(figures)) setText(byId(`read-${name}`), text);
-    byId("figure-factor").hidden = now.real_time_factor === null;
+    for (const [name, text] of Object.entries(figures)) {
+      const figure = byId(`read-${name}`);
+      setText(figure, text);
+      figure.parentElement.hidden = text === NOTHING;
+    }
     this.showProgress(now);
     this.showSkipped(now.skipped);
   }
@@ -80,6 +85,6 @@ function sum(counts) {
 }
 
 function adjustment(told) {
-  if (!told || told.last_ms === null) return "–";
+  if (!told || told.last_ms === null) return NOTHING;
   return milliseconds(told.last_ms);
 }

@@ -134,6 +134,7 @@ export class PlaybackBar {
     this.play.classList.toggle("playing", isPlaying);
     this.play.setAttribute("aria-label", isPlaying ? "Pause" : "Play");
     this.scrub.hidden = !playback.can_scrub;
+    this.root.classList.toggle("short", !playback.can_scrub);
     if (playback.can_scrub) this.showTime();
     else setText(byId("play-time"), `${duration(readings?.time_s ?? null)} / ${duration(readings?.duration_s ?? null)}`);
   }

@@ -6,6 +6,8 @@
 import { byId, setText } from "./dom.js";
 
 const LONGEST_PX = 160;
+const LONGEST_SHARE = 0.12;
+const SHORTEST_PX = 70;
 
 /** A bar of a round length. */
 export class ScaleBar {
@@ -15,7 +17,8 @@ export class ScaleBar {
 
   /** @param {import("./view.js").View} view */
   show(view) {
-    const limit = Math.min(LONGEST_PX, view.width * 0.3) / view.scale;
+    const longest = Math.max(SHORTEST_PX, view.width * LONGEST_SHARE);
+    const limit = Math.min(LONGEST_PX, longest) / view.scale;
     const power = 10 ** Math.floor(Math.log10(limit));
     const metres = [5, 2, 1].find((factor) => factor * power <= limit) * power;
     this.element.firstElementChild.style.width = `${metres * view.scale}px`;

@@ -3,6 +3,7 @@
  * Draws a picture whenever something has changed, as often as the screen takes them.
  * @module
  */
+import { byId } from "./dom.js";
 import { Overlays } from "./overlays.js";
 
 /** While more is being composed, what has been is shown so often [ms]. */
@@ -11,8 +12,10 @@ const REFINE_PERIOD_MS = 250;
 const HANDLED_MS = 250;
 /** The latest loop closure stands out for so long [ms]. */
 const PULSE_MS = 1600;
+/** Where frames take longer, moving pictures are drawn coarse [ms]. */
+const SLOW_MS = 24;
 /** Share of the last frame in the mean of how long frames take. */
-const FRAME_SHARE = 0.1;
+const FRAME_SHARE = 0.2;
 
 /** What is to be seen, and when it is drawn. */
 export class Stage {
@@ -79,7 +82,7 @@ export class Stage {
     this.noteFrame(now);
     const { renderer, motion, playback, camera } = this;
     if (renderer.resize()) renderer.invalidate();
-    if (this.hasAll || this.isFirst) motion.update(this.state, now);
+    if (this.hasAll || this.isFirst) motion.update(this.state, now, this.view.scale);
     if (this.hasAll && camera.placeFirst()) renderer.invalidate();
     const isPlaying = playback.advance(now);
     const isPulsing = now - this.pulseBegan < PULSE_MS;
@@ -92,7 +95,7 @@ export class Stage {
     const more = this.hasAll && !isGliding && !this.isFirst
       && renderer.compose(motion.submaps.shown, (submap) => this.isShown(submap), isHandled);
     this.refine(now, more, isMoving);
-    this.draw(now, isGliding, isMoving);
+    this.draw(now, isGliding, isMoving && this.frameMs > SLOW_MS);
     camera.show();
     if (more || isMoving || isPulsing || isFollowing || renderer.map.isCoarse) this.schedule();
     this.wasBusy = isMoving;
@@ -116,15 +119,16 @@ export class Stage {
     renderer.invalidate();
   }
 
-  draw(now, gliding, moving) {
+  draw(now, gliding, coarse) {
     const { renderer, hasAll } = this;
     if (!hasAll && (!this.isFirst || now - this.drawnAt < REFINE_PERIOD_MS)) return;
     const scene = this.scene(now);
     const isDrawn = renderer.draw({
-      poses: this.motion.submaps.shown, isShown: (submap) => this.isShown(submap), gliding, moving,
+      poses: this.motion.submaps.shown, isShown: (submap) => this.isShown(submap), gliding, coarse,
       drawOver: (view) => this.overlays.draw(view, scene),
     });
     if (isDrawn) this.drawnAt = now;
+    byId("empty").hidden = renderer.submaps.previews.size > 0;
     this.numFrames++;
     if (!this.isFirst || !hasAll) return;
     this.isFirst = false;

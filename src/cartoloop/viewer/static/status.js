@@ -19,6 +19,7 @@ export class Status {
   constructor() {
     this.dot = byId("state-dot");
     this.text = byId("state");
+    this.empty = byId("empty");
     this.banner = byId("banner");
     this.hasFailed = false;
   }
@@ -45,7 +46,7 @@ export class Status {
     clearTimeout(this.timer);
     this.hasFailed = true;
     document.body.dataset.connection = "failed";
-    this.say("failed", "cannot be shown");
+    this.say("failed", "the map cannot be shown");
     this.tell(text);
   }
 
@@ -62,6 +63,7 @@ export class Status {
   say(state, text) {
     this.dot.dataset.state = state;
     setText(this.text, text);
+    setText(this.empty, text);
   }
 
   tell(text) {

@@ -82,15 +82,20 @@ export class View {
    * @param {number} filled share of the rest that it fills
    */
   fit(bounds, insets, filled) {
+    const scale = filled * this.fittingScale(bounds, insets);
+    this.scale = Math.min(Math.max(scale, MIN_SCALE), MAX_FIT_SCALE);
+    this.pin((bounds.left + bounds.right) / 2, (bounds.bottom + bounds.top) / 2,
+      (insets.left + this.width - insets.right) / 2, (insets.top + this.height - insets.bottom) / 2);
+  }
+
+  /** Return the scale at which something fills the screen, beside what covers it. */
+  fittingScale(bounds, insets) {
     const width = this.width - insets.left - insets.right;
     const height = this.height - insets.top - insets.bottom;
     const cos = Math.abs(Math.cos(this.rotation));
     const sin = Math.abs(Math.sin(this.rotation));
     const [w, h] = [bounds.right - bounds.left, bounds.top - bounds.bottom];
-    const scale = filled * Math.min(width / (cos * w + sin * h), height / (sin * w + cos * h));
-    this.scale = Math.min(Math.max(scale, MIN_SCALE), MAX_FIT_SCALE);
-    this.pin((bounds.left + bounds.right) / 2, (bounds.bottom + bounds.top) / 2,
-      insets.left + width / 2, insets.top + height / 2);
+    return Math.min(width / (cos * w + sin * h), height / (sin * w + cos * h));
   }
 
   /** Return whether all of something is on the screen, beside what covers it. */

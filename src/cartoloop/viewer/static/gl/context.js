@@ -20,7 +20,8 @@ export function openContext(canvas) {
     alpha: false, antialias: false, depth: false, stencil: false,
     powerPreference: "high-performance",
   });
-  if (!gl) throw new Error("This browser does not offer WebGL 2, which the map is drawn with.");
+  if (!gl) throw new Error("This browser does not offer WebGL 2, which the map is drawn with. "
+    + "Update it, or allow it to use the graphics card.");
   const float = gl.getExtension("EXT_color_buffer_float");
   const half = float ?? gl.getExtension("EXT_color_buffer_half_float");
   if (!half) throw new Error("The graphics of this device cannot add up numbers with fractions.");

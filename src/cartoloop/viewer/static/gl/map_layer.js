@@ -176,11 +176,11 @@ export class MapLayer {
     }
   }
 
-  drawPreviews(view, { poses, isShown, moving }, rect) {
+  drawPreviews(view, { poses, isShown, coarse }, rect) {
     const { gl } = this;
-    const factor = moving ? COARSE : 1;
+    const factor = coarse ? COARSE : 1;
     this.hasPreview = true;
-    this.isCoarse ||= moving;
+    this.isCoarse ||= coarse;
     this.resizeSums();
     const [width, height] = [Math.ceil(this.width / factor), Math.ceil(this.height / factor)];
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);

@@ -23,7 +23,7 @@ const HANDLED_SLICE_MS = 10;
  * @property {ArrayLike<number>} poses tf_map_submap as shown
  * @property {(submap: number) => boolean} isShown
  * @property {boolean} gliding whether submaps are on their way, so that no square holds
- * @property {boolean} moving whether the next picture will be another one, so that this may be coarse
+ * @property {boolean} coarse whether it may be, as the next one comes at once and time is short
  * @property {(view: View) => void} drawOver
  */
 
@@ -115,11 +115,11 @@ export class Renderer {
       drawn.copy(view);
       drawn.resize(screen.width / view.ratio, screen.height / view.ratio, view.ratio);
       this.map.begin();
-      this.paint(picture, [picture.moving ? screen.window : screen.all]);
+      this.paint(picture, [picture.coarse ? screen.window : screen.all]);
     } else if (!screen.holds(offset)) {
       const [dx, dy] = [MARGIN - offset[0], MARGIN - offset[1]];
       drawn.panBy(dx / view.ratio, -dy / view.ratio);
-      this.paint({ ...picture, moving: false }, screen.move(dx, dy));
+      this.paint({ ...picture, coarse: false }, screen.move(dx, dy));
     } else if (offset.join() === this.presented) {
       return false;
     }
@@ -140,7 +140,7 @@ export class Renderer {
       picture.drawOver(drawn);
     }
     gl.disable(gl.SCISSOR_TEST);
-    screen.valid = picture.moving ? rects[0] : screen.all;
+    screen.valid = picture.coarse ? rects[0] : screen.all;
     this.presented = "";
   }
 
