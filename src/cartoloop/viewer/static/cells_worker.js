@@ -15,19 +15,20 @@ let shades = new Uint8Array(512);
 const growing = new Map();
 let work = Promise.resolve();
 
-onmessage = (event) => {
-  work = work.then(() => take(event.data)).catch((error) => {
-    const { submap, generation, isPreview } = event.data;
+// Patches must be applied in their order. Previews come first and are small: all of them are inflated
+// side by side, as most of the time of one is waiting.
+onmessage = ({ data }) => {
+  const done = data.isPreview ? takePreview(data) : work.then(() => take(data));
+  work = Promise.all([work, done.catch((error) => {
+    const { submap, generation, isPreview } = data;
     postMessage({ problem: String(error), submap, generation, isPreview });
-  });
+  })]);
 };
 
 async function take(job) {
   if (job.shades) {
     shades = job.shades;
     growing.clear();
-  } else if (job.isPreview) {
-    await takePreview(job);
   } else if (job.base === undefined) {
     await takeSubmap(job);
   } else {
@@ -99,8 +100,11 @@ async function takePatch({ packed, ...patch }) {
 async function inflateInto(cells, packed, box) {
   if (box.rows * box.cols === 0) return;
   const stride = strideOf(cells.cols);
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const reader = stream.getReader();
+  const { readable, writable } = new DecompressionStream("deflate");
+  const writer = writable.getWriter(); // not from a Blob, which takes a detour through another process
+  const written = Promise.all([writer.write(packed), writer.close()]);
+  written.catch(() => {}); // what is wrong with the stream, its reader is told
+  const reader = readable.getReader();
   let row = 0;
   let col = 0;
   for (let { done, value } = await reader.read(); !done; { done, value } = await reader.read()) {

@@ -50,6 +50,7 @@ export class Stage {
   /** A connection begins: what is shown stays until the whole state has come. */
   begin() {
     this.isFirst = true;
+    this.drawnAt = performance.now();
     this.motion.clear();
   }
 
@@ -95,7 +96,7 @@ export class Stage {
     const more = this.hasAll && !isGliding && !this.isFirst
       && renderer.compose(motion.submaps.shown, (submap) => this.isShown(submap), isHandled);
     this.refine(now, more, isMoving);
-    this.draw(now, isGliding, isMoving && this.frameMs > SLOW_MS);
+    this.draw(now, isGliding, this.isFirst || (isMoving && this.frameMs > SLOW_MS));
     camera.show();
     if (more || isMoving || isPulsing || isFollowing || renderer.map.isCoarse) this.schedule();
     this.wasBusy = isMoving;
@@ -132,7 +133,10 @@ export class Stage {
     this.numFrames++;
     if (!this.isFirst || !hasAll) return;
     this.isFirst = false;
-    renderer.whenDrawn(() => performance.mark("cartoloop:first-picture"));
+    renderer.whenDrawn(() => {
+      performance.mark("cartoloop:first-picture");
+      renderer.submaps.release();
+    });
     this.change();
   }
 

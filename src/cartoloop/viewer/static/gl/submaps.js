@@ -11,6 +11,8 @@ import { createTexture, mipLevels } from "./context.js";
 const WORKERS = Math.min(4, Math.max(2, (navigator.hardwareConcurrency ?? 2) - 1));
 /** Overlapping submaps agree, so a single one is shown as sure as this many of it. */
 const AGREEING = 2;
+/** Levels of the mipmap of a preview: making more takes longer than it is worth. */
+const PREVIEW_LEVELS = 4;
 
 /**
  * @typedef {object} Submap
@@ -57,6 +59,9 @@ export class Submaps {
     /** Of these, previews of finished submaps. */
     this.numPreviewsPending = 0;
     this.generation = 0;
+    /** Jobs that wait until all previews are shown. */
+    this.held = [];
+    this.isHeld = true;
     this.maxEdge = gl.getParameter(gl.MAX_TEXTURE_SIZE) - 2 * MARGIN;
     /** Submaps that this device cannot draw, as they are too large for its textures. */
     this.tooLarge = new Set();
@@ -72,6 +77,8 @@ export class Submaps {
     const { gl } = this;
     this.generation++;
     this.numPending = this.numPreviewsPending = 0;
+    this.held = [];
+    this.isHeld = true;
     for (const submap of this.all.values()) gl.deleteTexture(submap.cells);
     for (const preview of this.previews.values()) gl.deleteTexture(preview.texture);
     this.all.clear();
@@ -86,8 +93,19 @@ export class Submaps {
     const isPreview = type === Type.SUBMAP_PREVIEW;
     this.numPending++;
     if (isPreview) this.numPreviewsPending++;
-    const worker = this.workers[job.submap % this.workers.length];
-    worker.postMessage({ ...job, isPreview, generation: this.generation }, [job.packed]);
+    const whole = { ...job, isPreview, generation: this.generation };
+    if (isPreview || !this.isHeld) this.give(whole);
+    else this.held.push(whole);
+  }
+
+  /** From now on cells are inflated too: the first picture is drawn, and needs no processor any more. */
+  release() {
+    this.isHeld = false;
+    for (const job of this.held.splice(0)) this.give(job);
+  }
+
+  give(job) {
+    this.workers[job.submap % this.workers.length].postMessage(job, [job.packed]);
   }
 
   receive(done) {
@@ -111,7 +129,7 @@ export class Submaps {
     this.previews.delete(submap);
     if (rows * cols === 0 || Math.max(rows, cols) > this.maxEdge) return;
     const texture = createTexture(gl, gl.RGBA8, cols, rows, {
-      levels: mipLevels(cols, rows), min: gl.LINEAR_MIPMAP_NEAREST, mag: gl.LINEAR,
+      levels: Math.min(mipLevels(cols, rows), PREVIEW_LEVELS), min: gl.LINEAR_MIPMAP_NEAREST, mag: gl.LINEAR,
     });
     this.previews.set(submap, { texture, rows, cols, x, y, resolution });
     this.fillPreview(texture, preview, { row: 0, col: 0, rows, cols });
