@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
@@ -15,9 +14,7 @@ from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
-from cartoloop.global_slam.growing_array import GrowingArray
-from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest, loop_closures
-from cartoloop.global_slam.pair_selection import PairSelection
+from cartoloop.global_slam.loop_closure import LoopClosure, loop_closures
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
     PoseAdjuster,
@@ -30,6 +27,7 @@ from cartoloop.global_slam.pose_graph import (
     PoseGraph,
 )
 from cartoloop.global_slam.robust_loss import Loss
+from cartoloop.global_slam.search_requests import SearchRequests
 from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose, compose, inverse, relative
 from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -102,15 +100,10 @@ class GlobalSlam:
         self.num_put_off = 0
         self.adjustments: list[AdjustmentRun] = []
         self.rejected: list[LoopClosure] = []
-        self._selection = PairSelection(config.constraint_search)
+        self._requests = SearchRequests(config.constraint_search)
         self._finished: list[FinishedSubmap] = []
         self._node_points: list[FloatArray] = []
-        self._node_submaps: list[tuple[int, ...]] = []
-        self._first_submap = GrowingArray((), np.int64)
-        self._node_travelled = GrowingArray((), np.float64)
-        self._submap_travelled = GrowingArray((), np.float64)
         self._submap_nodes: list[set[int]] = []
-        self._last_local_pose = IDENTITY
         self._tf_local_last_submap = IDENTITY
         self._tf_map_local = IDENTITY
 
@@ -196,19 +189,13 @@ class GlobalSlam:
     def _add_to_graph(self, node: Node) -> None:
         graph = self.graph
         pose = node.tf_local_tracking
-        step = math.hypot(pose.x - self._last_local_pose.x, pose.y - self._last_local_pose.y)
-        self._last_local_pose = pose
-        travelled = self._node_travelled.view[-1] + step if graph.num_nodes else 0.0
-        self._node_travelled.append(travelled)
         graph.add_node(compose(self._tf_map_local, pose))
+        self._requests.add_node(node)
         self._node_points.append(node.points)
-        self._node_submaps.append(tuple(submap.index for submap in node.submaps))
-        self._first_submap.append(node.submaps[0].index)
         for submap in node.submaps:
             if submap.index == graph.num_submaps:
                 graph.add_submap(compose(self._tf_map_local, submap.tf_local_submap))
                 self._tf_local_last_submap = submap.tf_local_submap
-                self._submap_travelled.append(travelled)
                 self._submap_nodes.append(set())
                 if submap.index == 0:
                     graph.fix_submap(0)
@@ -238,66 +225,13 @@ class GlobalSlam:
     def _seek_node(self, node: int) -> None:
         """Seek a node in all finished submaps near enough."""
         with self._timer.measure("select pairs"):
-            submaps = np.arange(len(self._finished))
-            poses, pose = self.graph.submap_poses[: len(submaps)], self.graph.node_poses[node]
-            worth = self._selection.may_be_due(submaps, node) & self._are_near(poses, pose)
-            near = np.flatnonzero(worth)
-            for request in self._requests(near, np.full(len(near), node)):
+            for request in self._requests.of_node(self.graph, node, len(self._finished)):
                 self.search.submit(self._finished[request.submap], [request])
 
     def _seek_in(self, submap: FinishedSubmap) -> None:
         """Seek all nodes near enough in a submap that has just been finished."""
         with self._timer.measure("select pairs"):
-            nodes = np.arange(self.graph.num_nodes)
-            poses, pose = self.graph.node_poses, self.graph.submap_poses[submap.index]
-            worth = self._selection.may_be_due(submap.index, nodes) & self._are_near(poses, pose)
-            near = np.flatnonzero(worth)
-            self.search.submit(submap, self._requests(np.full(len(near), submap.index), near))
-
-    def _are_near(self, poses: FloatArray, pose: FloatArray) -> NDArray[np.bool_]:
-        """Return which of the poses, shape (n, 3), are near enough to another for a search."""
-        distances = np.hypot(poses[:, 0] - pose[0], poses[:, 1] - pose[1])
-        near: NDArray[np.bool_] = (
-            distances <= self._config.constraint_search.max_constraint_distance
-        )
-        return near
-
-    def _requests(
-        self, submaps: NDArray[np.int64], nodes: NDArray[np.int64]
-    ) -> list[SearchRequest]:
-        """Return the searches for those of the pairs by which there is something to be gained."""
-        own = self._first_submap.view[nodes]
-        begun, travelled = self._submap_travelled.view, self._node_travelled.view[nodes]
-        lengths = self._selection.uncertain_lengths(
-            submaps, own, np.abs(travelled - begun[own]), np.abs(travelled - begun[submaps])
-        )
-        due = self._selection.are_due(submaps, nodes, lengths)
-        pairs = zip(
-            submaps[due].tolist(),
-            nodes[due].tolist(),
-            own[due].tolist(),
-            lengths[due].tolist(),
-            strict=True,
-        )
-        return [
-            self._request(submap, node, node_submap, length)
-            for submap, node, node_submap, length in pairs
-            if submap not in self._node_submaps[node]
-            and len(self._node_points[node]) >= self._config.constraint_search.min_num_points
-            and self._selection.take(submap, node_submap, length)
-        ]
-
-    def _request(self, submap: int, node: int, node_submap: int, length: float) -> SearchRequest:
-        """Return the search for a pair that stands apart by an uncertain length [m]."""
-        estimate = relative(
-            Pose(*self.graph.submap_poses[submap].tolist()),
-            Pose(*self.graph.node_poses[node].tolist()),
-        )
-        window = self._selection.window(length)
-        points = self._node_points[node]
-        return SearchRequest(
-            submap, node, node_submap, points, estimate, *window, self.graph.num_nodes
-        )
+            self.search.submit(submap, self._requests.in_submap(self.graph, submap.index))
 
     def _take_in_closures(self) -> None:
         """Add the loop closures that were found to the graph."""
@@ -308,7 +242,7 @@ class GlobalSlam:
             self._timer.record("search", duration)
         self.found += closures
         for closure in closures:
-            self._selection.note_found(closure.submap, self._node_submaps[closure.node][0])
+            self._requests.note_found(closure)
             if closure.request is not None:
                 self.found_after.append(self.graph.num_nodes - closure.request.num_nodes)
         self._add_closures(closures)
@@ -348,14 +282,8 @@ class GlobalSlam:
         )
         newest = Pose(*self.graph.submap_poses[-1].tolist())
         self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
-        self._selection.update(self._submap_travelled.view, self._true_closures())
-
-    def _true_closures(self) -> NDArray[np.int64]:
-        """Return submap and submap of the node of the closures that hold, shape (k, 2)."""
         closures, is_violated = self._closures()
-        holds = closures[~is_violated]
-        first_submap: NDArray[np.int64] = self._first_submap.view[self.graph.index_b[holds]]
-        return np.column_stack((self.graph.index_a[holds], first_submap))
+        self._requests.note_adjusted(self.graph, closures[~is_violated])
 
     def _closures(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Return the loop closures, and which are violated by so much that they must be false."""

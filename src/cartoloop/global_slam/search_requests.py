@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where nodes are sought: what a new node, or a submap just finished, gives the search to do."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.growing_array import GrowingArray
+from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest
+from cartoloop.global_slam.pair_selection import PairSelection
+from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.sensor.pose import FloatArray, Pose, relative
+from cartoloop.submaps.node import Node
+
+IntArray = NDArray[np.int64]
+
+
+class SearchRequests:
+    """Knows of each node how far the robot had come and which submaps it was inserted into."""
+
+    def __init__(self, config: ConstraintSearchConfig) -> None:
+        self._config = config
+        self._selection = PairSelection(config)
+        self._points: list[FloatArray] = []
+        self._submaps: list[tuple[int, ...]] = []
+        self._first_submap = GrowingArray((), np.int64)
+        self._travelled = GrowingArray((), np.float64)
+        self._submap_travelled = GrowingArray((), np.float64)
+        self._last_position = (0.0, 0.0)
+
+    def add_node(self, node: Node) -> None:
+        """Learn of a node, and of a submap that begins with it."""
+        x, y, _ = node.tf_local_tracking
+        step = math.dist((x, y), self._last_position)
+        travelled = self._travelled.view[-1] + step if self._points else 0.0
+        self._last_position = (x, y)
+        self._travelled.append(travelled)
+        self._points.append(node.points)
+        self._submaps.append(tuple(submap.index for submap in node.submaps))
+        self._first_submap.append(node.submaps[0].index)
+        if node.submaps[-1].index == len(self._submap_travelled):
+            self._submap_travelled.append(travelled)
+
+    def note_found(self, closure: LoopClosure) -> None:
+        """Learn of a loop closure."""
+        self._selection.note_found(closure.submap, self._submaps[closure.node][0])
+
+    def note_adjusted(self, graph: PoseGraph, closures: IntArray) -> None:
+        """Learn which constraints of the graph are loop closures that hold, shape (k,)."""
+        node_submaps = self._first_submap.view[graph.index_b[closures]]
+        ends = np.column_stack((graph.index_a[closures], node_submaps))
+        self._selection.update(self._submap_travelled.view, ends)
+
+    def of_node(self, graph: PoseGraph, node: int, num_finished: int) -> list[SearchRequest]:
+        """Return where to seek a node: in the finished submaps near enough, which are the first."""
+        submaps = np.arange(num_finished)
+        are_near = self._are_near(graph.submap_poses[:num_finished], graph.node_poses[node])
+        near = np.flatnonzero(self._selection.may_be_due(submaps, node) & are_near)
+        return self._requests(graph, near, np.full(len(near), node))
+
+    def in_submap(self, graph: PoseGraph, submap: int) -> list[SearchRequest]:
+        """Return which nodes to seek in a submap: those near enough."""
+        nodes = np.arange(graph.num_nodes)
+        are_near = self._are_near(graph.node_poses, graph.submap_poses[submap])
+        near = np.flatnonzero(self._selection.may_be_due(submap, nodes) & are_near)
+        return self._requests(graph, np.full(len(near), submap), near)
+
+    def _are_near(self, poses: FloatArray, pose: FloatArray) -> NDArray[np.bool_]:
+        """Return which of the poses, shape (n, 3), are near enough to another for a search."""
+        distances = np.hypot(poses[:, 0] - pose[0], poses[:, 1] - pose[1])
+        near: NDArray[np.bool_] = distances <= self._config.max_constraint_distance
+        return near
+
+    def _requests(
+        self, graph: PoseGraph, submaps: IntArray, nodes: IntArray
+    ) -> list[SearchRequest]:
+        """Return the searches for those of the pairs by which there is something to be gained."""
+        own = self._first_submap.view[nodes]
+        begun, travelled = self._submap_travelled.view, self._travelled.view[nodes]
+        lengths = self._selection.uncertain_lengths(
+            submaps, own, np.abs(travelled - begun[own]), np.abs(travelled - begun[submaps])
+        )
+        due = np.flatnonzero(self._selection.are_due(submaps, nodes, lengths))
+        pairs = zip(
+            submaps[due].tolist(),
+            nodes[due].tolist(),
+            own[due].tolist(),
+            lengths[due].tolist(),
+            strict=True,
+        )
+        return [
+            self._request(graph, submap, node, node_submap, length)
+            for submap, node, node_submap, length in pairs
+            if submap not in self._submaps[node]
+            and len(self._points[node]) >= self._config.min_num_points
+            and self._selection.take(submap, node_submap, length)
+        ]
+
+    def _request(
+        self, graph: PoseGraph, submap: int, node: int, node_submap: int, length: float
+    ) -> SearchRequest:
+        """Return the search for a pair that stands apart by an uncertain length [m]."""
+        estimate = relative(
+            Pose(*graph.submap_poses[submap].tolist()), Pose(*graph.node_poses[node].tolist())
+        )
+        window = self._selection.window(length)
+        points = self._points[node]
+        return SearchRequest(submap, node, node_submap, points, estimate, *window, graph.num_nodes)
