@@ -183,19 +183,19 @@ def test_one_scan_makes_a_map(lines, mapped):
     assert result.report["input"]["duration_s"] == 0.0
 
 
-def test_without_any_return_there_is_an_empty_map_and_a_warning(lines, mapped):
+def test_without_any_return_the_map_is_empty_and_that_is_an_error(lines, mapped):
     def nothing(ranges):
         return ["81.91"] * len(ranges)
 
     result = mapped([with_ranges(x, nothing) if x.startswith("FLASER") else x for x in lines])
 
-    assert result.status == 0
+    assert result.status == 1
     result.assert_complete()
     assert len(result.trajectory) == NUM_SCANS
     assert np.isfinite(result.trajectory).all()
     assert result.num_walls == 0
     assert result.report["skipped"] == {"too few returns to match: pose as predicted": NUM_SCANS}
-    assert "warning: bad.log: no scan shows enough to be mapped" in result.error
+    assert "bad.log: no scan shows enough to be mapped" in result.error
 
 
 def test_a_gap_of_ten_hours_is_told_and_bridged(lines, mapped):

@@ -78,14 +78,17 @@ def map_recording(
     report = timed(report, time.perf_counter() - start)
     save_report(report, out)
     _tell_problems(log)
-    if report.nodes == 0:
-        typer.echo(f"warning: {log.name}: no scan shows enough to be mapped", err=True)
     typer.echo(summary(report, out))
     if failure is not None:
         typer.echo(f"what was mapped before the failure is in {out}", err=True)
         raise failure
     if stop.made:
         raise Interrupted(f"stopped after {len(result.stamps)} scans; the map of these is in {out}")
+    if report.nodes == 0:
+        raise InputError(
+            f"{log.name}: no scan shows enough to be mapped, the map in {out} is empty; "
+            "`cartoloop doctor` tells what the recording holds"
+        )
     if lost := next((p.message for p in log.problems if p.severity == "error"), None):
         raise InputError(f"the map in {out} is of a part of the recording: {lost}")
     return replace(result, report=report)
