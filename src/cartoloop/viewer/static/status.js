@@ -63,7 +63,7 @@ export class Status {
   say(state, text) {
     this.dot.dataset.state = state;
     setText(this.text, text);
-    setText(this.empty, text);
+    this.empty.dataset.text = text;
   }
 
   tell(text) {
