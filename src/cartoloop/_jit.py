@@ -25,7 +25,7 @@ from typing import Any, TypeVar, cast
 
 import llvmlite.binding as llvm
 import numba
-from numba.core import caching, compiler, event, runtime
+from numba.core import caching, compiler, event, runtime, types
 
 from cartoloop._kernel_folder import Turns, user_cache_folder
 
@@ -41,6 +41,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 _config: Any = numba.config
 _runtime: Any = runtime
 _njit: Any = numba.njit
+_unliteral: Any = types.unliteral
 _rebuild: Any = compiler.CompileResult._rebuild
 
 
@@ -67,11 +68,29 @@ def kernel(function: F) -> F:
     _config.CACHE_DIR = str(kernel_cache_folder())
     try:
         compiled = _njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function)
+        if not _config.DISABLE_JIT:
+            compiled.get_call_template = _without_literals(compiled.get_call_template)
         if not _config.DISABLE_JIT and (kept := _cache_of(function)) is not None:
             compiled._cache = kept
     finally:
         _config.CACHE_DIR = previous
     return cast(F, compiled)
+
+
+def _without_literals(template: Callable[..., Any]) -> Callable[..., Any]:
+    """Return what tells a caller's compilation of a kernel, for any number in place of a certain.
+
+    A variable that starts as a certain number would have the kernel compiled for that one, for
+    nothing: the next moment the variable turns out to hold others.
+    """
+
+    def with_types(args: Sequence[Any], kws: dict[str, Any]) -> object:
+        return template(
+            tuple(_unliteral(arg) for arg in args),
+            {name: _unliteral(arg) for name, arg in kws.items()},
+        )
+
+    return with_types
 
 
 def _cache_of(function: Callable[..., Any]) -> object | None:
