@@ -24,6 +24,7 @@ def test_latencies_of_a_replay_are_measured(tmp_path, capsys):
         assert 0 <= scans - figures["scans"] <= 2
         assert figures["without a pose"] <= 1
         assert 0.0 < figures["median latency"] <= figures["99% within"] <= figures["longest"]
+        assert 0.0 < figures["CPU until the pose, 99% within"] <= figures["longest"]
         assert figures["nodes"] > 10
         assert figures["dropped"] == 0
         assert figures["closures join within"] >= 0.0

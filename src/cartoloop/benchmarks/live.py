@@ -82,6 +82,7 @@ def _replay(path: Path, num_first: int, paces: Sequence[float], seconds: float) 
 def _row(same: Sequence[PaceResult]) -> Row:
     """Return the figures of one pace in all repeats."""
     quantiles = np.array([np.quantile(run.latencies, (0.5, 0.99, 1.0)) for run in same]) * 1e3
+    pose_cpu = [1e3 * float(np.quantile(run.pose_cpu_s, 0.99)) for run in same]
     cpu = [1e3 * float(np.quantile(run.cpu_s, 0.99)) for run in same]
     joined = [max(run.joined_after, default=0.0) for run in same]
     first = same[0]
@@ -93,6 +94,7 @@ def _row(same: Sequence[PaceResult]) -> Row:
             "median latency": Figure.of_samples(quantiles[:, 0].tolist(), "ms"),
             "99% within": Figure.of_samples(quantiles[:, 1].tolist(), "ms"),
             "longest": Figure.of_samples(quantiles[:, 2].tolist(), "ms"),
+            "CPU until the pose, 99% within": Figure.of_samples(pose_cpu, "ms"),
             "CPU, 99% within": Figure.of_samples(cpu, "ms"),
             "nodes": Figure.of_samples([run.nodes for run in same], "", None),
             "closures": Figure.of_samples([run.closures for run in same], "", None),

@@ -22,7 +22,7 @@ import numpy as np
 
 from cartoloop.config import Config
 from cartoloop.live.autosave import Autosave
-from cartoloop.live.inbox import Inbox
+from cartoloop.live.inbox import Arrival, Inbox
 from cartoloop.live.messages import EndMessage, parse_message
 from cartoloop.live.notices import Notices
 from cartoloop.live.sequencer import Sequencer
@@ -48,7 +48,9 @@ class PaceResult:
     scans : how many scans were sent.
     poses : how many of them got a pose.
     latencies : of each, from its arrival until its pose was out [s].
-    cpu_s : of each, processor time of the mapping thread, waking up and all [s].
+    pose_cpu_s : of each, processor time of the mapping thread until its pose was out [s]: what is
+        left of the latency where no other program wants the processor.
+    cpu_s : the same with all that follows, and with what comes between scans [s].
     joined_after : of each closure, periods of adjustment from when it was asked for to when it
         joined the graph.
     nodes, closures, adjustments, saves : how many were added meanwhile.
@@ -61,6 +63,7 @@ class PaceResult:
     scans: int
     poses: int
     latencies: list[float]
+    pose_cpu_s: list[float]
     cpu_s: list[float]
     joined_after: list[float]
     nodes: int
@@ -103,6 +106,18 @@ class PacedSource:
         put(EndMessage())
 
 
+class _WatchedInbox(Inbox):
+    """Knows how much the mapping thread had worked when it last took something."""
+
+    cpu_s = 0.0
+
+    def take(self, timeout: float) -> list[Arrival]:
+        """Return what has arrived; see :class:`Inbox`."""
+        arrivals = super().take(timeout)
+        self.cpu_s = time.thread_time()
+        return arrivals
+
+
 def replay(path: Path, num_first: int, paces: Sequence[tuple[float, float]]) -> list[PaceResult]:
     """Map the first scans of a recording, then some at each pace, as they would come live.
 
@@ -143,15 +158,18 @@ def _at_pace(
     autosave: Autosave,
 ) -> PaceResult:
     latencies: list[float] = []
+    pose_cpu_s: list[float] = []
+    inbox = _WatchedInbox()
     cpu_times: list[float] = []
 
     def after_scan(scan: AddedScan) -> None:
         latencies.append(scan.latency)
+        pose_cpu_s.append(time.thread_time() - inbox.cpu_s)
         autosave.after_scan()
         cpu_times.append(time.thread_time())
 
     session = LiveSession(
-        PacedSource(events, pace), mapper, Inbox(), sequencer, notices, after_scan=after_scan
+        PacedSource(events, pace), mapper, inbox, sequencer, notices, after_scan=after_scan
     )
     before, num_found = _counts(mapper, autosave), len(mapper.global_slam.found_after)
     session.run(lambda: False)
@@ -162,7 +180,7 @@ def _at_pace(
     cpu_s = np.diff(cpu_times).tolist()
     period = CONFIG.global_slam.optimize_every_n_nodes
     joined = [nodes / period for nodes in mapper.global_slam.found_after[num_found:]]
-    return PaceResult(pace, num_scans, len(latencies), latencies, cpu_s, joined, *added)
+    return PaceResult(pace, num_scans, len(latencies), latencies, pose_cpu_s, cpu_s, joined, *added)
 
 
 def _counts(mapper: Mapper, autosave: Autosave) -> tuple[int, ...]:
