@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Iterator
 from functools import partial
 
@@ -13,7 +14,9 @@ from cartoloop.benchmarks.record import Case
 from cartoloop.benchmarks.workload import Workload
 from cartoloop.config import SensorConfig
 from cartoloop.readers.carmen_lines import read_scan_line
+from cartoloop.readers.ros.messages import decode_multi_echo
 from cartoloop.sensor.events import LaserScan, PointCloud
+from cartoloop.sensor.pose import FloatArray
 from cartoloop.sensor.range_filter import RangeFilter
 from cartoloop.sensor.sweep_motion import SweepMotion
 from cartoloop.simulation import make_world
@@ -21,7 +24,8 @@ from cartoloop.simulation.lidar import make_lidar, true_ranges
 from cartoloop.simulation.rig import MountedLidar, sweep_ranges
 
 INPUT_KERNELS = (
-    "read scan line", "filter in motion", "filter a cloud", "simulate a scan", "simulate a cloud",
+    "read scan line", "read echoes", "filter in motion", "filter a cloud", "simulate a scan",
+    "simulate a cloud",
 )  # fmt: skip
 
 RINGS_DEG = np.arange(-15.0, 16.0, 2.0)
@@ -49,6 +53,12 @@ def input_workloads() -> Iterator[Workload]:
         "read scan line", ("decimal_text",), case, partial(read_scan_line, line), beams, "beams"
     )
 
+    echoes = _message_of_echoes(ranges)
+    yield Workload(
+        "read echoes", ("nested_lists",), case,
+        partial(decode_multi_echo, echoes, is_ros1=True), beams, "beams",
+    )  # fmt: skip
+
     scanner = MountedLidar(lidar, sweep=SWEEP_S, pitch=0.05)
     turning = SweepMotion(0.0, SWEEP_S, np.array([(0.0,) * 5, (0.02, 0.0, 0.01, 0.01, 0.02)]))
     range_filter = RangeFilter(SensorConfig())
@@ -70,3 +80,13 @@ def input_workloads() -> Iterator[Workload]:
         "filter a cloud", ("cloud_projection", "voxel_filter"), case,
         partial(range_filter.apply, cloud, turning), len(points), "points",
     )  # fmt: skip
+
+
+def _message_of_echoes(ranges: FloatArray) -> bytes:
+    """Return a MultiEchoLaserScan as ROS 1 sends it, every other beam with a second echo."""
+    header = struct.pack("<IIII7f", 0, 0, 0, 0, -1.5, 1.5, 3.0 / len(ranges), 0.0, 0.0, 0.0, 30.0)
+    lists = b"".join(
+        struct.pack("<I2f", 2, measured, measured) if beam % 2 else struct.pack("<If", 1, measured)
+        for beam, measured in enumerate(ranges)
+    )
+    return header + 2 * (struct.pack("<I", len(ranges)) + lists)

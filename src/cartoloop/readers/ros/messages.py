@@ -13,6 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.kernels.nested_lists import find_lists
 from cartoloop.readers.ros.wire import (
     Cursor,
     DecodeError,
@@ -114,7 +115,7 @@ def decode_multi_echo(raw: bytes, is_ros1: bool, echo: Echo = "first") -> ScanMe
     num_words = (len(raw) - body) // 4
     if num_words < 1:
         raise DecodeError("cut off")
-    words = np.frombuffer(raw, _UINT32[header.order], num_words, body)
+    words = np.frombuffer(raw, _UINT32[header.order], num_words, body).astype(np.uint32)
     floats = np.frombuffer(raw, _FLOAT32[header.order], num_words, body)
     first, num_echoes, end = _echo_places(words, 0)
     ranges = np.full(len(first), np.inf)
@@ -135,26 +136,12 @@ def _echo_places(
     num_beams = int(words[start])
     if num_beams > len(words) - start - 1:
         raise DecodeError("cut off")
-    # Mostly all beams have one echo, and then need not be followed one by one.
-    heads = words[start + 1 : start + 1 + 2 * num_beams : 2]
-    if len(heads) == num_beams and (heads == 1).all():
-        end = start + 1 + 2 * num_beams
-        if end > len(words):
-            raise DecodeError("cut off")
-        return np.arange(start + 2, end, 2), np.ones(num_beams, dtype=np.int64), end
-    counts = np.empty(num_beams, dtype=np.int64)
     firsts = np.empty(num_beams, dtype=np.int64)
-    listed = words.tolist()
-    place = start + 1
-    for beam in range(num_beams):
-        if place >= len(listed):
-            raise DecodeError("cut off")
-        count = listed[place]
-        counts[beam], firsts[beam] = count, place + 1
-        place += 1 + count
-    if place > len(listed):
+    counts = np.empty(num_beams, dtype=np.int64)
+    end = find_lists(words, start + 1, firsts, counts)
+    if end < 0:
         raise DecodeError("cut off")
-    return firsts, counts, place
+    return firsts, counts, end
 
 
 def _strongest(
