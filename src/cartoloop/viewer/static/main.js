@@ -85,22 +85,25 @@ class Page {
   }
 
   take(message) {
+    if (message.type === Type.HELLO) this.greet(message.content);
+    if (message.type === Type.LATEST_CLOSURE) this.noteClosure(message.content);
+    if (this.state.take(message)) this.motion.note();
     switch (message.type) {
-      case Type.HELLO: this.greet(message.content); break;
       case Type.SUBMAP: case Type.SUBMAP_PATCH: case Type.SUBMAP_PREVIEW:
         this.renderer.submaps.take(message);
-        return; // drawn when a worker has inflated it
-      case Type.LATEST_CLOSURE: this.noteClosure(message.content); break;
+        break; // drawn when a worker has inflated it
+      case Type.READINGS:
+        this.panel.show(message.content);
+        this.status.show("connected", message.content);
+        this.playback.show();
+        break;
+      case Type.PLAYBACK: this.playback.show(); break;
+      case Type.SCAN: case Type.LATEST_CLOSURE: this.stage.touch(); break;
+      case Type.COMPLETE: performance.mark("cartoloop:complete"); // falls through
       default:
+        this.playback.show();
+        this.stage.change();
     }
-    if (this.state.take(message)) this.motion.note();
-    if (message.type === Type.READINGS) {
-      this.panel.show(message.content);
-      this.status.show("connected", message.content);
-    }
-    if (message.type === Type.COMPLETE) performance.mark("cartoloop:complete");
-    this.playback.show();
-    this.stage.change();
   }
 
   greet(hello) {

@@ -15,6 +15,7 @@ export const LAYERS = Object.freeze({
 
 /** Smaller distances on the screen need not be drawn [px]; at most twice that. */
 const SEEN_PX = 1.5;
+const WAY_PX = 1.8;
 const ROBOT_PX = 15;
 const FADED = 0.3;
 
@@ -49,26 +50,45 @@ export class Overlays {
     this.dots = new Shape(gl);
   }
 
-  /** @param {import("./view.js").View} view @param {Scene} scene */
-  draw(view, scene) {
-    this.anchor = [Math.round(view.x), Math.round(view.y)];
-    this.pen.begin(view);
-    const inks = this.theme.inks;
+  /**
+   * Draw what stays where it is as long as the map does.
+   * @param {import("./view.js").View} view
+   * @param {Scene} scene
+   */
+  drawGraph(view, scene) {
+    this.begin(view);
     const { layers } = scene;
     const apart = SEEN_PX * 2 ** -Math.floor(Math.log2(view.scale));
-    this.setWay(scene, apart, inks);
+    this.setWay(scene, apart);
     if (layers.closures || layers.constraints) {
       this.setConstraints(scene, apart);
       // One that is looked at must stand out.
       this.pen.lines(this.constraints, 1.2, scene.closure ? [1, 1, 1, FADED] : undefined);
     }
-    if (layers.trajectory) this.drawWay(scene, inks);
-    if (layers.nodes) this.pen.dots(this.nodes, 4.5, tint(inks.node, 0.9));
-    if (layers.latest && scene.latest && !scene.closure) this.drawClosure(scene.latest, scene);
-    if (layers.scan && scene.scan) this.drawScan(scene.scan, inks);
-    if (scene.closure) this.drawClosure(scene.closure, scene);
-    if (scene.scan) this.drawRobot(scene.scan.pose, view, inks);
+    if (layers.trajectory) this.pen.lines(this.way, WAY_PX);
+    if (layers.nodes) this.pen.dots(this.nodes, 4.5, tint(this.theme.inks.node, 0.9));
     this.pen.end();
+  }
+
+  /**
+   * Draw what changes with each scan: the robot, what it sees, the closure of interest.
+   * @param {import("./view.js").View} view
+   * @param {Scene} scene
+   */
+  drawNow(view, scene) {
+    this.begin(view);
+    const { layers, scan } = scene;
+    if (layers.trajectory && scan) this.drawTail(scene);
+    if (layers.latest && scene.latest && !scene.closure) this.drawClosure(scene.latest, scene);
+    if (layers.scan && scan) this.drawScan(scan);
+    if (scene.closure) this.drawClosure(scene.closure, scene);
+    if (scan) this.drawRobot(scan.pose, view);
+    this.pen.end();
+  }
+
+  begin(view) {
+    this.anchor = [Math.round(view.x), Math.round(view.y)];
+    this.pen.begin(view);
   }
 
   /**
@@ -76,7 +96,7 @@ export class Overlays {
    * @param {Scene} scene
    * @param {number} apart smallest distance that can be seen [m]
    */
-  setWay({ motion, numNodes }, apart, inks) {
+  setWay({ motion, numNodes }, apart) {
     const key = [motion.version, numNodes, apart, this.theme.name].join();
     if (this.way.key === key) return;
     this.way.key = key;
@@ -84,7 +104,7 @@ export class Overlays {
     const kept = nodesApart(poses, numNodes, apart);
     const places = new Float32Array(2 * kept.length);
     const lines = new LineList(kept.length, this.anchor);
-    const ink = inkOf(inks.trajectory);
+    const ink = inkOf(this.theme.inks.trajectory);
     kept.forEach((node, i) => {
       const [x, y] = poseAt(poses, node);
       places[2 * i] = x - this.anchor[0];
@@ -95,20 +115,19 @@ export class Overlays {
     lines.into(this.way);
   }
 
-  drawWay(scene, inks) {
-    const ink = tint([255, 255, 255], 1);
-    this.pen.lines(this.way, 1.8, ink);
-    if (!scene.scan || scene.numNodes === 0 || scene.numNodes < scene.state.nodes.length) return;
-    const last = poseAt(scene.motion.nodes.shown, scene.numNodes - 1);
+  /** Draw the way from the last node to the robot. */
+  drawTail({ scan, state, motion, numNodes }) {
+    if (numNodes === 0 || numNodes < state.nodes.length) return;
+    const last = poseAt(motion.nodes.shown, numNodes - 1);
     const line = new LineList(1, this.anchor);
-    line.add(last[0], last[1], scene.scan.pose[0], scene.scan.pose[1], inkOf(inks.trajectory));
+    line.add(last[0], last[1], scan.pose[0], scan.pose[1], inkOf(this.theme.inks.trajectory));
     line.into(this.tail);
-    this.pen.lines(this.tail, 1.8, ink);
+    this.pen.lines(this.tail, WAY_PX);
   }
 
-  drawScan({ pose, points }, inks) {
+  drawScan({ pose, points }) {
     this.setPoints(this.returns, pose, points);
-    this.pen.dots(this.returns, 3.2, tint(inks.scan, 0.9));
+    this.pen.dots(this.returns, 3.2, tint(this.theme.inks.scan, 0.9));
   }
 
   setPoints(shape, pose, points) {
@@ -121,7 +140,8 @@ export class Overlays {
     shape.set(places, places.length / 2, this.anchor);
   }
 
-  drawRobot([x, y, theta], view, inks) {
+  drawRobot([x, y, theta], view) {
+    const { inks } = this.theme;
     const nose = transform([x, y, theta], ROBOT_PX / view.scale, 0);
     for (const [rgb, more] of [[inks.halo, 4], [inks.robot, 0]]) {
       const line = new LineList(1, this.anchor);

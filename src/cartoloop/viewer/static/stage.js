@@ -65,6 +65,12 @@ export class Stage {
     this.pulseBegan = performance.now();
   }
 
+  /** What is drawn each time has changed: the robot, its scan. */
+  touch() {
+    this.renderer.touch();
+    this.schedule();
+  }
+
   /** Something other than the view has changed. */
   change() {
     this.renderer.invalidate();
@@ -87,8 +93,9 @@ export class Stage {
     if (this.hasAll && camera.placeFirst()) renderer.invalidate();
     const isPlaying = playback.advance(now);
     const isPulsing = now - this.pulseBegan < PULSE_MS;
-    if (motion.isGliding || isPlaying || isPulsing) renderer.invalidate();
-    if (playback.isBack) playback.bringScan(() => this.change());
+    if (motion.isGliding || isPlaying) renderer.invalidate();
+    if (isPulsing) renderer.touch();
+    if (playback.isBack) playback.bringScan(() => this.touch());
     const isFollowing = camera.follow(this.robotPose());
     const isGliding = motion.isGliding || playback.isScrubbing;
     const isHandled = now - this.handledAt < HANDLED_MS;
@@ -126,7 +133,8 @@ export class Stage {
     const scene = this.scene(now);
     const isDrawn = renderer.draw({
       poses: this.motion.submaps.shown, isShown: (submap) => this.isShown(submap), gliding, coarse,
-      drawOver: (view) => this.overlays.draw(view, scene),
+      drawGraph: (view) => this.overlays.drawGraph(view, scene),
+      drawNow: (view) => this.overlays.drawNow(view, scene),
     });
     if (isDrawn) this.drawnAt = now;
     byId("empty").hidden = renderer.submaps.previews.size > 0;

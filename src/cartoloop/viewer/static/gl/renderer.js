@@ -24,7 +24,8 @@ const HANDLED_SLICE_MS = 10;
  * @property {(submap: number) => boolean} isShown
  * @property {boolean} gliding whether submaps are on their way, so that no square holds
  * @property {boolean} coarse whether it may be, as the next one comes at once and time is short
- * @property {(view: View) => void} drawOver
+ * @property {(view: View) => void} drawGraph what is kept together with the map
+ * @property {(view: View) => void} drawNow what is drawn anew each time
  */
 
 /** Draws the map, and has others draw over it. */
@@ -57,6 +58,11 @@ export class Renderer {
   /** Something other than the view has changed: all is to be drawn. */
   invalidate() {
     this.screen.invalidate();
+  }
+
+  /** What is drawn over the map each time has changed. */
+  touch() {
+    this.presented = "";
   }
 
   /** A connection begins. */
@@ -126,6 +132,7 @@ export class Renderer {
     offset = this.offset(picture) ?? [MARGIN, MARGIN];
     this.presented = offset.join();
     screen.present(offset);
+    picture.drawNow(view);
     return isAll;
   }
 
@@ -137,7 +144,7 @@ export class Renderer {
       gl.scissor(...rect);
       this.map.draw(drawn, picture, rect);
       gl.bindFramebuffer(gl.FRAMEBUFFER, screen.target);
-      picture.drawOver(drawn);
+      picture.drawGraph(drawn);
     }
     gl.disable(gl.SCISSOR_TEST);
     screen.valid = picture.coarse ? rects[0] : screen.all;
