@@ -17,7 +17,7 @@ from cartoloop.mapper import Mapper
 MIN_PERIOD_S = 1.0
 """A small map is saved so often [s]."""
 
-MAX_SHARE = 0.03
+MAX_SHARE = 0.015
 """A large one so often that saving takes this share of the time, and of one processor."""
 
 
