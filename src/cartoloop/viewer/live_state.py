@@ -36,7 +36,7 @@ from cartoloop.viewer.parts import (
 )
 from cartoloop.viewer.pictures import Drawing
 from cartoloop.viewer.previews import Preview
-from cartoloop.viewer.protocol import MessageType
+from cartoloop.viewer.protocol import MessageType, Texture
 from cartoloop.viewer.readings import Readings
 from cartoloop.viewer.textures import FinishedTexture, GrowingTexture
 
@@ -294,7 +294,8 @@ class LiveState:
         def parts(submap: int) -> tuple[Preview, FinishedTexture]:
             growing = self._growing.get(submap)
             version = growing.version + 1 if growing else 1
-            grid = new[submap]
+            packed = new[submap]
+            grid = Texture(packed.cells, packed.origin_x, packed.origin_y, packed.resolution)
             return Preview(submap, grid, self._log_odds), FinishedTexture(submap, version, grid)
 
         for submap, (preview, finished) in zip(new, _map_all(parts, list(new)), strict=True):

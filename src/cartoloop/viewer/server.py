@@ -23,14 +23,14 @@ from cartoloop.viewer.requests import MAX_REQUEST_BYTES
 
 DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 8765
 
-UPDATE_PERIOD_S = 0.1
-"""Pages are told what has changed so often [s]."""
+UPDATE_PERIOD_S, LONGEST_PERIOD_S = 0.1, 0.25
+"""Pages are told what has changed so often, and where there is much to be told, so often [s]."""
 
 READINGS_PERIOD_S = 0.25
 
 MAX_SHARE = 0.03
 """Share of a processor that the view may cost mapping; where it costs more, growing submaps are
-drawn less often, but all else as often as ever."""
+drawn less often, and then all else, too."""
 
 MAX_REST_S = 1.0
 """But growing submaps wait for no longer; where nobody looks, nothing is done more often [s]."""
@@ -166,8 +166,10 @@ class ViewServer:
         """Take in updates as they come, draw growing submaps as often as that is cheap enough."""
         refreshed = drawn = -MAX_REST_S
         spent, is_drawn = thread_time(), True
+        begun = thread_time()
         while True:
             start = perf_counter()
+            cost, begun = thread_time() - begun, thread_time()  # of what was told, too
             if self._feed is not None and (update := self._feed.take()) is not None:
                 self._state.apply(update)
                 is_drawn = False
@@ -178,7 +180,8 @@ class ViewServer:
             if start - refreshed >= READINGS_PERIOD_S:
                 self._state.refresh()
                 refreshed = start
-            await asyncio.sleep(start + UPDATE_PERIOD_S - perf_counter())
+            period = min(max(cost / MAX_SHARE, UPDATE_PERIOD_S), LONGEST_PERIOD_S)
+            await asyncio.sleep(start + period - perf_counter())
             with suppress(TimeoutError):  # where nobody looks, now and then is often enough
                 async with asyncio.timeout(MAX_REST_S):
                     await self._state.is_watched.wait()

@@ -47,7 +47,7 @@ def drawn_cells(cells: NDArray[np.uint8]) -> NDArray[np.uint8]:
 class FinishedTexture:
     """A submap that will not change any more; a part of the state."""
 
-    def __init__(self, submap: int, version: int, grid: FinishedGrid) -> None:
+    def __init__(self, submap: int, version: int, grid: FinishedGrid | Texture) -> None:
         cells = drawn_cells(grid.cells)
         texture = Texture(cells, grid.origin_x, grid.origin_y, grid.resolution)
         self._message = submap_message(submap, version, texture, finished=True)
