@@ -56,6 +56,21 @@ BENCHMARKS = {
         "Growth: one museum again and again",
         "One run as long, that stays in one museum.",
     ),
+    "live": _Part(
+        "Live: how long a pose takes",
+        "The museum's scans as from a robot, each when it is due, in the middle of the walk: from "
+        "its arrival until its pose is out, while loops are being closed behind it and the map is "
+        "saved now and then.",
+    ),
+    "viewer": _Part(
+        "The live view",
+        "The museum. *While mapping*: as fast as it can, in turn without a view and with so many "
+        "viewers, which run on the same machine; by how much more processor time the mapping "
+        "process takes, all its threads, and how much longer. *A finished map*: what joining it "
+        "takes. *Loop closures*: from the adjustment that takes closures in to the first frame "
+        "after a page knows of them, in a recording that is mapped at some times real time.",
+        "part",
+    ),
 }
 """The benchmarks in the order of the page."""
 

@@ -176,6 +176,43 @@ def bench_live(
     _conclude(record, out, before, strict)
 
 
+@bench_app.command("viewer")
+def bench_viewer(
+    log: Annotated[
+        Path | None, typer.Argument(metavar="LOG", help="A recording instead of the museum.")
+    ] = None,
+    out: OutOption = Path("bench"),
+    scans: Annotated[
+        int, typer.Option(min=0, help="Map only so many scans; 0: the whole recording.")
+    ] = 0,
+    watched_scans: Annotated[
+        int, typer.Option(min=1, help="Watch for loop closures during so many scans.")
+    ] = 5000,
+    pace: Annotated[
+        float, typer.Option(min=0.1, max=1000.0, help="Times real time of these scans.")
+    ] = 8.0,
+    repeat: RepeatOption = 3,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Measure what the live view costs, how soon it shows the map, and how smoothly.
+
+    With --strict it also fails where the view misses a bar.
+    """
+    from cartoloop.benchmarks.view import benchmark
+
+    before = _earlier(against, "viewer")
+    options = benchmark.ViewOptions(log, scans, pace, watched_scans, repeat)
+    record = benchmark.run(options, lambda line: typer.echo(line, err=True))
+    _print_table(record)
+    missed = benchmark.misses(record)
+    for line in missed:
+        typer.echo(f"missed         {line}")
+    _conclude(record, out, before, strict)
+    if strict and missed:
+        raise typer.Exit(1)
+
+
 @bench_app.command("page")
 def bench_page(
     records: Annotated[
