@@ -12,7 +12,8 @@ const FOLLOW_SHARE = 0.2;
 const JUMP_PX = 2000;
 /** Share of the screen that a map fills, and one that grows, so that it need not move all the time. */
 const FILLED = 0.94;
-const GROWING_FILLED = 0.7;
+const GROWING_FILLED = 0.75;
+const LEAST_FILLED = 0.45;
 const LEAST_INSET_PX = 24;
 const REMEMBER_MS = 300;
 
@@ -67,7 +68,8 @@ export class Camera {
     if (!bounds) return false;
     const covered = insets(this.view, bounds);
     this.isPlaced = this.hooks.isFinished();
-    if (!this.isPlaced && this.view.holds(bounds, covered)) return false;
+    const isLarge = this.view.scale > LEAST_FILLED * this.view.fittingScale(bounds, covered);
+    if (!this.isPlaced && isLarge && this.view.holds(bounds, covered)) return false;
     this.view.fit(bounds, covered, this.isPlaced ? FILLED : GROWING_FILLED);
     return true;
   }

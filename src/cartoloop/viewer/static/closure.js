@@ -4,13 +4,14 @@
  * @module
  */
 import { byId, setText } from "./dom.js";
-import { chain, poseAt, transform } from "./poses.js";
+import { chain, transform } from "./poses.js";
 import { Kind } from "./protocol.js";
-import { beginOf } from "./residual.js";
 import { length, score } from "./words.js";
 
 /** A click finds closures that are so near [px]. */
 const PICK_PX = 12;
+/** Of closures at one place, that whose node is nearer. */
+const NODE_SHARE = 0.05;
 const VIOLATED_M = 0.2;
 const VIOLATED_DEG = 1.0;
 
@@ -23,21 +24,24 @@ const VIOLATED_DEG = 1.0;
  */
 export function pickClosure({ state, motion }, rows, view, px, py) {
   const [submaps, nodes] = [motion.submaps.shown, motion.nodes.shown];
+  const { a, b, kinds } = state.constraints;
   const [x, y] = view.toMap(px, py);
   let best = null;
   let least = PICK_PX / view.scale;
   for (const row of rows) {
-    const constraint = state.constraints.at(row);
-    if (constraint.kind !== Kind.CLOSURE && constraint.kind !== Kind.REJECTED) continue;
-    const from = beginOf(constraint, submaps, nodes);
-    const to = poseAt(nodes, constraint.b);
-    const far = distanceToLine(x, y, from, to) + 0.05 * Math.hypot(x - to[0], y - to[1]) / (1 + view.scale);
+    const kind = kinds.numbers[row];
+    if (kind !== Kind.CLOSURE && kind !== Kind.REJECTED) continue;
+    const from = 3 * a.numbers[row];
+    const to = 3 * b.numbers[row];
+    const [toX, toY] = [nodes[to], nodes[to + 1]];
+    const far = distanceToLine(x, y, submaps[from], submaps[from + 1], toX, toY)
+      + (NODE_SHARE * Math.hypot(x - toX, y - toY)) / (1 + view.scale);
     if (far < least) [best, least] = [row, far];
   }
   return best;
 }
 
-function distanceToLine(x, y, [ax, ay], [bx, by]) {
+function distanceToLine(x, y, ax, ay, bx, by) {
   const [dx, dy] = [bx - ax, by - ay];
   const square = dx * dx + dy * dy;
   const share = square > 0 ? Math.min(Math.max(((x - ax) * dx + (y - ay) * dy) / square, 0), 1) : 0;
@@ -126,6 +130,8 @@ export class ClosureCard {
     verdict.classList.toggle("bad", isRejected || isViolated);
     byId("closure-score-bar").value = told.score ?? 0;
     byId("closure-runner-bar").value = told.runner_up ?? 0;
+    byId("closure-score").parentElement.parentElement.hidden = told.score === null;
+    byId("closure-runner").parentElement.parentElement.hidden = told.runner_up === null;
     setText(byId("closure-score"), score(told.score));
     setText(byId("closure-runner"), told.runner_up === 0 ? "none" : score(told.runner_up));
     setText(byId("closure-residual"), `${length(told.residual_m)}, ${told.residual_deg.toFixed(2)}°`);

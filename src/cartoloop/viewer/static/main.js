@@ -44,7 +44,7 @@ class Page {
     this.renderer = new Renderer(this.canvas, this.view, () => this.stage?.schedule());
     this.camera = new Camera(this.view, {
       bounds: () => this.renderer.bounds(this.state.submapPoses.rows),
-      isFinished: () => this.state.hello?.mode === "finished",
+      isFinished: () => this.state.readings?.state === "finished",
       isCalm: () => this.motion.calm.matches,
       onMove: () => this.stage?.schedule(),
       onShown: () => this.showView(),
@@ -129,6 +129,10 @@ class Page {
   showView() {
     this.scaleBar.show(this.view);
     this.tape.draw();
+    const bounds = this.renderer.bounds(this.state.submapPoses.rows);
+    const isLost = bounds !== null && !this.view.touches(bounds);
+    if (isLost && !this.isLost) this.hint.show("The map is out of sight. Press 0 to see all of it.");
+    this.isLost = isLost;
   }
 
   changeTheme() {

@@ -15,6 +15,8 @@ export const LAYERS = Object.freeze({
 
 /** Smaller distances on the screen need not be drawn [px]; at most twice that. */
 const SEEN_PX = 1.5;
+/** Single precision is kept relative to the next point of a grid so wide [m]. */
+const ANCHOR_M = 64;
 const WAY_PX = 1.8;
 const ROBOT_PX = 15;
 const FADED = 0.3;
@@ -87,7 +89,7 @@ export class Overlays {
   }
 
   begin(view) {
-    this.anchor = [Math.round(view.x), Math.round(view.y)];
+    this.anchor = [view.x, view.y].map((at) => ANCHOR_M * Math.round(at / ANCHOR_M));
     this.pen.begin(view);
   }
 
@@ -97,7 +99,7 @@ export class Overlays {
    * @param {number} apart smallest distance that can be seen [m]
    */
   setWay({ motion, numNodes }, apart) {
-    const key = [motion.version, numNodes, apart, this.theme.name].join();
+    const key = [motion.version, numNodes, apart, this.theme.name, this.anchor].join();
     if (this.way.key === key) return;
     this.way.key = key;
     const poses = motion.nodes.shown;
@@ -157,7 +159,7 @@ export class Overlays {
   setConstraints(scene, apart) {
     const { state, motion, layers, colouring, numNodes } = scene;
     const key = [motion.version, state.graphVersion, layers.closures, layers.constraints, colouring,
-      numNodes, apart, this.theme.name].join();
+      numNodes, apart, this.theme.name, this.anchor].join();
     if (this.constraints.key === key) return;
     this.constraints.key = key;
     const [submaps, nodes] = [motion.submaps.shown, motion.nodes.shown];

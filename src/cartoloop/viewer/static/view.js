@@ -83,7 +83,7 @@ export class View {
    */
   fit(bounds, insets, filled) {
     const scale = filled * this.fittingScale(bounds, insets);
-    this.scale = Math.min(Math.max(scale, MIN_SCALE), MAX_FIT_SCALE);
+    this.scale = Math.max(scale, MIN_SCALE);
     this.pin((bounds.left + bounds.right) / 2, (bounds.bottom + bounds.top) / 2,
       (insets.left + this.width - insets.right) / 2, (insets.top + this.height - insets.bottom) / 2);
   }
@@ -95,7 +95,7 @@ export class View {
     const cos = Math.abs(Math.cos(this.rotation));
     const sin = Math.abs(Math.sin(this.rotation));
     const [w, h] = [bounds.right - bounds.left, bounds.top - bounds.bottom];
-    return Math.min(width / (cos * w + sin * h), height / (sin * w + cos * h));
+    return Math.min(width / (cos * w + sin * h), height / (sin * w + cos * h), MAX_FIT_SCALE);
   }
 
   /** Return whether all of something is on the screen, beside what covers it. */
@@ -105,6 +105,12 @@ export class View {
       return px >= insets.left && px <= this.width - insets.right && py >= insets.top
         && py <= this.height - insets.bottom;
     });
+  }
+
+  /** Return whether anything of a part of the map may be on the screen. */
+  touches({ left, bottom, right, top }) {
+    const seen = this.bounds();
+    return left < seen.right && right > seen.left && bottom < seen.top && top > seen.bottom;
   }
 
   /** Return what is needed to come back, as text. */

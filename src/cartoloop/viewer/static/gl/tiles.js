@@ -140,7 +140,8 @@ export class Tiles {
         found.push([submap, pose, extent]);
       }
     }
-    return found;
+    // In whichever order they came: the last bit of a sum depends on the order of what is added.
+    return found.sort(([a], [b]) => b.submap - a.submap);
   }
 
   /** @returns {Tile} */
