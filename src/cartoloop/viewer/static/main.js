@@ -41,7 +41,10 @@ class Page {
     this.panel = new Panel();
     this.theme = new Theme(() => this.changeTheme());
     this.layers = new Layers(this.theme, change);
-    this.renderer = new Renderer(this.canvas, this.view, () => this.stage?.schedule());
+    this.renderer = new Renderer(this.canvas, this.view, () => {
+      this.tape?.refresh();
+      this.stage?.schedule();
+    });
     this.camera = new Camera(this.view, {
       bounds: () => this.renderer.bounds(this.state.submapPoses.rows),
       isFinished: () => this.state.readings?.state === "finished",

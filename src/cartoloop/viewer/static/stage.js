@@ -141,10 +141,7 @@ export class Stage {
     this.numFrames++;
     if (!this.isFirst || !hasAll) return;
     this.isFirst = false;
-    renderer.whenDrawn(() => {
-      performance.mark("cartoloop:first-picture");
-      renderer.submaps.release();
-    });
+    renderer.whenDrawn(() => performance.mark("cartoloop:first-picture"));
     this.change();
   }
 

@@ -25,6 +25,7 @@ const RIM_M = 0.5;
  * @property {Point} b
  * @property {boolean} onA whether that end is on a wall
  * @property {boolean} onB
+ * @property {boolean} isPartial whether the map there is still to come
  */
 
 /**
@@ -38,7 +39,7 @@ const RIM_M = 0.5;
 export function snapTape(levelsAround, a, b, reach) {
   const middle = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
   const half = Math.hypot(b[0] - a[0], b[1] - a[1]) / 2;
-  if (2 * half < SHORTEST_M) return { a, b, onA: false, onB: false };
+  if (2 * half < SHORTEST_M) return { a, b, onA: false, onB: false, isPartial: false };
   let along = [(b[0] - a[0]) / (2 * half), (b[1] - a[1]) / (2 * half)];
   const [near, far] = [Math.max(0, half - reach), half + reach];
   const aside = reach + RIM_M + half * SQUARE_TAN;
@@ -60,7 +61,7 @@ export function snapTape(levelsAround, a, b, reach) {
   return {
     a: [middle[0] - along[0] * da, middle[1] - along[1] * da],
     b: [middle[0] + along[0] * db, middle[1] + along[1] * db],
-    onA: wallA !== null, onB: wallB !== null,
+    onA: wallA !== null, onB: wallB !== null, isPartial: atA.isPartial || atB.isPartial,
   };
 }
 
@@ -144,10 +145,19 @@ export class Tape {
 
   measure(tape) {
     const [a, b] = tape.given;
-    Object.assign(tape, { a, b, onA: false, onB: false });
+    Object.assign(tape, { a, b, onA: false, onB: false, isPartial: false });
     if (!tape.snaps) return;
     const reach = Math.min(Math.max(SNAP_PX / this.view.scale, LEAST_SNAP_M), MOST_SNAP_M);
     Object.assign(tape, snapTape(this.hooks.levelsAround, a, b, reach));
+  }
+
+  /** More of the map has come: measure again where it was missing. */
+  refresh() {
+    for (const tape of this.tapes.filter(({ isPartial }) => isPartial)) {
+      this.measure(tape);
+      if (!tape.isPartial) this.tell(tape);
+      this.draw();
+    }
   }
 
   tell(tape) {

@@ -17,6 +17,7 @@ const FREE = 0.196;
 /**
  * @typedef {object} Levels the map around a place
  * @property {number} resolution edge of a cell [m]
+ * @property {boolean} isPartial whether more will be known of it soon
  * @property {(x: number, y: number) => number} at probability at a point [m, map], -1 unknown
  */
 

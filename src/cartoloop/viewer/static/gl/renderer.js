@@ -70,7 +70,7 @@ export class Renderer {
     this.submaps.begin(hello);
     this.composer.begin(hello);
     this.tiles.begin();
-    this.work.begin();
+    this.work.drop();
   }
 
   /** Whether what is shown is all there is to be seen. */

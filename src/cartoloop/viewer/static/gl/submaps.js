@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /**
- * Submaps on the graphics card: inflated by workers, uploaded when there is time for it.
+ * Submaps: inflated by workers and uploaded to the graphics card, if they are looked at closely.
  * @module
  */
 import { MARGIN, SHRINK, strideOf } from "../cells.js";
@@ -23,9 +23,11 @@ const PREVIEW_LEVELS = 4;
  * @property {number} x centre of cell (0, 0) [m, submap frame]
  * @property {number} y
  * @property {number} resolution [m]
- * @property {WebGLTexture | null} cells with a rim of one cell; null until uploaded
- * @property {Uint16Array} spans row, first and end column of the blocks that are known
- * @property {Uint8Array | null} waiting cells that are not uploaded yet
+ * @property {ArrayBuffer | null} [packed] cells as they came, until they are inflated
+ * @property {Uint16Array | null} spans row, first and end column of the blocks that are known; null
+ *   until the cells are inflated
+ * @property {Uint8Array | null} waiting cells with a rim, until they are uploaded
+ * @property {WebGLTexture | null} cells with a rim; null until they are
  */
 
 /**
@@ -59,9 +61,6 @@ export class Submaps {
     /** Of these, previews of finished submaps. */
     this.numPreviewsPending = 0;
     this.generation = 0;
-    /** Jobs that wait until all previews are shown. */
-    this.held = [];
-    this.isHeld = true;
     this.maxEdge = gl.getParameter(gl.MAX_TEXTURE_SIZE) - 2 * MARGIN;
     /** Submaps that this device cannot draw, as they are too large for its textures. */
     this.tooLarge = new Set();
@@ -77,8 +76,6 @@ export class Submaps {
     const { gl } = this;
     this.generation++;
     this.numPending = this.numPreviewsPending = 0;
-    this.held = [];
-    this.isHeld = true;
     for (const submap of this.all.values()) gl.deleteTexture(submap.cells);
     for (const preview of this.previews.values()) gl.deleteTexture(preview.texture);
     this.all.clear();
@@ -91,21 +88,32 @@ export class Submaps {
   /** Take in a SUBMAP, a SUBMAP_PATCH or a SUBMAP_PREVIEW. */
   take({ type, ...job }) {
     const isPreview = type === Type.SUBMAP_PREVIEW;
-    this.numPending++;
-    if (isPreview) this.numPreviewsPending++;
-    const whole = { ...job, isPreview, generation: this.generation };
-    if (isPreview || !this.isHeld) this.give(whole);
-    else this.held.push(whole);
+    if (type === Type.SUBMAP && job.finished && !this.all.has(job.submap)) this.keep(job);
+    else this.give({ ...job, isPreview });
   }
 
-  /** From now on cells are inflated too: the first picture is drawn, and needs no processor any more. */
-  release() {
-    this.isHeld = false;
-    for (const job of this.held.splice(0)) this.give(job);
+  /** Keep a finished submap until its cells are to be seen: packed, it is a fifteenth of them. */
+  keep(head) {
+    if (this.isTooLarge(head)) return;
+    const submap = { ...head, waiting: null, cells: null, spans: null };
+    this.all.set(head.submap, submap);
+    this.onChange(submap);
   }
 
+  /** Have the cells of a submap inflated, unless they are. @param {Submap} submap */
+  inflate(submap) {
+    const { submap: id, version, finished, rows, cols, x, y, resolution, packed } = submap;
+    if (!packed) return;
+    submap.packed = null;
+    this.give({ submap: id, version, finished, rows, cols, x, y, resolution, packed });
+  }
+
+  /** Give a worker something to do. */
   give(job) {
-    this.workers[job.submap % this.workers.length].postMessage(job, [job.packed]);
+    this.numPending++;
+    if (job.isPreview) this.numPreviewsPending++;
+    const worker = this.workers[job.submap % this.workers.length];
+    worker.postMessage({ ...job, generation: this.generation }, [job.packed]);
   }
 
   receive(done) {
@@ -113,6 +121,8 @@ export class Submaps {
     this.numPending--;
     if (done.isPreview) this.numPreviewsPending--;
     if (done.problem || done.ignored) {
+      const submap = this.all.get(done.submap);
+      if (submap) submap.spans ??= new Uint16Array(0); // damaged: it shows nothing
       this.onChange(null);
     } else if (done.isPreview) {
       this.takePreview(done);
@@ -121,6 +131,12 @@ export class Submaps {
     } else {
       this.takePatch(done);
     }
+  }
+
+  isTooLarge({ submap, rows, cols }) {
+    const isSo = Math.max(rows, cols) > this.maxEdge;
+    if (isSo) this.tooLarge.add(submap);
+    return isSo;
   }
 
   takePreview({ submap, preview, rows, cols, x, y, resolution }) {
@@ -147,16 +163,17 @@ export class Submaps {
 
   takeWhole({ cells, spans, preview, ...head }) {
     const { gl } = this;
+    if (this.isTooLarge(head)) return;
     const before = this.all.get(head.submap);
-    if (Math.max(head.rows, head.cols) > this.maxEdge) {
-      this.tooLarge.add(head.submap);
+    if (before?.spans === null) {
+      this.onChange(Object.assign(before, { spans, waiting: cells }));
       return;
     }
     const submap = { ...head, waiting: cells, cells: null, spans };
     if (preview) this.takeOwnPreview({ ...head, preview });
     this.all.set(head.submap, submap);
-    if (!head.finished || (before && before.cells)) this.upload(submap);
-    if (before) gl.deleteTexture(before.cells);
+    this.upload(submap);
+    gl.deleteTexture(before?.cells ?? null);
     this.onChange(submap);
   }
 

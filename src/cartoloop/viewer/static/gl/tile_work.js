@@ -41,7 +41,7 @@ export class TileWork {
   }
 
   /** Drop what was begun. */
-  begin() {
+  drop() {
     this.job = null;
   }
 
@@ -76,16 +76,28 @@ export class TileWork {
   /** Go on with a square or begin the next; return whether there is any. */
   takeJob() {
     if (this.job && this.job.revision === this.job.tile.revision) return true;
-    const tile = this.tiles.next();
     this.job = null;
-    if (!tile) return false;
+    for (let tile = this.tiles.next(); tile && !this.job; tile = this.tiles.next()) this.begin(tile);
+    return this.job !== null;
+  }
+
+  /** Begin a square, unless cells of it are still to be inflated. */
+  begin(tile) {
+    const [x, y] = originOf(tile);
     this.tiles.equip(tile);
     const { dirty: box, revision } = tile;
-    const [x, y] = originOf(tile);
     const left = this.tiles.submapsWithin([x + box[0], y + box[1], x + box[2], y + box[3]]);
+    tile.awaited = this.inflate(left);
+    if (tile.awaited.length > 0) return;
     this.job = { tile, left, box, revision };
     this.composer.clear([x, y], box);
-    return true;
+  }
+
+  /** Have submaps inflated; return those that are not yet. */
+  inflate(found) {
+    const packed = found.map(([submap]) => submap).filter(({ spans }) => spans === null);
+    for (const submap of packed) this.tiles.submaps.inflate(submap);
+    return packed;
   }
 
   /** Add some submaps to the square that is being composed; return about how many cells. */
@@ -134,7 +146,9 @@ export class TileWork {
     const edge = 2 * half;
     this.job = null; // the sums are needed here; its square is still dirty
     composer.clear([left, bottom], [0, 0, edge, edge]);
-    const submaps = this.tiles.submapsWithin([left, bottom, left + edge, bottom + edge]);
+    const found = this.tiles.submapsWithin([left, bottom, left + edge, bottom + edge]);
+    const isPartial = this.inflate(found).length > 0;
+    const submaps = found.filter(([{ spans }]) => spans !== null);
     for (const [submap] of submaps) this.tiles.submaps.upload(submap);
     composer.add(submaps);
     composer.finish(this.scratchTarget);
@@ -143,6 +157,7 @@ export class TileWork {
     gl.readPixels(0, 0, edge, edge, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
     return {
       resolution,
+      isPartial,
       at: (x, y) => {
         const col = Math.floor(x / resolution) - left;
         const row = Math.floor(y / resolution) - bottom;

@@ -27,6 +27,7 @@ const MAX_TEXTURES = 200;
  * @property {WebGLFramebuffer | null} target
  * @property {[number, number, number, number] | null} dirty left, bottom, right, top
  * @property {boolean} stale whether what it shows is wrong, and not only a little old
+ * @property {import("./submaps.js").Submap[]} awaited submaps whose cells are being inflated for it
  * @property {number} revision rises whenever more of it becomes dirty
  * @property {number} seen number of the frame in which it was last near the screen
  */
@@ -134,7 +135,7 @@ export class Tiles {
     const found = [];
     for (const [id, pose] of this.composed) {
       const submap = this.submaps.all.get(id);
-      if (!submap?.spans.length) continue;
+      if (!submap || submap.spans?.length === 0) continue;
       const extent = this.extent(submap, pose, wholeOf(submap));
       if (extent[0] < right && extent[2] > left && extent[1] < top && extent[3] > bottom) {
         found.push([submap, pose, extent]);
@@ -150,7 +151,8 @@ export class Tiles {
     let tile = this.all.get(key);
     if (!tile) {
       tile = {
-        column, row, texture: null, target: null, dirty: null, stale: true, revision: 0, seen: 0,
+        column, row, texture: null, target: null, dirty: null, stale: true, awaited: [], revision: 0,
+        seen: 0,
       };
       this.all.set(key, tile);
     }
@@ -183,6 +185,7 @@ export class Tiles {
     let best = null;
     for (const tile of this.all.values()) {
       if (!tile.dirty || tile.seen <= this.frame - 1) continue;
+      if (tile.awaited.some(({ spans }) => spans === null)) continue;
       if (!best || rank(tile) > rank(best)) best = tile;
     }
     return best;
