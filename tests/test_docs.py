@@ -21,6 +21,8 @@ DOCUMENTS = (
     "docs/readers.md",
     "docs/doctor.md",
     "docs/live.md",
+    "docs/viewer.md",
+    "docs/viewer-protocol.md",
 )
 PLACE = re.compile(r"`([\w/]+\.py)`(?::((?:,?\s+`\w+`)+))?")
 
