@@ -12,8 +12,7 @@ import pytest
 
 from cartoloop.config import Config
 from cartoloop.errors import OutputError
-from cartoloop.map_file import save as save_module
-from cartoloop.map_file.growing_map import GrowingMap
+from cartoloop.map_file.growing_map import save_growing_map
 from cartoloop.map_file.save import map_bytes
 from cartoloop.map_file.schema import FILE_NAME
 from tests.map_output.small_result import small_result
@@ -42,7 +41,7 @@ def saved_once(tmp_path):
 
 
 def test_every_save_is_that_of_the_map_as_it_is_then(result, saved_once, tmp_path):
-    growing, path = GrowingMap(), tmp_path / FILE_NAME
+    path = tmp_path / FILE_NAME
     fewer = replace(
         result,
         stamps=result.stamps[:1],
@@ -54,28 +53,13 @@ def test_every_save_is_that_of_the_map_as_it_is_then(result, saved_once, tmp_pat
     other_points = (result.node_points[0], result.node_points[1] + 1.0)
 
     for now in (fewer, result, replace(result, graph=moved, node_points=other_points)):
-        growing.save(now, path)
+        save_growing_map(now, path)
         assert content(path) == saved_once(now)
 
 
-def test_points_are_packed_once(result, tmp_path, monkeypatch):
-    packed = []
-
-    def pack_points(points):
-        packed.append(points)
-        return 0.001, b""
-
-    monkeypatch.setattr(save_module, "pack_points", pack_points)
-    growing = GrowingMap()
-    for _ in range(3):
-        growing.save(result, tmp_path / FILE_NAME)
-
-    assert len(packed) == result.graph.num_nodes
-
-
 def test_a_save_that_fails_leaves_what_was_there(result, tmp_path, monkeypatch):
-    growing, path = GrowingMap(), tmp_path / FILE_NAME
-    growing.save(result, path)
+    path = tmp_path / FILE_NAME
+    save_growing_map(result, path)
     before = path.read_bytes()
 
     def full(*_):
@@ -83,7 +67,7 @@ def test_a_save_that_fails_leaves_what_was_there(result, tmp_path, monkeypatch):
 
     monkeypatch.setattr("cartoloop.map_file.growing_map.fill", full)
     with pytest.raises(OutputError, match="disk is full"):
-        growing.save(result, path)
+        save_growing_map(result, path)
 
     assert path.read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == [FILE_NAME]
@@ -91,4 +75,4 @@ def test_a_save_that_fails_leaves_what_was_there(result, tmp_path, monkeypatch):
 
 def test_a_folder_that_is_gone_is_told(result, tmp_path):
     with pytest.raises(OutputError, match="cannot be written"):
-        GrowingMap().save(result, tmp_path / "gone" / FILE_NAME)
+        save_growing_map(result, tmp_path / "gone" / FILE_NAME)

@@ -9,7 +9,7 @@ from time import monotonic
 
 from cartoloop.errors import OutputError
 from cartoloop.live.notices import Notices
-from cartoloop.map_file.growing_map import GrowingMap
+from cartoloop.map_file.growing_map import save_growing_map
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.result import Result
 from cartoloop.mapper import Mapper
@@ -41,7 +41,6 @@ class Autosave:
         self, mapper: Mapper, folder: Path, notices: Notices, min_period: float = MIN_PERIOD_S
     ) -> None:
         self._mapper = mapper
-        self._map = GrowingMap()
         self._path = folder / FILE_NAME
         self._notices = notices
         self._min_period = min_period
@@ -74,7 +73,7 @@ class Autosave:
     def _save(self, result: Result) -> None:
         start = monotonic()
         try:
-            self._map.save(result, self._path)
+            save_growing_map(result, self._path)
             self.num_saves += 1
         except OutputError as error:
             self._notices.note("the map is not saved", f"{error}; trying on")

@@ -9,36 +9,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cartoloop.errors import OutputError
-from cartoloop.map_file.save import PackedPoints, fill
+from cartoloop.map_file.save import fill
 from cartoloop.map_output.unfinished_file import unfinished_file
 
 if TYPE_CHECKING:
     from cartoloop.map_output.result import Result
 
 
-class GrowingMap:
-    """Saves a map, each time whole; what takes longest and never changes is made once.
+def save_growing_map(result: Result, path: Path) -> None:
+    """Write a map database; the file is there whole, or as it was before.
 
     Other threads go on meanwhile: the database is made on the disk, row by row, so that no large
     block of memory is copied while the interpreter is held.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written.
     """
-
-    def __init__(self) -> None:
-        self._packed = PackedPoints()
-
-    def save(self, result: Result, path: Path) -> None:
-        """Write a map database; the file is there whole, or as it was before.
-
-        Raises
-        ------
-        OutputError
-            It cannot be written.
-        """
-        with unfinished_file(path) as unfinished:
-            try:
-                with closing(sqlite3.connect(unfinished)) as database:
-                    # Nobody but us knows the file until it is whole.
-                    database.executescript("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF")
-                    fill(database, result, self._packed)
-            except sqlite3.Error as error:
-                raise OutputError(f"{path}: cannot be written: {error}") from error
+    with unfinished_file(path) as unfinished:
+        try:
+            with closing(sqlite3.connect(unfinished)) as database:
+                # Nobody but us knows the file until it is whole.
+                database.executescript("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF")
+                fill(database, result)
+        except sqlite3.Error as error:
+            raise OutputError(f"{path}: cannot be written: {error}") from error

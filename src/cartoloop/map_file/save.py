@@ -36,47 +36,21 @@ _ROWS_AT_A_TIME = 500
 _UPPER = np.triu_indices(3)
 
 
-class PackedPoints:
-    """The points of nodes as the file holds them, each packed once."""
-
-    def __init__(self) -> None:
-        self._packed: list[tuple[FloatArray, float, bytes]] = []
-
-    def of_node(self, index: int, points: FloatArray) -> tuple[float, bytes]:
-        """Return the unit and the numbers of a node's points; see :func:`pack_points`.
-
-        Parameters
-        ----------
-        index : of the node; each is asked for only after those before it.
-        points : the same array each time, unless they are others.
-        """
-        if index == len(self._packed):
-            self._packed.append((points, *pack_points(points)))
-        elif self._packed[index][0] is not points:
-            self._packed[index] = (points, *pack_points(points))
-        return self._packed[index][1:]
-
-
 def map_bytes(result: Result) -> bytes:
     """Return a result as the content of ``map.cartoloop``; the same result, the same bytes."""
     with closing(sqlite3.connect(":memory:")) as database:
-        fill(database, result, PackedPoints())
+        fill(database, result)
         return database.serialize()
 
 
-def fill(database: sqlite3.Connection, result: Result, packed: PackedPoints) -> None:
-    """Write a result into an empty database.
-
-    Parameters
-    ----------
-    packed : of the same map, when there was less of it.
-    """
+def fill(database: sqlite3.Connection, result: Result) -> None:
+    """Write a result into an empty database."""
     database.executescript(
         f"PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {SCHEMA_VERSION};{TABLES}"
     )
     _insert(database, "about", _about(result))
     _insert(database, "submaps", _submaps(result.submap_grids, result.graph.submap_poses))
-    _insert(database, "nodes", _nodes(result, packed))
+    _insert(database, "nodes", _nodes(result))
     _insert(database, "constraints", _constraints(result.graph, result.rejected))
     _insert(database, "trajectory", _trajectory(result))
     database.commit()
@@ -130,11 +104,11 @@ def _submaps(grids: Sequence[FinishedGrid], poses: FloatArray) -> Iterator[Row]:
         yield index, *pose, *grid.shape, *place, grid.packed
 
 
-def _nodes(result: Result, packed: PackedPoints) -> Iterator[Row]:
+def _nodes(result: Result) -> Iterator[Row]:
     nothing = np.zeros((0, 2))
     for index, scan, *pose in _rows(result.node_scan_index, *result.graph.node_poses.T):
         points = result.node_points[index] if index < len(result.node_points) else nothing
-        yield index, scan, *pose, len(points), *packed.of_node(index, points)
+        yield index, scan, *pose, len(points), *pack_points(points)
 
 
 def _constraints(graph: PoseGraph, rejected: Sequence[LoopClosure]) -> Iterator[Row]:
