@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import threading
 import time
+from contextlib import closing
 from itertools import islice
 
 import numpy as np
@@ -13,8 +14,8 @@ import pytest
 
 from cartoloop import Config, Mapper
 from cartoloop.simulation import ring, simulate
+from cartoloop.viewer.budget import MAX_REST_S
 from cartoloop.viewer.protocol import MessageType
-from cartoloop.viewer.server import MAX_REST_S
 from cartoloop.viewer.view import LiveView
 from tests.viewer.page_twin import join, look
 
@@ -162,9 +163,10 @@ def test_the_latest_closure_tells_where_it_was_sought(view, events):
     mapper.close()
 
 
-def test_patches_and_pieces_add_up_to_what_is_sent_whole(view, events):
+def test_patches_and_pieces_add_up_to_what_is_sent_whole(events):
+    view = LiveView("ring", Config(), speed=1000.0, port=0)  # not flat out: drawn more often
     mapper = Mapper()
-    with join(view.url) as connection:
+    with closing(view), join(view.url) as connection:
         page = look(connection)
         for first in range(0, 300, 20):
             add(mapper, view, islice(events, first, first + 20))

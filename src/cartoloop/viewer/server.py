@@ -4,17 +4,18 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import secrets
 import socket
 from collections.abc import Callable
 from contextlib import suppress
 from threading import Event, Thread
-from time import perf_counter, thread_time
 
 import uvicorn
 
 from cartoloop.errors import ServeError
 from cartoloop.viewer.app import create_app, is_loopback
+from cartoloop.viewer.budget import MAX_REST_S, Budget, Clocks
 from cartoloop.viewer.connections import ACCEPTED_AT_ONCE, BoundedConnection
 from cartoloop.viewer.feed import Feed
 from cartoloop.viewer.live_state import LiveState
@@ -23,17 +24,7 @@ from cartoloop.viewer.requests import MAX_REQUEST_BYTES
 
 DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 8765
 
-UPDATE_PERIOD_S, LONGEST_PERIOD_S = 0.1, 0.25
-"""Pages are told what has changed so often, and where there is much to be told, so often [s]."""
-
 READINGS_PERIOD_S = 0.25
-
-MAX_SHARE = 0.03
-"""Share of a processor that the view may cost mapping; where it costs more, growing submaps are
-drawn less often, and then all else, too."""
-
-MAX_REST_S = 1.0
-"""But growing submaps wait for no longer; where nobody looks, nothing is done more often [s]."""
 
 SEND_BUFFER_BYTES = 2**18
 
@@ -73,6 +64,7 @@ class ViewServer:
     ) -> None:
         self._state = state
         self._feed = feed
+        self._playback = playback
         self.failure: Exception | None = None
         token = "" if is_loopback(host) else secrets.token_urlsafe(16)
         self._socket = _listen(host, port)
@@ -164,27 +156,32 @@ class ViewServer:
 
     async def _update(self) -> None:
         """Take in updates as they come, draw growing submaps as often as that is cheap enough."""
-        refreshed = drawn = -MAX_REST_S
-        spent, is_drawn = thread_time(), True
-        begun = thread_time()
+        budget, refreshed, is_drawn = Budget(), -math.inf, True
         while True:
-            start = perf_counter()
-            cost, begun = thread_time() - begun, thread_time()  # of what was told, too
-            if self._feed is not None and (update := self._feed.take()) is not None:
+            now = Clocks.now()
+            update = self._feed.take() if self._feed is not None else None
+            flat_out = update is not None and self._is_flat_out
+            budget.begin(now, flat_out=flat_out)
+            if update is not None:
                 self._state.apply(update)
                 is_drawn = False
-            since = start - drawn
-            if not is_drawn and (since >= MAX_REST_S or thread_time() - spent < MAX_SHARE * since):
-                drawn, spent, is_drawn = start, thread_time(), True
+            if not is_drawn and budget.may_draw(now, flat_out=flat_out):
+                budget.draw(now)
+                is_drawn = True
                 self._state.draw_growing()
-            if start - refreshed >= READINGS_PERIOD_S:
+            if now.wall - refreshed >= READINGS_PERIOD_S:
                 self._state.refresh()
-                refreshed = start
-            period = min(max(cost / MAX_SHARE, UPDATE_PERIOD_S), LONGEST_PERIOD_S)
-            await asyncio.sleep(start + period - perf_counter())
+                refreshed = now.wall
+            await asyncio.sleep(budget.pause_s(Clocks.now()))
             with suppress(TimeoutError):  # where nobody looks, now and then is often enough
                 async with asyncio.timeout(MAX_REST_S):
                     await self._state.is_watched.wait()
+
+    @property
+    def _is_flat_out(self) -> bool:
+        """Whether a recording is mapped as fast as it can be."""
+        playback = self._playback
+        return playback is not None and playback.speed is None and not playback.paused
 
 
 def _listen(host: str, port: int) -> socket.socket:

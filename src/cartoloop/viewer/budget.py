@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How often pages are told what has changed, such that it costs mapping little."""
+
+from __future__ import annotations
+
+from time import perf_counter, process_time, thread_time
+from typing import NamedTuple
+
+MAX_SHARE = 0.03
+"""Share of a processor that the view may cost mapping; where it costs more, growing submaps are
+drawn less often, and then all else, too."""
+
+MAX_REST_S = 1.0
+"""But growing submaps wait for no longer; flat out, always so long [s]."""
+
+UPDATE_PERIOD_S, LONGEST_PERIOD_S = 0.1, 0.25
+"""Pages are told what has changed so often, and where there is much to be told, so often [s]."""
+
+FLAT_OUT_PERIODS_S = 0.2, 0.4
+"""The same while a recording is mapped as fast as it can: nobody's eyes follow that [s]."""
+
+_NEWEST = 0.2  # share of the newest round in the mean of what they cost
+
+
+class Clocks(NamedTuple):
+    """What time it is.
+
+    Attributes
+    ----------
+    wall : by the clock on the wall [s].
+    process : processor time of the whole process [s].
+    own : processor time of the view's thread [s].
+    """
+
+    wall: float
+    process: float
+    own: float
+
+    @classmethod
+    def now(cls) -> Clocks:
+        """Return the time; to be called in the view's thread."""
+        return cls(perf_counter(), process_time(), thread_time())
+
+
+class Budget:
+    """Tells when growing submaps may be drawn, and when to look for changes again.
+
+    A recording that is mapped flat out takes all the processor time that it gets, which is little
+    where others want it, too: rests are then counted in that time, not by the clock.
+    """
+
+    def __init__(self) -> None:
+        self._drawn = Clocks(-MAX_REST_S, -MAX_REST_S, 0.0)
+        self._begun: Clocks | None = None
+        self._cost = 0.0
+        self._period = UPDATE_PERIOD_S
+
+    def begin(self, now: Clocks, *, flat_out: bool) -> None:
+        """Begin a round: what the one before has cost, all that was sent included, is known."""
+        shortest, longest = FLAT_OUT_PERIODS_S if flat_out else (UPDATE_PERIOD_S, LONGEST_PERIOD_S)
+        cost = 0.0 if self._begun is None else now.own - self._begun.own
+        self._cost += _NEWEST * (cost - self._cost)
+        self._period = min(max(self._cost / MAX_SHARE, shortest), longest)
+        self._begun = now
+
+    def may_draw(self, now: Clocks, *, flat_out: bool) -> bool:
+        """Return whether growing submaps may be drawn."""
+        if flat_out:
+            return now.process - self._drawn.process >= MAX_REST_S
+        since = now.wall - self._drawn.wall
+        return since >= MAX_REST_S or now.own - self._drawn.own < MAX_SHARE * since
+
+    def draw(self, now: Clocks) -> None:
+        """Note that growing submaps are drawn now."""
+        self._drawn = now
+
+    def pause_s(self, now: Clocks) -> float:
+        """Return how long to wait until the next round [s]."""
+        begun = self._begun or now
+        return max(begun.wall + self._period - now.wall, 0.0)
