@@ -13,6 +13,8 @@ import { originOf, RIM, STRIDE } from "./tiles.js";
 const SEEN_CELL_PX = 0.5;
 /** While the picture moves, previews are added up at a fraction of the screen's resolution. */
 const COARSE = 2;
+/** Pixels at the edge of a part may need what lies so far beyond it. */
+const EDGE_PX = 4;
 
 // Walls are thin: seen from afar, a mean of colours would pale them.
 const COLOUR = `
@@ -194,7 +196,9 @@ export class MapLayer {
     gl.activeTexture(gl.TEXTURE0);
     for (const [id, preview] of this.submaps.previews) {
       if (3 * id + 2 >= poses.length || !isShown(id)) continue;
-      gl.uniformMatrix3fv(at.clip_from, false, clipFromCells(view, preview, poseAt(poses, id)));
+      const clip = clipFromCells(view, preview, poseAt(poses, id));
+      if (!isWithin(clip, preview, rect, this)) continue;
+      gl.uniformMatrix3fv(at.clip_from, false, clip);
       gl.uniform2f(at.edge, preview.cols, preview.rows);
       gl.bindTexture(gl.TEXTURE_2D, preview.texture);
       gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
@@ -226,6 +230,15 @@ function scaledDown([left, bottom, width, height], factor) {
   const low = [left, bottom].map((at) => Math.floor(at / factor) - 1);
   const high = [left + width, bottom + height].map((at) => Math.ceil(at / factor) + 1);
   return [...low, high[0] - low[0], high[1] - low[1]];
+}
+
+/** Return whether anything of a preview is in a part of the screen of that size. */
+function isWithin(clip, { cols, rows }, [left, bottom, width, height], screen) {
+  const corners = [[0, 0], [cols, 0], [0, rows], [cols, rows]];
+  const xs = corners.map(([u, v]) => ((clip[0] * u + clip[3] * v + clip[6] + 1) * screen.width) / 2);
+  const ys = corners.map(([u, v]) => ((clip[1] * u + clip[4] * v + clip[7] + 1) * screen.height) / 2);
+  return Math.max(...xs) >= left - EDGE_PX && Math.min(...xs) <= left + width + EDGE_PX
+    && Math.max(...ys) >= bottom - EDGE_PX && Math.min(...ys) <= bottom + height + EDGE_PX;
 }
 
 function isReady(tile) {
