@@ -7,6 +7,7 @@ import pytest
 
 from cartoloop.viewer.budget import (
     FLAT_OUT_PERIODS_S,
+    FLAT_OUT_REST_S,
     LONGEST_PERIOD_S,
     MAX_REST_S,
     UPDATE_PERIOD_S,
@@ -62,5 +63,5 @@ def test_mapping_flat_out_loses_the_same_share_however_little_it_gets(speed):
     rounds, drawn, share = run(0.002, 0.008, flat_out=True, speed=speed)
 
     assert 1.0 / FLAT_OUT_PERIODS_S[1] <= rounds * 1.02
-    assert drawn == pytest.approx(speed / MAX_REST_S, rel=0.25)
+    assert drawn == pytest.approx(speed / FLAT_OUT_REST_S, rel=0.25)
     assert share < 0.042

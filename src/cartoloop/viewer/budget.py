@@ -11,13 +11,14 @@ MAX_SHARE = 0.03
 drawn less often, and then all else, too."""
 
 MAX_REST_S = 1.0
-"""But growing submaps wait for no longer; flat out, always so long [s]."""
+"""But growing submaps wait for no longer [s]."""
 
 UPDATE_PERIOD_S, LONGEST_PERIOD_S = 0.1, 0.25
 """Pages are told what has changed so often, and where there is much to be told, so often [s]."""
 
-FLAT_OUT_PERIODS_S = 0.2, 0.4
-"""The same while a recording is mapped as fast as it can: nobody's eyes follow that [s]."""
+FLAT_OUT_PERIODS_S, FLAT_OUT_REST_S = (0.25, 0.5), 2.0
+"""The same, and how long growing submaps always wait, while a recording is mapped as fast as it
+can: submaps are finished within a second then, and nobody's eyes follow how they grow [s]."""
 
 _NEWEST = 0.2  # share of the newest round in the mean of what they cost
 
@@ -50,7 +51,7 @@ class Budget:
     """
 
     def __init__(self) -> None:
-        self._drawn = Clocks(-MAX_REST_S, -MAX_REST_S, 0.0)
+        self._drawn = Clocks(-FLAT_OUT_REST_S, -FLAT_OUT_REST_S, 0.0)
         self._begun: Clocks | None = None
         self._cost = 0.0
         self._period = UPDATE_PERIOD_S
@@ -66,7 +67,7 @@ class Budget:
     def may_draw(self, now: Clocks, *, flat_out: bool) -> bool:
         """Return whether growing submaps may be drawn."""
         if flat_out:
-            return now.process - self._drawn.process >= MAX_REST_S
+            return now.process - self._drawn.process >= FLAT_OUT_REST_S
         since = now.wall - self._drawn.wall
         return since >= MAX_REST_S or now.own - self._drawn.own < MAX_SHARE * since
 

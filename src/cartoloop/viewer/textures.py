@@ -34,14 +34,17 @@ def drawn_cells(cells: NDArray[np.uint8]) -> NDArray[np.uint8]:
     ----------
     cells : uint8, shape (rows, cols), of a :class:`FinishedGrid`.
     """
-    around = np.pad(cells, 1)
-    flat, stride = around.reshape(-1), around.shape[1]
+    rows, cols = cells.shape
+    # Unknown cells above, below, and between one row's end and the next one's start.
+    around = np.zeros((rows + 2, cols + 1), np.uint8)
+    around[1:-1, :-1] = cells
+    flat, stride = around.reshape(-1), cols + 1
     walls = np.flatnonzero(flat > ABSTAINS)  # few: cheaper than to look at all cells' neighbours
     for offset in (-stride - 1, -stride, -stride + 1, -1, 1, stride - 1, stride, stride + 1):
         beside = walls + offset
         values = flat[beside]
         flat[beside[(values > 0) & (values < ABSTAINS)]] = ABSTAINS
-    return np.ascontiguousarray(around[1:-1, 1:-1])
+    return around[1:-1, :-1]
 
 
 class FinishedTexture:
