@@ -66,7 +66,7 @@ class StandIn:
             stamps=np.array(self.stamps),
             trajectory=poses,
             local_trajectory=poses,
-            report=Report(input=summary, skipped={"no returns": 2}),
+            report=Report(input=summary, nodes=len(self.stamps), skipped={"no returns": 2}),
         )
 
     def finish(self, note=None):

@@ -44,6 +44,12 @@ def num_scans(log):
     return sum(isinstance(event, LaserScan) for event in log)
 
 
+def open_log_of(files, folder):
+    path = folder / "whole.db3"
+    path.write_bytes(files["db3", None])
+    return open_log(path)
+
+
 def severities(log):
     return {problem.severity for problem in log.problems}
 
@@ -158,6 +164,30 @@ def test_folders_and_files_that_are_no_recording_are_told_apart(tmp_path):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(InputError, match=what):
             open_log(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", [None, b"\xff", 7])
+def test_a_topic_without_a_name_that_is_a_text_costs_nothing_else(files, tmp_path, name):
+    path = tmp_path / "drive.db3"
+    path.write_bytes(files["db3", None])
+    with contextlib.closing(sqlite3.connect(path)) as database, database:
+        database.execute("CREATE TABLE old AS SELECT * FROM topics")
+        database.execute("DROP TABLE topics")
+        database.execute("CREATE TABLE topics AS SELECT * FROM old")  # whatever it may hold
+        columns = [row[1] for row in database.execute("PRAGMA table_info(topics)")]
+        values = {
+            "id": 99,
+            "name": name,
+            "type": "std_msgs/msg/Bool",
+            "serialization_format": "cdr",
+        }
+        database.execute(
+            f"INSERT INTO topics VALUES ({','.join('?' * len(columns))})",
+            [values.get(column, "") for column in columns],
+        )
+    log = open_log(path)
+    assert log.inventory.topics
+    assert num_scans(log) == num_scans(open_log_of(files, tmp_path))
 
 
 def test_a_database_that_is_no_recording_is_told(tmp_path):

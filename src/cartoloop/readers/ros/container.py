@@ -71,7 +71,7 @@ class LibraryContainer:
         weakref.finalize(self, reader.close)
         self._connections: list[Connection] = list(reader.connections)
         self.channels = [
-            Channel(key, c.topic, c.msgtype, is_ros1, c.msgcount)
+            Channel(key, str(c.topic), str(c.msgtype), is_ros1, c.msgcount)
             for key, c in enumerate(self._connections)
         ]
 
