@@ -31,7 +31,7 @@ from cartoloop.submaps.node import Node
 from cartoloop.submaps.probability_grid import ProbabilityGrid
 from cartoloop.submaps.submap import Submap
 
-OBJECTS = 100_000
+_OBJECTS = 100_000
 """The compiler makes so many that lie about: looking through them as often as Python usually does
 takes a tenth of its time."""
 
@@ -126,7 +126,7 @@ def _end_with_input() -> None:
 def main() -> None:
     """Compile, unless the process that asked for it ends before."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # meant for the process that started this one
-    gc.set_threshold(OBJECTS)
+    gc.set_threshold(_OBJECTS)
     threading.Thread(target=_end_with_input, daemon=True).start()
     compile_ahead()
 

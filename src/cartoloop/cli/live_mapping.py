@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import typer
 
 from cartoloop.cli.mapping import compilation_told, completed, finishing_note, summary, timed
-from cartoloop.cli.memory import return_large_blocks
+from cartoloop.cli.memory import look_seldom_for_garbage, return_large_blocks
 from cartoloop.cli.stop_signals import StopRequest, stop_signals
 from cartoloop.errors import Interrupted, OutputError
 
@@ -75,6 +75,7 @@ def map_live(source: Source, loaded: LoadedConfig, out: Path, options: LiveOptio
 
     start = time.perf_counter()
     return_large_blocks()
+    look_seldom_for_garbage()
     prepare_folder(out)
     tell = _Teller()
     notices = Notices(tell)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import gc
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from cartoloop.cli.memory import return_large_blocks
+from cartoloop.cli.memory import look_seldom_for_garbage, return_large_blocks
 from cartoloop.cli.progress import format_duration, progress
 from cartoloop.cli.second_process import start_second_process
 from cartoloop.cli.stop_signals import StopRequest, stop_signals
@@ -59,6 +58,7 @@ def map_recording(
 
     start = time.perf_counter()
     return_large_blocks()
+    look_seldom_for_garbage()
     prepare_folder(out)
 
     from cartoloop.mapper import Mapper
@@ -107,9 +107,7 @@ def compilation_told() -> Iterator[CompileWatch]:
 def _tell_of_compilation() -> None:
     """Tell the user, and get help, the first time that this is called."""
     from cartoloop._jit import can_keep_kernels, kernel_cache_folder
-    from cartoloop.compile_ahead import OBJECTS
 
-    gc.set_threshold(OBJECTS)
     if can_keep_kernels():
         has_help = start_second_process()
         seconds = SHARED_COMPILE_TIME_S if has_help else COMPILE_TIME_S
