@@ -110,7 +110,7 @@ def test_folder_without_records_is_an_error(tmp_path: Path) -> None:
 def test_remarks_quote_no_recording_that_is_not_published() -> None:
     from cartoloop.benchmarks.paper.losses import remarks
 
-    assert set(remarks()) - {"any", "limits"} <= set(published()["logs"])
+    assert set(remarks()) - {"any", "limits", "stages"} <= set(published()["logs"])
     assert json.dumps(remarks())
 
 
@@ -146,3 +146,21 @@ def test_every_run_of_the_adjustment_is_in_the_long_report_alone(tmp_path: Path)
     row = Row(case, {name: Figure.exact(4321) for name in names})
     assert "4,321" in to_markdown("Report", sections(Record("paper", (row,)), tmp_path))
     assert "4,321" not in report(row)
+
+
+def test_where_the_time_goes_is_a_row_a_recording() -> None:
+    text = report(
+        stage_row("mit-csail", "match", 1.5),
+        stage_row("mit-csail", "search", 2.5),
+        stage_row("aces", "search", 0.25),
+    )
+    _, heads, _, csail, aces = text[text.index("Where the time goes") :].split("\n|")[:5]
+    assert [cell.strip() for cell in heads.split("|")] == ["", "match", "search", ""]
+    assert [cell.strip() for cell in csail.split("|")] == ["MIT CSAIL", "1.50", "2.50", ""]
+    assert [cell.strip() for cell in aces.split("|")[:3]] == ["ACES", "", "0.250"]
+
+
+def stage_row(log: str, stage: str, seconds: float) -> Row:
+    return Row(
+        {"experiment": "stages", "log": log, "stage": stage}, {"total": Figure(seconds, "s")}
+    )

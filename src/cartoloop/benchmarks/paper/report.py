@@ -10,7 +10,7 @@ from cartoloop.benchmarks.paper.cells import mean_std, rows_of, title_of
 from cartoloop.benchmarks.paper.losses import behind, limits
 from cartoloop.benchmarks.paper.pictures import PICTURES
 from cartoloop.benchmarks.paper.simulations import adjustment_runs, lines, museum, truth
-from cartoloop.benchmarks.paper.tables import closures, percentiles, performance, relations
+from cartoloop.benchmarks.paper.tables import closures, percentiles, performance, relations, stages
 from cartoloop.benchmarks.record import Record
 
 
@@ -29,6 +29,7 @@ def sections(record: Record, pictures: Path | None = None, prefix: str = "paper"
         percentiles(record),
         closures(record),
         performance(record),
+        stages(record),
         museum(record),
         None if pictures is None else adjustment_runs(record),
         lines(record),

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from cartoloop.benchmarks.document import Section, Table
 from cartoloop.benchmarks.paper.cells import TITLES, mean_std, quoted, rows_of, table, title_of
+from cartoloop.benchmarks.paper.losses import remarks
 from cartoloop.benchmarks.paper.published import SOURCES
 from cartoloop.benchmarks.record import Record, format_number
 
@@ -112,3 +113,25 @@ def performance(record: Record) -> Section | None:
         "before; median ± half of the spread between the 10 % and 90 % quantiles."
     )
     return Section("Table V: performance", (text, table(rows, columns)))
+
+
+def stages(record: Record) -> Section | None:
+    """Return where the time of a run goes, None where nothing was mapped."""
+    seconds: dict[str, dict[str, str]] = {}
+    for row in rows_of(record, "stages"):
+        of_log = seconds.setdefault(str(row.case["log"]), {})
+        of_log[str(row.case["stage"])] = format_number(row.figures["total"].value)
+    if not seconds:
+        return None
+    names = list(dict.fromkeys(name for of_log in seconds.values() for name in of_log))
+    lines = [
+        [title_of(log), *(of_log.get(name, "") for name in names)]
+        for log, of_log in seconds.items()
+    ]
+    text = (
+        "Seconds by the clock that each stage took of one of the runs above. *Search* runs in "
+        "background threads, whose times add up; all others in the thread that maps, which in "
+        "*match again* has the help of the background threads. Where two threads share a "
+        "processor, the clock runs for both."
+    )
+    return Section("Where the time goes", (text, Table(["", *names], lines), remarks()["stages"]))
