@@ -69,6 +69,15 @@ def test_nobody_waits_forever(tmp_path, other, monkeypatch):
     assert 0.05 <= time.monotonic() - start < 10.0
 
 
+def test_patience_is_lost_once_for_all_kernels(tmp_path, other, monkeypatch):
+    monkeypatch.setattr(_kernel_folder, "_PATIENCE_S", 0.5)
+    turns = Turns(tmp_path)
+    turns.wait("voxel_filter")
+    start = time.monotonic()
+    turns.wait("voxel_filter")
+    assert time.monotonic() - start < 0.4
+
+
 def test_nobody_waits_where_there_is_no_file_for_turns(tmp_path):
     turns = Turns(tmp_path / "missing")
     assert not turns.is_taken("voxel_filter")

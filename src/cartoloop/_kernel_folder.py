@@ -22,6 +22,8 @@ UNUSED_S = 30 * 86400.0
 _TURNS = "turns"
 _OWN_NAME = re.compile(r"[0-9a-f]{16}(-checked)?(\.\d+\.unused)?")
 _PATIENCE_S = 60.0
+"""So long this process waits for others, all in all [s]: one that rests may have many turns."""
+
 _POLL_S = 0.01
 
 
@@ -50,6 +52,7 @@ class Turns:
 
     def __init__(self, folder: Path) -> None:
         self._file: int | None = None
+        self._patience_s = _PATIENCE_S
         path = folder / _TURNS
         with suppress(OSError):
             is_new = not path.exists()
@@ -72,9 +75,10 @@ class Turns:
 
     def wait(self, name: str) -> None:
         """Wait until it is our turn; not forever, in case that another process has come to rest."""
-        end = time.monotonic() + _PATIENCE_S
-        while self.is_taken(name) and time.monotonic() < end:
+        start = time.monotonic()
+        while self.is_taken(name) and time.monotonic() - start < self._patience_s:
             time.sleep(_POLL_S)
+        self._patience_s -= time.monotonic() - start
 
     def give_back(self, name: str) -> None:
         """Let another process have its turn."""
