@@ -180,13 +180,14 @@ def test_a_silent_source_is_told_and_ends_when_the_user_said_so(live, tmp_path):
     assert status == 0
 
 
-def test_a_source_that_sends_no_scan_is_told(live, tmp_path):
+def test_a_source_that_sends_no_scan_is_an_error(live, tmp_path):
     command = live("-", "-o", tmp_path)
     command.process.stdin.write(b'{"type": "odometry", "x": 0, "y": 0, "theta": 0}\n' * 3)
     _, status = command.end()
 
-    assert status == 0
-    assert "warning: standard input: no scan came that shows enough to be mapped" in command.text
+    assert status == 1
+    assert "cartoloop: standard input: no scan came that shows enough to be mapped" in command.text
+    assert (tmp_path / "report.json").exists()
 
 
 def test_the_view_shows_a_live_map(live, tmp_path):

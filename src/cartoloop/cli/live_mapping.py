@@ -16,7 +16,7 @@ import typer
 from cartoloop.cli.mapping import compilation_told, completed, finishing_note, summary, timed
 from cartoloop.cli.memory import look_seldom_for_garbage, return_large_blocks
 from cartoloop.cli.stop_signals import StopRequest, stop_signals
-from cartoloop.errors import Interrupted, OutputError
+from cartoloop.errors import InputError, Interrupted, OutputError
 
 if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
@@ -97,13 +97,16 @@ def map_live(source: Source, loaded: LoadedConfig, out: Path, options: LiveOptio
             save(result, out, layers=options.layers, origins=loaded.origins)
             report = timed(report, time.perf_counter() - start)
             save_report(report, out)
-            if report.nodes == 0:
-                tell(f"warning: {name}: no scan came that shows enough to be mapped")
             typer.echo(summary(report, out), err=options.poses == "-")
             if failure is not None:
                 raise failure
             if not is_whole:
                 raise Interrupted(f"the last loops were not closed; the map so far is in {out}")
+            if report.nodes == 0:
+                raise InputError(
+                    f"{name}: no scan came that shows enough to be mapped, the map in {out} is "
+                    "empty; docs/live.md tells what to send"
+                )
             if view is not None:
                 from cartoloop.cli.view_command import wait_for_stop
 
