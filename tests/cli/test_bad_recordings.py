@@ -5,6 +5,9 @@ from __future__ import annotations
 
 import gzip
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -196,6 +199,31 @@ def test_without_any_return_the_map_is_empty_and_that_is_an_error(lines, mapped)
     assert result.num_walls == 0
     assert result.report["skipped"] == {"too few returns to match: pose as predicted": NUM_SCANS}
     assert "bad.log: no scan shows enough to be mapped" in result.error
+
+
+def test_a_file_name_that_is_no_text_costs_nobody_the_map(lines, mapped):
+    try:
+        result = mapped(lines, os.fsdecode(b"b\xfcro.log"))
+    except OSError:
+        pytest.skip("this file system has no such names")
+
+    assert result.status == 0
+    result.assert_complete()
+    assert result.report["input"]["name"] == "b\N{REPLACEMENT CHARACTER}ro.log"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="names are text there")
+def test_a_file_name_that_the_terminal_cannot_show_is_told_all_the_same():
+    command = subprocess.run(
+        [sys.executable, "-m", "cartoloop", "doctor", b"b\xfcro.log"],
+        env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"},
+        capture_output=True,
+        check=False,
+    )
+
+    assert command.returncode == 1
+    assert b"ro.log" in command.stdout
+    assert command.stderr == b""
 
 
 def test_a_gap_of_ten_hours_is_told_and_bridged(lines, mapped):

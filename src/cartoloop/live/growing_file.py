@@ -13,6 +13,7 @@ from cartoloop.live.carmen_messages import CarmenParser
 from cartoloop.live.messages import Message
 from cartoloop.live.notices import Notices
 from cartoloop.live.source import LineReceiver, Put, parse_json_line
+from cartoloop.readers.log import short_name
 
 PERIOD_S = 0.02
 """So often it is looked whether more was written [s]."""
@@ -30,7 +31,7 @@ class GrowingFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self.name = path.name
+        self.name = short_name(path)
         self._carmen = CarmenParser()
 
     def open(self) -> str:

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
 from cartoloop.sensor.events import SensorEvent
@@ -15,6 +17,11 @@ Severity = Literal["error", "warning", "note"]
 # A log with a fault on each line must not fill the memory, nor the user's screen.
 MAX_PROBLEMS = 50
 MAX_PROBLEMS_PER_KIND = 5
+
+
+def short_name(path: Path) -> str:
+    """Return the last component of a path as text, whatever bytes the file system has in it."""
+    return os.fsencode(path.name).decode("utf-8", "replace")
 
 
 class Problem(NamedTuple):

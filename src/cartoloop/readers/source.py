@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from cartoloop.errors import InputError
+from cartoloop.readers.log import short_name
 
 _CHUNK_BYTES = 1 << 16
 _KEEP_BYTES = 24 << 20
@@ -46,7 +47,7 @@ class Source:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self.name = self.path.name
+        self.name = short_name(self.path)
         self.damage = ""
         self.ends_mid_line = False
         self._lines: list[bytes] | None = None

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cartoloop.errors import InputError
-from cartoloop.readers.log import Problems, TellsProblems
+from cartoloop.readers.log import Problems, TellsProblems, short_name
 from cartoloop.readers.options import ReadOptions
 from cartoloop.readers.ros.choice import choose_topics
 from cartoloop.readers.ros.chosen import Choice
@@ -58,7 +58,7 @@ class BagLog(TellsProblems):
     def __init__(self, path: str | Path, options: ReadOptions | None = None) -> None:
         self._path = Path(path)
         self._options = options or ReadOptions()
-        self.name = self._path.name or str(self._path)
+        self.name = short_name(self._path) or str(self._path)
         self._container, index = _best_index(open_containers(self._path), self._options)
         self._choice = choose_topics(index, self._options, str(self._path))
         self._damage = self._container.damage
