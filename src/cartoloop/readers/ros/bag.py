@@ -15,7 +15,7 @@ from cartoloop.readers.ros.chosen import Choice
 from cartoloop.readers.ros.container import Container
 from cartoloop.readers.ros.decoders import CloudDecoder, ImuDecoder, OdometryDecoder, ScanDecoder
 from cartoloop.readers.ros.index import RecordingIndex, index_recording
-from cartoloop.readers.ros.inventory import Finding, Inventory
+from cartoloop.readers.ros.inventory import BagFinding, Inventory
 from cartoloop.readers.ros.merging import MergedMessages
 from cartoloop.readers.ros.opening import open_containers
 from cartoloop.readers.ros.profiles import beam_findings, cloud_profile, scan_profile
@@ -172,7 +172,7 @@ class BagLog(TellsProblems):
                 self._scan_decoders[number].use_profile(profiles[stream.topic])
         return profiles
 
-    def _beam_findings(self) -> list[Finding]:
+    def _beam_findings(self) -> list[BagFinding]:
         scanners = zip(self._streams, self._scan_decoders, strict=False)
         return [finding for pair in scanners for finding in beam_findings(*pair)]
 
@@ -195,7 +195,7 @@ def inspect_recording(
     except InputError as error:
         _, index = _best_index(open_containers(Path(path)), options or ReadOptions())
         findings = [
-            Finding("error", "unusable", str(error)),
+            BagFinding("error", "unusable", str(error)),
             *container_findings(index.container),
             *index.findings,
             *stream_findings(index),

@@ -12,7 +12,7 @@ from cartoloop.readers.options import ReadOptions
 from cartoloop.readers.ros.choice_of_motion import choose_imu, choose_odometry
 from cartoloop.readers.ros.chosen import ODOMETRY_NAMES, Choice, ScannerChoice, asked_for, rank
 from cartoloop.readers.ros.index import RecordingIndex, Stream
-from cartoloop.readers.ros.inventory import Finding
+from cartoloop.readers.ros.inventory import BagFinding
 from cartoloop.readers.ros.transforms import Pose3, Transform
 
 MAX_TILT = math.radians(15.0)
@@ -138,8 +138,8 @@ def _choose_base(
         choice.findings.append(_missing(wanted, main, "it is mapped in the scanner's own frame"))
 
 
-def _missing(base: str, stream: Stream, meanwhile: str) -> Finding:
-    return Finding(
+def _missing(base: str, stream: Stream, meanwhile: str) -> BagFinding:
+    return BagFinding(
         "warning",
         "missing_transform",
         f"no transform from {base} to {stream.frame or 'the scanner, whose frame has no name'} "
@@ -176,7 +176,7 @@ def _choose_scanners(
             continue
         choice.base_frame = stream.frame
         choice.findings.append(
-            Finding(
+            BagFinding(
                 "warning",
                 "tilted_scanner",
                 f"{stream.topic}: {told}, says the transform; it is mapped in its own frame, "
@@ -212,9 +212,9 @@ def _where(choice: Choice, stream: Stream, pose: Pose3) -> str:
     )
 
 
-def _moving(way: list[Transform], stream: Stream) -> list[Finding]:
+def _moving(way: list[Transform], stream: Stream) -> list[BagFinding]:
     return [
-        Finding(
+        BagFinding(
             "warning",
             "moving_mounting",
             f"the transform from {t.parent} to {t.child} moves (by up to {t.moved_m:.3f} m, "

@@ -18,7 +18,7 @@ from cartoloop.readers.ros.chosen import (
     rank,
 )
 from cartoloop.readers.ros.index import RecordingIndex, Stream
-from cartoloop.readers.ros.inventory import Finding
+from cartoloop.readers.ros.inventory import BagFinding
 from cartoloop.readers.ros.messages import ImuMessage, OdometryMessage
 from cartoloop.readers.ros.transforms import Pose3
 
@@ -69,7 +69,7 @@ def choose_odometry(index: RecordingIndex, options: ReadOptions, choice: Choice,
     found = index.tree.lookup(child, choice.base_frame)
     if found is None:
         choice.findings.append(
-            Finding(
+            BagFinding(
                 "warning",
                 "missing_transform",
                 f"no transform from {child} to {choice.base_frame}: {chosen.topic} is taken for "
@@ -146,7 +146,7 @@ def choose_imu(index: RecordingIndex, options: ReadOptions, choice: Choice, name
 
 def _imu_doubts(
     stream: Stream, base: str, pose: Pose3, gravity: FloatArray, *, is_placed: bool
-) -> list[Finding]:
+) -> list[BagFinding]:
     """Return what is doubtful about an IMU that is used all the same; gravity in m/s^2."""
     doubts = []
     if _is_in_g(_usual_acceleration(stream)):
@@ -184,7 +184,8 @@ def _imu_doubts(
             "correct the transform to the IMU, or give --imu-topic none",
         ))  # fmt: skip
     return [
-        Finding("warning", code, message, remedy, stream.topic) for code, message, remedy in doubts
+        BagFinding("warning", code, message, remedy, stream.topic)
+        for code, message, remedy in doubts
     ]
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from cartoloop.errors import InputError
 from cartoloop.readers.ros.index import RecordingIndex, Stream
-from cartoloop.readers.ros.inventory import Finding, Role
+from cartoloop.readers.ros.inventory import BagFinding, Role
 from cartoloop.readers.ros.transforms import Pose3
 
 # Parts of names, and how welcome the topic is: the smaller the better.
@@ -61,7 +61,7 @@ class Choice:
     odometry: OdometryChoice | None = None
     imu: ImuChoice | None = None
     reasons: dict[str, str] = field(default_factory=dict)
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[BagFinding] = field(default_factory=list)
 
     @property
     def streams(self) -> list[Stream]:

@@ -7,7 +7,7 @@ import weakref
 from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from cartoloop.readers.ros.inventory import Finding
+from cartoloop.readers.ros.inventory import BagFinding
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -46,7 +46,7 @@ class Container(Protocol):
     kind: str
     channels: list[Channel]
     damage: str
-    notes: list[Finding]
+    notes: list[BagFinding]
     needs: object
 
     def messages(self, keys: Collection[int]) -> Iterator[tuple[int, int, bytes]]:
@@ -64,7 +64,7 @@ class LibraryContainer:
     def __init__(self, reader: Any, kind: str, is_ros1: bool) -> None:  # noqa: ANN401 - untyped
         self.kind = kind
         self.damage = ""
-        self.notes: list[Finding] = []
+        self.notes: list[BagFinding] = []
         self.needs: object = None
         self._reader = reader
         reader.open()

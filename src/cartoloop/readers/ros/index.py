@@ -13,7 +13,7 @@ from cartoloop.readers.options import ReadOptions
 from cartoloop.readers.ros import messages as ros
 from cartoloop.readers.ros.cloud import CloudMessage, decode_cloud
 from cartoloop.readers.ros.container import Channel, Container
-from cartoloop.readers.ros.inventory import Finding, Role
+from cartoloop.readers.ros.inventory import BagFinding, Role
 from cartoloop.readers.ros.transforms import TransformTree
 from cartoloop.readers.ros.urdf import parse_urdf, read_urdf
 from cartoloop.readers.ros.wire import DecodeError, frame_name, read_header
@@ -105,7 +105,7 @@ class RecordingIndex:
     streams: list[Stream]
     others: list[Channel]
     tree: TransformTree
-    findings: list[Finding]
+    findings: list[BagFinding]
 
     @property
     def num_messages(self) -> int:
@@ -131,7 +131,7 @@ def index_recording(container: Container, options: ReadOptions) -> RecordingInde
         The URDF file given is none.
     """
     tree = TransformTree()
-    findings: list[Finding] = []
+    findings: list[BagFinding] = []
     if options.urdf is not None:
         for joint in read_urdf(options.urdf):
             tree.add(joint.parent, joint.child, joint.pose, "urdf")
@@ -258,20 +258,20 @@ def new_poses(
             yield transform
 
 
-def _describe(tree: TransformTree, raw: bytes, is_ros1: bool) -> list[Finding]:
+def _describe(tree: TransformTree, raw: bytes, is_ros1: bool) -> list[BagFinding]:
     """Take in the robot's description that a recording holds."""
     try:
         joints = parse_urdf(ros.decode_string(raw, is_ros1), "robot_description")
     except (DecodeError, InputError) as error:
-        return [Finding("warning", "robot_description", f"{error}", "give --urdf FILE")]
+        return [BagFinding("warning", "robot_description", f"{error}", "give --urdf FILE")]
     for joint in joints:
         tree.add(joint.parent, joint.child, joint.pose, "robot_description")
     return []
 
 
-def _conflicts(tree: TransformTree) -> list[Finding]:
+def _conflicts(tree: TransformTree) -> list[BagFinding]:
     return [
-        Finding(
+        BagFinding(
             "warning",
             "several_parents",
             f"frame {child} has several parents: {tree.transforms[child].parent}, "

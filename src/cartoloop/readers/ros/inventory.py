@@ -12,7 +12,7 @@ Role = Literal["scan", "cloud", "odometry", "imu", "tf", "other"]
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class BagFinding:
     """Something wrong or worth knowing, and what to do about it.
 
     Attributes
@@ -141,7 +141,7 @@ class Inventory:
     topics: tuple[TopicSummary, ...]
     transforms: tuple[TransformSummary, ...]
     base_frame: str
-    findings: tuple[Finding, ...]
+    findings: tuple[BagFinding, ...]
 
     @property
     def chosen(self) -> tuple[TopicSummary, ...]:

@@ -21,7 +21,7 @@ from cartoloop.readers.ros.container import (
     LibraryContainer,
     one_line,
 )
-from cartoloop.readers.ros.inventory import Finding
+from cartoloop.readers.ros.inventory import BagFinding
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -90,7 +90,9 @@ def _open_folder(path: Path) -> Container:
         raise InputError(f"{path}: is a folder without a recording; give the recording itself")
     parts = [next(_open_file(p)) for p in sorted(files, key=_by_number)]
     chained = ChainedContainer(parts, "ROS 2 recording")
-    chained.notes.append(Finding("warning", "no_metadata", note, "its files are read all the same"))
+    chained.notes.append(
+        BagFinding("warning", "no_metadata", note, "its files are read all the same")
+    )
     return chained
 
 
@@ -139,12 +141,12 @@ def _open_by_library(path: Path, magic: bytes) -> LibraryContainer:
     return LibraryContainer(_Bare(Sqlite3Reader(path)), "ROS 2 database", is_ros1=False)
 
 
-def _notes(path: Path, refusal: str) -> list[Finding]:
+def _notes(path: Path, refusal: str) -> list[BagFinding]:
     """Return what to tell besides damage: `refusal` is why the library would not read it."""
     notes = []
     if "not indexed" in refusal:
         notes.append(
-            Finding(
+            BagFinding(
                 "warning",
                 "unindexed",
                 "the bag has no index: its recorder was not ended properly",
@@ -153,7 +155,7 @@ def _notes(path: Path, refusal: str) -> list[Finding]:
         )
     if has_unwritten_log(path):
         notes.append(
-            Finding(
+            BagFinding(
                 "warning",
                 "unwritten_log",
                 f"messages still stand in {path.name}-wal, which is not read",
@@ -195,7 +197,9 @@ def _open_compressed(path: Path) -> Iterator[Container]:
         container.needs = unpacked
         if damage:
             what = f"it cannot be unpacked whole ({damage})"
-            container.notes.append(Finding("error", "damaged", what, "copy it again for the rest"))
+            container.notes.append(
+                BagFinding("error", "damaged", what, "copy it again for the rest")
+            )
         yield container
 
 

@@ -11,7 +11,7 @@ from cartoloop.errors import InputError
 from cartoloop.readers.ros.cloud import CloudMessage
 from cartoloop.readers.ros.decoders import ScanDecoder
 from cartoloop.readers.ros.index import Stream
-from cartoloop.readers.ros.inventory import Finding
+from cartoloop.readers.ros.inventory import BagFinding
 from cartoloop.readers.ros.messages import ScanMessage
 from cartoloop.readers.ros.wire import DecodeError
 from cartoloop.sensor.events import LaserScan
@@ -72,7 +72,7 @@ def cloud_profile(stream: Stream) -> SensorProfile:
     )
 
 
-def beam_findings(stream: Stream, decoder: ScanDecoder) -> list[Finding]:
+def beam_findings(stream: Stream, decoder: ScanDecoder) -> list[BagFinding]:
     """Return what does not fit in what a scanner says of its beams."""
     message = next((s for s in stream.samples if isinstance(s, ScanMessage)), None)
     if message is None or len(message.ranges) < 2:
@@ -100,6 +100,6 @@ def beam_findings(stream: Stream, decoder: ScanDecoder) -> list[Finding]:
             "the ranges themselves are asked instead",
         ))  # fmt: skip
     return [
-        Finding("note", code, f"{stream.topic}: {message}", remedy, stream.topic)
+        BagFinding("note", code, f"{stream.topic}: {message}", remedy, stream.topic)
         for code, message, remedy in told
     ]

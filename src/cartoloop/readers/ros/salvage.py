@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from cartoloop.readers.ros.container import Channel
-from cartoloop.readers.ros.inventory import Finding
+from cartoloop.readers.ros.inventory import BagFinding
 
 LARGEST_RECORD = 1 << 31
 _PIECE = 1024
@@ -47,7 +47,7 @@ class Scanned:
         self.kind = kind
         self.path = path
         self.damage = ""
-        self.notes: list[Finding] = []
+        self.notes: list[BagFinding] = []
         self.needs: object = None
         self._found: dict[int, Channel] = {}
         counts: dict[int, int] = {}

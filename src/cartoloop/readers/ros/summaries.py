@@ -8,19 +8,19 @@ from collections.abc import Sequence
 from cartoloop.readers.ros.chosen import Choice
 from cartoloop.readers.ros.container import Container
 from cartoloop.readers.ros.index import RecordingIndex, Stream
-from cartoloop.readers.ros.inventory import Finding, Inventory, TopicSummary, TransformSummary
+from cartoloop.readers.ros.inventory import BagFinding, Inventory, TopicSummary, TransformSummary
 from cartoloop.readers.ros.times import stamp_statistics
 from cartoloop.sensor.sensor_profile import SensorProfile
 
 _MAX_OTHERS = 8
 
 
-def container_findings(container: Container) -> list[Finding]:
+def container_findings(container: Container) -> list[BagFinding]:
     """Return what is wrong with the files of a recording."""
     found = list(container.notes)
     if container.damage:
         found.append(
-            Finding(
+            BagFinding(
                 "error",
                 "damaged",
                 f"{container.damage}; what can be read before is used",
@@ -30,7 +30,7 @@ def container_findings(container: Container) -> list[Finding]:
     return found
 
 
-def stream_findings(index: RecordingIndex) -> list[Finding]:
+def stream_findings(index: RecordingIndex) -> list[BagFinding]:
     """Return what is odd about single topics: several frames, transforms that cannot be read."""
     found = []
     for stream in index.streams:
@@ -38,16 +38,20 @@ def stream_findings(index: RecordingIndex) -> list[Finding]:
         if stream.edge is None and len(frames) > 1:
             what = f"{stream.topic}: its messages are in several frames ({', '.join(frames[:4])})"
             remedy = "all are taken for the first; let each sensor have a topic of its own"
-            found.append(Finding("warning", "several_frames", what, remedy, stream.topic))
+            found.append(BagFinding("warning", "several_frames", what, remedy, stream.topic))
         if stream.role == "tf" and stream.undecodable:
             count = sum(stream.undecodable.values())
             why = ", ".join(sorted(stream.undecodable))
             what = f"{stream.topic}: {count} transforms or messages cannot be used ({why})"
-            found.append(Finding("warning", "undecodable", what, "left out", stream.topic, count))
+            found.append(
+                BagFinding("warning", "undecodable", what, "left out", stream.topic, count)
+            )
     return found
 
 
-def take_inventory(index: RecordingIndex, choice: Choice, findings: Sequence[Finding]) -> Inventory:
+def take_inventory(
+    index: RecordingIndex, choice: Choice, findings: Sequence[BagFinding]
+) -> Inventory:
     """Return all that is known of a recording."""
     used = choice.streams
     topics = [

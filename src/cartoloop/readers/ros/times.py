@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.readers.ros.index import NO_STAMP, Stream
-from cartoloop.readers.ros.inventory import Finding, StampStatistics
+from cartoloop.readers.ros.inventory import BagFinding, StampStatistics
 from cartoloop.readers.ros.wire import NANO
 from cartoloop.sensor.time_repair import TimeReport, repair_times
 
@@ -41,14 +41,14 @@ class StreamTimes:
     report: TimeReport
 
 
-def common_times(streams: list[Stream]) -> tuple[list[StreamTimes], list[Finding]]:
+def common_times(streams: list[Stream]) -> tuple[list[StreamTimes], list[BagFinding]]:
     """Return the times of each stream on the clock of the first, and what had to be repaired.
 
     A message without a stamp gets the time at which it was recorded. A stream whose stamps are on
     another clock, as far as recording tells, is shifted. Where the clock of the first stream
     starts anew, the others follow it.
     """
-    findings: list[Finding] = []
+    findings: list[BagFinding] = []
     stamps = []
     for stream in streams:
         own, found = _with_recording_times(stream)
@@ -90,7 +90,7 @@ def _lag(
     return float(np.median(records - stamps - delay_of_main))
 
 
-def _with_recording_times(stream: Stream) -> tuple[FloatArray, list[Finding]]:
+def _with_recording_times(stream: Stream) -> tuple[FloatArray, list[BagFinding]]:
     """Return stamps, all there, and what was found."""
     stamps, records = _recorded_stamps(stream), _seconds(stream.records)
     missing = np.isnan(stamps)
@@ -104,7 +104,7 @@ def _with_recording_times(stream: Stream) -> tuple[FloatArray, list[Finding]]:
         return stamps, []
     every = "all" if num_zero == len(stamps) else f"{num_zero} of {len(stamps)}"
     return stamps, [
-        Finding(
+        BagFinding(
             "warning",
             "zero_stamps",
             f"{_label(stream)}: {every} messages have no stamp (0)",
@@ -130,8 +130,8 @@ def _label(stream: Stream) -> str:
     return stream.topic if stream.edge is None else f"{stream.topic} ({' -> '.join(stream.edge)})"
 
 
-def _other_clock(stream: Stream, main: Stream, lag: float) -> Finding:
-    return Finding(
+def _other_clock(stream: Stream, main: Stream, lag: float) -> BagFinding:
+    return BagFinding(
         "warning",
         "other_clock",
         f"{_label(stream)}: its stamps are on another clock, {abs(lag):.6g} s "
@@ -144,12 +144,12 @@ def _other_clock(stream: Stream, main: Stream, lag: float) -> Finding:
 
 def _time_findings(
     stream: Stream, stamps: FloatArray, report: TimeReport, *, is_main: bool
-) -> list[Finding]:
+) -> list[BagFinding]:
     found = []
     name = _label(stream)
     if report.num_backwards or report.num_repeated or report.num_wild:
         found.append(
-            Finding(
+            BagFinding(
                 "warning",
                 "stamps_out_of_order",
                 f"{name}: {report.describe()}",
@@ -163,11 +163,13 @@ def _time_findings(
     for index, length in zip(report.gaps, report.gap_lengths, strict=True):
         stamp = float(stamps[index])
         what = f"{name}: nothing for {length:.6g} s before stamp {stamp:.6f}"
-        found.append(Finding("warning", "gap", what, "", stream.topic, 1, stamp))
+        found.append(BagFinding("warning", "gap", what, "", stream.topic, 1, stamp))
     for index in report.resets:
         stamp = float(stamps[index])
         what = f"{name}: the clock starts anew at stamp {stamp:.6f}"
-        found.append(Finding("warning", "clock_reset", what, "times go on", stream.topic, 1, stamp))
+        found.append(
+            BagFinding("warning", "clock_reset", what, "times go on", stream.topic, 1, stamp)
+        )
     return found
 
 
