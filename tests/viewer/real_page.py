@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import os
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -86,16 +87,30 @@ class RealPage:
 
 
 @contextmanager
-def opened(chromium, url, size=SIZE, **options):
-    """Yield the page at a URL in a window of its own; in the end it must not have complained."""
+def opened(chromium, url, size=SIZE, changes=None, **options):
+    """Yield the page at a URL in a window of its own; in the end it must not have complained.
+
+    `changes` are to its modules, by their paths: what stands there, and what shall instead.
+    """
     options.setdefault("bypass_csp", True)  # to wait for a condition is to evaluate text
     context = chromium.new_context(
         viewport={"width": size[0], "height": size[1]}, color_scheme="light", **options
     )
     try:
         real = RealPage(context.new_page())
+        for path, pairs in (changes or {}).items():
+            real.page.route(f"**/{path}", partial(_change, pairs))
         real.page.goto(url)
         yield real
         assert real.complaints == []
     finally:
         context.close()
+
+
+def _change(pairs, route):
+    response = route.fetch()
+    text = response.text()
+    for old, new in pairs.items():
+        assert old in text
+        text = text.replace(old, new)
+    route.fulfill(response=response, body=text)

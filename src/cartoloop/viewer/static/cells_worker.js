@@ -62,7 +62,10 @@ async function takeSubmap({ packed, ...head }) {
   const spans = knownSpans(cells);
   const answer = { ...head, cells: cells.bytes, spans };
   const owned = [cells.bytes.buffer, spans.buffer];
-  if (!head.finished) { // of those that are, the server sends one
+  if (head.finished) { // of these, the server sends a preview; and their cells can be had again
+    answer.packed = packed;
+    owned.push(packed);
+  } else {
     const box = { row: 0, col: 0, rows: Math.ceil(rows / SHRINK), cols: Math.ceil(cols / SHRINK) };
     answer.preview = shrunk(cells, box);
     owned.push(answer.preview.buffer);

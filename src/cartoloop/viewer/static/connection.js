@@ -9,9 +9,11 @@ const FIRST_RETRY_MS = 400;
 const LAST_RETRY_MS = 5000;
 const PING_PERIOD_MS = 5000;
 const ANSWER_TIMEOUT_MS = 20000;
+/** A connection that takes longer to be made is given up. */
+const OPEN_TIMEOUT_MS = 8000;
 const ANSWERS = new Set([Type.CLOSURE, Type.PROBLEM, Type.PONG]);
 
-/** @typedef {"connected" | "lost"} Status */
+/** @typedef {"connected" | "lost" | "silent"} Status silent: the other side may be out of reach */
 
 /** Return where the server is, with the token of the page's own address. */
 export function socketUrl() {
@@ -40,6 +42,10 @@ export class Connection {
     /** @type {Map<number, {resolve: Function, reject: Function}>} */
     this.asked = new Map();
     this.stopped = false;
+    /** Whether an answer to a ping is awaited, and when anything came last [ms]. */
+    this.isPinging = false;
+    this.heardAt = 0;
+    this.isSilent = false;
     setInterval(() => this.ping(), PING_PERIOD_MS);
     addEventListener("online", () => this.retryNow());
     document.addEventListener("visibilitychange", () => {
@@ -56,11 +62,16 @@ export class Connection {
   open() {
     clearTimeout(this.timer);
     this.socket?.close();
+    this.forget();
     const socket = new WebSocket(this.url);
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     this.bytes = 0;
+    this.timer = setTimeout(() => socket.close(), OPEN_TIMEOUT_MS);
     socket.onopen = () => {
+      if (socket !== this.socket) return;
+      clearTimeout(this.timer);
+      this.heardAt = performance.now();
       this.retryMs = FIRST_RETRY_MS;
       this.handlers.onOpen();
       this.handlers.onStatus("connected");
@@ -83,9 +94,16 @@ export class Connection {
     if (!this.stopped && this.socket?.readyState === WebSocket.CLOSED) this.open();
   }
 
-  lose() {
+  /** Nobody will answer any more. */
+  forget() {
     for (const { reject } of this.asked.values()) reject(new Error("The connection was lost."));
     this.asked.clear();
+    this.isPinging = this.isSilent = false;
+  }
+
+  lose() {
+    clearTimeout(this.timer);
+    this.forget();
     if (this.stopped) return;
     this.handlers.onStatus("lost");
     this.timer = setTimeout(() => this.open(), this.retryMs);
@@ -95,6 +113,11 @@ export class Connection {
   /** @param {ArrayBuffer} data */
   receive(data) {
     this.bytes += data.byteLength;
+    this.heardAt = performance.now();
+    if (this.isSilent) {
+      this.isSilent = false;
+      this.handlers.onStatus("connected");
+    }
     let id = null; // of the request that the next message answers
     for (const message of decode(data)) {
       if (message.type === Type.ANSWER) {
@@ -142,12 +165,25 @@ export class Connection {
     });
   }
 
-  /** Make sure that the other side is there: a laptop that slept notices only so. */
+  /**
+   * Make sure that the other side is there: a laptop that slept, and a tablet that was carried out of
+   * reach, notice only so.
+   */
   ping() {
     if (!this.isOpen || document.hidden) return;
     const socket = this.socket;
-    this.ask({ type: "ping" }).catch(() => {
-      if (socket === this.socket && this.isOpen) this.open();
+    if (this.isPinging && !this.isSilent && performance.now() - this.heardAt > PING_PERIOD_MS) {
+      this.isSilent = true;
+      this.handlers.onStatus("silent");
+    }
+    if (this.isPinging) return;
+    this.isPinging = true;
+    this.ask({ type: "ping" }).then(() => {
+      this.isPinging = false;
+    }, () => {
+      if (socket !== this.socket || !this.isOpen) return;
+      this.handlers.onStatus("lost");
+      this.open();
     });
   }
 }

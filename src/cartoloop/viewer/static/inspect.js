@@ -24,6 +24,8 @@ import { lengthOf } from "./tape.js";
  * @property {string | null} session of the server
  * @property {number} bytes received since joining
  * @property {{nodes: number, submaps: number, previews: number, constraints: number}} counts
+ * @property {{cells: number, squares: number}} held bytes of inflated cells of finished submaps; squares
+ *   of the composed map
  * @property {{number: number, ms: number | null}} frames drawn so far; mean time from one to the next
  *   while the picture moved
  * @property {number} glides how often the map was adjusted in sight
@@ -66,6 +68,7 @@ function stateOf({ connection, state, renderer, motion, stage, closure, tape, ca
       nodes: state.nodes.length, submaps: renderer.submaps.all.size,
       previews: renderer.submaps.previews.size, constraints: state.constraints.length,
     },
+    held: { cells: renderer.submaps.cellBytes, squares: renderer.tiles.numTextures },
     frames: { number: stage.numFrames, ms: stage.frameMs },
     glides: motion.numGlides,
     closure: closure.told?.constraint ?? null,

@@ -37,6 +37,10 @@ export class Status {
       this.say(readings?.state ?? "starting", readings?.text ?? "loading the map");
       return;
     }
+    if (connection === "silent") {
+      this.say("lost", "no answer from the program");
+      return;
+    }
     this.say("lost", readings ? "reconnecting" : "connecting");
     this.timer = setTimeout(() => this.tell(readings ? LOST : NEVER), PATIENCE_MS);
   }

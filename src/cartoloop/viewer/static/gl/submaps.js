@@ -13,6 +13,8 @@ const WORKERS = Math.min(4, Math.max(2, (navigator.hardwareConcurrency ?? 2) - 1
 const AGREEING = 2;
 /** Levels of the mipmap of a preview: making more takes longer than it is worth. */
 const PREVIEW_LEVELS = 4;
+/** Of cells that are inflated, so many are held: what was longest out of sight is packed again. */
+const MAX_CELL_BYTES = 128e6;
 
 /**
  * @typedef {object} Submap
@@ -23,9 +25,11 @@ const PREVIEW_LEVELS = 4;
  * @property {number} x centre of cell (0, 0) [m, submap frame]
  * @property {number} y
  * @property {number} resolution [m]
- * @property {ArrayBuffer | null} [packed] cells as they came, until they are inflated
+ * @property {ArrayBuffer | null} packed cells as they came; null where they may still change
+ * @property {boolean} isInflating whether a worker is at it
+ * @property {number} used when its cells were needed last, counted in uses
  * @property {Uint16Array | null} spans row, first and end column of the blocks that are known; null
- *   until the cells are inflated
+ *   as long as the cells are not inflated
  * @property {Uint8Array | null} waiting cells with a rim, until they are uploaded
  * @property {WebGLTexture | null} cells with a rim; null until they are
  */
@@ -38,6 +42,7 @@ const PREVIEW_LEVELS = 4;
  * @property {number} x centre of pixel (0, 0) [m, submap frame]
  * @property {number} y
  * @property {number} resolution edge of a pixel [m]
+ * @property {boolean} isOwn whether the page has made it of the cells, as the submap grows
  */
 
 /** @typedef {{row: number, col: number, rows: number, cols: number}} Box of cells */
@@ -61,6 +66,12 @@ export class Submaps {
     /** Of these, previews of finished submaps. */
     this.numPreviewsPending = 0;
     this.generation = 0;
+    /** Of submaps that can be packed again: bytes of inflated cells, and how many are being inflated. */
+    this.cellBytes = 0;
+    this.numInflating = 0;
+    this.uses = 0;
+    /** Submaps that came while they grew: their workers have cells of them. @type {Set<number>} */
+    this.grown = new Set();
     this.maxEdge = gl.getParameter(gl.MAX_TEXTURE_SIZE) - 2 * MARGIN;
     /** Submaps that this device cannot draw, as they are too large for its textures. */
     this.tooLarge = new Set();
@@ -75,7 +86,8 @@ export class Submaps {
   begin(hello) {
     const { gl } = this;
     this.generation++;
-    this.numPending = this.numPreviewsPending = 0;
+    this.numPending = this.numPreviewsPending = this.numInflating = this.cellBytes = 0;
+    this.grown.clear();
     for (const submap of this.all.values()) gl.deleteTexture(submap.cells);
     for (const preview of this.previews.values()) gl.deleteTexture(preview.texture);
     this.all.clear();
@@ -88,14 +100,18 @@ export class Submaps {
   /** Take in a SUBMAP, a SUBMAP_PATCH or a SUBMAP_PREVIEW. */
   take({ type, ...job }) {
     const isPreview = type === Type.SUBMAP_PREVIEW;
-    if (type === Type.SUBMAP && job.finished && !this.all.has(job.submap)) this.keep(job);
-    else this.give({ ...job, isPreview });
+    if (type === Type.SUBMAP && job.finished && !this.grown.has(job.submap)) {
+      this.keep(job);
+      return;
+    }
+    if (type === Type.SUBMAP && !job.finished) this.grown.add(job.submap);
+    this.give({ ...job, isPreview });
   }
 
   /** Keep a finished submap until its cells are to be seen: packed, it is a fifteenth of them. */
   keep(head) {
     if (this.isTooLarge(head)) return;
-    const submap = { ...head, waiting: null, cells: null, spans: null };
+    const submap = { ...head, waiting: null, cells: null, spans: null, isInflating: false, used: 0 };
     this.all.set(head.submap, submap);
     this.onChange(submap);
   }
@@ -103,9 +119,35 @@ export class Submaps {
   /** Have the cells of a submap inflated, unless they are. @param {Submap} submap */
   inflate(submap) {
     const { submap: id, version, finished, rows, cols, x, y, resolution, packed } = submap;
-    if (!packed) return;
-    submap.packed = null;
+    if (submap.isInflating || submap.spans !== null) return;
+    Object.assign(submap, { packed: null, isInflating: true }); // it comes back with the cells
+    this.numInflating++;
     this.give({ submap: id, version, finished, rows, cols, x, y, resolution, packed });
+  }
+
+  /** Whether no more should be inflated before something is packed again. */
+  get isFull() {
+    return this.numInflating > 0 && this.cellBytes > MAX_CELL_BYTES;
+  }
+
+  /** Note that the cells of these are needed now. @param {Submap[]} submaps */
+  use(submaps) {
+    this.uses++;
+    for (const submap of submaps) submap.used = this.uses;
+  }
+
+  /** Let go of cells beyond the bound: not of those needed now, first of what was not for longest. */
+  trim() {
+    if (this.cellBytes <= MAX_CELL_BYTES) return;
+    const idle = [...this.all.values()]
+      .filter(({ packed, spans, used }) => packed && spans !== null && used < this.uses)
+      .sort((a, b) => b.used - a.used);
+    while (this.cellBytes > MAX_CELL_BYTES && idle.length > 0) {
+      const submap = idle.pop();
+      this.gl.deleteTexture(submap.cells);
+      this.cellBytes -= bytesOf(submap);
+      Object.assign(submap, { cells: null, waiting: null, spans: null });
+    }
   }
 
   /** Give a worker something to do. */
@@ -122,10 +164,13 @@ export class Submaps {
     if (done.isPreview) this.numPreviewsPending--;
     if (done.problem || done.ignored) {
       const submap = this.all.get(done.submap);
-      if (submap) submap.spans ??= new Uint16Array(0); // damaged: it shows nothing
+      if (submap?.isInflating) {
+        this.numInflating--; // damaged: it shows nothing
+        Object.assign(submap, { isInflating: false, spans: new Uint16Array(0) });
+      }
       this.onChange(null);
     } else if (done.isPreview) {
-      this.takePreview(done);
+      this.takePreview(done, false);
     } else if (done.base === undefined) {
       this.takeWhole(done);
     } else {
@@ -139,15 +184,17 @@ export class Submaps {
     return isSo;
   }
 
-  takePreview({ submap, preview, rows, cols, x, y, resolution }) {
+  takePreview({ submap, preview, rows, cols, x, y, resolution }, isOwn) {
     const { gl } = this;
+    // That of the finished submap may overtake what a worker makes of it as it was before.
+    if (isOwn && this.previews.get(submap)?.isOwn === false) return;
     gl.deleteTexture(this.previews.get(submap)?.texture ?? null);
     this.previews.delete(submap);
     if (rows * cols === 0 || Math.max(rows, cols) > this.maxEdge) return;
     const texture = createTexture(gl, gl.RGBA8, cols, rows, {
       levels: Math.min(mipLevels(cols, rows), PREVIEW_LEVELS), min: gl.LINEAR_MIPMAP_NEAREST, mag: gl.LINEAR,
     });
-    this.previews.set(submap, { texture, rows, cols, x, y, resolution });
+    this.previews.set(submap, { texture, rows, cols, x, y, resolution, isOwn });
     this.fillPreview(texture, preview, { row: 0, col: 0, rows, cols });
     this.onChange(null);
   }
@@ -158,22 +205,25 @@ export class Submaps {
     this.takePreview({
       submap, preview, rows: Math.ceil(rows / SHRINK), cols: Math.ceil(cols / SHRINK),
       x: x + shift, y: y + shift, resolution: SHRINK * resolution,
-    });
+    }, true);
   }
 
   takeWhole({ cells, spans, preview, ...head }) {
     const { gl } = this;
     if (this.isTooLarge(head)) return;
     const before = this.all.get(head.submap);
-    if (before?.spans === null) {
-      this.onChange(Object.assign(before, { spans, waiting: cells }));
+    if (head.finished) this.cellBytes += bytesOf(head);
+    if (before?.isInflating) {
+      this.numInflating--;
+      this.onChange(Object.assign(before, { packed: head.packed, spans, waiting: cells, isInflating: false }));
       return;
     }
-    const submap = { ...head, waiting: cells, cells: null, spans };
+    const submap = { ...head, waiting: cells, cells: null, spans, isInflating: false, used: this.uses };
     if (preview) this.takeOwnPreview({ ...head, preview });
     this.all.set(head.submap, submap);
     this.upload(submap);
     gl.deleteTexture(before?.cells ?? null);
+    this.trim();
     this.onChange(submap);
   }
 
@@ -187,7 +237,7 @@ export class Submaps {
     gl.texSubImage2D(gl.TEXTURE_2D, 0, patch.col + MARGIN, patch.row + 1, patch.cols, patch.rows,
       gl.RED_INTEGER, gl.UNSIGNED_BYTE, cells);
     const shown = this.previews.get(patch.submap);
-    if (shown) this.fillPreview(shown.texture, preview, previewBox);
+    if (shown?.isOwn) this.fillPreview(shown.texture, preview, previewBox);
     submap.spans = spans;
     this.onChange(submap, patch);
   }
@@ -212,4 +262,9 @@ export class Submaps {
       gl.UNSIGNED_BYTE, preview);
     gl.generateMipmap(gl.TEXTURE_2D);
   }
+}
+
+/** Return how many bytes the cells of a submap are, with their rim. */
+function bytesOf({ rows, cols }) {
+  return (rows + 2) * strideOf(cols);
 }

@@ -77,7 +77,10 @@ export class TileWork {
   takeJob() {
     if (this.job && this.job.revision === this.job.tile.revision) return true;
     this.job = null;
-    for (let tile = this.tiles.next(); tile && !this.job; tile = this.tiles.next()) this.begin(tile);
+    const { submaps } = this.tiles;
+    for (let tile = this.tiles.next(); tile && !this.job && !submaps.isFull; tile = this.tiles.next()) {
+      this.begin(tile);
+    }
     return this.job !== null;
   }
 
@@ -89,14 +92,18 @@ export class TileWork {
     const left = this.tiles.submapsWithin([x + box[0], y + box[1], x + box[2], y + box[3]]);
     tile.awaited = this.inflate(left);
     if (tile.awaited.length > 0) return;
+    this.tiles.submaps.trim();
     this.job = { tile, left, box, revision };
     this.composer.clear([x, y], box);
   }
 
   /** Have submaps inflated; return those that are not yet. */
   inflate(found) {
-    const packed = found.map(([submap]) => submap).filter(({ spans }) => spans === null);
-    for (const submap of packed) this.tiles.submaps.inflate(submap);
+    const { submaps } = this.tiles;
+    const needed = found.map(([submap]) => submap);
+    submaps.use(needed);
+    const packed = needed.filter(({ spans }) => spans === null);
+    for (const submap of packed) submaps.inflate(submap);
     return packed;
   }
 
@@ -151,6 +158,7 @@ export class TileWork {
     const submaps = found.filter(([{ spans }]) => spans !== null);
     for (const [submap] of submaps) this.tiles.submaps.upload(submap);
     composer.add(submaps);
+    this.tiles.submaps.trim();
     composer.finish(this.scratchTarget);
     const pixels = new Uint8Array(4 * edge * edge);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.scratchTarget);

@@ -185,10 +185,17 @@ export class Tiles {
     let best = null;
     for (const tile of this.all.values()) {
       if (!tile.dirty || tile.seen <= this.frame - 1) continue;
-      if (tile.awaited.some(({ spans }) => spans === null)) continue;
+      if (tile.awaited.some(({ isInflating }) => isInflating)) continue;
+      if (!tile.texture && !this.hasRoomFor(tile)) continue;
       if (!best || rank(tile) > rank(best)) best = tile;
     }
     return best;
+  }
+
+  /** Whether there is a texture for a square, be it that of one that is further out of sight. */
+  hasRoomFor(tile) {
+    if (this.numTextures < MAX_TEXTURES) return true;
+    return [...this.all.values()].some(({ texture, seen }) => texture && seen < tile.seen);
   }
 
   /** Give a square its texture, taking it from the one that was longest out of sight. */
