@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from cartoloop import Mapper
+from cartoloop.errors import OutputError
 from cartoloop.map_file.load import load_map
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.picture import palette
@@ -151,6 +152,23 @@ def test_the_same_picture_is_drawn_once(connection, page, monkeypatch):
     monkeypatch.setattr("cartoloop.viewer.pictures._MIN_AGE_S", 0.0)
 
     assert ask(connection, page, type="picture", id=2)[1]["png"] == first
+
+
+def test_a_picture_that_cannot_be_drawn_is_refused_each_time(result, monkeypatch):
+    def fail(_):
+        raise OutputError("the map is too large")
+
+    monkeypatch.setattr("cartoloop.viewer.pictures.picture_png", fail)
+    server = serve_result(result, "ring", port=0)
+    try:
+        with join(server.url) as connection:
+            page = look(connection)
+            for number in (1, 2):
+                kind, answer = ask(connection, page, type="picture", id=number)
+                assert kind == MessageType.PROBLEM
+                assert answer == {"id": number, "text": "the map is too large"}
+    finally:
+        server.close()
 
 
 def test_answers_to_quick_requests_tell_which_they_answer(connection, page):

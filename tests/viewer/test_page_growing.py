@@ -149,6 +149,19 @@ def test_pausing_and_playing_from_the_page(chromium, view, mapper, events):
         see(page, mapper, view)
 
 
+def test_a_pace_from_the_command_line_is_among_those_to_choose_from(chromium):
+    view = LiveView("ring", Config(), speed=7.0, port=0)
+    try:
+        with opened(chromium, view.url) as page:
+            page.page.wait_for_selector("#playback:not([hidden])")
+            assert page.page.input_value("#speed") == "7"
+            assert page.page.locator("#speed option").all_text_contents()[:5] == [
+                "fastest", "1×", "2×", "5×", "7×",
+            ]  # fmt: skip
+    finally:
+        view.close()
+
+
 def test_the_robot_is_followed(chromium, view, mapper, events):
     with opened(chromium, view.url) as page:
         page.wait("s.complete")

@@ -60,10 +60,11 @@ class Pictures:
         async with self._making:
             over = self._state.readings.phase in ("finished", "failed")
             is_same = over and self._shows is self._state.last
-            if not is_same and perf_counter() - self._made >= _MIN_AGE_S:
-                self._shows = self._state.last
+            is_old = over or perf_counter() - self._made >= _MIN_AGE_S
+            if is_old and not is_same:
+                shows = self._state.last
                 self._png = await asyncio.to_thread(picture_png, self._state.drawing())
-                self._made = perf_counter()
+                self._made, self._shows = perf_counter(), shows
             return self._png
 
 

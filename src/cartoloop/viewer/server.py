@@ -10,6 +10,7 @@ import socket
 from collections.abc import Callable
 from contextlib import suppress
 from threading import Event, Thread
+from time import perf_counter
 
 import uvicorn
 
@@ -29,6 +30,7 @@ READINGS_PERIOD_S = 0.25
 SEND_BUFFER_BYTES = 2**18
 
 _PORTS_TRIED = 20
+_LOOK_UP_S = 0.2
 _ANY_HOST = ("0.0.0.0", "::")
 _ELSEWHERE = "192.0.2.1"  # an address that nobody has
 
@@ -120,8 +122,9 @@ class ViewServer:
                 done.set()
 
         self.call(run)
-        if self._thread.is_alive():
-            done.wait(timeout)
+        end = perf_counter() + timeout
+        while self._thread.is_alive() and perf_counter() < end and not done.wait(_LOOK_UP_S):
+            pass  # a thread that ends does no more
 
     def close(self) -> None:
         """Take leave of all pages and end the thread."""
@@ -150,6 +153,7 @@ class ViewServer:
     def _note_failure(self, task: asyncio.Task[None]) -> None:
         if not task.cancelled() and isinstance(failure := task.exception(), Exception):
             self._note(failure)
+            self._server.should_exit = True  # pages must not believe what is no longer kept up
 
     def _note(self, failure: Exception) -> None:
         self.failure = self.failure or failure

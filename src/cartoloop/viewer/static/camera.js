@@ -3,7 +3,7 @@
  * Where the camera looks: at the whole map at first, then where it is led, or after the robot.
  * @module
  */
-import { byId } from "./dom.js";
+import { byId, store, stored } from "./dom.js";
 
 const FOLLOW_KEY = "cartoloop.follow";
 /** Share of the way to the robot that the camera goes with each frame. */
@@ -33,7 +33,7 @@ export class Camera {
     this.hooks = hooks;
     /** Whether the operator, or the address, has said where to look. */
     this.isPlaced = view.fromText(new URLSearchParams(location.hash.slice(1)).get("view"));
-    this.isFollowing = sessionStorage.getItem(FOLLOW_KEY) === "yes";
+    this.isFollowing = stored(FOLLOW_KEY, false, "sessionStorage") === true;
     this.shown = "";
     this.showFollowing();
   }
@@ -77,7 +77,7 @@ export class Camera {
   setFollowing(isOn) {
     if (isOn === this.isFollowing) return;
     this.isFollowing = isOn;
-    sessionStorage.setItem(FOLLOW_KEY, isOn ? "yes" : "no");
+    store(FOLLOW_KEY, isOn, "sessionStorage");
     this.showFollowing();
     this.hooks.onMove();
   }

@@ -6,14 +6,13 @@
 import { byId, setText } from "./dom.js";
 import { chain, transform } from "./poses.js";
 import { Kind } from "./protocol.js";
+import { VIOLATED_M, VIOLATED_RAD } from "./residual.js";
 import { length, score } from "./words.js";
 
 /** A click finds closures that are so near [px]. */
 const PICK_PX = 12;
 /** Of closures at one place, that whose node is nearer. */
 const NODE_SHARE = 0.05;
-const VIOLATED_M = 0.2;
-const VIOLATED_DEG = 1.0;
 
 /**
  * Return the row of the closure that was clicked on, null if there is none: of the lines, the
@@ -120,7 +119,7 @@ export class ClosureCard {
   show() {
     const { told } = this;
     const isRejected = this.hooks.state.constraints.kinds.numbers[told.constraint] === Kind.REJECTED;
-    const isViolated = told.residual_m > VIOLATED_M || told.residual_deg > VIOLATED_DEG;
+    const isViolated = told.residual_m > VIOLATED_M || told.residual_deg > (VIOLATED_RAD * 180) / Math.PI;
     setText(byId("closure-title"), `Node ${told.node} in submap ${told.submap}`);
     setText(byId("closure-node"), `node ${told.node}`);
     setText(byId("closure-other"), told.other_node === null ? "no other scan"

@@ -30,19 +30,22 @@ export function svg(drawing, name, attributes, children = []) {
   return element;
 }
 
-/** Return the value that is stored under a name, if there is one and it can be read. */
-export function stored(key, fallback) {
+/**
+ * Return the value that is stored under a name, if there is one and it can be read.
+ * @param {"localStorage" | "sessionStorage"} [place] where; to ask for it may already be forbidden
+ */
+export function stored(key, fallback, place = "localStorage") {
   try {
-    return JSON.parse(localStorage.getItem(key)) ?? fallback;
+    return JSON.parse(globalThis[place].getItem(key)) ?? fallback;
   } catch {
     return fallback;
   }
 }
 
 /** Store a value, where the browser allows it. */
-export function store(key, value) {
+export function store(key, value, place = "localStorage") {
   try {
-    localStorage.setItem(key, JSON.stringify(value));
+    globalThis[place].setItem(key, JSON.stringify(value));
   } catch {
     // A browser that stores nothing forgets the choice with the page: no harm is done.
   }

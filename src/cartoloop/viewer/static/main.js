@@ -230,6 +230,9 @@ class Page {
 }
 
 try {
+  if (!globalThis.DecompressionStream) {
+    throw new Error("This browser is too old to unpack the map. Please update it.");
+  }
   globalThis.cartoloop = inspector(new Page());
 } catch (problem) {
   new Status().fail(problem.message);

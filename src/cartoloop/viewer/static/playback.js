@@ -36,10 +36,10 @@ export class PlaybackBar {
     this.select = byId("speed");
     this.play.addEventListener("click", () => this.toggle());
     this.scrub.addEventListener("input", () => this.scrubTo(Number(this.scrub.value) / SCRUB_STEPS));
-    this.scrub.addEventListener("change", () => {
-      this.isScrubbing = false;
-      hooks.onChange();
-    });
+    // Some browsers tell of no change where a drag ends at the value that it began with.
+    for (const end of ["change", "pointerup", "pointercancel", "blur"]) {
+      this.scrub.addEventListener(end, () => this.endScrubbing());
+    }
     this.select.addEventListener("change", () => this.setSpeed());
   }
 
@@ -95,8 +95,17 @@ export class PlaybackBar {
     const [begin, end] = this.span;
     this.isScrubbing = true;
     this.time = share >= 1 ? null : begin + share * (end - begin);
-    if (this.time === null) this.scan = null;
+    if (this.time === null) {
+      this.scan = null;
+      this.isPlaying = false;
+    }
     this.show();
+    this.hooks.onChange();
+  }
+
+  endScrubbing() {
+    if (!this.isScrubbing) return;
+    this.isScrubbing = false;
     this.hooks.onChange();
   }
 
@@ -127,8 +136,8 @@ export class PlaybackBar {
     const canPlay = playback.can_pause || (playback.can_scrub && this.span !== null);
     this.root.hidden = !canPlay;
     if (!canPlay) return;
-    this.offer(playback.can_set_speed ? [null, ...SPEEDS] : SPEEDS_AGAIN);
     const speed = playback.can_set_speed ? playback.speed : this.speed;
+    this.offer(playback.can_set_speed ? [null, ...withSpeed(SPEEDS, speed)] : SPEEDS_AGAIN);
     if (document.activeElement !== this.select) this.select.value = speed === null ? "" : String(speed);
     const isPlaying = playback.can_pause ? !playback.paused : this.isPlaying;
     this.play.classList.toggle("playing", isPlaying);
@@ -178,4 +187,9 @@ export class PlaybackBar {
       this.isAsking = false;
     }
   }
+}
+
+/** Return speeds, with one that was chosen elsewhere, as on the command line, in its place. */
+function withSpeed(speeds, speed) {
+  return speed === null || speeds.includes(speed) ? speeds : [...speeds, speed].sort((a, b) => a - b);
 }

@@ -7,8 +7,8 @@ import { chain, poseAt, relative } from "./poses.js";
 import { Kind } from "./protocol.js";
 
 /** Beyond these a closure is violated, and taken to be false [m, rad]. */
-const VIOLATED_M = 0.2;
-const VIOLATED_RAD = Math.PI / 180;
+export const VIOLATED_M = 0.2;
+export const VIOLATED_RAD = Math.PI / 180;
 
 /**
  * @typedef {object} Residual

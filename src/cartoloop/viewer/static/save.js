@@ -21,5 +21,5 @@ export function saveBlob(blob, name) {
  */
 export function savePng(canvas, title, draw) {
   draw();
-  canvas.toBlob((blob) => saveBlob(blob, `${title}-view.png`), "image/png");
+  canvas.toBlob((blob) => blob && saveBlob(blob, `${title}-view.png`), "image/png");
 }

@@ -3,6 +3,7 @@
  * Light and dark: as the system has it, or as the operator wants it.
  * @module
  */
+import { store, stored } from "./dom.js";
 import { DARK, lightColours } from "./shades.js";
 
 const KEY = "cartoloop.theme";
@@ -41,7 +42,8 @@ export class Theme {
     this.system = matchMedia("(prefers-color-scheme: dark)");
     this.system.addEventListener("change", () => this.apply());
     /** @type {"light" | "dark" | null} null: as the system has it */
-    this.chosen = localStorage.getItem(KEY);
+    this.chosen = stored(KEY, null);
+    if (!(this.chosen in INKS)) this.chosen = null;
     this.palette = null;
     this.apply();
   }
@@ -64,7 +66,7 @@ export class Theme {
   /** Go over to the other one. */
   toggle() {
     this.chosen = this.name === "dark" ? "light" : "dark";
-    localStorage.setItem(KEY, this.chosen);
+    store(KEY, this.chosen);
     this.apply();
   }
 
