@@ -77,7 +77,7 @@ def test_a_finished_submap_replaces_what_is_still_being_inflated(chromium, serve
 
 def test_cells_out_of_sight_are_let_go_and_come_back(chromium, server):
     squares = {"gl/composer.js": {"TILE = 512": "TILE = 128"}}  # this map is small
-    little = squares | {"gl/submaps.js": {"MAX_CELL_BYTES = 128e6": "MAX_CELL_BYTES = 1"}}
+    little = squares | {"gl/submaps.js": {"MAX_CELL_BYTES = 160e6": "MAX_CELL_BYTES = 1"}}
     with (
         opened(chromium, server.url, changes=squares) as all_held,
         opened(chromium, server.url, changes=little) as page,

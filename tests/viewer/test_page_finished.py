@@ -126,6 +126,29 @@ def test_the_tape_measures_from_wall_to_wall_within_a_cell(page):
     assert page.state["tape"] is None
 
 
+def test_a_tape_is_in_the_picture_that_is_saved(page):
+    page.look(0.0, 0.0, 40.0)
+    page.page.keyboard.press("m")
+    for x in (500, 700):
+        page.page.mouse.click(x, 400)
+    page.page.keyboard.press("s")
+    with page.page.expect_download() as download:
+        page.page.click("#save-view")
+    page.page.keyboard.press("Escape")
+    with Image.open(download.value.path()) as picture:
+        around = np.asarray(picture.convert("RGB"))[380:420, 560:640]
+    assert np.count_nonzero((around == (0, 114, 178)).all(axis=2)) > 500  # its label
+
+
+def test_the_newest_closure_is_told_of_by_a_key(page, result):
+    page.page.keyboard.press("c")
+    state = page.wait("s.closure !== null")
+    kinds = np.asarray(result.graph.kinds)
+    assert state["closure"] == np.flatnonzero(kinds == ConstraintKind.LOOP_CLOSURE)[-1]
+    page.page.keyboard.press("Escape")
+    page.wait("s.closure === null")
+
+
 def test_the_tape_measures_between_points_where_there_is_no_wall(page):
     page.page.click("#tape")
     page.look(4.0, 0.0, 100.0)

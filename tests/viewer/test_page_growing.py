@@ -173,6 +173,11 @@ def test_the_robot_is_followed(chromium, view, mapper, events):
         see(page, mapper, view)
         x, y, _ = mapper.pose
         page.wait("Math.hypot(cartoloop.view.x - x[0], cartoloop.view.y - x[1]) < 0.1", [x, y])
+        scale = page.view["scale"]
+        page.page.mouse.move(640, 400)
+        page.page.mouse.wheel(0, -300)
+        page.page.click("#zoom-in")
+        assert page.wait("cartoloop.view.scale > 1.5 * x", scale)["following"]
         page.page.mouse.move(640, 400)
         page.page.mouse.down()
         page.page.mouse.move(700, 400)

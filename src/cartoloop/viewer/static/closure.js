@@ -94,9 +94,17 @@ export class ClosureCard {
 
   /** Go on to the next closure in the order in which they were found. */
   step(by) {
+    if (this.told) this.openNext(this.told.constraint, by);
+  }
+
+  /** Open the newest closure. */
+  openLatest() {
+    this.openNext(this.hooks.state.constraints.length, -1);
+  }
+
+  openNext(from, by) {
     const { kinds } = this.hooks.state.constraints;
-    if (!this.told) return;
-    for (let row = this.told.constraint + by; row >= 0 && row < kinds.length; row += by) {
+    for (let row = from + by; row >= 0 && row < kinds.length; row += by) {
       if (kinds.numbers[row] === Kind.CLOSURE || kinds.numbers[row] === Kind.REJECTED) {
         this.open(row).then(() => this.bringIntoSight());
         return;

@@ -14,6 +14,7 @@ const SHIFT_TURN = 0.006;
 /**
  * @typedef {object} Hands what gestures do
  * @property {() => void} onChange the view has changed by hand
+ * @property {() => void} onZoom the same, but it was only zoomed or turned
  * @property {(px: number, py: number, event: PointerEvent) => void} onClick
  * @property {(px: number, py: number, event: PointerEvent) => boolean} onPress whether it is taken:
  *   what is dragged then is not the map
@@ -95,7 +96,7 @@ export class Gestures {
     this.twist += turn;
     const isTurning = Math.abs(this.twist) > TURN_RAD;
     this.view.change(other.x, other.y, factor, isTurning ? -turn : 0);
-    this.hands.onChange();
+    this.hands.onZoom();
   }
 
   up(event, isCancelled = false) {
@@ -112,6 +113,6 @@ export class Gestures {
     // Trackpads tell of a pinch as of a wheel with Control.
     const factor = Math.exp(-amount * WHEEL_ZOOM * (event.ctrlKey ? 6 : 1));
     this.view.change(event.clientX, event.clientY, factor);
-    this.hands.onChange();
+    this.hands.onZoom();
   }
 }

@@ -152,12 +152,15 @@ class Page {
   actions() {
     return {
       onView: () => this.move(),
+      onZoom: () => this.zoom(),
+      openLatest: () => this.closure.openLatest(),
       fit: () => this.camera.fit(),
       toggleFollow: () => this.camera.setFollowing(!this.camera.isFollowing),
       toggleTape: () => this.setTape(!this.tape.isOn),
       togglePlay: () => this.playback.toggle(),
       toggleTheme: () => this.theme.toggle(),
-      saveView: () => savePng(this.canvas, this.title, () => this.stage.drawNow()),
+      saveView: () => savePng(this.canvas, this.title, () => this.stage.drawNow(),
+        (context) => this.tape.drawInto(context)),
       saveMap: () => this.saveMap(),
       putAway: () => {
         this.setTape(false);
@@ -171,6 +174,7 @@ class Page {
   hands() {
     return {
       onChange: () => this.move(),
+      onZoom: () => this.zoom(),
       onPress: (px, py) => this.tape.press(px, py),
       onDrag: (px, py, event) => this.tape.drag(px, py, !event.altKey),
       onHover: (px, py) => this.hover(px, py),
@@ -180,6 +184,11 @@ class Page {
 
   move() {
     this.camera.take();
+    this.stage.handle();
+  }
+
+  zoom() {
+    this.camera.isPlaced = true;
     this.stage.handle();
   }
 

@@ -18,8 +18,14 @@ export function saveBlob(blob, name) {
  * @param {HTMLCanvasElement} canvas
  * @param {string} title
  * @param {() => void} draw a canvas of WebGL holds its picture only until it is shown
+ * @param {(context: CanvasRenderingContext2D) => void} drawOver what is not in that canvas
  */
-export function savePng(canvas, title, draw) {
+export function savePng(canvas, title, draw, drawOver) {
+  const picture = document.createElement("canvas");
+  Object.assign(picture, { width: canvas.width, height: canvas.height });
+  const context = picture.getContext("2d");
   draw();
-  canvas.toBlob((blob) => blob && saveBlob(blob, `${title}-view.png`), "image/png");
+  context.drawImage(canvas, 0, 0);
+  drawOver(context);
+  picture.toBlob((blob) => blob && saveBlob(blob, `${title}-view.png`), "image/png");
 }

@@ -174,6 +174,31 @@ export class Tape {
     this.layer.append(...this.drawn({ a: this.first, b: end, onA: false, onB: false }));
   }
 
+  /** Draw all into a picture of the screen. @param {CanvasRenderingContext2D} context */
+  drawInto(context) {
+    const style = getComputedStyle(this.layer);
+    const [accent, onAccent] = ["--accent", "--on-accent"].map((name) => style.getPropertyValue(name));
+    context.scale(this.view.ratio, this.view.ratio);
+    Object.assign(context, { lineWidth: 2, textAlign: "center", textBaseline: "middle" });
+    context.font = `600 14px ${style.fontFamily}`;
+    for (const tape of this.tapes) {
+      const [ax, ay] = this.view.toScreen(...tape.a);
+      const [bx, by] = this.view.toScreen(...tape.b);
+      const text = `${lengthOf(tape).toFixed(2)} m`;
+      const width = context.measureText(text).width + 18;
+      const [x, y] = [(ax + bx) / 2, (ay + by) / 2];
+      context.strokeStyle = context.fillStyle = accent;
+      context.beginPath();
+      context.moveTo(ax, ay);
+      context.lineTo(bx, by);
+      context.stroke();
+      for (const [cx, cy] of [[ax, ay], [bx, by]]) context.fillRect(cx - 4, cy - 4, 8, 8);
+      context.fillRect(x - width / 2, y - 13, width, 26);
+      context.fillStyle = onAccent;
+      context.fillText(text, x, y);
+    }
+  }
+
   drawn(tape) {
     const { layer } = this;
     const [ax, ay] = this.view.toScreen(...tape.a);

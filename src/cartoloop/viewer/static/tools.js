@@ -34,6 +34,7 @@ class Popover {
 /**
  * @typedef {object} Actions what buttons and keys do
  * @property {(view: import("./view.js").View) => void} onView
+ * @property {() => void} onZoom zoomed or turned: what is looked at stays the same
  * @property {() => void} fit
  * @property {() => void} toggleFollow
  * @property {() => void} toggleTape
@@ -41,6 +42,7 @@ class Popover {
  * @property {() => void} toggleTheme
  * @property {() => void} saveView
  * @property {() => void} saveMap
+ * @property {() => void} openLatest the card of the newest closure
  * @property {() => void} putAway close a card, put the tape away
  */
 
@@ -80,13 +82,13 @@ export class Tools {
   zoom(factor) {
     const { width, height } = this.view;
     this.view.change(width / 2, height / 2, factor);
-    this.actions.onView();
+    this.actions.onZoom();
   }
 
   turn(angle) {
     const { width, height } = this.view;
     this.view.change(width / 2, height / 2, 1, angle);
-    this.actions.onView();
+    this.actions.onZoom();
   }
 
   turnUpright() {
@@ -124,6 +126,7 @@ export class Tools {
       case "]": return () => this.turn(-TURN_RAD);
       case "0": case "Home": return actions.fit;
       case "n": case "N": return () => this.turnUpright();
+      case "c": case "C": return actions.openLatest;
       case "f": case "F": return actions.toggleFollow;
       case "m": case "M": return actions.toggleTape;
       case "l": case "L": return () => this.layers.toggle();

@@ -14,7 +14,7 @@ const AGREEING = 2;
 /** Levels of the mipmap of a preview: making more takes longer than it is worth. */
 const PREVIEW_LEVELS = 4;
 /** Of cells that are inflated, so many are held: what was longest out of sight is packed again. */
-const MAX_CELL_BYTES = 128e6;
+const MAX_CELL_BYTES = 160e6;
 
 /**
  * @typedef {object} Submap
