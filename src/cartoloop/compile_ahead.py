@@ -8,7 +8,6 @@ does, at the latest: with the one that started it.
 
 from __future__ import annotations
 
-import gc
 import math
 import os
 import signal
@@ -24,16 +23,13 @@ from cartoloop._jit import kernel_cache_folder
 from cartoloop.config import Config, ConstraintSearchConfig, GlobalSlamConfig
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.process_memory import look_seldom_for_garbage
 from cartoloop.sensor.pose import FloatArray, Pose
 from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.probability_grid import ProbabilityGrid
 from cartoloop.submaps.submap import Submap
-
-_OBJECTS = 100_000
-"""The compiler makes so many that lie about: looking through them as often as Python usually does
-takes a tenth of its time."""
 
 _WALL_CELLS = 60
 _RESOLUTION = 0.05
@@ -126,7 +122,7 @@ def _end_with_input() -> None:
 def main() -> None:
     """Compile, unless the process that asked for it ends before."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # meant for the process that started this one
-    gc.set_threshold(_OBJECTS)
+    look_seldom_for_garbage()
     threading.Thread(target=_end_with_input, daemon=True).start()
     compile_ahead()
 

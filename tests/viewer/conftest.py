@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A browser for the tests of the page; where there is none they are skipped."""
+"""What is looked at, and a browser to look with; where there is none those tests are skipped."""
 
 from __future__ import annotations
 
@@ -7,7 +7,11 @@ from contextlib import ExitStack
 
 import pytest
 
+from cartoloop import Config, Mapper
 from cartoloop.benchmarks.browser import NoBrowserError, browser
+from cartoloop.map_file.load import load_map
+from cartoloop.simulation import ring, simulate
+from cartoloop.viewer.view import LiveView, serve_result
 
 
 @pytest.fixture(scope="module")
@@ -19,3 +23,38 @@ def chromium():
         except NoBrowserError as none:
             pytest.skip(str(none))
         yield started
+
+
+@pytest.fixture(scope="session")
+def result(tmp_path_factory):
+    """A ring of corridors with loops closed, saved and loaded."""
+    mapper = Mapper()
+    for event in simulate(ring(), seed=1, duration=125.0).events():
+        mapper.add(event)
+    out = tmp_path_factory.mktemp("ring")
+    mapper.finish().save(out)
+    return load_map(out)
+
+
+@pytest.fixture(scope="module")
+def server(result):
+    """Shows the ring, finished."""
+    server = serve_result(result, "ring", port=0)
+    yield server
+    server.close()
+    assert server.failure is None
+
+
+@pytest.fixture(scope="session")
+def events():
+    """Once round a ring and on a bit: a loop closes."""
+    return list(simulate(ring(), seed=1, duration=150.0).events())
+
+
+@pytest.fixture
+def view():
+    """Shows the ring while it is mapped."""
+    view = LiveView("ring", Config(), scans_total=750, duration_s=150.0, port=0)
+    yield view
+    view.close()
+    assert view.failure is None

@@ -10,34 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cartoloop import Mapper
 from cartoloop.errors import OutputError
-from cartoloop.map_file.load import load_map
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.picture import palette
-from cartoloop.simulation import ring, simulate
 from cartoloop.viewer.protocol import MessageType, WireConstraint
 from cartoloop.viewer.view import serve_result
 from tests.viewer.page_twin import join, look
-
-
-@pytest.fixture(scope="module")
-def result(tmp_path_factory):
-    """A ring of corridors with loops closed, saved and loaded."""
-    mapper = Mapper()
-    for event in simulate(ring(), seed=1, duration=125.0).events():
-        mapper.add(event)
-    out = tmp_path_factory.mktemp("ring")
-    mapper.finish().save(out)
-    return load_map(out)
-
-
-@pytest.fixture(scope="module")
-def server(result):
-    server = serve_result(result, "ring", port=0)
-    yield server
-    server.close()
-    assert server.failure is None
 
 
 @pytest.fixture

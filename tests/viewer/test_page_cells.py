@@ -4,12 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from cartoloop import Mapper
-from cartoloop.map_file.load import load_map
-from cartoloop.simulation import ring, simulate
-from cartoloop.viewer.view import serve_result
 from tests.viewer.real_page import opened
 
 OVERTAKEN = """async () => {
@@ -51,19 +46,6 @@ OVERTAKEN = """async () => {
     preview: preview.rows, error: gl.getError() };
 }"""
 """What stands in the last cell of a submap whose versions came faster than they can be inflated."""
-
-
-@pytest.fixture(scope="module")
-def server(tmp_path_factory):
-    mapper = Mapper()
-    for event in simulate(ring(), seed=1, duration=125.0).events():
-        mapper.add(event)
-    out = tmp_path_factory.mktemp("ring")
-    mapper.finish().save(out)
-    server = serve_result(load_map(out), "ring", port=0)
-    yield server
-    server.close()
-    assert server.failure is None
 
 
 def test_a_finished_submap_replaces_what_is_still_being_inflated(chromium, server):

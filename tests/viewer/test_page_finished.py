@@ -10,37 +10,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cartoloop import Mapper
 from cartoloop.global_slam.pose_adjustment import constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind
-from cartoloop.map_file.load import load_map
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.picture import palette
-from cartoloop.simulation import ring, simulate
 from cartoloop.viewer.view import serve_result
 from tests.viewer.real_page import SIZE, opened
 
 WIDTH, CELL = 2.08, 0.05
 """Between the walls of the ring's corridors [m], in the middle of one of which the map's x axis is,
 and edge of a cell of the map, which is as exact as it can be measured."""
-
-
-@pytest.fixture(scope="module")
-def result(tmp_path_factory):
-    mapper = Mapper()
-    for event in simulate(ring(), seed=1, duration=125.0).events():
-        mapper.add(event)
-    out = tmp_path_factory.mktemp("ring")
-    mapper.finish().save(out)
-    return load_map(out)
-
-
-@pytest.fixture(scope="module")
-def server(result):
-    server = serve_result(result, "ring", port=0)
-    yield server
-    server.close()
-    assert server.failure is None
 
 
 @pytest.fixture(scope="module")

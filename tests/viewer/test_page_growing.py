@@ -10,14 +10,8 @@ import numpy as np
 import pytest
 
 from cartoloop import Config, Mapper
-from cartoloop.simulation import ring, simulate
 from cartoloop.viewer.view import LiveView
 from tests.viewer.real_page import TIMEOUT_MS, opened
-
-
-@pytest.fixture(scope="module")
-def events():
-    return list(simulate(ring(), seed=1, duration=150.0).events())
 
 
 @pytest.fixture(scope="module")
@@ -30,14 +24,6 @@ def first_closure(events):
             mapper.close()
             return number
     raise AssertionError("no loop is closed")
-
-
-@pytest.fixture
-def view():
-    view = LiveView("ring", Config(), scans_total=750, duration_s=150.0, port=0)
-    yield view
-    view.close()
-    assert view.failure is None
 
 
 @pytest.fixture

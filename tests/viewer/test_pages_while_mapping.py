@@ -13,30 +13,19 @@ import numpy as np
 import pytest
 
 from cartoloop import Config, Mapper
-from cartoloop.simulation import ring, simulate
 from cartoloop.viewer.budget import MAX_REST_S
 from cartoloop.viewer.protocol import MessageType
 from cartoloop.viewer.view import LiveView
 from tests.viewer.page_twin import join, look
 
 
-@pytest.fixture(scope="module")
-def events():
-    """Once round a ring and on a bit: a loop closes. Mapped once, so that all is compiled."""
-    events = list(simulate(ring(), seed=1, duration=150.0).events())
+@pytest.fixture(scope="module", autouse=True)
+def compiled(events):
+    """Mapped once, so that all is compiled."""
     mapper = Mapper()
     for event in events:
         mapper.add(event)
     mapper.finish()
-    return events
-
-
-@pytest.fixture
-def view():
-    view = LiveView("ring", Config(), scans_total=750, duration_s=150.0, port=0)
-    yield view
-    view.close()
-    assert view.failure is None
 
 
 def add(mapper, view, events):

@@ -53,9 +53,32 @@ def run_command(*arguments: str | Path) -> CommandRun:
         told = json.loads(done.stdout) if done.returncode == 0 else {"status": done.returncode}
         if told["status"] != 0:
             text = said.read_text("utf-8", "replace") if said.exists() else done.stderr
-            lines = text.strip().splitlines() or ["it said nothing"]
-            raise CommandFailed(
-                f"'cartoloop {' '.join(words)}' ended with status {told['status']}: {lines[-1]}"
-            )
+            raise failure(f"'cartoloop {' '.join(words)}'", told["status"], text)
     bytes_a_unit = 1 if sys.platform == "darwin" else 1024
     return CommandRun(told["wall_s"], told["cpu_s"], told["max_rss"] * bytes_a_unit / 1e6)
+
+
+def run_module(what: str, module: str, *arguments: object) -> str:
+    """Run a module of the benchmarks in a process of its own and return what it prints.
+
+    Parameters
+    ----------
+    what : what it does, for the message if it fails.
+    module : its name within ``cartoloop.benchmarks``.
+
+    Raises
+    ------
+    CommandFailed
+        It ended with another status than 0.
+    """
+    command = [sys.executable, "-m", f"cartoloop.benchmarks.{module}", *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise failure(what, done.returncode, done.stderr)
+    return done.stdout
+
+
+def failure(what: str, status: int, said: str) -> CommandFailed:
+    """Return the error for a process that ended with a status, of the last line that it said."""
+    lines = said.strip().splitlines() or ["it said nothing"]
+    return CommandFailed(f"{what} ended with status {status}: {lines[-1]}")

@@ -4,17 +4,16 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from cartoloop.benchmarks.command_runs import CommandFailed
+from cartoloop.benchmarks.command_runs import run_module
 from cartoloop.benchmarks.environment import environment
 from cartoloop.benchmarks.live_replay import PaceResult
+from cartoloop.benchmarks.museum_log import museum_or
 from cartoloop.benchmarks.record import Figure, Record, Row
 
 SHARE_BEFORE = 0.5
@@ -49,7 +48,7 @@ def run(
     from cartoloop.readers import open_log
 
     with tempfile.TemporaryDirectory(prefix="cartoloop-live-") as folder:
-        path = log or _simulate(Path(folder) / "museum.log", seed, tell)
+        path = museum_or(log, Path(folder), seed, tell)
         num_first = round(SHARE_BEFORE * open_log(path).num_scans)
         runs = []
         for number in range(repeats):
@@ -60,23 +59,10 @@ def run(
     )
 
 
-def _simulate(path: Path, seed: int, tell: Callable[[str], None]) -> Path:
-    from cartoloop.simulation import make_world, simulate
-    from cartoloop.simulation.lidar import make_lidar
-
-    tell("simulating the museum")
-    simulate(make_world("museum", seed), make_lidar("backpack"), seed=seed).write_carmen(path)
-    return path
-
-
 def _replay(path: Path, num_first: int, paces: Sequence[float], seconds: float) -> list[PaceResult]:
-    parts = [str(number) for pace in paces for number in (pace, seconds)]
-    command = [sys.executable, "-m", "cartoloop.benchmarks.live_replay", str(path), str(num_first)]
-    done = subprocess.run([*command, *parts], capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        lines = done.stderr.strip().splitlines() or ["it said nothing"]
-        raise CommandFailed(f"replaying {path.name} ended with {done.returncode}: {lines[-1]}")
-    return [PaceResult(**part) for part in json.loads(done.stdout)]
+    parts = [number for pace in paces for number in (pace, seconds)]
+    told = run_module(f"replaying {path.name}", "live_replay", path, num_first, *parts)
+    return [PaceResult(**part) for part in json.loads(told)]
 
 
 def _row(same: Sequence[PaceResult]) -> Row:

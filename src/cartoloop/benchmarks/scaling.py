@@ -4,14 +4,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from cartoloop.benchmarks.command_runs import CommandFailed, run_command
+from cartoloop.benchmarks.command_runs import run_command, run_module
 from cartoloop.benchmarks.environment import environment
 from cartoloop.benchmarks.growth import Checkpoint
 from cartoloop.benchmarks.record import Figure, Record, Row
@@ -68,12 +66,8 @@ def run(
 
 
 def _grow(log: Path, num_checkpoints: int) -> list[Checkpoint]:
-    command = [sys.executable, "-m", "cartoloop.benchmarks.growth", str(log), str(num_checkpoints)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        lines = done.stderr.strip().splitlines() or ["it said nothing"]
-        raise CommandFailed(f"mapping {log.name} ended with {done.returncode}: {lines[-1]}")
-    return [Checkpoint(**point) for point in json.loads(done.stdout)]
+    told = run_module(f"mapping {log.name}", "growth", log, num_checkpoints)
+    return [Checkpoint(**point) for point in json.loads(told)]
 
 
 def _part(name: str, passes: Sequence[tuple[Checkpoint, Checkpoint]]) -> Row:

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, BinaryIO
 import typer
 
 from cartoloop.cli.mapping import compilation_told, completed, finishing_note, summary, timed
-from cartoloop.cli.memory import look_seldom_for_garbage, return_large_blocks
 from cartoloop.cli.stop_signals import StopRequest, stop_signals
 from cartoloop.errors import InputError, Interrupted, OutputError
+from cartoloop.process_memory import look_seldom_for_garbage, return_large_blocks
 
 if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig

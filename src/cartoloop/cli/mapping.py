@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from cartoloop.cli.memory import look_seldom_for_garbage, return_large_blocks
 from cartoloop.cli.progress import format_duration, progress
 from cartoloop.cli.second_process import start_second_process
 from cartoloop.cli.stop_signals import StopRequest, stop_signals
 from cartoloop.errors import InputError, Interrupted
+from cartoloop.process_memory import look_seldom_for_garbage, return_large_blocks
 
 if TYPE_CHECKING:
     from cartoloop._jit import CompileWatch
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 COMPILE_TIME_S = 26
 """About how long compiling all kernels takes one process."""
 
-SHARED_COMPILE_TIME_S = 15
+SHARED_COMPILE_TIME_S = 20
 """About how long it takes two."""
 
 _MAX_PROBLEMS_SHOWN = 5

@@ -102,7 +102,6 @@ class GlobalSlam:
         self.rejected: list[LoopClosure] = []
         self._requests = SearchRequests(config.constraint_search)
         self._finished: list[FinishedSubmap] = []
-        self._node_points: list[FloatArray] = []
         self._submap_nodes: list[set[int]] = []
         self._tf_local_last_submap = IDENTITY
         self._tf_map_local = IDENTITY
@@ -115,7 +114,7 @@ class GlobalSlam:
     @property
     def node_points(self) -> Sequence[FloatArray]:
         """The returns of each node [m], tracking frame, shapes (n, 2); to be read only."""
-        return self._node_points
+        return self._requests.node_points
 
     @property
     def num_loop_closures(self) -> int:
@@ -191,7 +190,6 @@ class GlobalSlam:
         pose = node.tf_local_tracking
         graph.add_node(compose(self._tf_map_local, pose))
         self._requests.add_node(node)
-        self._node_points.append(node.points)
         for submap in node.submaps:
             if submap.index == graph.num_submaps:
                 graph.add_submap(compose(self._tf_map_local, submap.tf_local_submap))
@@ -216,7 +214,7 @@ class GlobalSlam:
                 (self.graph.index_a == submap.index)
                 & (self.graph.kinds == ConstraintKind.INTRA_SUBMAP)
             )
-            points = [self._node_points[node] for node in self.graph.index_b[own].tolist()]
+            points = [self.node_points[node] for node in self.graph.index_b[own].tolist()]
             own_score = mean_score(grid, points, self.graph.relative_poses[own])
             finished = FinishedSubmap(submap.index, grid, own_score)
         self._finished.append(finished)
@@ -317,7 +315,7 @@ class GlobalSlam:
                 config.final_every_nth_node,
             )
             found = refinement.match_again(
-                submap, pose, nodes, graph.node_poses, self._node_points, config
+                submap, pose, nodes, graph.node_poses, self.node_points, config
             )
             submap.release()
             return found

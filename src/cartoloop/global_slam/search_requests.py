@@ -20,12 +20,17 @@ IntArray = NDArray[np.int64]
 
 
 class SearchRequests:
-    """Knows of each node how far the robot had come and which submaps it was inserted into."""
+    """Knows of each node how far the robot had come and which submaps it was inserted into.
+
+    Attributes
+    ----------
+    node_points : the returns of each node [m], tracking frame, shapes (n, 2).
+    """
 
     def __init__(self, config: ConstraintSearchConfig) -> None:
         self._config = config
         self._selection = PairSelection(config)
-        self._points: list[FloatArray] = []
+        self.node_points: list[FloatArray] = []
         self._submaps: list[tuple[int, ...]] = []
         self._first_submap = GrowingArray((), np.int64)
         self._travelled = GrowingArray((), np.float64)
@@ -36,10 +41,10 @@ class SearchRequests:
         """Learn of a node, and of a submap that begins with it."""
         x, y, _ = node.tf_local_tracking
         step = math.dist((x, y), self._last_position)
-        travelled = self._travelled.view[-1] + step if self._points else 0.0
+        travelled = self._travelled.view[-1] + step if self.node_points else 0.0
         self._last_position = (x, y)
         self._travelled.append(travelled)
-        self._points.append(node.points)
+        self.node_points.append(node.points)
         self._submaps.append(tuple(submap.index for submap in node.submaps))
         self._first_submap.append(node.submaps[0].index)
         if node.submaps[-1].index == len(self._submap_travelled):
@@ -96,7 +101,7 @@ class SearchRequests:
             self._request(graph, submap, node, node_submap, length)
             for submap, node, node_submap, length in pairs
             if submap not in self._submaps[node]
-            and len(self._points[node]) >= self._config.min_num_points
+            and len(self.node_points[node]) >= self._config.min_num_points
             and self._selection.take(submap, node_submap, length)
         ]
 
@@ -108,5 +113,5 @@ class SearchRequests:
             Pose(*graph.submap_poses[submap].tolist()), Pose(*graph.node_poses[node].tolist())
         )
         window = self._selection.window(length)
-        points = self._points[node]
+        points = self.node_points[node]
         return SearchRequest(submap, node, node_submap, points, estimate, *window, graph.num_nodes)

@@ -7,7 +7,7 @@ import ipaddress
 import socket
 from contextlib import suppress
 from threading import BoundedSemaphore, Event, Thread
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from cartoloop.errors import InputError
 from cartoloop.live.notices import Notices
@@ -61,13 +61,15 @@ def listen(host: str, port: int) -> socket.socket:
     return listening
 
 
-class TcpSource:
-    """Newline-delimited JSON from whoever connects.
+class _Listener:
+    """A place where robots connect.
 
     Parameters
     ----------
     host, port : where to listen; port 0 is any that is free.
     """
+
+    scheme: ClassVar[str]
 
     def __init__(self, host: str, port: int) -> None:
         self._host, self._port = host, port
@@ -77,8 +79,7 @@ class TcpSource:
     @property
     def name(self) -> str:
         """What it is called in the report."""
-        host, port = self.address
-        return f"tcp://{host}:{port}"
+        return f"{self.scheme}://{self._host}:{self._port}"
 
     @property
     def address(self) -> tuple[str, int]:
@@ -89,12 +90,18 @@ class TcpSource:
         """Listen; return where."""
         self._socket = listen(self._host, self._port)
         self._port = self._socket.getsockname()[1]
-        self._socket.settimeout(POLL_S)
         return f"listening on {self.name}"
+
+
+class TcpSource(_Listener):
+    """Newline-delimited JSON from whoever connects."""
+
+    scheme = "tcp"
 
     def run(self, put: Put, notices: Notices, stop: Event) -> None:
         """Hand on what all senders send."""
         assert self._socket is not None
+        self._socket.settimeout(POLL_S)
         while not stop.is_set():
             try:
                 client, address = self._socket.accept()
@@ -143,50 +150,26 @@ class TcpSource:
         notices.note("disconnected", f"{where} {reason}, after {lines.num_lines} messages")
 
 
-class WebSocketSource:
+class WebSocketSource(_Listener):
     """The same messages from WebSockets; a message of it holds one line or several.
 
     Pages in a browser are refused: any page that someone visits could otherwise send scans.
-
-    Parameters
-    ----------
-    host, port : where to listen; port 0 is any that is free.
     """
 
-    def __init__(self, host: str, port: int) -> None:
-        self._host, self._port = host, port
-        self._socket: socket.socket | None = None
-
-    @property
-    def name(self) -> str:
-        """What it is called in the report."""
-        host, port = self.address
-        return f"ws://{host}:{port}"
-
-    @property
-    def address(self) -> tuple[str, int]:
-        """Host and port where it listens."""
-        return self._host, self._port
-
-    def open(self) -> str:
-        """Listen; return where."""
-        self._socket = listen(self._host, self._port)
-        self._port = self._socket.getsockname()[1]
-        return f"listening on {self.name}"
+    scheme = "ws"
 
     def run(self, put: Put, notices: Notices, stop: Event) -> None:
         """Hand on what all senders send."""
         from websockets.sync.server import serve
 
         assert self._socket is not None
-        free = BoundedSemaphore(MAX_CLIENTS)
 
         def receive(connection: ServerConnection) -> None:
-            if free.acquire(blocking=False):
+            if self._free.acquire(blocking=False):
                 try:
                     self._serve(connection, put, notices, stop)
                 finally:
-                    free.release()
+                    self._free.release()
             else:
                 notices.note("connection refused", f"{self.name}: more than {MAX_CLIENTS} senders")
 

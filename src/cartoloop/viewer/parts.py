@@ -8,6 +8,7 @@ one page is kept for the others until the part changes.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -59,19 +60,19 @@ class Latest:
         return (b"" if seen == token else self._message), token
 
 
-class _Rows:
+class _Rows(ABC):
     """A table that grows at its end, and whose older rows may change all at once."""
 
     def __init__(self) -> None:
         self.revision = 0
         self._made: dict[Token | None, bytes] = {}
 
-    def __len__(self) -> int:
-        raise NotImplementedError
+    @abstractmethod
+    def __len__(self) -> int: ...
 
+    @abstractmethod
     def message(self, first: int) -> bytes:
         """Return the message of the rows from `first` on."""
-        raise NotImplementedError
 
     def changed(self, *, all_rows: bool) -> None:
         """Note that rows were added, or that all are others."""

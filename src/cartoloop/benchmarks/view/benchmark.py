@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from cartoloop.benchmarks.browser import NoBrowserError, browser
-from cartoloop.benchmarks.command_runs import CommandFailed
+from cartoloop.benchmarks.command_runs import CommandFailed, failure
 from cartoloop.benchmarks.environment import environment
+from cartoloop.benchmarks.museum_log import museum_or
 from cartoloop.benchmarks.record import Case, Figure, Record, Row
 from cartoloop.benchmarks.view.clients import Seen, join_once, watch_closures
 from cartoloop.benchmarks.view.mapping import MappingRun
@@ -76,7 +77,7 @@ def run(options: ViewOptions, tell: Callable[[str], None], seed: int = 0) -> Rec
         A process that was started ended in an error.
     """
     with tempfile.TemporaryDirectory(prefix="cartoloop-view-") as folder:
-        log = options.log or _simulate(Path(folder) / "museum.log", seed, tell)
+        log = museum_or(options.log, Path(folder), seed, tell)
         out = Path(folder) / "map"
         tell(
             f"mapping {log.name} without a view and with {VIEWERS} viewers, {options.repeats} times"
@@ -104,22 +105,12 @@ def misses(record: Record) -> list[str]:
     return missed
 
 
-def _simulate(path: Path, seed: int, tell: Callable[[str], None]) -> Path:
-    from cartoloop.simulation import make_world, simulate
-    from cartoloop.simulation.lidar import make_lidar
-
-    tell("simulating the museum")
-    simulate(make_world("museum", seed), make_lidar("backpack"), seed=seed).write_carmen(path)
-    return path
-
-
 def _cost(log: Path, out: Path, options: ViewOptions) -> list[MappingRun]:
     numbers = [str(number) for number in VIEWERS]
     with _mapping("cost", log, options.scans, options.repeats, out, *numbers) as process:
         told, errors = process.communicate()
     if process.returncode != 0:
-        lines = errors.strip().splitlines() or ["it said nothing"]
-        raise CommandFailed(f"mapping {log.name} ended with {process.returncode}: {lines[-1]}")
+        raise failure(f"mapping {log.name}", process.returncode, errors)
     return [MappingRun(**run) for run in json.loads(told)]
 
 
@@ -246,7 +237,7 @@ def _go(process: subprocess.Popen[str]) -> list[Seen]:
     """Let a process map, and return when it has found how many loop closures."""
     told, errors = process.communicate("\n")
     if process.returncode != 0:
-        raise CommandFailed(f"mapping ended with {process.returncode}: {errors.strip()[-300:]}")
+        raise failure("mapping", process.returncode, errors)
     return [(int(number), float(at)) for number, at in json.loads(told)]
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -121,8 +121,12 @@ def _open_file(path: Path) -> Iterator[Container]:
     else:
         container.notes += _notes(path, refusal)
         yield container
-    salvages = {BAG1_MAGIC: BagSalvage, MCAP_MAGIC: McapSalvage, SQLITE_MAGIC: DatabaseSalvage}
-    salvage: Container = salvages[magic](path)
+    salvages: dict[bytes, Callable[[Path], Container]] = {
+        BAG1_MAGIC: BagSalvage,
+        MCAP_MAGIC: McapSalvage,
+        SQLITE_MAGIC: DatabaseSalvage,
+    }
+    salvage = salvages[magic](path)
     salvage.notes += _notes(path, refusal)
     yield salvage
 

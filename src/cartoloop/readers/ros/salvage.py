@@ -7,6 +7,7 @@ one by one as far as they go.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -40,7 +41,7 @@ def exactly(file: BinaryIO, size: int) -> bytes:
     return data
 
 
-class Scanned:
+class Scanned(ABC):
     """What the readers of this module share: one pass that finds the channels and counts."""
 
     def __init__(self, path: Path, kind: str) -> None:
@@ -60,9 +61,9 @@ class Scanned:
         """Yield key, time of recording [ns] and bytes, in the order of recording. Never raises."""
         yield from self._records(frozenset(keys))
 
+    @abstractmethod
     def _records(self, keys: frozenset[int] | None) -> Iterator[Record]:
         """Yield the messages; without `keys` all, noting channels, and without their bytes."""
-        raise NotImplementedError
 
 
 def unpack_as_far(unpack: Callable[[bytes], bytes], packed: bytes) -> tuple[bytes, bool]:

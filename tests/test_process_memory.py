@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from cartoloop.cli.memory import return_large_blocks
+from cartoloop.process_memory import return_large_blocks
 
 
 def test_glibc_is_told_to_return_blocks_of_a_megabyte(monkeypatch):
