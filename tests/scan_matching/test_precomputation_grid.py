@@ -85,6 +85,6 @@ def test_widening_by_nothing_copies():
     np.testing.assert_array_equal(out, boxes)
 
 
-def test_memory_stays_within_22_bytes_a_pixel():
+def test_memory_stays_within_14_bytes_a_pixel():
     cells = np.zeros((500, 500), dtype=np.uint8)
-    assert PrecomputationGrids(cells).cells.nbytes < 22 * cells.size
+    assert PrecomputationGrids(cells).cells.nbytes < 14 * cells.size

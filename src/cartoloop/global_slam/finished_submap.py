@@ -13,7 +13,7 @@ from cartoloop.scan_matching.least_squares import SmoothMap
 from cartoloop.sensor.pose import FloatArray, Pose, transform_points
 from cartoloop.submaps.finished_grid import FinishedGrid, mean_probability
 
-SEARCH_BYTES_A_PIXEL = 24
+SEARCH_BYTES_A_PIXEL = 16
 """The precomputed grids, and four bytes of smooth map."""
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cartoloop._jit import kernel
 
 ByteArray = NDArray[np.uint8]
+IntArray = NDArray[np.int64]
 
 
 @kernel
@@ -85,3 +86,31 @@ def widen_boxes(boxes: ByteArray, growth: int, row_length: int, out_boxes: ByteA
         out_boxes[k] = max(boxes[k], right[k])
     for k in range(max(n - growth, 0), n):
         out_boxes[k] = boxes[k]
+
+
+@kernel
+def grow_boxes(
+    cells: ByteArray, edges: IntArray, margin: int, row_length: int, out_grids: ByteArray
+) -> None:
+    """Write the maxima over boxes of several sizes into `out_grids`.
+
+    Parameters
+    ----------
+    cells : uint8, shape (num_rows, num_cols).
+    edges : int64, shape (k,), ascending: of the boxes of each grid [cells].
+    margin, row_length : as in :func:`surround`; the margin is wider than the largest box.
+    out_grids : uint8, shape (k, n): at (row + margin) * row_length + col + margin the maximum of
+        the box that begins at (row, col).
+    """
+    size = out_grids.shape[1]
+    boxes = out_grids[0] if edges[0] == 1 else np.empty(size, dtype=np.uint8)
+    surround(cells, margin, row_length, boxes)
+    edge = 1
+    for number in range(edges.size):
+        while edges[number] > 2 * edge:
+            wider = np.empty(size, dtype=np.uint8)
+            widen_boxes(boxes, edge, row_length, wider)
+            boxes, edge = wider, 2 * edge
+        if edges[number] > edge:
+            widen_boxes(boxes, edges[number] - edge, row_length, out_grids[number])
+        boxes, edge = out_grids[number], edges[number]

@@ -86,7 +86,7 @@ class SubmapMatcher:
 
     Notes
     -----
-    The precomputed grids take about 20 bytes a pixel. They are made by the first search, in O(n),
+    The precomputed grids take about 12 bytes a pixel. They are made by the first search, in O(n),
     and kept until :meth:`release`.
     """
 

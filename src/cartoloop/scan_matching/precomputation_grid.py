@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.kernels.precomputation_grid import halve, surround, widen_boxes
+from cartoloop.kernels.precomputation_grid import grow_boxes, halve
 from cartoloop.reused_memory import ReusedMemory
 
 STRIDES = (1, 1, 1, 2, 4, 8)
@@ -21,10 +22,14 @@ much smaller, and nearly as tight where the boxes are large.
 MAX_MOVE = 4
 """So many blocks at the most may a point move within a group of rotations."""
 
-_FINE = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 22)
-_COARSE = (5, 6, 7, 8, 9, 10, 12, 14, 17, 20, 22)
+_FINE = (1, 2, 3, 5, 7, 10, 15, 22)
+_COARSE = (5, 6, 8, 11, 15, 22)
 BOXES = {1: _FINE, 2: _COARSE, 4: _COARSE, 8: _COARSE}
-"""By stride, the edges of the boxes [strides]."""
+"""By stride, the edges of the boxes [strides].
+
+More sizes make tighter bounds; but most submaps are searched for a few scans at a time, and then
+grids take longer to make than to search.
+"""
 
 LARGEST_STEP = 4
 """From a box to that of a neighbouring node [strides]."""
@@ -74,11 +79,16 @@ class GridLayout:
         The grid is the one with the smallest boxes that hold the block and the move, wherever
         within its stride the box begins.
         """
-        edges = np.array(BOXES[self.stride])
-        moves = np.arange(MAX_MOVE * (1 << (len(STRIDES) - 1)) + 3)
-        number = np.searchsorted((edges - 1) * self.stride + 1, block + moves)
-        start: NDArray[np.int64] = np.minimum(number, len(edges) - 1) * self.grid_size
+        start: NDArray[np.int64] = _smallest_boxes(self.stride, block) * self.grid_size
         return start + self.first + MARGIN * (self.row_length + 1)
+
+
+@cache
+def _smallest_boxes(stride: int, block: int) -> NDArray[np.int64]:
+    """Return which of the boxes of a stride hold a block, by how far a point moves."""
+    edges = np.array(BOXES[stride])
+    moves = np.arange(MAX_MOVE * (1 << (len(STRIDES) - 1)) + 3)
+    return np.minimum(np.searchsorted((edges - 1) * stride + 1, block + moves), len(edges) - 1)
 
 
 class PrecomputationGrids:
@@ -113,7 +123,9 @@ class PrecomputationGrids:
                 )
                 halve(cells, halved)
                 cells = halved
-            self._fill(layout, cells)
+            grids = self.cells[layout.first : layout.end].reshape(-1, layout.grid_size)
+            edges = np.array(BOXES[layout.stride])
+            grow_boxes(cells, edges, MARGIN, layout.row_length, grids)
         layouts = [self.layouts[stride] for stride in STRIDES]
         self.heights = np.array(
             [
@@ -127,27 +139,5 @@ class PrecomputationGrids:
     def grid(self, stride: int, edge: int) -> NDArray[np.uint8]:
         """Return the grid of boxes of `edge` strides, with its margins: ``[row + MARGIN, ...]``."""
         layout = self.layouts[stride]
-        grid = self._grid_number(layout, BOXES[stride].index(edge))
-        return grid.reshape(-1, layout.row_length)
-
-    def _fill(self, layout: GridLayout, cells: NDArray[np.uint8]) -> None:
-        """Compute the grids of one stride from the maxima of the blocks of its size."""
-        narrow = self._grid_number(layout, 0)
-        if BOXES[layout.stride][0] > 1:
-            narrow = np.empty(layout.grid_size, dtype=np.uint8)
-        surround(cells, MARGIN, layout.row_length, narrow)
-        narrow_edge = 1
-        for number, edge in enumerate(BOXES[layout.stride]):
-            while edge > 2 * narrow_edge:
-                wider = np.empty_like(narrow)
-                widen_boxes(narrow, narrow_edge, layout.row_length, wider)
-                narrow, narrow_edge = wider, 2 * narrow_edge
-            grid = self._grid_number(layout, number)
-            if edge > narrow_edge:
-                widen_boxes(narrow, edge - narrow_edge, layout.row_length, grid)
-            narrow, narrow_edge = grid, edge
-
-    def _grid_number(self, layout: GridLayout, number: int) -> NDArray[np.uint8]:
-        """Return one of the grids of a stride, in one dimension."""
-        first = layout.first + number * layout.grid_size
-        return self.cells[first : first + layout.grid_size]
+        first = layout.first + BOXES[stride].index(edge) * layout.grid_size
+        return self.cells[first : first + layout.grid_size].reshape(-1, layout.row_length)

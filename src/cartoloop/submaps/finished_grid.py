@@ -53,7 +53,8 @@ class FinishedGrid:
     @property
     def cells(self) -> NDArray[np.uint8]:
         """The values of the cells, as given; unpacked anew each time, 1 ms for a million or two."""
-        return np.frombuffer(zlib.decompress(self._packed), dtype=np.uint8).reshape(self.shape)
+        cells = zlib.decompress(self._packed, bufsize=max(self.size, 1))
+        return np.frombuffer(cells, dtype=np.uint8).reshape(self.shape)
 
     def probabilities(self) -> NDArray[np.float32]:
         """Return the probability of each cell, float32 like `cells`; 0 where never observed."""
