@@ -8,15 +8,22 @@ from types import SimpleNamespace
 
 import pytest
 
-from cartoloop.process_memory import return_large_blocks
+from cartoloop.process_memory import return_large_blocks, return_unused
 
 
-def test_glibc_is_told_to_return_blocks_of_a_megabyte(monkeypatch):
+def test_glibc_is_told_to_return_large_blocks_and_to_keep_a_few_megabytes(monkeypatch):
     told = []
     library = SimpleNamespace(mallopt=lambda option, value: told.append((option, value)))
     monkeypatch.setattr(ctypes, "CDLL", lambda name: library)
     return_large_blocks()
-    assert told == [(-3, 1048576)]
+    assert told == [(-1, 16777216), (-3, 2097152)]
+
+
+def test_glibc_is_told_to_return_what_is_not_used(monkeypatch):
+    told = []
+    monkeypatch.setattr(ctypes, "CDLL", lambda name: SimpleNamespace(malloc_trim=told.append))
+    return_unused()
+    assert told == [0]
 
 
 @pytest.mark.parametrize("error", [AttributeError, OSError, TypeError])
@@ -26,3 +33,4 @@ def test_other_systems_are_left_alone(monkeypatch, error):
 
     monkeypatch.setattr(ctypes, "CDLL", no_such_library)
     return_large_blocks()
+    return_unused()

@@ -16,7 +16,7 @@ import typer
 from cartoloop.cli.mapping import compilation_told, completed, finishing_note, summary, timed
 from cartoloop.cli.stop_signals import StopRequest, stop_signals
 from cartoloop.errors import InputError, Interrupted, OutputError
-from cartoloop.process_memory import look_seldom_for_garbage, return_large_blocks
+from cartoloop.process_memory import look_seldom_for_garbage, return_large_blocks, return_unused
 
 if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
@@ -94,6 +94,7 @@ def map_live(source: Source, loaded: LoadedConfig, out: Path, options: LiveOptio
             if view is not None:
                 view.finished(result, failure)
             tell(f"writing {out}")
+            return_unused()
             save(result, out, layers=options.layers, origins=loaded.origins)
             report = timed(report, time.perf_counter() - start)
             save_report(report, out)

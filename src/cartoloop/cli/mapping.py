@@ -17,7 +17,7 @@ from cartoloop.cli.progress import format_duration, progress
 from cartoloop.cli.second_process import start_second_process
 from cartoloop.cli.stop_signals import StopRequest, stop_signals
 from cartoloop.errors import InputError, Interrupted
-from cartoloop.process_memory import look_seldom_for_garbage, return_large_blocks
+from cartoloop.process_memory import look_seldom_for_garbage, return_large_blocks, return_unused
 
 if TYPE_CHECKING:
     from cartoloop._jit import CompileWatch
@@ -72,6 +72,7 @@ def map_recording(
             result = replace(result, report=report)
             if view is not None:
                 view.finished(result, failure)
+            return_unused()
             save(result, out, layers=layers, origins=loaded.origins)
         except KeyboardInterrupt as interrupt:
             raise Interrupted(f"stopped at once; files in {out} may be missing") from interrupt

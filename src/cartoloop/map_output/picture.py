@@ -74,16 +74,17 @@ class MapPicture:
         rows, cols = occupancy_map.probability.shape
         self._frame = occupancy_map.frame
         self._zoom = zoom = _zoom(max(rows, cols))
-        size = (max(1, round(cols * zoom)), max(1, round(rows * zoom)))
+        shrink, enlarge = max(1, round(1.0 / zoom)), max(1, round(zoom))
+        size = (-(-cols // shrink) * enlarge, -(-rows // shrink) * enlarge)
         canvas_size = (max(size[0], 480) + 2 * _MARGIN, size[1] + _MARGIN + _FOOTER)
         self.canvas = Image.new("RGB", canvas_size, BACKGROUND)
         left = (self.canvas.width - size[0]) // 2
         self._offset = np.array((left, _MARGIN), dtype=np.float64)
-        if size == (cols, rows):
-            _shade(occupancy_map.probability, self.canvas, (left, _MARGIN))
+        if enlarge == 1:
+            _shade(occupancy_map.probability, shrink, self.canvas, (left, _MARGIN))
         else:
             shaded = Image.new("RGB", (cols, rows))
-            _shade(occupancy_map.probability, shaded, (0, 0))
+            _shade(occupancy_map.probability, 1, shaded, (0, 0))
             self.canvas.paste(shaded.resize(size, Image.Resampling.BICUBIC), (left, _MARGIN))
 
     def draw(self, *, trajectory: FloatArray | None, closures: FloatArray | None) -> None:
@@ -105,18 +106,18 @@ class MapPicture:
 
 
 def _shade(
-    probability: NDArray[np.float32], out_image: Image.Image, left_top: tuple[int, int]
+    probability: NDArray[np.float32], shrink: int, out_image: Image.Image, left_top: tuple[int, int]
 ) -> None:
-    """Draw the cells alone, a pixel each, into a part of an image."""
-    # A table of colours, for a map may have tens of millions of pixels.
+    """Draw the cells alone into a part of an image, `shrink` by `shrink` of them a pixel."""
+    # A table of colours, and never all pixels at once: a map may have tens of millions of cells.
     table = palette()
     left, top = left_top
-    num_rows = len(probability)
-    for first in range(0, num_rows, _STRIP_ROWS):
-        part = probability[first : first + _STRIP_ROWS][::-1]
+    from_top = probability[::-1]
+    for first in range(0, len(from_top), _STRIP_ROWS * shrink):
+        part = from_top[first : first + _STRIP_ROWS * shrink]
         level = np.where(part < 0.0, np.float32(256.0), part * np.float32(255.0))
-        pixels = table[np.rint(level).astype(np.int16)]
-        out_image.paste(Image.fromarray(pixels), (left, top + num_rows - first - len(part)))
+        strip = Image.fromarray(table[np.rint(level).astype(np.int16)])
+        out_image.paste(strip.reduce(shrink), (left, top + first // shrink))
 
 
 def palette() -> NDArray[np.uint8]:
