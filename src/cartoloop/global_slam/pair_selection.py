@@ -3,7 +3,8 @@
 
 The window need not be 7 m where the graph knows the relative pose to half a metre. What it knows
 is told by the shortest way from the one to the other, along the robot's path and across the loop
-closures found so far: dead reckoning errs in proportion to it.
+closures found so far: dead reckoning errs in proportion to it. From a node it leads first to the
+submap that it was inserted into, or along the path to the nearest node that closed a loop.
 """
 
 from __future__ import annotations
@@ -72,34 +73,32 @@ class PairSelection:
         return linear / max(config.linear_drift, 1e-6) + 1.0
 
     def uncertain_lengths(
-        self,
-        submaps: IntArray,
-        node_submaps: IntArray,
-        node_from_its_submap: FloatArray,
-        travelled: FloatArray,
+        self, submaps: IntArray, anchors: IntArray, ways: FloatArray, travelled: FloatArray
     ) -> FloatArray:
         """Return the shortest known way of each pair, from submap to node [m].
 
         Parameters
         ----------
         submaps : the finished submaps, shape (n,).
-        node_submaps : the older submaps that the nodes were inserted into, shape (n,).
-        node_from_its_submap : how far the robot had gone since those were begun [m], shape (n,).
+        anchors : the submaps that the nodes are best tied to, shape (n,).
+        ways : how far the nodes are from these along the path [m], shape (n,).
         travelled : how far it went between beginning the submaps and the nodes [m], shape (n,).
         """
-        newer, older = np.maximum(submaps, node_submaps), np.minimum(submaps, node_submaps)
         lengths: FloatArray = travelled.copy()
-        for submap in np.unique(newer[newer < self._num_submaps]).tolist():
-            of = newer == submap
-            between = self._lengths_from(submap)[older[of]]
-            lengths[of] = np.minimum(lengths[of], between + node_from_its_submap[of])
+        known = np.flatnonzero((submaps < self._num_submaps) & (anchors < self._num_submaps))
+        # From whichever are fewer: one, where a node is sought, or where all are in one submap.
+        starts, ends = submaps[known], anchors[known]
+        if len(np.unique(ends)) < len(np.unique(starts)):
+            starts, ends = ends, starts
+        for submap in np.unique(starts).tolist():
+            of = starts == submap
+            pairs = known[of]
+            between = self._lengths_from(submap)[ends[of]]
+            lengths[pairs] = np.minimum(lengths[pairs], between + ways[pairs])
         return lengths
 
     def _lengths_from(self, submap: int) -> FloatArray:
-        """Return the lengths of the ways from a submap to all, shape (m,); inf where very long.
-
-        One of the submaps that is asked about is always among the newest: few are ever needed.
-        """
+        """Return the lengths of the ways from a submap to all, shape (m,); inf where very long."""
         if submap not in self._lengths:
             lengths = self._lengths[submap] = np.empty(self._num_submaps)
             shortest_ways(

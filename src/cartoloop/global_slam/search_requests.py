@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.growing_array import GrowingArray
 from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest
-from cartoloop.global_slam.pair_selection import PairSelection
+from cartoloop.global_slam.pair_selection import CLOSURE_LENGTH_M, PairSelection
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.sensor.pose import FloatArray, Pose, relative
 from cartoloop.submaps.node import Node
@@ -36,6 +36,7 @@ class SearchRequests:
         self._travelled = GrowingArray((), np.float64)
         self._submap_travelled = GrowingArray((), np.float64)
         self._last_position = (0.0, 0.0)
+        self._tied_nodes = self._tied_to = np.empty(0, dtype=np.int64)
 
     def add_node(self, node: Node) -> None:
         """Learn of a node, and of a submap that begins with it."""
@@ -56,9 +57,11 @@ class SearchRequests:
 
     def note_adjusted(self, graph: PoseGraph, closures: IntArray) -> None:
         """Learn which constraints of the graph are loop closures that hold, shape (k,)."""
-        node_submaps = self._first_submap.view[graph.index_b[closures]]
-        ends = np.column_stack((graph.index_a[closures], node_submaps))
+        nodes, submaps = graph.index_b[closures], graph.index_a[closures]
+        ends = np.column_stack((submaps, self._first_submap.view[nodes]))
         self._selection.update(self._submap_travelled.view, ends)
+        order = np.argsort(nodes, kind="stable")
+        self._tied_nodes, self._tied_to = nodes[order], submaps[order]
 
     def of_node(self, graph: PoseGraph, node: int, num_finished: int) -> list[SearchRequest]:
         """Return where to seek a node: in the finished submaps near enough, which are the first."""
@@ -85,10 +88,8 @@ class SearchRequests:
     ) -> list[SearchRequest]:
         """Return the searches for those of the pairs by which there is something to be gained."""
         own = self._first_submap.view[nodes]
-        begun, travelled = self._submap_travelled.view, self._travelled.view[nodes]
-        lengths = self._selection.uncertain_lengths(
-            submaps, own, np.abs(travelled - begun[own]), np.abs(travelled - begun[submaps])
-        )
+        from_submaps = np.abs(self._travelled.view[nodes] - self._submap_travelled.view[submaps])
+        lengths = self._selection.uncertain_lengths(submaps, *self._anchors(nodes), from_submaps)
         due = np.flatnonzero(self._selection.are_due(submaps, nodes, lengths))
         pairs = zip(
             submaps[due].tolist(),
@@ -104,6 +105,24 @@ class SearchRequests:
             and len(self.node_points[node]) >= self._config.min_num_points
             and self._selection.take(submap, node_submap, length)
         ]
+
+    def _anchors(self, nodes: IntArray) -> tuple[IntArray, FloatArray]:
+        """Return the submaps that nodes, shape (n,), are best tied to, and how far along the path.
+
+        A node is tied to the submap that it was inserted into, and by the nearest nodes before and
+        behind it that closed a loop to the submaps that these were found in.
+        """
+        anchors, travelled = self._first_submap.view[nodes], self._travelled.view
+        ways: FloatArray = np.abs(travelled[nodes] - self._submap_travelled.view[anchors])
+        if len(self._tied_nodes) == 0:
+            return anchors, ways
+        behind = np.searchsorted(self._tied_nodes, nodes)
+        for tied in (np.maximum(behind - 1, 0), np.minimum(behind, len(self._tied_nodes) - 1)):
+            steps = np.abs(travelled[nodes] - travelled[self._tied_nodes[tied]])
+            is_nearer = steps + CLOSURE_LENGTH_M < ways
+            anchors = np.where(is_nearer, self._tied_to[tied], anchors)
+            ways = np.where(is_nearer, steps + CLOSURE_LENGTH_M, ways)
+        return anchors, ways
 
     def _request(
         self, graph: PoseGraph, submap: int, node: int, node_submap: int, length: float
