@@ -105,6 +105,42 @@ def test_what_is_submitted_after_a_start_is_collected_after_the_next():
     search.close()
 
 
+def searched_after(search, submaps, counts):
+    """Return how many searches were made after each start that may put off, of so many new ones."""
+    found = []
+    for count in counts:
+        search.submit(submaps, [request(submaps.index, node) for node in range(count)])
+        search.start(put_off=True)
+        search.collect()
+        found.append(search.num_searched)
+    return found
+
+
+@pytest.mark.usefixtures("found_in_even_submaps")
+def test_submaps_wait_until_they_are_worth_their_grids_but_not_for_long(monkeypatch):
+    monkeypatch.setattr(constraint_search, "PRECOMPUTED_BYTES", 0)
+    search = ConstraintSearch(ConstraintSearchConfig(), 1)
+    assert searched_after(search, submap(0), (7, 4, 1)) == [0, 0, 12]
+    assert searched_after(search, submap(2), (1, 0, 0, 11, 1)) == [12, 12, 13, 13, 25]
+    search.close()
+
+
+@pytest.mark.usefixtures("found_in_even_submaps")
+def test_in_the_end_nothing_is_put_off():
+    search = ConstraintSearch(ConstraintSearchConfig(), 1)
+    assert searched_after(search, submap(0), (3,)) == [0]
+    search.start()
+    assert len(search.collect()) == 3
+    search.close()
+
+
+@pytest.mark.usefixtures("found_in_even_submaps")
+def test_submaps_whose_grids_are_there_do_not_wait():
+    search = ConstraintSearch(ConstraintSearchConfig(), 1)
+    assert searched_after(search, submap(0), (12, 1, 1)) == [12, 13, 14]
+    search.close()
+
+
 def test_nodes_are_sought_spread_over_the_way():
     numbered = [(number, request(0, number)) for number in range(10)]
     assert [number for number, _ in spread_out(numbered)] == [0, 4, 8, 1, 5, 9, 2, 6, 3, 7]

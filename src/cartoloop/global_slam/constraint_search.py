@@ -27,7 +27,10 @@ STRIDE = 4
 """In a task every so many-th node is sought first, then those between: if closures enough are found
 between two submaps, they are spread over the way, and the rest need not be sought."""
 
-PRECOMPUTED_BYTES = 64 * 2**20
+FEW, PATIENCE = 12, 2
+"""Submaps in which fewer nodes than this are to be sought are put off, so many times at the most."""
+
+PRECOMPUTED_BYTES = 32 * 2**20
 """About how much is kept of what was computed of submaps to search them."""
 
 
@@ -72,6 +75,7 @@ class ConstraintSearch:
         self._submaps: dict[int, FinishedSubmap] = {}
         self._kept: dict[int, FinishedSubmap] = {}
         self._num_submitted = 0
+        self._times_put_off: dict[int, int] = {}
         self.num_searched = 0
         self.num_dropped = 0
         self.durations: list[float] = []
@@ -99,12 +103,18 @@ class ConstraintSearch:
         self._submaps[submap.index] = submap
         self._num_submitted += len(requests)
 
-    def start(self) -> None:
+    def start(self, *, put_off: bool = False) -> None:
         """Hand what was submitted to the threads; returns at once.
 
         Those in the same submap go together: what a search needs of it is made once.
+
+        Parameters
+        ----------
+        put_off : whether submaps in which few nodes are to be sought may wait for more of them.
         """
         waiting, self._waiting = self._waiting, {}
+        if put_off:
+            self._put_off(waiting)
         # those first of which there is something, lest it be dropped for the others
         for index in sorted(waiting, key=lambda index: index not in self._kept):
             submap, numbered = self._submaps.pop(index), waiting[index]
@@ -113,6 +123,16 @@ class ConstraintSearch:
                 batch = tuple(numbered[first : first + BATCH])
                 future = self._threads.submit(self._run, submap, batch)
                 self._pending.append((future, len(batch)))
+
+    def _put_off(self, waiting: dict[int, list[Numbered]]) -> None:
+        """Take out the submaps that may wait: to make their precomputed grids takes longer."""
+        for index in list(waiting):
+            times = self._times_put_off.get(index, 0)
+            if index in self._kept or len(waiting[index]) >= FEW or times == PATIENCE:
+                self._times_put_off.pop(index, None)
+            else:
+                self._times_put_off[index] = times + 1
+                self._waiting[index] = waiting.pop(index)
 
     def collect(self, *, wait: bool = True) -> list[LoopClosure]:
         """Return what was found, in the order submitted.

@@ -137,7 +137,7 @@ class GlobalSlam:
         if self.graph.num_nodes % max(every // often, 1) == 0:
             if not self._waits:
                 self._take_in_closures()
-            self.search.start()
+            self.search.start(put_off=self._waits)
 
     def adjust(self, max_num_iterations: int) -> None:
         """Take in the loop closures whose searches were started, and adjust all poses."""
