@@ -28,7 +28,7 @@ STRIDE = 4
 between two submaps, they are spread over the way, and the rest need not be sought."""
 
 FEW, PATIENCE = 12, 2
-"""Submaps in which fewer nodes than this are to be sought are put off, so many times at the most."""
+"""Submaps in which fewer nodes are to be sought are put off, so many times at the most."""
 
 PRECOMPUTED_BYTES = 32 * 2**20
 """About how much is kept of what was computed of submaps to search them."""

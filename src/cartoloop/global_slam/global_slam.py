@@ -14,7 +14,7 @@ from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
-from cartoloop.global_slam.loop_closure import LoopClosure, loop_closures
+from cartoloop.global_slam.loop_closure import LoopClosure, LoopClosures
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
     PoseAdjuster,
@@ -243,19 +243,18 @@ class GlobalSlam:
             self._requests.note_found(closure)
             if closure.request is not None:
                 self.found_after.append(self.graph.num_nodes - closure.request.num_nodes)
-        self._add_closures(closures)
+        self._add_closures(LoopClosures.of(closures))
 
-    def _add_closures(self, closures: Sequence[LoopClosure]) -> None:
-        if closures:
-            self.graph.add_constraints(
-                ConstraintKind.LOOP_CLOSURE,
-                [closure.submap for closure in closures],
-                [closure.node for closure in closures],
-                [closure.tf_submap_node for closure in closures],
-                np.array([closure.information for closure in closures]),
-                scores=[closure.score for closure in closures],
-                runner_ups=[closure.runner_up for closure in closures],
-            )
+    def _add_closures(self, closures: LoopClosures) -> None:
+        self.graph.add_constraints(
+            ConstraintKind.LOOP_CLOSURE,
+            closures.submaps,
+            closures.nodes,
+            closures.tf_submap_node,
+            closures.informations,
+            scores=closures.scores,
+            runner_ups=closures.runner_ups,
+        )
 
     def _adjust(self, max_num_iterations: int) -> None:
         config = self._config.pose_adjustment
@@ -297,7 +296,7 @@ class GlobalSlam:
         if is_violated.any():
             is_false = np.zeros(self.graph.num_constraints, dtype=bool)
             is_false[closures[is_violated]] = True
-            self.rejected = loop_closures(self.graph, is_false)
+            self.rejected = LoopClosures.in_graph(self.graph, is_false).one_by_one()
             self.graph = self.graph.without(is_false)
             self._adjust(max_num_iterations)
 
@@ -305,7 +304,7 @@ class GlobalSlam:
         """Replace the loop closures by matches from where the nodes stand now."""
         config, graph = self._config.constraint_search, self.graph
 
-        def match_submap(index: int) -> list[LoopClosure]:
+        def match_submap(index: int) -> LoopClosures:
             submap, pose = self._finished[index], graph.submap_poses[index]
             nodes = refinement.overlapping_nodes(
                 submap,
@@ -322,4 +321,5 @@ class GlobalSlam:
 
         matched = self.search.map(match_submap, range(len(self._finished)))
         self.graph = graph.without(graph.kinds == ConstraintKind.LOOP_CLOSURE)
-        self._add_closures([closure for closures in matched for closure in closures])
+        for closures in matched:
+            self._add_closures(closures)

@@ -19,6 +19,8 @@ from cartoloop.scan_matching.least_squares import LeastSquaresMatches, SmoothMap
 from cartoloop.scan_matching.match_information import match_informations
 from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
 
+IntArray = NDArray[np.int64]
+
 USUAL_RESIDUAL = 0.4
 """Root mean square of 1 - M at the points of scans that fit."""
 
@@ -73,21 +75,58 @@ class LoopClosure:
     request: SearchRequest | None = None
 
 
-def loop_closures(graph: PoseGraph, among: NDArray[np.bool_]) -> list[LoopClosure]:
-    """Return the constraints marked, shape (num_constraints,), all of which are loop closures."""
-    rows = np.flatnonzero(among)
-    return [
-        LoopClosure(submap, node, Pose(*pose), information, score, runner_up)
-        for submap, node, pose, information, score, runner_up in zip(
-            graph.index_a[rows].tolist(),
-            graph.index_b[rows].tolist(),
-            graph.relative_poses[rows].tolist(),
-            graph.informations[rows],
-            graph.scores[rows].tolist(),
-            graph.runner_ups[rows].tolist(),
-            strict=True,
+class LoopClosures(NamedTuple):
+    """Many loop closures, as a structure of arrays: what :class:`LoopClosure` is but the request.
+
+    Attributes
+    ----------
+    submaps, nodes : int64, shape (n,).
+    tf_submap_node : float64, shape (n, 3).
+    informations : float64, shape (n, 3, 3).
+    scores, runner_ups : float64, shape (n,); NaN where no runner-up was sought.
+    """
+
+    submaps: IntArray
+    nodes: IntArray
+    tf_submap_node: FloatArray
+    informations: FloatArray
+    scores: FloatArray
+    runner_ups: FloatArray
+
+    @staticmethod
+    def of(closures: Sequence[LoopClosure]) -> LoopClosures:
+        """Return the closures of a sequence."""
+        return LoopClosures(
+            np.array([closure.submap for closure in closures], dtype=np.int64),
+            np.array([closure.node for closure in closures], dtype=np.int64),
+            np.array([closure.tf_submap_node for closure in closures]).reshape(-1, 3),
+            np.array([closure.information for closure in closures]).reshape(-1, 3, 3),
+            np.array([closure.score for closure in closures], dtype=np.float64),
+            np.array([closure.runner_up for closure in closures], dtype=np.float64),
         )
-    ]
+
+    @staticmethod
+    def in_graph(graph: PoseGraph, among: NDArray[np.bool_]) -> LoopClosures:
+        """Return the constraints marked, shape (num_constraints,), all of which are closures."""
+        return LoopClosures(
+            graph.index_a[among],
+            graph.index_b[among],
+            graph.relative_poses[among],
+            graph.informations[among],
+            graph.scores[among],
+            graph.runner_ups[among],
+        )
+
+    def one_by_one(self) -> list[LoopClosure]:
+        """Return the closures as a list."""
+        numbers = (column.tolist() for column in (self.submaps, self.nodes, self.tf_submap_node))
+        scores = (self.scores.tolist(), self.runner_ups.tolist())
+        return [
+            LoopClosure(submap, node, Pose(*pose), information, score, runner_up)
+            for submap, node, pose, information, score, runner_up in zip(
+                *numbers, self.informations, *scores, strict=True
+            )
+        ]
 
 
 class Found(NamedTuple):

@@ -14,9 +14,9 @@ import numpy as np
 
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.loop_closure import LEVER_M, LoopClosure, refine_all
+from cartoloop.global_slam.loop_closure import LEVER_M, LoopClosures, refine_all
 from cartoloop.scan_matching.match_information import match_informations
-from cartoloop.sensor.pose import FloatArray, Pose, relative_all
+from cartoloop.sensor.pose import FloatArray, relative_all
 
 
 def overlapping_nodes(
@@ -46,7 +46,7 @@ def match_again(
     node_poses: FloatArray,
     points: Sequence[FloatArray],
     config: ConstraintSearchConfig,
-) -> list[LoopClosure]:
+) -> LoopClosures:
     """Return the nodes that fit the submap near where they stand.
 
     Their score is 1 less the root mean square of 1 - M_smooth at the points: no more than the mean
@@ -61,7 +61,7 @@ def match_again(
     """
     nodes = [node for node in nodes if len(points[node]) >= config.min_num_points]
     if not nodes:
-        return []
+        return LoopClosures.of([])
     estimates = relative_all(tf_map_submap, node_poses[nodes])
     matches = refine_all(
         submap.smooth_map,
@@ -81,14 +81,11 @@ def match_again(
     )
     fitting = np.flatnonzero(fits)
     informations = match_informations(matches.information[fitting], matches.residual[fitting])
-    return [
-        LoopClosure(
-            submap.index,
-            nodes[i],
-            Pose(*matches.tf_grid_scan[i].tolist()),
-            information,
-            1.0 - float(matches.residual[i]),
-            math.nan,
-        )
-        for i, information in zip(fitting.tolist(), informations, strict=True)
-    ]
+    return LoopClosures(
+        np.full(len(fitting), submap.index),
+        np.array(nodes)[fitting],
+        matches.tf_grid_scan[fitting],
+        informations,
+        1.0 - matches.residual[fitting],
+        np.full(len(fitting), math.nan),
+    )

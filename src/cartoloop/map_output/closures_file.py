@@ -8,14 +8,13 @@ are values that do not exist.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.global_slam.loop_closure import LoopClosure, loop_closures
+from cartoloop.global_slam.loop_closure import LoopClosures
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.global_slam.robust_loss import Loss, loss_weights
 from cartoloop.map_output.text_files import format_stamp
@@ -80,46 +79,41 @@ def nodes_csv(result: Result) -> str:
 def closures_csv(result: Result) -> str:
     """Return all loop closures of a run: in each stage in the order in which they came about."""
     graph = result.graph
-    final = loop_closures(graph, graph.kinds == ConstraintKind.LOOP_CLOSURE)
+    final = LoopClosures.in_graph(graph, graph.kinds == ConstraintKind.LOOP_CLOSURE)
     adjustment = result.config.global_slam.pose_adjustment
     lines = [",".join(CLOSURE_COLUMNS)]
     for stage, closures in (
-        (Stage.FOUND, result.found),
+        (Stage.FOUND, LoopClosures.of(result.found)),
         (Stage.FINAL, final),
-        (Stage.REJECTED, result.rejected),
+        (Stage.REJECTED, LoopClosures.of(result.rejected)),
     ):
         lines += _rows(stage, closures, graph, adjustment)
     return "\n".join(lines) + "\n"
 
 
 def _rows(
-    stage: Stage, closures: Sequence[LoopClosure], graph: PoseGraph, config: PoseAdjustmentConfig
+    stage: Stage, closures: LoopClosures, graph: PoseGraph, config: PoseAdjustmentConfig
 ) -> list[str]:
-    if not closures:
-        return []
-    measured = np.array([closure.tf_submap_node for closure in closures])
-    error = measured - relative_all(
-        graph.submap_poses[[closure.submap for closure in closures]],
-        graph.node_poses[[closure.node for closure in closures]],
+    error = closures.tf_submap_node - relative_all(
+        graph.submap_poses[closures.submaps], graph.node_poses[closures.nodes]
     )
     error[:, 2] = wrap_angles(error[:, 2])
-    informations = np.array([closure.information for closure in closures])
-    squared = np.maximum(np.einsum("ni,nij,nj->n", error, informations, error), 0.0)
-    table = np.column_stack(
-        (
-            measured,
-            [closure.score for closure in closures],
-            [closure.runner_up for closure in closures],
-            np.hypot(error[:, 0], error[:, 1]),
-            np.degrees(np.abs(error[:, 2])),
-            loss_weights(squared, Loss(config.loss), config.loss_scale),
-        )
+    squared = np.maximum(np.einsum("ni,nij,nj->n", error, closures.informations, error), 0.0)
+    columns = (
+        closures.submaps,
+        closures.nodes,
+        *closures.tf_submap_node.T,
+        closures.scores,
+        closures.runner_ups,
+        np.hypot(error[:, 0], error[:, 1]),
+        np.degrees(np.abs(error[:, 2])),
+        loss_weights(squared, Loss(config.loss), config.loss_scale),
     )
     return [
-        f"{stage},{closure.submap},{closure.node},{x!r},{y!r},{theta!r},"
+        f"{stage},{submap},{node},{x!r},{y!r},{theta!r},"
         f"{_number(score)},{_number(runner_up)},{metres!r},{degrees!r},{weight!r}"
-        for closure, (x, y, theta, score, runner_up, metres, degrees, weight) in zip(
-            closures, table.tolist(), strict=True
+        for submap, node, x, y, theta, score, runner_up, metres, degrees, weight in zip(
+            *(column.tolist() for column in columns), strict=True
         )
     ]
 
