@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from cartoloop.kernels.cell_values import known_box, look_up, quantize_box
+from cartoloop.kernels.cell_values import dequantize_box, known_box, quantize_box
 
 LOWEST, STEP = 0.1, 0.8 / 254.0
 
@@ -49,9 +49,14 @@ def test_a_box_is_quantised_as_the_whole_is(data, cells):
 
 
 @settings(deadline=None, max_examples=60)
-@given(arrays(np.uint8, array_shapes(min_dims=2, max_dims=2, max_side=9)))
-def test_each_value_is_looked_up(values):
-    table = np.random.default_rng(3).random(256).astype(np.float32)
-    cells = np.empty(values.shape, dtype=np.float32)
-    look_up(values, table, cells)
-    np.testing.assert_array_equal(cells, table[values])
+@given(st.data(), arrays(np.uint8, array_shapes(min_dims=2, max_dims=2, max_side=9)))
+def test_a_box_of_values_stands_for_what_a_table_says(data, values):
+    table = (LOWEST + (np.arange(256) - 1) * STEP).astype(np.float32)
+    table[0] = 0.0
+    row = data.draw(st.integers(0, values.shape[0] - 1))
+    col = data.draw(st.integers(0, values.shape[1] - 1))
+    height = data.draw(st.integers(0, values.shape[0] - row))
+    width = data.draw(st.integers(0, values.shape[1] - col))
+    cells = np.empty((height, width), dtype=np.float32)
+    dequantize_box(values, row, col, LOWEST, STEP, cells)
+    np.testing.assert_array_equal(cells, table[values][row : row + height, col : col + width])

@@ -266,6 +266,16 @@ def test_no_point_leaves_its_box_while_a_group_turns(seed, half_turns, far):
             assert ((rows >= first_rows) & (rows <= first_rows + moved)).all()
 
 
+def test_probabilities_are_the_same_with_precomputed_grids_and_without():
+    grid, walls = room()
+    matcher = SubmapMatcher(grid)
+    unpacked = matcher.probabilities()
+    matcher.match(walls, Pose(0.0, 0.0, 0.0), linear_window=0.1, angular_window=0.1, min_score=1.0)
+    assert matcher.memory_bytes > 0
+    np.testing.assert_array_equal(matcher.probabilities(), unpacked)
+    np.testing.assert_array_equal(unpacked, grid.probabilities())
+
+
 def test_tree_grows_with_the_window():
     grids = PrecomputationGrids(np.zeros((5, 7), dtype=np.uint8))
     small, _ = tree_for(grids, (10, 10, 40), 0.003, 120.0, 300.0)

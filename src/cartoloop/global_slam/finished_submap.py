@@ -44,7 +44,7 @@ class FinishedSubmap:
             if self._smooth_map is None:
                 grid = self.grid
                 self._smooth_map = SmoothMap(
-                    grid.probabilities(), grid.origin_x, grid.origin_y, grid.resolution
+                    self.matcher.probabilities(), grid.origin_x, grid.origin_y, grid.resolution
                 )
             return self._smooth_map
 

@@ -70,15 +70,27 @@ def quantize_box(
 
 
 @kernel
-def look_up(values: ByteCells, table: NDArray[np.float32], out_cells: FloatCells) -> None:
-    """Write what each value stands for into `out_cells`.
+def dequantize_box(
+    values: ByteCells,
+    first_row: int,
+    first_col: int,
+    lowest: float,
+    step: float,
+    out_cells: FloatCells,
+) -> None:
+    """Write the probabilities that the values in a box stand for into `out_cells`.
 
     Parameters
     ----------
-    values : uint8, shape (num_rows, num_cols), C-contiguous.
-    table : float32, shape (256,).
-    out_cells : float32, shape (num_rows, num_cols), C-contiguous.
+    values : uint8, shape (num_rows, num_cols), C-contiguous; 0: never observed.
+    first_row, first_col : where the box begins.
+    lowest, step : the probability that 1 stands for, and by how much the next one is larger.
+    out_cells : float32, of the shape of the box, C-contiguous; 0 where never observed.
     """
-    for row in range(values.shape[0]):
-        for col in range(values.shape[1]):
-            out_cells[row, col] = table[values[row, col]]
+    zero = np.float32(0.0)
+    for row in range(out_cells.shape[0]):
+        line = values[first_row + row, first_col:]
+        cells = out_cells[row]
+        for col in range(cells.size):
+            probability = np.float32(lowest + (np.float64(line[col]) - 1.0) * step)
+            cells[col] = probability if line[col] > 0 else zero

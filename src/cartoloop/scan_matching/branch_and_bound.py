@@ -101,6 +101,11 @@ class SubmapMatcher:
         grids = self._grids
         return 0 if grids is None else grids.cells.nbytes
 
+    def probabilities(self) -> NDArray[np.float32]:
+        """Return the probability of each cell of the submap's grid; 0 where never observed."""
+        grids = self._grids  # where they are, the grid need not be unpacked
+        return (self._grid if grids is None else grids).probabilities()
+
     def release(self) -> None:
         """Forget the precomputed grids; the next search makes them anew and finds the same.
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cartoloop.kernels.precomputation_grid import grow_boxes, halve
 from cartoloop.reused_memory import ReusedMemory
+from cartoloop.submaps.finished_grid import probabilities_of_part
 
 STRIDES = (1, 1, 1, 2, 4, 8)
 """For blocks of 1, 2, 4, ... translations: the stride of the grids that bound them [cells].
@@ -135,6 +136,12 @@ class PrecomputationGrids:
         )
         tables = [layout.box_table(1 << height) for height, layout in enumerate(layouts)]
         self.boxes: NDArray[np.int32] = np.array(tables, dtype=np.int32)
+
+    def probabilities(self) -> NDArray[np.float32]:
+        """Return the probability of each of the submap's cells; 0 where never observed."""
+        layout = self.layouts[1]
+        shape = (layout.num_rows, layout.num_cols)
+        return probabilities_of_part(self.grid(1, 1), MARGIN, MARGIN, shape)
 
     def grid(self, stride: int, edge: int) -> NDArray[np.uint8]:
         """Return the grid of boxes of `edge` strides, with its margins: ``[row + MARGIN, ...]``."""

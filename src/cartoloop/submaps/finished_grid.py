@@ -8,7 +8,8 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.kernels.cell_values import look_up, quantize_box
+from cartoloop.kernels.cell_values import dequantize_box, quantize_box
+from cartoloop.reused_memory import ReusedMemory
 
 MIN_PROBABILITY = 0.1
 MAX_PROBABILITY = 0.9
@@ -16,6 +17,8 @@ MAX_PROBABILITY = 0.9
 
 PROBABILITY_STEP = (MAX_PROBABILITY - MIN_PROBABILITY) / 254.0
 """Difference between neighbouring cell values."""
+
+_MEMORY = ReusedMemory(max_idle_bytes=8 << 20)
 
 
 class FinishedGrid:
@@ -58,11 +61,7 @@ class FinishedGrid:
 
     def probabilities(self) -> NDArray[np.float32]:
         """Return the probability of each cell, float32 like `cells`; 0 where never observed."""
-        table = MIN_PROBABILITY + (np.arange(256) - 1) * PROBABILITY_STEP
-        table[0] = 0.0
-        probabilities = np.empty(self.shape, dtype=np.float32)
-        look_up(self.cells, table.astype(np.float32), probabilities)
-        return probabilities
+        return probabilities_of_part(self.cells, 0, 0, self.shape)
 
 
 def quantize_probabilities(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -78,6 +77,16 @@ def quantize_part(
     values = np.empty(shape, dtype=np.uint8)
     quantize_box(probabilities, first_row, first_col, MIN_PROBABILITY, PROBABILITY_STEP, values)
     return values
+
+
+def probabilities_of_part(
+    values: NDArray[np.uint8], first_row: int, first_col: int, shape: tuple[int, int]
+) -> NDArray[np.float32]:
+    """Return what the cell values of a part of a grid, which begins at a cell, stand for."""
+    memory = _MEMORY.array(4 * shape[0] * shape[1])
+    probabilities = memory.view(np.float32).reshape(shape)
+    dequantize_box(values, first_row, first_col, MIN_PROBABILITY, PROBABILITY_STEP, probabilities)
+    return probabilities
 
 
 def mean_probability(mean_value: float) -> float:
