@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from cartoloop.reused_memory import ReusedMemory
+from cartoloop.reused_memory import ReusedMemory, return_idle
 
 
 def address(array):
@@ -51,6 +51,14 @@ def test_no_more_memory_waits_than_allowed():
     while arrays:
         arrays.pop(0)
     assert memory.idle_bytes == 200 + 300
+
+
+def test_what_waits_can_be_given_back():
+    memory = ReusedMemory(max_idle_bytes=1000)
+    memory.array(300)
+    assert memory.idle_bytes == 300
+    return_idle()
+    assert memory.idle_bytes == 0
 
 
 def test_threads_never_share_memory():

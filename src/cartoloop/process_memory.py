@@ -8,6 +8,8 @@ import gc
 from collections.abc import Callable
 from typing import cast
 
+from cartoloop.reused_memory import return_idle
+
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _LARGE_BYTES = 2 << 20
 _KEPT_BYTES = 16 << 20
@@ -39,7 +41,8 @@ def return_large_blocks() -> None:
 
 
 def return_unused() -> None:
-    """Give back to the system what is kept of small blocks, before other large ones are needed."""
+    """Give back to the system what is kept for the next search, before the map is composed."""
+    return_idle()
     if (malloc_trim := _of_c_library("malloc_trim")) is not None:
         malloc_trim(0)
 

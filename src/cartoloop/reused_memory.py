@@ -21,6 +21,15 @@ MAX_WASTE = 2
 """An array may lie in a block so many times its size; in a larger one it would hide memory."""
 
 
+_ALL: weakref.WeakSet[ReusedMemory] = weakref.WeakSet()
+
+
+def return_idle() -> None:
+    """Give back to the system what waits for the next array."""
+    for memory in list(_ALL):
+        memory.drop()
+
+
 class ReusedMemory:
     """Hands out arrays of bytes; safe to use from several threads at once.
 
@@ -33,6 +42,7 @@ class ReusedMemory:
     def __init__(self, max_idle_bytes: int) -> None:
         self._max_idle_bytes = max_idle_bytes
         self._idle: deque[ByteArray] = deque()
+        _ALL.add(self)
 
     @property
     def idle_bytes(self) -> int:
@@ -51,6 +61,10 @@ class ReusedMemory:
         handed_out: ByteArray = np.frombuffer(block.data, dtype=np.uint8, count=size)
         weakref.finalize(handed_out, self._take_back, block).atexit = False
         return handed_out
+
+    def drop(self) -> None:
+        """Give back to the system what waits."""
+        self._idle.clear()
 
     def _take_back(self, block: ByteArray) -> None:
         self._idle.append(block)
