@@ -213,6 +213,9 @@ class ConstraintSearchConfig(Section):
     final_every_nth_node: int = Field(
         2, ge=1, description="in the end, match one in so many of the nodes that overlap a submap"
     )
+    final_max_submaps_of_node: int = Field(
+        32, ge=1, description="in the end, a node is matched to no more than so many submaps"
+    )
     max_start_residual: float = Field(
         0.75, gt=0, description="in the end, scans that fit worse where they stand are not matched"
     )

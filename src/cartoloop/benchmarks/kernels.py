@@ -224,7 +224,7 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
     yield Workload(
         "match again", ("match_batch", "scan_residuals", "smooth_map"), case,
         partial(
-            refinement.match_again, finished, np.zeros(3), range(len(own)), np.array(in_submap),
+            refinement.match_again, finished, np.zeros(3), np.arange(len(own)), np.array(in_submap),
             points, search,
         ),
         len(own), "scans",

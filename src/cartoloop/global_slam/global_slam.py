@@ -14,7 +14,7 @@ from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
-from cartoloop.global_slam.loop_closure import LoopClosure, LoopClosures
+from cartoloop.global_slam.loop_closure import IntArray, LoopClosure, LoopClosures
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
     PoseAdjuster,
@@ -304,22 +304,31 @@ class GlobalSlam:
         """Replace the loop closures by matches from where the nodes stand now."""
         config, graph = self._config.constraint_search, self.graph
 
-        def match_submap(index: int) -> LoopClosures:
-            submap, pose = self._finished[index], graph.submap_poses[index]
-            nodes = refinement.overlapping_nodes(
-                submap,
-                pose,
+        def overlapping(index: int) -> IntArray:
+            return refinement.overlapping_nodes(
+                self._finished[index],
+                graph.submap_poses[index],
                 graph.node_poses,
                 self._submap_nodes[index],
                 config.final_every_nth_node,
             )
+
+        def match_submap(index: int) -> LoopClosures:
+            submap, pose = self._finished[index], graph.submap_poses[index]
             found = refinement.match_again(
-                submap, pose, nodes, graph.node_poses, self.node_points, config
+                submap, pose, nodes[index], graph.node_poses, self.node_points, config
             )
             submap.release()
             return found
 
-        matched = self.search.map(match_submap, range(len(self._finished)))
+        numbers = range(len(self._finished))
+        nodes = refinement.in_nearest_submaps(
+            self.search.map(overlapping, numbers),
+            graph.submap_poses,
+            graph.node_poses,
+            config.final_max_submaps_of_node,
+        )
+        matched = self.search.map(match_submap, numbers)
         self.graph = graph.without(graph.kinds == ConstraintKind.LOOP_CLOSURE)
         for closures in matched:
             self._add_closures(closures)

@@ -14,7 +14,7 @@ import numpy as np
 
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.loop_closure import LEVER_M, LoopClosures, refine_all
+from cartoloop.global_slam.loop_closure import LEVER_M, IntArray, LoopClosures, refine_all
 from cartoloop.scan_matching.match_information import match_informations
 from cartoloop.sensor.pose import FloatArray, relative_all
 
@@ -25,24 +25,48 @@ def overlapping_nodes(
     node_poses: FloatArray,
     inserted: set[int],
     every: int,
-) -> list[int]:
+) -> IntArray:
     """Return one in `every` of the nodes that stand within a submap's grid, but are not in it."""
     grid = submap.grid
     seen = relative_all(tf_map_submap, node_poses)
     height, width = grid.shape
     x, y = seen[:, 0] - grid.origin_x, seen[:, 1] - grid.origin_y
     inside = (x > 0.0) & (y > 0.0) & (x < width * grid.resolution) & (y < height * grid.resolution)
-    return [
-        node
-        for node in np.flatnonzero(inside).tolist()
-        if (node + submap.index) % every == 0 and node not in inserted
-    ]
+    nodes = np.flatnonzero(inside)
+    nodes = nodes[(nodes + submap.index) % every == 0]
+    others: IntArray = nodes[np.isin(nodes, np.fromiter(inserted, np.int64), invert=True)]
+    return others
+
+
+def in_nearest_submaps(
+    overlapping: Sequence[IntArray], submap_poses: FloatArray, node_poses: FloatArray, limit: int
+) -> list[IntArray]:
+    """Return the nodes that overlap each submap, without those of which `limit` others are nearer.
+
+    Where the robot returns again and again, submaps lie on top of each other, and a match to each
+    of them would take ever longer without telling more.
+
+    Parameters
+    ----------
+    overlapping : of each submap, the nodes that overlap it.
+    submap_poses, node_poses : shapes (m, 3), (n, 3), of all.
+    """
+    counts = [len(nodes) for nodes in overlapping]
+    nodes, submaps = np.concatenate(overlapping), np.repeat(np.arange(len(counts)), counts)
+    apart = node_poses[nodes, :2] - submap_poses[submaps, :2]
+    nearest_first = np.lexsort((submaps, np.hypot(apart[:, 0], apart[:, 1]), nodes))
+    of_node = nodes[nearest_first]
+    rank = np.arange(len(nodes)) - np.searchsorted(of_node, of_node)
+    is_near = np.empty(len(nodes), dtype=bool)
+    is_near[nearest_first] = rank < limit
+    parts = np.split(is_near, np.cumsum(counts)[:-1])
+    return [nodes[near] for nodes, near in zip(overlapping, parts, strict=True)]
 
 
 def match_again(
     submap: FinishedSubmap,
     tf_map_submap: FloatArray,
-    nodes: Sequence[int],
+    nodes: IntArray,
     node_poses: FloatArray,
     points: Sequence[FloatArray],
     config: ConstraintSearchConfig,
@@ -59,13 +83,13 @@ def match_again(
     node_poses : shape (n, 3), of all nodes.
     points : of all nodes.
     """
-    nodes = [node for node in nodes if len(points[node]) >= config.min_num_points]
-    if not nodes:
+    nodes = nodes[[len(points[node]) >= config.min_num_points for node in nodes.tolist()]]
+    if len(nodes) == 0:
         return LoopClosures.of([])
     estimates = relative_all(tf_map_submap, node_poses[nodes])
     matches = refine_all(
         submap.smooth_map,
-        [points[node] for node in nodes],
+        [points[node] for node in nodes.tolist()],
         estimates,
         config,
         config.max_start_residual,
@@ -83,7 +107,7 @@ def match_again(
     informations = match_informations(matches.information[fitting], matches.residual[fitting])
     return LoopClosures(
         np.full(len(fitting), submap.index),
-        np.array(nodes)[fitting],
+        nodes[fitting],
         matches.tf_grid_scan[fitting],
         informations,
         1.0 - matches.residual[fitting],
