@@ -185,7 +185,7 @@ class ConstraintSearchConfig(Section):
         0.5, ge=0, description="growth of W_theta per metre of uncertain way [deg/m]"
     )
     bound_length: float = Field(
-        25.0, ge=0, description="pairs with a shorter uncertain way are bound already [m]"
+        15.0, ge=0, description="pairs with a shorter uncertain way are bound already [m]"
     )
     every_nth_node: int = Field(2, ge=1, description="of pairs not bound, search one in so many")
     every_nth_bound_node: int = Field(10, ge=1, description="of bound pairs, one in so many")
