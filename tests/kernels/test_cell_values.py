@@ -18,6 +18,13 @@ cells_of = arrays(
 )
 
 
+def a_box(data, shape):
+    """Draw first row, first column, number of rows and of columns of a box within a grid."""
+    row, col = (data.draw(st.integers(0, size - 1)) for size in shape)
+    height, width = (data.draw(st.integers(0, shape[i] - at)) for i, at in enumerate((row, col)))
+    return row, col, height, width
+
+
 def quantized(cells):
     values = np.rint((cells - np.float32(LOWEST)) / np.float32(STEP)) + np.float32(1.0)
     return np.where(cells > 0.0, values, 0.0).astype(np.uint8)
@@ -39,10 +46,7 @@ def test_the_box_holds_all_known_cells_and_is_the_smallest_that_does(cells):
 @settings(deadline=None, max_examples=100)
 @given(st.data(), cells_of)
 def test_a_box_is_quantised_as_the_whole_is(data, cells):
-    row = data.draw(st.integers(0, cells.shape[0] - 1))
-    col = data.draw(st.integers(0, cells.shape[1] - 1))
-    height = data.draw(st.integers(0, cells.shape[0] - row))
-    width = data.draw(st.integers(0, cells.shape[1] - col))
+    row, col, height, width = a_box(data, cells.shape)
     values = np.empty((height, width), dtype=np.uint8)
     quantize_box(cells, row, col, LOWEST, STEP, values)
     np.testing.assert_array_equal(values, quantized(cells)[row : row + height, col : col + width])
@@ -53,10 +57,7 @@ def test_a_box_is_quantised_as_the_whole_is(data, cells):
 def test_a_box_of_values_stands_for_what_a_table_says(data, values):
     table = (LOWEST + (np.arange(256) - 1) * STEP).astype(np.float32)
     table[0] = 0.0
-    row = data.draw(st.integers(0, values.shape[0] - 1))
-    col = data.draw(st.integers(0, values.shape[1] - 1))
-    height = data.draw(st.integers(0, values.shape[0] - row))
-    width = data.draw(st.integers(0, values.shape[1] - col))
+    row, col, height, width = a_box(data, values.shape)
     cells = np.empty((height, width), dtype=np.float32)
     dequantize_box(values, row, col, LOWEST, STEP, cells)
     np.testing.assert_array_equal(cells, table[values][row : row + height, col : col + width])

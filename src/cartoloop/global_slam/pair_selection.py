@@ -82,7 +82,8 @@ class PairSelection:
         submaps : the finished submaps, shape (n,).
         anchors : the submaps that the nodes are best tied to, shape (n,).
         ways : how far the nodes are from these along the path [m], shape (n,).
-        travelled : how far it went between beginning the submaps and the nodes [m], shape (n,).
+        travelled : how far the robot went between beginning the submaps and the nodes [m], shape
+            (n,).
         """
         lengths: FloatArray = travelled.copy()
         known = np.flatnonzero((submaps < self._num_submaps) & (anchors < self._num_submaps))
