@@ -31,9 +31,8 @@ def return_large_blocks() -> None:
 
     The grids of submaps come and go, each of another size. glibc learns from the first ones to keep
     what is freed for the next, which then does not fit: a third of the memory of a long run. What
-    is smaller is kept, up to 16 MB: the system clears what it hands out anew, which takes a tenth
-    of the processor time of mapping if each search gives back what the next one needs. Other C
-    libraries have nothing to be told.
+    is smaller is kept, up to 16 MB: the system clears what it hands out anew, in vain if each
+    search gives back what the next one needs. Other C libraries have nothing to be told.
     """
     if (mallopt := _of_c_library("mallopt")) is not None:
         mallopt(_M_TRIM_THRESHOLD, _KEPT_BYTES)
