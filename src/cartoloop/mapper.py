@@ -234,9 +234,9 @@ class Mapper:
             self._submap_grids(graph, active),
             self._config,
             self._report(graph, trajectory),
-            found=tuple(self._global_slam.found),
-            rejected=tuple(self._global_slam.rejected),
-            node_points=tuple(self._global_slam.node_points),
+            found=self._global_slam.found,
+            rejected=self._global_slam.rejected,
+            node_points=self._global_slam.node_points,
         )
 
     def _objection(self, event: SensorEvent) -> str | None:

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from cartoloop.global_slam.loop_closure import LoopClosure
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.sensor.pose import Pose, compose, relative, relative_all
+from tests.global_slam import closures
 from tests.map_output.small_result import small_result
 
 NODE_POSES = np.array([(0, 0, 0), (4, 0, 0.5), (8, 0, 1.5), (8, 4, 3), (4, 4, -3), (0.2, 0.1, 0.1)])
@@ -24,7 +24,7 @@ def closure(submap, node, dx=0.0, dtheta_deg=0.0, score=0.7):
     seen = relative(Pose(*SUBMAP_POSES[submap].tolist()), Pose(*NODE_POSES[node].tolist()))
     moved = compose(Pose(dx, 0.0, 0.0), seen)
     turned = moved._replace(theta=moved.theta + math.radians(dtheta_deg))
-    return LoopClosure(submap, node, turned, np.eye(3), score, math.nan)
+    return closures.closure(submap, node, turned, score=score, runner_up=math.nan)
 
 
 def hand_made_result(final=(), found=(), rejected=()):
@@ -38,8 +38,8 @@ def hand_made_result(final=(), found=(), rejected=()):
     graph.add_constraints(kind, submap, node, seen, [np.eye(3)] * len(OWN))
     for one in final:
         kind = ConstraintKind.LOOP_CLOSURE
-        pose, information = one.tf_submap_node, one.information
-        graph.add_constraint(kind, one.submap, one.node, pose, information, score=one.score)
+        ends, seen = (one["submap"], one["node"]), one["tf_submap_node"]
+        graph.add_constraint(kind, *ends, seen, one["information"], score=one["score"])
     result = small_result()
     return replace(
         result,
@@ -49,6 +49,6 @@ def hand_made_result(final=(), found=(), rejected=()):
         graph=graph,
         node_scan_index=np.arange(6),
         submap_grids=result.submap_grids * 3,
-        found=tuple(found),
-        rejected=tuple(rejected),
+        found=closures.closures(*found),
+        rejected=closures.closures(*rejected),
     )

@@ -33,7 +33,7 @@ def test_a_run_reads_back_as_it_was_saved(folder):
     )
     assert (len(final), len(found), len(rejected)) == (1, 1, 1)
     assert (rejected.submap.tolist(), rejected.node.tolist()) == ([2], [0])
-    assert final.tf_submap_node[0].tolist() == list(closure(0, 5, 0.1).tf_submap_node)
+    assert final.tf_submap_node[0].tolist() == closure(0, 5, 0.1)["tf_submap_node"].tolist()
     assert final.residual_m == pytest.approx([0.1])
     assert final.score.tolist() == [0.7]
     assert np.isnan(final.runner_up).all()

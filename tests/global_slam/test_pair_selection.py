@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -36,75 +35,53 @@ def selection(travelled, closures=NO_CLOSURES):
     return selection
 
 
-def length_of(selection, submap, node_submap, node_from_its_submap, travelled):
-    pair = (np.array([submap]), np.array([node_submap]))
-    ways = (np.array([node_from_its_submap]), np.array([travelled]))
-    return selection.uncertain_lengths(*pair, *ways)[0]
-
-
 def test_the_window_grows_with_the_uncertain_length():
-    known, drifted = (selection([]).window(length) for length in (0.0, 20.0))
-    assert known == pytest.approx((0.5, math.radians(5.0)))
-    assert drifted == pytest.approx((1.5, math.radians(15.0)))
+    linear, angular = selection([]).windows(np.array((0.0, 20.0)))
+    assert linear == pytest.approx([0.5, 1.5])
+    assert angular == pytest.approx(np.radians((5.0, 15.0)))
 
 
 @settings(deadline=None, max_examples=60)
 @given(lengths=st.lists(st.floats(0.0, 1e5), min_size=2, max_size=5))
 def test_windows_are_never_larger_than_configured_nor_smaller_for_more_uncertainty(lengths):
-    windows = [selection([]).window(length) for length in sorted(lengths)]
-    for linear, angular in windows:
-        assert 0.5 <= linear <= 7.0
-        assert math.radians(5.0) <= angular <= math.radians(30.0) + 1e-12
-    for smaller, larger in pairwise(windows):
-        assert smaller[0] <= larger[0]
-        assert smaller[1] <= larger[1]
+    linear, angular = selection([]).windows(np.sort(lengths))
+    assert (linear >= 0.5).all()
+    assert (linear <= 7.0).all()
+    assert (angular >= math.radians(5.0)).all()
+    assert (angular <= math.radians(30.0) + 1e-12).all()
+    assert (np.diff(linear) >= 0.0).all()
+    assert (np.diff(angular) >= 0.0).all()
 
 
-def test_before_the_first_adjustment_only_the_way_travelled_is_known():
-    assert length_of(PairSelection(CONFIG), 0, 3, 1.0, 42.0) == 42.0
+def test_before_the_first_adjustment_no_ways_are_known():
+    assert len(PairSelection(CONFIG).ways_from(0)) == 0
 
 
-def test_without_closures_the_way_is_the_one_travelled():
-    way = selection([0.0, 9.0, 18.0, 27.0, 36.0])
-    assert length_of(way, 0, 4, 2.0, 38.0) == pytest.approx(38.0)
+def test_without_closures_ways_lead_along_the_path():
+    assert selection([0.0, 9.0, 18.0, 28.0]).ways_from(1) == pytest.approx([9.0, 0.0, 9.0, 19.0])
 
 
-def test_a_closure_shortens_the_way_between_its_submaps():
+def test_a_closure_shortens_the_ways_between_its_submaps_and_their_neighbours():
     way = selection([0.0, 9.0, 18.0, 27.0, 36.0], [(0, 4)])
-    assert length_of(way, 0, 4, 2.0, 38.0) == pytest.approx(CLOSURE_LENGTH_M + 2.0)
-
-
-def test_a_closure_shortens_the_way_between_their_neighbours():
-    way = selection([0.0, 9.0, 18.0, 27.0, 36.0], [(0, 4)])
-    assert length_of(way, 1, 4, 0.0, 27.0) == pytest.approx(9.0 + CLOSURE_LENGTH_M)
-    assert length_of(way, 1, 3, 0.0, 18.0) == pytest.approx(18.0)
+    closure = CLOSURE_LENGTH_M
+    assert way.ways_from(0) == pytest.approx([0.0, 9.0, 18.0, 9.0 + closure, closure])
+    assert way.ways_from(1) == pytest.approx([9.0, 0.0, 9.0, 18.0, 9.0 + closure])
 
 
 def test_closures_count_once_and_in_both_directions():
     once = selection([0.0, 9.0, 18.0, 27.0], [(0, 3)])
     often = selection([0.0, 9.0, 18.0, 27.0], [(0, 3), (3, 0), (0, 3), (2, 2)])
     for submap in range(4):
-        for node_submap in range(4):
-            assert length_of(often, submap, node_submap, 0.0, 1e3) == pytest.approx(
-                length_of(once, submap, node_submap, 0.0, 1e3)
-            )
+        assert often.ways_from(submap) == pytest.approx(once.ways_from(submap))
 
 
-def test_the_way_travelled_holds_where_it_is_shorter():
-    way = selection([0.0, 9.0, 18.0])
-    assert length_of(way, 0, 2, 5.0, 3.0) == 3.0
+def test_from_submaps_begun_since_the_last_adjustment_no_ways_are_known():
+    assert len(selection([0.0, 9.0], [(0, 1)]).ways_from(2)) == 0
 
 
-def test_submaps_begun_since_the_last_adjustment_are_known_by_the_way_travelled():
-    way = selection([0.0, 9.0], [(0, 1)])
-    assert length_of(way, 0, 2, 1.0, 19.0) == 19.0
-    assert length_of(way, 2, 0, 1.0, 19.0) == 19.0
-
-
-@pytest.mark.parametrize("num_submaps", [0, 1, 2])
+@pytest.mark.parametrize("num_submaps", [1, 2])
 def test_few_submaps_are_no_error(num_submaps):
-    way = selection(9.0 * np.arange(num_submaps))
-    assert length_of(way, 0, 0, 1.5, 1.5) == 1.5
+    assert selection(9.0 * np.arange(num_submaps)).ways_from(0)[0] == 0.0
 
 
 @settings(deadline=None, max_examples=40)
@@ -131,47 +108,33 @@ def test_the_way_is_the_shortest_of_all_ways(data, num_submaps):
 
     way = selection(travelled, np.array(closures, dtype=np.int64).reshape(-1, 2))
 
-    for a in range(num_submaps):
-        for b in range(num_submaps):
-            assert length_of(way, a, b, 0.0, 1e3) == pytest.approx(shortest[a, b])
+    for submap in range(num_submaps):
+        assert way.ways_from(submap) == pytest.approx(shortest[submap])
 
 
-def taken(selection, length, submap=0, node_submap=5, nodes=range(200)):
-    nodes = np.array(nodes)
-    due = selection.are_due(np.full(len(nodes), submap), nodes, np.full(len(nodes), length))
-    return [node for node in nodes[due].tolist() if selection.take(submap, node_submap, length)]
+def num_taken(selection, length, submap=0, node_submap=5):
+    return sum(selection.take(submap, node_submap, length) for _ in range(200))
 
 
-def test_of_pairs_that_are_not_bound_every_so_manyth_is_sought():
-    assert len(taken(selection([]), 50.0)) == pytest.approx(200 / 3, abs=1)
+def test_pairs_that_are_not_bound_are_sought_as_often_as_they_are_due():
+    assert num_taken(selection([]), 50.0) == 200
 
 
-def test_bound_pairs_are_sought_less_often_and_not_for_ever():
-    sought = taken(selection([]), 2.0)
-    assert np.diff(sought).tolist() == [7] * 3
-    assert len(sought) == 4
-
-
-@pytest.mark.parametrize("length", [2.0, 50.0])
-def test_no_pair_is_due_that_may_not_be(length):
-    due = selection([]).may_be_due(3, np.arange(200))
-    nodes = taken(selection([]), length, submap=3)
-    assert nodes
-    assert due[nodes].all()
-    assert not due.all()
+def test_bound_pairs_are_not_sought_for_ever():
+    assert num_taken(selection([]), 2.0) == 4
 
 
 def test_pairs_of_other_submaps_are_counted_by_themselves():
     pairs = selection([])
-    taken(pairs, 2.0, node_submap=5)
-    assert len(taken(pairs, 2.0, node_submap=6)) == 4
-    assert len(taken(pairs, 2.0, submap=1, node_submap=5)) == 4
+    num_taken(pairs, 2.0, node_submap=5)
+    assert num_taken(pairs, 2.0, node_submap=6) == 4
+    assert num_taken(pairs, 2.0, submap=1, node_submap=5) == 4
 
 
 def test_a_pair_with_closures_enough_is_sought_no_more():
     pairs = selection([])
     pairs.note_found(0, 5)
-    assert taken(pairs, 50.0)
+    assert pairs.take(0, 5, 50.0)
     pairs.note_found(0, 5)
-    assert taken(pairs, 50.0) == []
-    assert taken(pairs, 50.0, node_submap=6)
+    assert not pairs.take(0, 5, 50.0)
+    assert pairs.take(0, 6, 50.0)

@@ -64,24 +64,21 @@ class Walk:
     def window(self, submap, node):
         """Return how far each way a node is sought in a submap [m]."""
         found = self.requests.of_node(self.graph, node, 4)
-        alone = [request for request in found if request.submap == submap]
-        assert len(alone) == 1
+        [alone] = found[found["submap"] == submap]
         other = self.requests.in_submap(self.graph, submap)
-        same = [request for request in other if request.node == node]
-        assert [request.linear_window for request in same] == [alone[0].linear_window]
-        return alone[0].linear_window
+        [same] = other[other["node"] == node]
+        assert same["linear_window"] == pytest.approx(alone["linear_window"])
+        return alone["linear_window"]
 
 
 def test_nodes_are_sought_in_the_submaps_nearby_that_they_are_not_in():
     walk = Walk()
-    assert {request.submap for request in walk.requests.of_node(walk.graph, 40, 4)} == {0}
-    assert {request.node for request in walk.requests.in_submap(walk.graph, 0)} == {
-        39, 40, 41, 79,
-    }  # fmt: skip
+    assert walk.requests.of_node(walk.graph, 40, 4)["submap"].tolist() == [0]
+    assert walk.requests.in_submap(walk.graph, 0)["node"].tolist() == [39, 40, 41, 79]
 
 
 def test_scans_with_few_points_are_not_sought():
-    assert Walk(num_points=0).requests.of_node(Walk().graph, 40, 4) == []
+    assert len(Walk(num_points=0).requests.of_node(Walk().graph, 40, 4)) == 0
 
 
 def test_without_closures_the_window_is_for_the_whole_way():

@@ -40,8 +40,8 @@ def test_each_scan_is_matched_as_if_it_were_alone_or_left():
     limit = float(np.median(residuals)) + 1e-6
     found = np.empty((3, 11))
     match_all_least_squares(
-        grid, UNKNOWN, 0.0, 0.0, 0.05, np.concatenate(scans), np.array((0, 5, 17, 47)), starts,
-        information, 1e6, 10.0, 20, limit, found,
+        grid, UNKNOWN, 0.0, 0.0, 0.05, np.concatenate(scans), np.array((0, 5, 17)),
+        np.array((5, 17, 47)), starts, information, 1e6, 10.0, 20, limit, found,
     )  # fmt: skip
     assert sum(np.isinf(found[:, 9])) == 1
     for scan, start, residual, row in zip(scans, starts, residuals, found, strict=True):

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from cartoloop.config import Config
-from cartoloop.global_slam.loop_closure import LoopClosure
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust, constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.global_slam.robust_loss import Loss
@@ -22,6 +21,7 @@ from cartoloop.map_output.closures_file import (
     nodes_csv,
 )
 from cartoloop.sensor.pose import Pose
+from tests.global_slam import closures
 from tests.map_output.small_result import small_result
 
 
@@ -32,7 +32,10 @@ def rows(text):
 def closure(x, theta=0.0, node=1, score=0.7, runner_up=math.nan):
     """A closure of node 1 of the small result, which stands at (1.0, 0.5, 0.1) in its submap."""
     information = np.diag((100.0, 100.0, 100.0))
-    return LoopClosure(0, node, Pose(1.0 + x, 0.5, 0.1 + theta), information, score, runner_up)
+    pose = (1.0 + x, 0.5, 0.1 + theta)
+    return closures.closure(
+        0, node, pose, information=information, score=score, runner_up=runner_up
+    )
 
 
 def test_a_node_is_named_by_its_scan_and_its_submaps():
@@ -54,8 +57,8 @@ def test_a_node_is_named_by_its_scan_and_its_submaps():
 def test_each_stage_has_its_rows_with_what_was_measured():
     result = replace(
         small_result(),
-        found=(closure(0.1, runner_up=0.5), closure(0.3)),
-        rejected=(closure(-0.4, theta=math.radians(-2.0), score=0.6),),
+        found=closures.closures(closure(0.1, runner_up=0.5), closure(0.3)),
+        rejected=closures.closures(closure(-0.4, theta=math.radians(-2.0), score=0.6)),
     )
 
     table = rows(closures_csv(result))
@@ -68,11 +71,11 @@ def test_each_stage_has_its_rows_with_what_was_measured():
     assert residuals == pytest.approx([0.1, 0.3, 0.0, 0.4])
     assert float(table[3]["residual_deg"]) == pytest.approx(2.0)
     seen = [float(table[1][key]) for key in ("x", "y", "theta")]
-    assert seen == list(result.found[1].tf_submap_node)
+    assert seen == result.found["tf_submap_node"][1].tolist()
 
 
 def test_the_weight_is_what_the_loss_leaves():
-    result = replace(small_result(), found=(closure(0.2), closure(0.6)))
+    result = replace(small_result(), found=closures.closures(closure(0.2), closure(0.6)))
     weights = [float(row["weight"]) for row in rows(closures_csv(result))]
 
     # E is 2 and 6, and Huber's loss bends at 3
@@ -113,9 +116,8 @@ def test_residuals_and_weights_are_those_of_the_adjustment(loss):
 
 def test_numbers_read_back_as_they_were():
     seen = Pose(1 / 3, -2e-17, 0.1 + 0.2)
-    result = replace(
-        small_result(), found=(LoopClosure(0, 1, seen, np.eye(3), score=2 / 3, runner_up=0.0),)
-    )
+    found = closures.closures(closures.closure(0, 1, seen, score=2 / 3))
+    result = replace(small_result(), found=found)
 
     row = rows(closures_csv(result))[0]
 

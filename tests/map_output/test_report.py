@@ -8,10 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from cartoloop.global_slam.loop_closure import LoopClosure
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.map_output.report import peak_memory_mb, summarize_constraints
-from cartoloop.sensor.pose import Pose
+from tests.global_slam.closures import closure, closures
 
 
 def graph_with_closures(*errors):
@@ -38,11 +37,12 @@ def test_closures_within_20_cm_and_1_degree_are_true():
 
 
 def test_what_searches_found_is_judged_by_the_poses_in_the_end():
-    def closure(x, degrees):
-        seen = Pose(2.0 + x, 0.0, math.radians(degrees))
-        return LoopClosure(0, 0, seen, np.eye(3), score=0.7, runner_up=0.0)
-
-    found = [closure(0.1, 0.0), closure(0.0, 1.5), closure(0.3, 0.0), closure(0.0, -0.5)]
+    found = closures(
+        *(
+            closure(0, 0, (2.0 + x, 0.0, math.radians(degrees)))
+            for x, degrees in ((0.1, 0.0), (0.0, 1.5), (0.3, 0.0), (0.0, -0.5))
+        )
+    )
     summary = summarize_constraints(graph_with_closures((0.0, 0.0)), searched=17, found=found)
 
     assert summary.found == 4

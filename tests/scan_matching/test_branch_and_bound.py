@@ -19,6 +19,7 @@ from cartoloop.scan_matching.branch_and_bound import (
 )
 from cartoloop.scan_matching.precomputation_grid import MAX_MOVE, STRIDES, PrecomputationGrids
 from cartoloop.sensor.pose import Pose, transform_points
+from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
 from tests.reference.naive_branch_and_bound import (
     angular_step,
@@ -456,8 +457,8 @@ def test_many_scans_at_once_are_found_where_each_is_found_alone(seed, min_score)
     matcher = SubmapMatcher(grid)
 
     found = matcher.match_all(
-        clouds, estimates, linear_windows=linear, angular_windows=angular, min_score=min_score,
-        groups=np.arange(6), max_of_group=1,
+        ScanPoints.of(clouds), estimates, linear_windows=linear, angular_windows=angular,
+        min_score=min_score, groups=np.arange(6), max_of_group=1,
     )  # fmt: skip
 
     assert found.was_sought.all()
@@ -475,8 +476,8 @@ def test_of_a_group_no_more_are_sought_once_enough_are_found(max_of_group):
     groups = np.array((0, 1, 0, 1, 0, 1, 0, 1, 0))
 
     found = SubmapMatcher(grid).match_all(
-        clouds, estimates, linear_windows=linear, angular_windows=angular, min_score=0.0,
-        groups=groups, max_of_group=max_of_group,
+        ScanPoints.of(clouds), estimates, linear_windows=linear, angular_windows=angular,
+        min_score=0.0, groups=groups, max_of_group=max_of_group,
     )  # fmt: skip
 
     for group, size in ((0, 5), (1, 4)):
@@ -489,8 +490,8 @@ def test_nothing_is_found_for_no_scans():
     grid, *_ = many_scans(2, 1)
     none = np.zeros(0)
     found = SubmapMatcher(grid).match_all(
-        [], np.zeros((0, 3)), linear_windows=none, angular_windows=none, min_score=0.5,
-        groups=np.zeros(0, dtype=np.int64), max_of_group=1,
+        ScanPoints.of([]), np.zeros((0, 3)), linear_windows=none, angular_windows=none,
+        min_score=0.5, groups=np.zeros(0, dtype=np.int64), max_of_group=1,
     )  # fmt: skip
     assert found.matches == []
     assert len(found.was_sought) == 0

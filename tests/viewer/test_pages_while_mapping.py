@@ -142,12 +142,12 @@ def test_the_latest_closure_tells_where_it_was_sought(view, events):
         closure = page.json[MessageType.LATEST_CLOSURE]
 
         found = mapper.global_slam.found
-        ends = {(one.submap, one.node): one for one in found}
-        request = ends[closure["submap"], closure["node"]].request
-        assert closure["window"]["linear_m"] == request.linear_window
-        assert closure["window"]["angular_rad"] == request.angular_window
-        assert closure["window"]["tf_submap_node"] == list(request.tf_submap_node)
-        assert len(closure["points"]) == len(request.points)
+        ends = {(one["submap"], one["node"]): one["request"] for one in found}
+        request = ends[closure["submap"], closure["node"]]
+        assert closure["window"]["linear_m"] == request["linear_window"]
+        assert closure["window"]["angular_rad"] == request["angular_window"]
+        assert closure["window"]["tf_submap_node"] == request["tf_submap_node"].tolist()
+        assert len(closure["points"]) == len(mapper.global_slam.node_points[request["node"]])
         assert 0.0 < closure["score"] < 1.0
     mapper.close()
 

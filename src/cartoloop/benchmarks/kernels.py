@@ -23,17 +23,19 @@ from cartoloop.config import Config, CorrelativeMatcherConfig
 from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.chordal_initialization import initialize_from_constraints
+from cartoloop.global_slam.closure_search import refine_all
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
-from cartoloop.global_slam.loop_closure import refine_all
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, constraint_residuals
 from cartoloop.kernels import exhaustive_search, plain_search
+from cartoloop.kernels.due_pairs import due_pairs
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.scan_matching import correlative
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
 from cartoloop.sensor.pose import Pose, compose, relative, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
+from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
 from cartoloop.submaps.submap import Submap
 
@@ -51,7 +53,7 @@ DRIVE_KERNELS = (
     "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
     "finish", "precompute", "mean score", "branch and bound", "match again", "compose map",
 )  # fmt: skip
-GRAPH_KERNELS = ("adjust", "adjust, one step", "residuals", "chordal start", "ways")
+GRAPH_KERNELS = ("adjust", "adjust, one step", "residuals", "chordal start", "ways", "pairs")
 KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
 """The names of what is measured, by what they are measured on."""
 
@@ -94,6 +96,7 @@ def workloads(only: Sequence[str] = KERNELS) -> Iterator[Workload]:
     if set(only) & set(GRAPH_KERNELS):
         yield from _graph_workloads()
         yield _ways_workload()
+        yield _pairs_workload()
     if set(only) & set(INPUT_KERNELS):
         yield from input_workloads()
 
@@ -176,7 +179,8 @@ def _match_workloads(driven: Drive) -> Iterator[Workload]:
     yield Workload(
         "match", ("match_batch", "scan_residuals", "smooth_map"), case,
         partial(
-            refine_all, finished.smooth_map, [points], np.array((start,)), search, math.inf
+            refine_all, finished.smooth_map, ScanPoints.of([points]), np.array((start,)), search,
+            math.inf,
         ),
         len(points), "points",
     )  # fmt: skip
@@ -225,7 +229,7 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
         "match again", ("match_batch", "scan_residuals", "smooth_map"), case,
         partial(
             refinement.match_again, finished, np.zeros(3), np.arange(len(own)), np.array(in_submap),
-            points, search,
+            ScanPoints.of(points), search,
         ),
         len(own), "scans",
     )  # fmt: skip
@@ -271,15 +275,32 @@ def _ways_workload() -> Workload:
     travelled = np.arange(0.0, 17.0 * submaps, 17.0)
     selection = PairSelection(Config().global_slam.constraint_search)
 
-    pair, way = (np.array((submaps - 1,)), np.zeros(1, dtype=np.int64)), (np.zeros(1), np.ones(1))
-
     def find() -> None:
         selection.update(travelled, closures)
-        selection.uncertain_lengths(*pair, *way)
+        selection.ways_from(submaps - 1)
 
     return Workload(
         "ways", ("shortest_ways",), {"input": f"{submaps} submaps"}, find, submaps, "submaps"
     )
+
+
+def _pairs_workload() -> Workload:
+    """Return which submaps of the larger graph a node that lies among all of them is sought in."""
+    nodes, submaps, _ = GRAPHS[-1]
+    graph = bipartite_graph(*GRAPHS[-1]).graph
+    selection = Config().global_slam.constraint_search
+    begun = np.arange(submaps) * nodes // submaps
+    node_submaps = np.repeat((np.arange(nodes) * submaps // nodes)[:, np.newaxis], 2, axis=1)
+    travelled = np.linspace(0.0, 0.2 * nodes, nodes)
+    find = partial(
+        due_pairs, 0, submaps, nodes - 1, nodes, graph.submap_poses, graph.node_poses, math.inf,
+        np.ones(nodes, dtype=bool), travelled, node_submaps, travelled[begun],
+        np.empty((2, 0), dtype=np.int64), 0.5, np.full(submaps, np.inf), False,
+        selection.bound_length, selection.every_nth_node, selection.every_nth_bound_node,
+        np.empty((submaps, 3), dtype=np.int64), np.empty(submaps), np.empty((submaps, 3)),
+    )  # fmt: skip
+    case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
+    return Workload("pairs", ("due_pairs",), case, find, submaps, "submaps")
 
 
 def _growing(driven: Drive) -> Submap:

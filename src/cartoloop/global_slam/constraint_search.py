@@ -9,13 +9,16 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from time import perf_counter
 from typing import NamedTuple, TypeVar
 
+import numpy as np
+
 from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.closure_search import search
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.loop_closure import LoopClosure, SearchRequest, search
+from cartoloop.global_slam.loop_closure import NO_CLOSURES, Closures, Requests
+from cartoloop.global_slam.node_points import NodePoints
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
-Numbered = tuple[int, SearchRequest]
 
 MAX_THREADS = 4
 """More threads than this have nothing to do."""
@@ -35,9 +38,9 @@ PRECOMPUTED_BYTES = 32 * 2**20
 
 
 class _Found(NamedTuple):
-    """What one task found: closures by number of request, searches made, time that it took [s]."""
+    """What one task found: closures, searches made, time that it took [s]."""
 
-    closures: list[tuple[int, LoopClosure]]
+    closures: Closures
     num_searched: int
     duration: float
 
@@ -50,6 +53,8 @@ class ConstraintSearch:
     Parameters
     ----------
     config : what is accepted.
+    submaps : the finished submaps by their index; whoever owns it adds to it.
+    node_points : the returns of the nodes, likewise.
     num_threads : how many threads search; 0: as many as there are processors, at most 4;
         one less with a bound.
     max_backlog : with more searches than this behind, new ones are dropped; None: never.
@@ -62,17 +67,23 @@ class ConstraintSearch:
     """
 
     def __init__(
-        self, config: ConstraintSearchConfig, num_threads: int, max_backlog: int | None = None
+        self,
+        config: ConstraintSearchConfig,
+        submaps: Sequence[FinishedSubmap],
+        node_points: NodePoints,
+        num_threads: int,
+        max_backlog: int | None = None,
     ) -> None:
         self._config = config
+        self._submaps = submaps
+        self._node_points = node_points
         self._max_backlog = max_backlog
         # Where nobody is to wait, one processor is left to the rest.
         num_processors = (os.cpu_count() or 1) - (max_backlog is not None)
         num_threads = num_threads or min(max(num_processors, 1), MAX_THREADS)
         self._threads = ThreadPoolExecutor(num_threads, thread_name_prefix="loop-closure")
-        self._waiting: dict[int, list[Numbered]] = {}
+        self._waiting: list[Requests] = []
         self._pending: list[tuple[Future[_Found], int]] = []
-        self._submaps: dict[int, FinishedSubmap] = {}
         self._kept: dict[int, FinishedSubmap] = {}
         self._num_submitted = 0
         self._times_put_off: dict[int, int] = {}
@@ -83,25 +94,23 @@ class ConstraintSearch:
     @property
     def backlog(self) -> int:
         """How many searches were submitted and are not done; may be asked in any thread."""
-        return sum(len(requests) for requests in list(self._waiting.values())) + self.num_running
+        return sum(map(len, list(self._waiting))) + self.num_running
 
     @property
     def num_running(self) -> int:
         """How many of them were started; may be asked in any thread."""
         return sum(size for future, size in self._pending if not future.done())
 
-    def submit(self, submap: FinishedSubmap, requests: Sequence[SearchRequest]) -> None:
-        """Note nodes to be sought in one submap when :meth:`start` is called next."""
+    def submit(self, requests: Requests) -> None:
+        """Note what is to be searched when :meth:`start` is called next."""
         if self._max_backlog is not None:
             room = max(0, self._max_backlog - self.backlog)
             self.num_dropped += max(0, len(requests) - room)
             requests = requests[:room]
-        if not requests:
-            return
-        numbered = enumerate(requests, start=self._num_submitted)
-        self._waiting.setdefault(submap.index, []).extend(numbered)
-        self._submaps[submap.index] = submap
-        self._num_submitted += len(requests)
+        if len(requests):
+            requests["number"] = np.arange(len(requests)) + self._num_submitted
+            self._num_submitted += len(requests)
+            self._waiting.append(requests)
 
     def start(self, *, put_off: bool = False) -> None:
         """Hand what was submitted to the threads; returns at once.
@@ -112,29 +121,30 @@ class ConstraintSearch:
         ----------
         put_off : whether submaps in which few nodes are to be sought may wait for more of them.
         """
-        waiting, self._waiting = self._waiting, {}
-        if put_off:
-            self._put_off(waiting)
+        waiting = by_submap(self._waiting)
+        self._waiting = self._put_off(waiting) if put_off else []
         # those first of which there is something, lest it be dropped for the others
-        for index in sorted(waiting, key=lambda index: index not in self._kept):
-            submap, numbered = self._submaps.pop(index), waiting[index]
+        for index in sorted(waiting, key=lambda i: (i not in self._kept, waiting[i]["number"][0])):
+            submap, requests = self._submaps[index], waiting[index]
             self._keep(submap, waiting)
-            for first in range(0, len(numbered), BATCH):
-                batch = tuple(numbered[first : first + BATCH])
+            for first in range(0, len(requests), BATCH):
+                batch = requests[first : first + BATCH]
                 future = self._threads.submit(self._run, submap, batch)
                 self._pending.append((future, len(batch)))
 
-    def _put_off(self, waiting: dict[int, list[Numbered]]) -> None:
+    def _put_off(self, waiting: dict[int, Requests]) -> list[Requests]:
         """Take out the submaps that may wait: to make their precomputed grids takes longer."""
+        left = []
         for index in list(waiting):
             times = self._times_put_off.get(index, 0)
             if index in self._kept or len(waiting[index]) >= FEW or times == PATIENCE:
                 self._times_put_off.pop(index, None)
             else:
                 self._times_put_off[index] = times + 1
-                self._waiting[index] = waiting.pop(index)
+                left.append(waiting.pop(index))
+        return left
 
-    def collect(self, *, wait: bool = True) -> list[LoopClosure]:
+    def collect(self, *, wait: bool = True) -> Closures:
         """Return what was found, in the order submitted.
 
         Parameters
@@ -145,13 +155,15 @@ class ConstraintSearch:
         if not wait:
             started, pending = pending, [task for task in pending if task[0].done()]
             self._pending = [task for task in started if task not in pending]
-        found: list[tuple[int, LoopClosure]] = []
+        found = [NO_CLOSURES]
         for future, _ in pending:
             batch = future.result()
-            found += batch.closures
+            found.append(batch.closures)
             self.num_searched += batch.num_searched
             self.durations.append(batch.duration)
-        return [closure for _, closure in sorted(found, key=lambda numbered: numbered[0])]
+        closures = np.concatenate(found)
+        in_order: Closures = closures[np.argsort(closures["request"]["number"], kind="stable")]
+        return in_order
 
     def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> list[Answer]:
         """Run a task on each of the items in the background threads; answers in their order."""
@@ -174,16 +186,24 @@ class ConstraintSearch:
         if room >= 0:
             self._kept[submap.index] = submap
 
-    def _run(self, submap: FinishedSubmap, requests: tuple[Numbered, ...]) -> _Found:
+    def _run(self, submap: FinishedSubmap, requests: Requests) -> _Found:
         start = perf_counter()
-        ordered = spread_out(requests)
-        found = search(submap, [request for _, request in ordered], self._config)
-        closures = [(ordered[i][0], closure) for i, closure in found.closures]
+        found = search(submap, spread_out(requests), self._node_points.view, self._config)
         if submap.index not in self._kept:
             submap.release()
-        return _Found(closures, found.num_searched, perf_counter() - start)
+        return _Found(found.closures, found.num_searched, perf_counter() - start)
 
 
-def spread_out(requests: Sequence[Numbered]) -> list[Numbered]:
+def by_submap(requests: Sequence[Requests]) -> dict[int, Requests]:
+    """Return the requests of each submap in their order, the submaps ascending."""
+    if not requests:
+        return {}
+    together = np.concatenate(requests)
+    together = together[np.argsort(together["submap"], kind="stable")]
+    submaps, firsts = np.unique(together["submap"], return_index=True)
+    return dict(zip(submaps.tolist(), np.split(together, firsts[1:]), strict=True))
+
+
+def spread_out(requests: Requests) -> Requests:
     """Return the requests, every :data:`STRIDE`-th first."""
-    return [numbered for first in range(STRIDE) for numbered in requests[first::STRIDE]]
+    return np.concatenate([requests[first::STRIDE] for first in range(STRIDE)])

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -14,7 +14,9 @@ from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
-from cartoloop.global_slam.loop_closure import IntArray, LoopClosure, LoopClosures
+from cartoloop.global_slam.growing_array import GrowingArray
+from cartoloop.global_slam.loop_closure import CLOSURE, NO_CLOSURES, Closures, IntArray, closures_in
+from cartoloop.global_slam.node_points import NodePoints
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
     PoseAdjuster,
@@ -28,7 +30,8 @@ from cartoloop.global_slam.pose_graph import (
 )
 from cartoloop.global_slam.robust_loss import Loss
 from cartoloop.global_slam.search_requests import SearchRequests
-from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose, compose, inverse, relative
+from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
+from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.node import Node
@@ -77,9 +80,9 @@ class GlobalSlam:
 
     Attributes
     ----------
-    found : the loop closures, in the order in which they joined the graph.
     found_after : of each, how many nodes were added between asking for it and its joining.
     num_put_off : searches that were started and not done when the graph was adjusted.
+    rejected : the loop closures that were taken out of the graph in the end.
     """
 
     def __init__(
@@ -90,18 +93,21 @@ class GlobalSlam:
         self._waits = wait_for_searches
         self.graph = PoseGraph()
         self._adjuster = PoseAdjuster(self.graph)
+        self._finished: list[FinishedSubmap] = []
+        self._node_points = NodePoints()
         self.search = ConstraintSearch(
             config.constraint_search,
+            self._finished,
+            self._node_points,
             config.num_threads,
             max_backlog=None if wait_for_searches else MAX_BACKLOG,
         )
-        self.found: list[LoopClosure] = []
+        self._found = GrowingArray((), CLOSURE)
         self.found_after: list[int] = []
         self.num_put_off = 0
         self.adjustments: list[AdjustmentRun] = []
-        self.rejected: list[LoopClosure] = []
+        self.rejected = NO_CLOSURES
         self._requests = SearchRequests(config.constraint_search)
-        self._finished: list[FinishedSubmap] = []
         self._submap_nodes: list[set[int]] = []
         self._tf_local_last_submap = IDENTITY
         self._tf_map_local = IDENTITY
@@ -112,9 +118,14 @@ class GlobalSlam:
         return self._tf_map_local
 
     @property
-    def node_points(self) -> Sequence[FloatArray]:
-        """The returns of each node [m], tracking frame, shapes (n, 2); to be read only."""
-        return self._requests.node_points
+    def found(self) -> Closures:
+        """The loop closures so far, in the order in which they joined the graph; read only."""
+        return self._found.view
+
+    @property
+    def node_points(self) -> ScanPoints:
+        """The returns of each node so far [m], tracking frame; to be read only."""
+        return self._node_points.view
 
     @property
     def num_loop_closures(self) -> int:
@@ -190,6 +201,7 @@ class GlobalSlam:
         pose = node.tf_local_tracking
         graph.add_node(compose(self._tf_map_local, pose))
         self._requests.add_node(node)
+        self._node_points.append(node.points)
         for submap in node.submaps:
             if submap.index == graph.num_submaps:
                 graph.add_submap(compose(self._tf_map_local, submap.tf_local_submap))
@@ -214,7 +226,7 @@ class GlobalSlam:
                 (self.graph.index_a == submap.index)
                 & (self.graph.kinds == ConstraintKind.INTRA_SUBMAP)
             )
-            points = [self.node_points[node] for node in self.graph.index_b[own].tolist()]
+            points = self.node_points.take(self.graph.index_b[own])
             own_score = mean_score(grid, points, self.graph.relative_poses[own])
             finished = FinishedSubmap(submap.index, grid, own_score)
         self._finished.append(finished)
@@ -223,13 +235,12 @@ class GlobalSlam:
     def _seek_node(self, node: int) -> None:
         """Seek a node in all finished submaps near enough."""
         with self._timer.measure("select pairs"):
-            for request in self._requests.of_node(self.graph, node, len(self._finished)):
-                self.search.submit(self._finished[request.submap], [request])
+            self.search.submit(self._requests.of_node(self.graph, node, len(self._finished)))
 
     def _seek_in(self, submap: FinishedSubmap) -> None:
         """Seek all nodes near enough in a submap that has just been finished."""
         with self._timer.measure("select pairs"):
-            self.search.submit(submap, self._requests.in_submap(self.graph, submap.index))
+            self.search.submit(self._requests.in_submap(self.graph, submap.index))
 
     def _take_in_closures(self) -> None:
         """Add the loop closures that were found to the graph."""
@@ -238,22 +249,21 @@ class GlobalSlam:
             closures = self.search.collect(wait=self._waits)
         for duration in self.search.durations[num_timed:]:
             self._timer.record("search", duration)
-        self.found += closures
-        for closure in closures:
-            self._requests.note_found(closure)
-            if closure.request is not None:
-                self.found_after.append(self.graph.num_nodes - closure.request.num_nodes)
-        self._add_closures(LoopClosures.of(closures))
+        self._found.extend(closures)
+        self._requests.note_found(closures)
+        since = self.graph.num_nodes - closures["request"]["num_nodes"]
+        self.found_after += since.tolist()
+        self._add_closures(closures)
 
-    def _add_closures(self, closures: LoopClosures) -> None:
+    def _add_closures(self, closures: Closures) -> None:
         self.graph.add_constraints(
             ConstraintKind.LOOP_CLOSURE,
-            closures.submaps,
-            closures.nodes,
-            closures.tf_submap_node,
-            closures.informations,
-            scores=closures.scores,
-            runner_ups=closures.runner_ups,
+            closures["submap"],
+            closures["node"],
+            closures["tf_submap_node"],
+            closures["information"],
+            scores=closures["score"],
+            runner_ups=closures["runner_up"],
         )
 
     def _adjust(self, max_num_iterations: int) -> None:
@@ -296,7 +306,7 @@ class GlobalSlam:
         if is_violated.any():
             is_false = np.zeros(self.graph.num_constraints, dtype=bool)
             is_false[closures[is_violated]] = True
-            self.rejected = LoopClosures.in_graph(self.graph, is_false).one_by_one()
+            self.rejected = closures_in(self.graph, is_false)
             self.graph = self.graph.without(is_false)
             self._adjust(max_num_iterations)
 
@@ -313,7 +323,7 @@ class GlobalSlam:
                 config.final_every_nth_node,
             )
 
-        def match_submap(index: int) -> LoopClosures:
+        def match_submap(index: int) -> Closures:
             submap, pose = self._finished[index], graph.submap_poses[index]
             found = refinement.match_again(
                 submap, pose, nodes[index], graph.node_poses, self.node_points, config

@@ -9,7 +9,6 @@ submap that it was inserted into, or along the path to the nearest node that clo
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 
 import numpy as np
@@ -20,6 +19,8 @@ from cartoloop.kernels.shortest_ways import shortest_ways
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+_NOTHING: FloatArray = np.empty(0)
 
 CLOSURE_LENGTH_M = 0.5
 """A loop closure is as good as so much of dead reckoning."""
@@ -72,34 +73,14 @@ class PairSelection:
         linear = config.linear_search_window - config.min_linear_search_window
         return linear / max(config.linear_drift, 1e-6) + 1.0
 
-    def uncertain_lengths(
-        self, submaps: IntArray, anchors: IntArray, ways: FloatArray, travelled: FloatArray
-    ) -> FloatArray:
-        """Return the shortest known way of each pair, from submap to node [m].
+    def ways_from(self, submap: int) -> FloatArray:
+        """Return the lengths [m] of the shortest known ways from a submap to all those known.
 
-        Parameters
-        ----------
-        submaps : the finished submaps, shape (n,).
-        anchors : the submaps that the nodes are best tied to, shape (n,).
-        ways : how far the nodes are from these along the path [m], shape (n,).
-        travelled : how far the robot went between beginning the submaps and the nodes [m], shape
-            (n,).
+        Shape (m,), of the submaps when :meth:`update` was called last; empty where this one is not
+        among them; inf for very long ways.
         """
-        lengths: FloatArray = travelled.copy()
-        known = np.flatnonzero((submaps < self._num_submaps) & (anchors < self._num_submaps))
-        # From whichever are fewer: one, where a node is sought, or where all are in one submap.
-        starts, ends = submaps[known], anchors[known]
-        if len(np.unique(ends)) < len(np.unique(starts)):
-            starts, ends = ends, starts
-        for submap in np.unique(starts).tolist():
-            of = starts == submap
-            pairs = known[of]
-            between = self._lengths_from(submap)[ends[of]]
-            lengths[pairs] = np.minimum(lengths[pairs], between + ways[pairs])
-        return lengths
-
-    def _lengths_from(self, submap: int) -> FloatArray:
-        """Return the lengths of the ways from a submap to all, shape (m,); inf where very long."""
+        if submap >= self._num_submaps:
+            return _NOTHING
         if submap not in self._lengths:
             lengths = self._lengths[submap] = np.empty(self._num_submaps)
             shortest_ways(
@@ -112,42 +93,23 @@ class PairSelection:
             )
         return self._lengths[submap]
 
-    def window(self, uncertain_length: float) -> tuple[float, float]:
-        """Return the linear [m] and angular [rad] search window for an uncertain length [m]."""
+    def windows(self, uncertain_lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the linear [m] and angular [rad] search windows for uncertain lengths [m]."""
         config = self._config
-        linear = config.min_linear_search_window + config.linear_drift * uncertain_length
+        linear = config.min_linear_search_window + config.linear_drift * uncertain_lengths
         angular_deg = (
-            config.min_angular_search_window_deg + config.angular_drift_deg * uncertain_length
+            config.min_angular_search_window_deg + config.angular_drift_deg * uncertain_lengths
         )
         return (
-            min(linear, config.linear_search_window),
-            math.radians(min(angular_deg, config.angular_search_window_deg)),
+            np.minimum(linear, config.linear_search_window),
+            np.radians(np.minimum(angular_deg, config.angular_search_window_deg)),
         )
-
-    def may_be_due(self, submap: int | IntArray, node: int | IntArray) -> NDArray[np.bool_]:
-        """Return which pairs :meth:`are_due` may call due, as far as their numbers tell."""
-        number = np.asarray(submap) + np.asarray(node)
-        due: NDArray[np.bool_] = (number % self._config.every_nth_node == 0) | (
-            number % self._config.every_nth_bound_node == 0
-        )
-        return due
-
-    def are_due(
-        self, submaps: IntArray, nodes: IntArray, uncertain_lengths: FloatArray
-    ) -> NDArray[np.bool_]:
-        """Return which pairs :meth:`take` may take.
-
-        Of pairs of submaps that no closure ties yet, every n-th node is sought; of those whose
-        relative pose is known, some, until enough of them are found.
-        """
-        config = self._config
-        is_bound = uncertain_lengths < config.bound_length
-        every = np.where(is_bound, config.every_nth_bound_node, config.every_nth_node)
-        due: NDArray[np.bool_] = (nodes + submaps) % every == 0
-        return due
 
     def take(self, submap: int, node_submap: int, uncertain_length: float) -> bool:
-        """Return whether a pair that is due is to be searched, and count it if so."""
+        """Return whether a pair that is due is to be searched, and count it if so.
+
+        Of pairs whose relative pose is known, some are, until enough of them are found.
+        """
         config = self._config
         pair = (submap, node_submap)
         if self._num_found[pair] >= config.max_closures_of_pair:

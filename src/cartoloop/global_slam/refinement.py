@@ -13,10 +13,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.closure_search import LEVER_M, refine_all
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.loop_closure import LEVER_M, IntArray, LoopClosures, refine_all
+from cartoloop.global_slam.loop_closure import CLOSURE, NO_CLOSURES, Closures, IntArray
 from cartoloop.scan_matching.match_information import match_informations
 from cartoloop.sensor.pose import FloatArray, relative_all
+from cartoloop.sensor.scan_points import ScanPoints
 
 
 def overlapping_nodes(
@@ -68,9 +70,9 @@ def match_again(
     tf_map_submap: FloatArray,
     nodes: IntArray,
     node_poses: FloatArray,
-    points: Sequence[FloatArray],
+    node_points: ScanPoints,
     config: ConstraintSearchConfig,
-) -> LoopClosures:
+) -> Closures:
     """Return the nodes that fit the submap near where they stand.
 
     Their score is 1 less the root mean square of 1 - M_smooth at the points: no more than the mean
@@ -81,15 +83,15 @@ def match_again(
     tf_map_submap : shape (3,).
     nodes : indices of those to match.
     node_poses : shape (n, 3), of all nodes.
-    points : of all nodes.
+    node_points : the returns of all nodes.
     """
-    nodes = nodes[[len(points[node]) >= config.min_num_points for node in nodes.tolist()]]
+    nodes = nodes[node_points.take(nodes).counts >= config.min_num_points]
     if len(nodes) == 0:
-        return LoopClosures.of([])
+        return NO_CLOSURES
     estimates = relative_all(tf_map_submap, node_poses[nodes])
     matches = refine_all(
         submap.smooth_map,
-        [points[node] for node in nodes.tolist()],
+        node_points.take(nodes),
         estimates,
         config,
         config.max_start_residual,
@@ -104,12 +106,12 @@ def match_again(
         & (np.abs(moved[:, 2]) <= config.max_refinement / LEVER_M)
     )
     fitting = np.flatnonzero(fits)
-    informations = match_informations(matches.information[fitting], matches.residual[fitting])
-    return LoopClosures(
-        np.full(len(fitting), submap.index),
-        nodes[fitting],
-        matches.tf_grid_scan[fitting],
-        informations,
-        1.0 - matches.residual[fitting],
-        np.full(len(fitting), math.nan),
+    closures = np.zeros(len(fitting), CLOSURE)
+    closures["submap"], closures["node"] = submap.index, nodes[fitting]
+    closures["tf_submap_node"] = matches.tf_grid_scan[fitting]
+    closures["information"] = match_informations(
+        matches.information[fitting], matches.residual[fitting]
     )
+    closures["score"] = 1.0 - matches.residual[fitting]
+    closures["runner_up"] = math.nan
+    return closures

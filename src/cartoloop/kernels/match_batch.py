@@ -20,7 +20,8 @@ def match_all_least_squares(
     origin_y: float,
     resolution: float,
     points: FloatArray,
-    first_points: NDArray[np.int64],
+    firsts: NDArray[np.int64],
+    ends: NDArray[np.int64],
     starts: FloatArray,
     prior_information: FloatArray,
     prior_scale: float,
@@ -33,8 +34,8 @@ def match_all_least_squares(
 
     Parameters
     ----------
-    points : float64, shape (n, 2), the points of all scans, one scan after the other [m].
-    first_points : int64, shape (k + 1,): scan i has the points from ``first_points[i]`` on.
+    points : float64, shape (n, 2), the points of all scans [m].
+    firsts, ends : int64, shape (k,): scan i has ``points[firsts[i] : ends[i]]``.
     starts : float64, shape (k, 3), poses to start from, and that the matches are held to.
     max_start_residual : a scan whose root mean square of 1 - M_smooth is larger where it starts is
         left there, its sum of squares infinite, its curvature 0.
@@ -45,7 +46,7 @@ def match_all_least_squares(
     All other parameters as in :func:`match_least_squares`.
     """
     for i in range(starts.shape[0]):
-        scan = points[first_points[i] : first_points[i + 1]]
+        scan = points[firsts[i] : ends[i]]
         match_least_squares(
             grid,
             unknown,

@@ -37,7 +37,8 @@ def search_scans(
     level_boxes: CellArray,
     grid_frame: FloatArray,
     points: FloatArray,
-    first_points: IntArray,
+    firsts: IntArray,
+    ends: IntArray,
     estimates: FloatArray,
     half_sizes: IntArray,
     angular_windows: FloatArray,
@@ -57,8 +58,8 @@ def search_scans(
     cells, levels, level_boxes : the submap's precomputed grids, see
         :func:`cartoloop.kernels.branch_and_bound.search`.
     grid_frame : float64, (origin_x, origin_y, resolution) [m].
-    points : float64, shape (n, 2), the points of all scans, one scan after the other [m].
-    first_points : int64, shape (k + 1,): scan i has the points from ``first_points[i]`` on.
+    points : float64, shape (n, 2), the points of all scans [m].
+    firsts, ends : int64, shape (k,): scan i has ``points[firsts[i] : ends[i]]``.
     estimates : float64, shape (k, 3), the windows' centres.
     half_sizes : int64, shape (k, 2), pixels to each side of them, in x and y.
     angular_windows : float64, shape (k,), W_theta of eq. (8) [rad].
@@ -78,7 +79,7 @@ def search_scans(
     extent, frame = np.empty(3), np.empty(7)
     window, apart = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
     for i in range(groups.size):
-        scan = points[first_points[i] : first_points[i + 1]]
+        scan = points[firsts[i] : ends[i]]
         out_matches[i, 0, 0] = out_matches[i, 1, 0] = -1
         out_rotations[i], out_steps[i] = 0, 0.0
         out_was_sought[i] = num_found[groups[i]] < max_of_group

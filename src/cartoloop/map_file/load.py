@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from cartoloop.config import Config
 from cartoloop.errors import InputError
-from cartoloop.global_slam.loop_closure import LoopClosure
+from cartoloop.global_slam.loop_closure import CLOSURE, Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.map_file.schema import APPLICATION_ID, FILE_NAME, REJECTED, SCHEMA_VERSION
 from cartoloop.map_output.report import ConstraintSummary, InputSummary, Report
 from cartoloop.map_output.result import Result
-from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 FloatArray = NDArray[np.float64]
@@ -61,7 +60,7 @@ def load_map(path: Path) -> Result:
             config=Config.model_validate_json(about["config"]),
             report=_report(report),
             rejected=rejected,
-            node_points=tuple(_points(*row[5:]) for row in nodes),
+            node_points=[_points(*row[5:]) for row in nodes],
         )
 
 
@@ -124,7 +123,7 @@ def _poses(rows: Sequence[Row], num_columns: int = 3) -> FloatArray:
     return array
 
 
-def _graph(database: sqlite3.Connection) -> tuple[PoseGraph, tuple[LoopClosure, ...]]:
+def _graph(database: sqlite3.Connection) -> tuple[PoseGraph, Closures]:
     graph = PoseGraph()
     submaps = database.execute("SELECT x, y, theta FROM submaps ORDER BY submap").fetchall()
     nodes = database.execute("SELECT x, y, theta FROM nodes ORDER BY node").fetchall()
@@ -152,21 +151,13 @@ def _graph(database: sqlite3.Connection) -> tuple[PoseGraph, tuple[LoopClosure, 
         scores=table[kept, 13],
         runner_ups=table[kept, 14],
     )
-    rejected = tuple(
-        LoopClosure(
-            int(ends[row, 0]),
-            int(ends[row, 1]),
-            Pose(*table[row, 4:7].tolist()),
-            informations[row],
-            float(table[row, 13]),
-            float(table[row, 14]),
-        )
-        for row in np.flatnonzero(is_rejected).tolist()
-    )
-    if any(
-        not (0 <= closure.submap < graph.num_submaps and 0 <= closure.node < graph.num_nodes)
-        for closure in rejected
-    ):
+    rejected = np.zeros(np.count_nonzero(is_rejected), CLOSURE)
+    rejected["submap"], rejected["node"] = ends[is_rejected].T
+    rejected["tf_submap_node"] = table[is_rejected, 4:7]
+    rejected["information"] = informations[is_rejected]
+    rejected["score"], rejected["runner_up"] = table[is_rejected, 13:].T
+    beyond = (graph.num_submaps, graph.num_nodes)
+    if np.any((ends[is_rejected] < 0) | (ends[is_rejected] >= beyond)):
         raise ValueError("a rejected closure has no ends")
     return graph, rejected
 

@@ -9,7 +9,7 @@ import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict
-from itertools import count
+from itertools import chain, count
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +19,7 @@ import cartoloop
 from cartoloop.map_file.schema import APPLICATION_ID, REJECTED, SCHEMA_VERSION, TABLES
 
 if TYPE_CHECKING:
-    from cartoloop.global_slam.loop_closure import LoopClosure
+    from cartoloop.global_slam.loop_closure import Closures
     from cartoloop.global_slam.pose_graph import PoseGraph
     from cartoloop.map_output.report import Report
     from cartoloop.map_output.result import Result
@@ -111,8 +111,17 @@ def _nodes(result: Result) -> Iterator[Row]:
         yield index, scan, *pose, len(points), *pack_points(points)
 
 
-def _constraints(graph: PoseGraph, rejected: Sequence[LoopClosure]) -> Iterator[Row]:
-    columns = (
+def _constraints(graph: PoseGraph, rejected: Closures) -> Iterator[Row]:
+    out_of_graph = (
+        np.full(len(rejected), REJECTED),
+        rejected["submap"],
+        rejected["node"],
+        *rejected["tf_submap_node"].T,
+        *rejected["information"][:, *_UPPER].T,
+        rejected["score"],
+        rejected["runner_up"],
+    )
+    in_graph = (
         graph.kinds,
         graph.index_a,
         graph.index_b,
@@ -121,27 +130,23 @@ def _constraints(graph: PoseGraph, rejected: Sequence[LoopClosure]) -> Iterator[
         graph.scores,
         graph.runner_ups,
     )
-    for *row, score, runner_up in _rows(*columns):
+    rows = chain(_rows(*in_graph), _rows(*out_of_graph, first=graph.num_constraints))
+    for *row, score, runner_up in rows:
         yield *row, _or_null(score), _or_null(runner_up)
-    for index, closure in enumerate(rejected, start=graph.num_constraints):
-        ends = (REJECTED, closure.submap, closure.node)
-        information = closure.information[_UPPER].tolist()
-        scores = (_or_null(closure.score), _or_null(closure.runner_up))
-        yield index, *ends, *closure.tf_submap_node, *information, *scores
 
 
 def _trajectory(result: Result) -> Iterator[Row]:
     return _rows(result.stamps, *result.trajectory.T, *result.local_trajectory.T)
 
 
-def _rows(*columns: NDArray[Any]) -> Iterator[Row]:
-    """Yield the rows of a table, each with its number.
+def _rows(*columns: NDArray[Any], first: int = 0) -> Iterator[Row]:
+    """Yield the rows of a table, each with its number, from `first` on.
 
     They are made some at a time: whoever waits for the interpreter does not wait for all.
     """
-    for first in range(0, len(columns[0]), _ROWS_AT_A_TIME):
-        part = slice(first, first + _ROWS_AT_A_TIME)
-        yield from zip(count(first), *(column[part].tolist() for column in columns), strict=False)
+    for done in range(0, len(columns[0]), _ROWS_AT_A_TIME):
+        some = (column[done : done + _ROWS_AT_A_TIME].tolist() for column in columns)
+        yield from zip(count(first + done), *some, strict=False)
 
 
 def _or_null(value: float) -> float | None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.global_slam.loop_closure import LoopClosures
+from cartoloop.global_slam.loop_closure import Closures, closures_in
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.global_slam.robust_loss import Loss, loss_weights
 from cartoloop.map_output.text_files import format_stamp
@@ -79,32 +79,32 @@ def nodes_csv(result: Result) -> str:
 def closures_csv(result: Result) -> str:
     """Return all loop closures of a run: in each stage in the order in which they came about."""
     graph = result.graph
-    final = LoopClosures.in_graph(graph, graph.kinds == ConstraintKind.LOOP_CLOSURE)
+    final = closures_in(graph, graph.kinds == ConstraintKind.LOOP_CLOSURE)
     adjustment = result.config.global_slam.pose_adjustment
     lines = [",".join(CLOSURE_COLUMNS)]
     for stage, closures in (
-        (Stage.FOUND, LoopClosures.of(result.found)),
+        (Stage.FOUND, result.found),
         (Stage.FINAL, final),
-        (Stage.REJECTED, LoopClosures.of(result.rejected)),
+        (Stage.REJECTED, result.rejected),
     ):
         lines += _rows(stage, closures, graph, adjustment)
     return "\n".join(lines) + "\n"
 
 
 def _rows(
-    stage: Stage, closures: LoopClosures, graph: PoseGraph, config: PoseAdjustmentConfig
+    stage: Stage, closures: Closures, graph: PoseGraph, config: PoseAdjustmentConfig
 ) -> list[str]:
-    error = closures.tf_submap_node - relative_all(
-        graph.submap_poses[closures.submaps], graph.node_poses[closures.nodes]
+    error = closures["tf_submap_node"] - relative_all(
+        graph.submap_poses[closures["submap"]], graph.node_poses[closures["node"]]
     )
     error[:, 2] = wrap_angles(error[:, 2])
-    squared = np.maximum(np.einsum("ni,nij,nj->n", error, closures.informations, error), 0.0)
+    squared = np.maximum(np.einsum("ni,nij,nj->n", error, closures["information"], error), 0.0)
     columns = (
-        closures.submaps,
-        closures.nodes,
-        *closures.tf_submap_node.T,
-        closures.scores,
-        closures.runner_ups,
+        closures["submap"],
+        closures["node"],
+        *closures["tf_submap_node"].T,
+        closures["score"],
+        closures["runner_up"],
         np.hypot(error[:, 0], error[:, 1]),
         np.degrees(np.abs(error[:, 2])),
         loss_weights(squared, Loss(config.loss), config.loss_scale),

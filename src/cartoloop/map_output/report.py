@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import cartoloop
+from cartoloop.global_slam.loop_closure import NO_CLOSURES, Closures
 from cartoloop.global_slam.pose_adjustment import constraint_residuals
 from cartoloop.global_slam.pose_graph import (
     TRUE_ROTATION_RAD,
@@ -25,7 +26,6 @@ from cartoloop.stage_timer import StageSummary
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.global_slam import AdjustmentRun
-    from cartoloop.global_slam.loop_closure import LoopClosure
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +143,7 @@ class Report:
 
 
 def summarize_constraints(
-    graph: PoseGraph, searched: int, found: Sequence[LoopClosure] = (), rejected: int = 0
+    graph: PoseGraph, searched: int, found: Closures = NO_CLOSURES, rejected: int = 0
 ) -> ConstraintSummary:
     """Return the counts of a graph's constraints, and how many closures agree with its poses.
 
@@ -156,12 +156,9 @@ def summarize_constraints(
     """
     closures = graph.kinds == ConstraintKind.LOOP_CLOSURE
     translation, rotation = constraint_residuals(graph)
-    expected = relative_all(
-        graph.submap_poses[[closure.submap for closure in found]],
-        graph.node_poses[[closure.node for closure in found]],
+    errors = found["tf_submap_node"] - relative_all(
+        graph.submap_poses[found["submap"]], graph.node_poses[found["node"]]
     )
-    poses = [closure.tf_submap_node for closure in found]
-    errors = np.array(poses, dtype=np.float64).reshape(-1, 3) - expected
     return ConstraintSummary(
         intra_submap=int(np.count_nonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)),
         loop_closure=int(np.count_nonzero(closures)),

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from os import PathLike
 from typing import TYPE_CHECKING
 
@@ -11,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.config import Config
+from cartoloop.global_slam.loop_closure import NO_CLOSURES
 from cartoloop.map_output.report import Report
 
 if TYPE_CHECKING:
-    from cartoloop.global_slam.loop_closure import LoopClosure
+    from cartoloop.global_slam.loop_closure import Closures
     from cartoloop.global_slam.pose_graph import PoseGraph
     from cartoloop.submaps.finished_grid import FinishedGrid
 
@@ -46,9 +48,9 @@ class Result:
     submap_grids: list[FinishedGrid]
     config: Config
     report: Report
-    found: tuple[LoopClosure, ...] = ()
-    rejected: tuple[LoopClosure, ...] = ()
-    node_points: tuple[NDArray[np.float64], ...] = ()
+    found: Closures = field(default_factory=lambda: NO_CLOSURES)
+    rejected: Closures = field(default_factory=lambda: NO_CLOSURES)
+    node_points: Sequence[NDArray[np.float64]] = ()
 
     def save(self, out: str | PathLike[str]) -> None:
         """Write map, trajectories, graph, configuration and report into the folder `out`.

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from threading import Lock
 from typing import NamedTuple
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from cartoloop.kernels.search_batch import ROUNDING, search_scans
 from cartoloop.scan_matching.precomputation_grid import MAX_MOVE, PrecomputationGrids
 from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
+from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import (
     PROBABILITY_STEP,
     FinishedGrid,
@@ -141,7 +141,7 @@ class SubmapMatcher:
         """
         half_width = math.ceil(linear_window / self._grid.resolution - ROUNDING)
         found = self._search(
-            [points],
+            ScanPoints.of([points]),
             np.array((tf_submap_scan,), dtype=np.float64),
             np.array(((half_width, half_width),)),
             np.array((angular_window,), dtype=np.float64),
@@ -153,7 +153,7 @@ class SubmapMatcher:
 
     def match_all(
         self,
-        points: Sequence[FloatArray],
+        scans: ScanPoints,
         tf_submap_scan: FloatArray,
         *,
         linear_windows: FloatArray,
@@ -167,7 +167,7 @@ class SubmapMatcher:
 
         Parameters
         ----------
-        points : of each scan.
+        scans : n of them.
         tf_submap_scan : float64, shape (n, 3), the windows' centres.
         linear_windows, angular_windows : float64, shape (n,).
         groups : int64, shape (n,), from 0 on: scans that stand for each other.
@@ -175,7 +175,7 @@ class SubmapMatcher:
         """
         half_widths = np.ceil(linear_windows / self._grid.resolution - ROUNDING).astype(np.int64)
         return self._search(
-            points,
+            scans,
             tf_submap_scan,
             np.column_stack((half_widths, half_widths)),
             angular_windows,
@@ -200,7 +200,7 @@ class SubmapMatcher:
             0.0,
         )
         found = self._search(
-            [points],
+            ScanPoints.of([points]),
             np.array((centre,)),
             np.array(((half_width, half_height),)),
             np.array((math.pi,)),
@@ -222,7 +222,7 @@ class SubmapMatcher:
 
     def _search(
         self,
-        points: Sequence[FloatArray],
+        scans: ScanPoints,
         estimates: FloatArray,
         half_sizes: NDArray[np.int64],
         angular_windows: FloatArray,
@@ -234,12 +234,11 @@ class SubmapMatcher:
         max_range: float = math.inf,
     ) -> BranchAndBoundMatches:
         """Return the matches in windows of so many pixels to each side of the estimates."""
-        count = len(points)
+        count = len(scans)
         was_sought = np.zeros(count, dtype=np.bool_)
         if count == 0 or self._grid.size == 0:
             return BranchAndBoundMatches([None] * count, was_sought)
         grids, grid = self._precomputed(), self._grid
-        num_points = np.array([len(scan) for scan in points], dtype=np.int64)
         found = np.empty((count, 2, 4), dtype=np.int64)
         rotations, steps = np.empty(count, dtype=np.int64), np.empty(count)
         search_scans(
@@ -247,11 +246,12 @@ class SubmapMatcher:
             grids.heights,
             grids.boxes,
             np.array((grid.origin_x, grid.origin_y, grid.resolution)),
-            np.ascontiguousarray(np.concatenate(points), dtype=np.float64),
-            np.concatenate((np.zeros(1, dtype=np.int64), np.cumsum(num_points))),
-            estimates,
+            scans.points,
+            scans.firsts,
+            scans.ends,
+            np.ascontiguousarray(estimates),
             half_sizes,
-            angular_windows,
+            np.ascontiguousarray(angular_windows),
             np.array((mean_value(min_score), max_range, MAX_MOVE)),
             np.array((runner_up.distance, runner_up.angle, runner_up.margin / PROBABILITY_STEP)),
             np.zeros(count, dtype=np.int64) if groups is None else groups,
@@ -266,13 +266,14 @@ class SubmapMatcher:
             (total, col, row, rotation), (second, *_) = found[i].tolist()
             x, y, theta = estimates[i].tolist()
             half_width, half_height = half_sizes[i].tolist()
+            num_points = len(scans[i])
             matches[i] = BranchAndBoundMatch(
                 Pose(
                     x + (col - half_width) * grid.resolution,
                     y + (row - half_height) * grid.resolution,
                     wrap_angle(theta + (rotation - int(rotations[i])) * float(steps[i])),
                 ),
-                mean_probability(total / len(points[i])),
-                mean_probability(second / len(points[i])) if second >= 0 else 0.0,
+                mean_probability(total / num_points),
+                mean_probability(second / num_points) if second >= 0 else 0.0,
             )
         return BranchAndBoundMatches(matches, was_sought)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from cartoloop.kernels.match_batch import match_all_least_squares
 from cartoloop.kernels.scan_residuals import match_least_squares
 from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
+from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 
 TRUSTED = 1e3
@@ -117,7 +117,7 @@ _UPPER_TRIANGLE = np.array(((3, 4, 5), (4, 6, 7), (5, 7, 8)))
 
 def match_all(
     smooth_map: SmoothMap,
-    points: Sequence[FloatArray],
+    scans: ScanPoints,
     starts: FloatArray,
     prior_information: FloatArray,
     point_weight: float,
@@ -128,22 +128,22 @@ def match_all(
 
     Parameters
     ----------
-    points : of each scan, float64, shape (k, 2) [m]; k > 0.
+    scans : n of them, none without points.
     starts : float64, shape (n, 3), tf_grid_scan of each.
     prior_information : float64, shape (6,), of the pull towards the start.
     max_start_residual : scans that fit worse than this where they start are not matched; their
         residual is infinite.
     """
-    num_points = np.array([len(scan) for scan in points], dtype=np.int64)
-    found = np.empty((len(points), 11))
+    found = np.empty((len(scans), 11))
     match_all_least_squares(
         smooth_map.cells,
         MIN_PROBABILITY,
         smooth_map.origin_x,
         smooth_map.origin_y,
         smooth_map.resolution,
-        np.concatenate(points) if points else np.zeros((0, 2)),
-        np.concatenate((np.zeros(1, dtype=np.int64), np.cumsum(num_points))),
+        scans.points,
+        scans.firsts,
+        scans.ends,
         starts,
         prior_information,
         TRUSTED,
@@ -153,5 +153,5 @@ def match_all(
         found,
     )
     return LeastSquaresMatches(
-        found[:, :3], found[:, _UPPER_TRIANGLE], np.sqrt(found[:, 9] / num_points)
+        found[:, :3], found[:, _UPPER_TRIANGLE], np.sqrt(found[:, 9] / scans.counts)
     )

@@ -5,15 +5,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cartoloop.sensor.pose import FloatArray, Pose, relative, wrap_angle
 from cartoloop.viewer.protocol import ConstraintRows, WireConstraint
-
-if TYPE_CHECKING:
-    from cartoloop.global_slam.loop_closure import LoopClosure
 
 CLOSURES = (WireConstraint.LOOP_CLOSURE, WireConstraint.REJECTED)
 
@@ -24,7 +21,7 @@ def closure_details(
     tf_map_submaps: FloatArray,
     tf_map_nodes: FloatArray,
     node_points: Sequence[FloatArray],
-    found: LoopClosure | None,
+    found: np.void | None,
 ) -> dict[str, Any]:
     """Return the content of a CLOSURE message.
 
@@ -34,7 +31,8 @@ def closure_details(
     rows : all constraints.
     tf_map_submaps, tf_map_nodes : float64 (m, 3), (n, 3), present poses.
     node_points : of each node [m], node frame.
-    found : the closure as the search found it, where that is still known.
+    found : the closure as the search found it, one of :data:`loop_closure.CLOSURE`, where that is
+        still known.
 
     Raises
     ------
@@ -51,7 +49,7 @@ def closure_details(
     measured = Pose(*rows.relative_poses[constraint].tolist())
     expected = relative(tf_map_submap, tf_map_node)
     other, tf_submap_other = _nearest_own_node(rows, submap, measured)
-    request = found.request if found is not None else None
+    request = found["request"] if found is not None else None
     return {
         "constraint": constraint,
         "submap": submap,
@@ -64,9 +62,9 @@ def closure_details(
         "window": None
         if request is None
         else {
-            "tf_submap_node": list(request.tf_submap_node),
-            "linear_m": request.linear_window,
-            "angular_rad": request.angular_window,
+            "tf_submap_node": request["tf_submap_node"].tolist(),
+            "linear_m": float(request["linear_window"]),
+            "angular_rad": float(request["angular_window"]),
         },
         "tf_map_submap": list(tf_map_submap),
         "tf_map_node": list(tf_map_node),

@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.global_slam.loop_closure import NO_CLOSURES
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.global_slam import AdjustmentRun
-    from cartoloop.global_slam.loop_closure import LoopClosure
+    from cartoloop.global_slam.loop_closure import Closures
     from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
     from cartoloop.scan_matching.least_squares import LeastSquaresMatch
@@ -85,7 +86,7 @@ class Update:
     first_constraint, constraints : rows from there on; 0 if all are to be replaced.
     finished : grids of submaps that were finished, by number.
     active : the submaps that still grow.
-    found : all loop closures so far; to be read only up to `num_found`.
+    found : all loop closures so far.
     node_points : of each node the returns that are sought in submaps; at least those of the nodes.
     rejected : loop closures taken out in the end.
     match : of the last scan to the map, None where it was not matched.
@@ -102,10 +103,9 @@ class Update:
     constraints: ConstraintColumns
     finished: dict[int, FinishedGrid]
     active: tuple[GrowingCells, ...] = ()
-    found: Sequence[LoopClosure] = ()
-    num_found: int = 0
+    found: Closures = field(default_factory=lambda: NO_CLOSURES)
     node_points: Sequence[FloatArray] = ()
-    rejected: tuple[LoopClosure, ...] = ()
+    rejected: Closures = field(default_factory=lambda: NO_CLOSURES)
     stamp: float = 0.0
     recorded_s: float = 0.0
     num_scans: int = 0
@@ -178,7 +178,6 @@ class Feed:
                 if submap.index not in grids
             ),
             found=slam.found,
-            num_found=len(slam.found),
             node_points=slam.node_points,
             stamp=mapper.last_stamp,
             recorded_s=mapper.recorded_s,
@@ -215,7 +214,6 @@ def whole(result: Result) -> Update:
         constraints=ConstraintColumns.of(graph),
         finished=dict(enumerate(result.submap_grids)),
         found=result.found,
-        num_found=len(result.found),
         node_points=result.node_points,
         rejected=result.rejected,
         stamp=float(result.stamps[-1]) if len(result.stamps) else 0.0,

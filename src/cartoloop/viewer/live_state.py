@@ -41,7 +41,6 @@ from cartoloop.viewer.readings import Readings
 from cartoloop.viewer.textures import FinishedTexture, GrowingTexture
 
 if TYPE_CHECKING:
-    from cartoloop.global_slam.loop_closure import LoopClosure
     from cartoloop.submaps.finished_grid import FinishedGrid
     from cartoloop.viewer.playback import Playback
 
@@ -186,7 +185,7 @@ class LiveState:
         if self._times.set(first_time, update.node_stamps):
             self._note(MessageType.NODE_TIMES)
         rows = [constraint_rows(update.constraints)]
-        if update.rejected:
+        if len(update.rejected):
             rows.append(rejected_rows(update.rejected))
         revision = self._constraints.revision
         if self._constraints.set(update.first_constraint, rows):
@@ -195,8 +194,8 @@ class LiveState:
         scan = protocol.scan_message(update.num_scans, update.stamp, update.pose, update.returns)
         if update.num_scans and self._scan.set(scan):
             self._note(MessageType.SCAN)
-        if update.num_found != self._num_found or self._constraints.revision != revision:
-            self._num_found = update.num_found
+        if len(update.found) != self._num_found or self._constraints.revision != revision:
+            self._num_found = len(update.found)
             self._show_latest_closure()
 
     def refresh(self) -> None:
@@ -318,7 +317,7 @@ class LiveState:
         if self._closure.set(protocol.json_message(MessageType.LATEST_CLOSURE, content)):
             self._note(MessageType.LATEST_CLOSURE)
 
-    def _found_at(self, constraint: int) -> LoopClosure | None:
+    def _found_at(self, constraint: int) -> np.void | None:
         """Return the closure of this row as the search found it.
 
         The graph holds the closures in the order in which they were found, until they are matched
@@ -327,7 +326,7 @@ class LiveState:
         kinds = self._constraints.rows.kinds
         is_closure = kinds == ConstraintKind.LOOP_CLOSURE
         num_closures = int(np.count_nonzero(is_closure))
-        if self.last is None or num_closures != self.last.num_found:
+        if self.last is None or num_closures != len(self.last.found):
             return None
         if constraint >= len(kinds) or not is_closure[constraint]:
             return None
@@ -336,7 +335,7 @@ class LiveState:
             int(self._constraints.rows.index_a[constraint]),
             int(self._constraints.rows.index_b[constraint]),
         )
-        return found if (found.submap, found.node) == ends else None
+        return found if (found["submap"], found["node"]) == ends else None
 
     def _set_mode(self, mode: Mode) -> None:
         """Tell pages that join from now on what they look at."""

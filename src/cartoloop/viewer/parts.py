@@ -9,7 +9,6 @@ one page is kept for the others until the part changes.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -26,7 +25,7 @@ from cartoloop.viewer.protocol import (
 )
 
 if TYPE_CHECKING:
-    from cartoloop.global_slam.loop_closure import LoopClosure
+    from cartoloop.global_slam.loop_closure import Closures
 
 Token = tuple[int, int]
 """What a page has seen of a part."""
@@ -224,13 +223,13 @@ def constraint_rows(columns: ConstraintColumns) -> ConstraintRows:
     )
 
 
-def rejected_rows(closures: Sequence[LoopClosure]) -> ConstraintRows:
+def rejected_rows(closures: Closures) -> ConstraintRows:
     """Return closures that are not in the graph as they are sent."""
     return ConstraintRows(
-        np.array([closure.submap for closure in closures], np.uint32),
-        np.array([closure.node for closure in closures], np.uint32),
-        np.array([closure.tf_submap_node for closure in closures], np.float32).reshape(-1, 3),
-        np.array([closure.score for closure in closures], np.float32),
-        np.array([closure.runner_up for closure in closures], np.float32),
+        closures["submap"].astype(np.uint32),
+        closures["node"].astype(np.uint32),
+        closures["tf_submap_node"].astype(np.float32),
+        closures["score"].astype(np.float32),
+        closures["runner_up"].astype(np.float32),
         np.full(len(closures), WireConstraint.REJECTED, np.uint8),
     )

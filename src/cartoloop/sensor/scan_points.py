@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The points of many scans in one array, as kernels want them that go through many scans."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.sensor.pose import FloatArray
+
+IntArray = NDArray[np.int64]
+
+
+class ScanPoints(Sequence[FloatArray]):
+    """The points of each of many scans, shapes (k, 2) [m]; to be read only.
+
+    Attributes
+    ----------
+    points : float64, shape (n, 2), of these scans and maybe others.
+    firsts, ends : int64, shape (len(self),): scan i has ``points[firsts[i] : ends[i]]``.
+    """
+
+    __slots__ = ("ends", "firsts", "points")
+
+    def __init__(self, points: FloatArray, firsts: IntArray, ends: IntArray) -> None:
+        self.points = points
+        self.firsts = firsts
+        self.ends = ends
+
+    @staticmethod
+    def of(scans: Sequence[FloatArray]) -> ScanPoints:
+        """Return the points of a sequence of scans."""
+        ends = np.cumsum([0, *map(len, scans)], dtype=np.int64)
+        points = np.ascontiguousarray(np.concatenate([np.empty((0, 2)), *scans]))
+        return ScanPoints(points, ends[:-1], ends[1:])
+
+    @property
+    def counts(self) -> IntArray:
+        """How many points each scan has, shape (len(self),)."""
+        return self.ends - self.firsts
+
+    def take(self, scans: IntArray) -> ScanPoints:
+        """Return some of the scans; no point is copied."""
+        return ScanPoints(self.points, self.firsts[scans], self.ends[scans])
+
+    def __len__(self) -> int:
+        return len(self.firsts)
+
+    @overload
+    def __getitem__(self, scan: int) -> FloatArray: ...
+    @overload
+    def __getitem__(self, scan: slice) -> ScanPoints: ...
+    def __getitem__(self, scan: int | slice) -> FloatArray | ScanPoints:
+        if isinstance(scan, slice):
+            return ScanPoints(self.points, self.firsts[scan], self.ends[scan])
+        return self.points[self.firsts[scan] : self.ends[scan]]

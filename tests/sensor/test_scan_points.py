@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The points of many scans in one array."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cartoloop.global_slam.node_points import NodePoints
+from cartoloop.sensor.scan_points import ScanPoints
+
+COUNTS = (3, 0, 5)
+SCANS = [np.random.default_rng(k).uniform(-9.0, 9.0, (k, 2)) for k in COUNTS]
+
+
+def same(scans, expected):
+    assert len(scans) == len(expected)
+    for scan, points in zip(scans, expected, strict=True):
+        np.testing.assert_array_equal(scan, points)
+
+
+def test_each_scan_has_its_points():
+    scans = ScanPoints.of(SCANS)
+    same(scans, SCANS)
+    assert scans.counts.tolist() == list(COUNTS)
+    np.testing.assert_array_equal(scans[-1], SCANS[-1])
+
+
+def test_some_scans_are_taken_in_any_order_without_copying():
+    scans = ScanPoints.of(SCANS)
+    taken = scans.take(np.array((2, 0, 2)))
+    same(taken, [SCANS[2], SCANS[0], SCANS[2]])
+    assert np.shares_memory(taken[0], scans.points)
+    same(scans[1:], SCANS[1:])
+
+
+def test_there_may_be_no_scans():
+    assert len(ScanPoints.of([])) == 0
+    with pytest.raises(IndexError):
+        ScanPoints.of([])[0]
+
+
+def test_what_was_seen_of_the_nodes_stays_while_others_are_added():
+    nodes = NodePoints()
+    views = []
+    for count in range(40):
+        views.append(nodes.view)
+        nodes.append(SCANS[count % 3])
+    for count, view in enumerate(views):
+        same(view, [SCANS[k % 3] for k in range(count)])
