@@ -53,7 +53,15 @@ DRIVE_KERNELS = (
     "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
     "finish", "precompute", "mean score", "branch and bound", "match again", "compose map",
 )  # fmt: skip
-GRAPH_KERNELS = ("adjust", "adjust, one step", "residuals", "chordal start", "ways", "pairs")
+GRAPH_KERNELS = (
+    "adjust",
+    "adjust, one step",
+    "residuals",
+    "check",
+    "chordal start",
+    "ways",
+    "pairs",
+)
 KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
 """The names of what is measured, by what they are measured on."""
 
@@ -226,7 +234,7 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
         )  # fmt: skip
     finished = FinishedSubmap(0, grid, 1.0)
     yield Workload(
-        "match again", ("match_batch", "scan_residuals", "smooth_map"), case,
+        "match again", ("match_batch", "match_covariance", "scan_residuals", "smooth_map"), case,
         partial(
             refinement.match_again, finished, np.zeros(3), np.arange(len(own)), np.array(in_submap),
             ScanPoints.of(points), search,
@@ -260,6 +268,10 @@ def _graph_workloads() -> Iterator[Workload]:
         yield Workload(
             "residuals", ("pose_residuals",), case,
             partial(constraint_residuals, graph), size, "constraints",
+        )  # fmt: skip
+        yield Workload(
+            "check", ("constraint_faults",), case,
+            partial(graph.without, np.zeros(size, dtype=bool)), size, "constraints",
         )  # fmt: skip
         yield Workload(
             "chordal start", (), case,

@@ -14,7 +14,8 @@ import numpy as np
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_search import search
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.loop_closure import NO_CLOSURES, Closures, Requests
+from cartoloop.global_slam.growing_array import GrowingArray
+from cartoloop.global_slam.loop_closure import CLOSURE, REQUEST, Closures, Requests
 from cartoloop.global_slam.node_points import NodePoints
 
 Item = TypeVar("Item")
@@ -82,7 +83,7 @@ class ConstraintSearch:
         num_processors = (os.cpu_count() or 1) - (max_backlog is not None)
         num_threads = num_threads or min(max(num_processors, 1), MAX_THREADS)
         self._threads = ThreadPoolExecutor(num_threads, thread_name_prefix="loop-closure")
-        self._waiting: list[Requests] = []
+        self._waiting = GrowingArray((), REQUEST)
         self._pending: list[tuple[Future[_Found], int]] = []
         self._kept: dict[int, FinishedSubmap] = {}
         self._num_submitted = 0
@@ -94,7 +95,7 @@ class ConstraintSearch:
     @property
     def backlog(self) -> int:
         """How many searches were submitted and are not done; may be asked in any thread."""
-        return sum(map(len, list(self._waiting))) + self.num_running
+        return len(self._waiting) + self.num_running
 
     @property
     def num_running(self) -> int:
@@ -110,7 +111,7 @@ class ConstraintSearch:
         if len(requests):
             requests["number"] = np.arange(len(requests)) + self._num_submitted
             self._num_submitted += len(requests)
-            self._waiting.append(requests)
+            self._waiting.extend(requests)
 
     def start(self, *, put_off: bool = False) -> None:
         """Hand what was submitted to the threads; returns at once.
@@ -121,8 +122,9 @@ class ConstraintSearch:
         ----------
         put_off : whether submaps in which few nodes are to be sought may wait for more of them.
         """
-        waiting = by_submap(self._waiting)
-        self._waiting = self._put_off(waiting) if put_off else []
+        waiting, self._waiting = by_submap(self._waiting.view), GrowingArray((), REQUEST)
+        if put_off:
+            self._put_off(waiting)
         # those first of which there is something, lest it be dropped for the others
         for index in sorted(waiting, key=lambda i: (i not in self._kept, waiting[i]["number"][0])):
             submap, requests = self._submaps[index], waiting[index]
@@ -132,17 +134,15 @@ class ConstraintSearch:
                 future = self._threads.submit(self._run, submap, batch)
                 self._pending.append((future, len(batch)))
 
-    def _put_off(self, waiting: dict[int, Requests]) -> list[Requests]:
+    def _put_off(self, waiting: dict[int, Requests]) -> None:
         """Take out the submaps that may wait: to make their precomputed grids takes longer."""
-        left = []
         for index in list(waiting):
             times = self._times_put_off.get(index, 0)
             if index in self._kept or len(waiting[index]) >= FEW or times == PATIENCE:
                 self._times_put_off.pop(index, None)
             else:
                 self._times_put_off[index] = times + 1
-                left.append(waiting.pop(index))
-        return left
+                self._waiting.extend(waiting.pop(index))
 
     def collect(self, *, wait: bool = True) -> Closures:
         """Return what was found, in the order submitted.
@@ -155,15 +155,13 @@ class ConstraintSearch:
         if not wait:
             started, pending = pending, [task for task in pending if task[0].done()]
             self._pending = [task for task in started if task not in pending]
-        found = [NO_CLOSURES]
+        found = GrowingArray((), CLOSURE)
         for future, _ in pending:
             batch = future.result()
-            found.append(batch.closures)
+            found.extend(batch.closures)
             self.num_searched += batch.num_searched
             self.durations.append(batch.duration)
-        closures = np.concatenate(found)
-        in_order: Closures = closures[np.argsort(closures["request"]["number"], kind="stable")]
-        return in_order
+        return found.view[np.argsort(found.view["request"]["number"], kind="stable")]
 
     def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> list[Answer]:
         """Run a task on each of the items in the background threads; answers in their order."""
@@ -194,16 +192,14 @@ class ConstraintSearch:
         return _Found(found.closures, found.num_searched, perf_counter() - start)
 
 
-def by_submap(requests: Sequence[Requests]) -> dict[int, Requests]:
+def by_submap(requests: Requests) -> dict[int, Requests]:
     """Return the requests of each submap in their order, the submaps ascending."""
-    if not requests:
-        return {}
-    together = np.concatenate(requests)
-    together = together[np.argsort(together["submap"], kind="stable")]
+    together = requests[np.argsort(requests["submap"], kind="stable")]
     submaps, firsts = np.unique(together["submap"], return_index=True)
-    return dict(zip(submaps.tolist(), np.split(together, firsts[1:]), strict=True))
+    return dict(zip(submaps.tolist(), np.split(together, firsts[1:]), strict=False))
 
 
 def spread_out(requests: Requests) -> Requests:
     """Return the requests, every :data:`STRIDE`-th first."""
-    return np.concatenate([requests[first::STRIDE] for first in range(STRIDE)])
+    numbers = np.arange(len(requests))
+    return requests[np.lexsort((numbers, numbers % STRIDE))]

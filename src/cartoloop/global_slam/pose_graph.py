@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cartoloop.global_slam.growing_array import GrowingArray
+from cartoloop.kernels import constraint_faults as faults
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -221,24 +222,21 @@ class PoseGraph:
             If a pose or an information matrix is not finite, or a matrix not symmetric or with
             a negative diagonal, or a node is tied to itself.
         """
-        index_a = np.atleast_1d(np.asarray(index_a, dtype=np.int64))
-        index_b = np.atleast_1d(np.asarray(index_b, dtype=np.int64))
-        kinds = np.broadcast_to(np.asarray(kinds, dtype=np.int64), index_a.shape)
-        relative_poses = np.asarray(tf_a_b, dtype=np.float64).reshape(-1, 3)
-        matrices = np.asarray(informations, dtype=np.float64).reshape(-1, 3, 3)
-        self._check_indices(kinds, index_a, index_b)
-        _check_values(relative_poses, matrices)
+        index_a = np.array(index_a, dtype=np.int64, ndmin=1)
+        index_b = np.array(index_b, dtype=np.int64, ndmin=1)
+        kinds = _filled(kinds, index_a)
+        relative_poses = np.array(tf_a_b, dtype=np.float64, order="C").reshape(-1, 3)
+        matrices = np.array(informations, dtype=np.float64, order="C").reshape(-1, 3, 3)
+        self._check(kinds, index_a, index_b, relative_poses, matrices)
         first = self.num_constraints
-        self._num_loop_closures += int(np.count_nonzero(kinds == ConstraintKind.LOOP_CLOSURE))
+        self._num_loop_closures += int(np.count_nonzero(kinds == int(ConstraintKind.LOOP_CLOSURE)))
         self._kinds.extend(kinds)
         self._index_a.extend(index_a)
         self._index_b.extend(index_b)
         self._relative_poses.extend(relative_poses)
         self._informations.extend(matrices)
-        self._scores.extend(np.broadcast_to(np.asarray(scores, dtype=np.float64), index_a.shape))
-        self._runner_ups.extend(
-            np.broadcast_to(np.asarray(runner_ups, dtype=np.float64), index_a.shape)
-        )
+        self._scores.grow(len(kinds))[:] = scores
+        self._runner_ups.grow(len(kinds))[:] = runner_ups
         return first
 
     def without(self, constraints: NDArray[np.bool_]) -> PoseGraph:
@@ -260,28 +258,48 @@ class PoseGraph:
         )
         return graph
 
-    def _check_indices(self, kinds: IntArray, index_a: IntArray, index_b: IntArray) -> None:
-        between_nodes = kinds == ConstraintKind.NODE_TO_NODE
-        end_a = np.where(between_nodes, self.num_nodes, self.num_submaps)
-        if np.any((index_a < 0) | (index_a >= end_a)):
+    def _check(
+        self,
+        kinds: IntArray,
+        index_a: IntArray,
+        index_b: IntArray,
+        relative_poses: FloatArray,
+        informations: FloatArray,
+    ) -> None:
+        fault = faults.first_fault(
+            kinds,
+            index_a,
+            index_b,
+            relative_poses,
+            informations,
+            self.num_nodes,
+            self.num_submaps,
+            int(ConstraintKind.NODE_TO_NODE),
+            _ASYMMETRY,
+        )
+        if fault == faults.NO_START:
             raise IndexError(
                 f"a constraint starts at no vertex of the graph ({self.num_submaps} submaps, "
                 f"{self.num_nodes} nodes): add the vertex first"
             )
-        if np.any((index_b < 0) | (index_b >= self.num_nodes)):
+        if fault == faults.NO_END:
             raise IndexError(
                 f"a constraint ends at no node of the graph ({self.num_nodes} nodes): "
                 "add the node first"
             )
-        if np.any(between_nodes & (index_a == index_b)):
-            raise ValueError("a constraint ties a node to itself")
+        if fault in _FAULTS:
+            raise ValueError(_FAULTS[fault])
 
 
-def _check_values(relative_poses: FloatArray, informations: FloatArray) -> None:
-    if not (np.isfinite(relative_poses).all() and np.isfinite(informations).all()):
-        raise ValueError("a constraint holds a number that is not finite")
-    size = np.abs(informations).max(axis=(1, 2), keepdims=True, initial=0.0)
-    if np.any(np.abs(informations - informations.transpose(0, 2, 1)) > _ASYMMETRY * size):
-        raise ValueError("an information matrix is not symmetric")
-    if np.any(np.diagonal(informations, axis1=1, axis2=2) < 0.0):
-        raise ValueError("an information matrix has a negative diagonal")
+_FAULTS = {
+    faults.SAME_NODE: "a constraint ties a node to itself",
+    faults.NOT_FINITE: "a constraint holds a number that is not finite",
+    faults.NOT_SYMMETRIC: "an information matrix is not symmetric",
+    faults.NEGATIVE: "an information matrix has a negative diagonal",
+}
+
+
+def _filled(values: ArrayLike, like: IntArray) -> IntArray:
+    filled = np.empty_like(like)
+    filled[:] = values
+    return filled

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from cartoloop.kernels.match_covariance import inverse_covariances
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import FloatArray
 
@@ -20,8 +21,7 @@ MIN_RESIDUAL = 0.03
 OPEN_INFORMATION = 1e-2
 """What is left along a direction that the scan leaves open [1/m^2], [1/rad^2]."""
 
-_OPEN = OPEN_INFORMATION * np.eye(3)
-_FLOOR = np.diag((MIN_SIGMA_M**2, MIN_SIGMA_M**2, MIN_SIGMA_RAD**2))
+_MIN_VARIANCES = np.array((MIN_SIGMA_M, MIN_SIGMA_M, MIN_SIGMA_RAD)) ** 2
 
 
 def match_information(match: LeastSquaresMatch) -> FloatArray:
@@ -43,7 +43,8 @@ def match_informations(curvatures: FloatArray, residuals: FloatArray) -> FloatAr
     curvatures : J^T J of the points' residuals, shape (n, 3, 3).
     residuals : root mean square of the points' residuals, shape (n,).
     """
-    variances = np.maximum(residuals, MIN_RESIDUAL) ** 2
-    seen = curvatures / variances[:, np.newaxis, np.newaxis] + _OPEN
-    information = np.linalg.inv(np.linalg.inv(seen) + _FLOOR)
-    return 0.5 * (information + information.transpose(0, 2, 1))
+    informations = np.empty_like(curvatures)
+    inverse_covariances(
+        curvatures, residuals, MIN_RESIDUAL, OPEN_INFORMATION, _MIN_VARIANCES, informations
+    )
+    return informations

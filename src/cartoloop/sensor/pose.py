@@ -82,7 +82,10 @@ def transform_points(tf_a_b: Pose, points_b: FloatArray) -> FloatArray:
     """Return points of shape (n, 2) [m] in frame b as points in frame a."""
     cos, sin = math.cos(tf_a_b.theta), math.sin(tf_a_b.theta)
     x, y = points_b[:, 0], points_b[:, 1]
-    return np.column_stack((tf_a_b.x + cos * x - sin * y, tf_a_b.y + sin * x + cos * y))
+    points_a = np.empty((len(points_b), 2))
+    points_a[:, 0] = tf_a_b.x + cos * x - sin * y
+    points_a[:, 1] = tf_a_b.y + sin * x + cos * y
+    return points_a
 
 
 def wrap_angles(angles: FloatArray) -> FloatArray:
