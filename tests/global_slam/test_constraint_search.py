@@ -10,13 +10,13 @@ import pytest
 
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam import constraint_search
-from cartoloop.global_slam.closure_search import Found
+from cartoloop.global_slam.closure_search import FoundClosures
 from cartoloop.global_slam.constraint_search import ConstraintSearch, spread_out
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.loop_closure import NO_CLOSURES
+from cartoloop.global_slam.loop_closure import FOUND
 from cartoloop.global_slam.node_points import NodePoints
 from cartoloop.submaps.finished_grid import FinishedGrid
-from tests.global_slam.closures import closure, closures, requests
+from tests.global_slam.closures import requests
 
 
 def submap(index):
@@ -33,8 +33,8 @@ def search_in(submaps, num_threads=1, **limits):
 
 def all_met(requests):
     """As if every request had been met."""
-    met = closures(*(closure(one["submap"], one["node"]) for one in requests))
-    met["request"] = requests
+    met = np.zeros(len(requests), FOUND)
+    met["submap"], met["node"], met["request"] = requests["submap"], requests["node"], requests
     return met
 
 
@@ -49,7 +49,7 @@ def found_in_even_submaps(monkeypatch):
     def search(submap, requests, node_points, config):
         submap.smooth_map  # noqa: B018 - as a search makes it
         assert (requests["submap"] == submap.index).all()
-        return Found(NO_CLOSURES if submap.index % 2 else all_met(requests), len(requests))
+        return FoundClosures(all_met(requests[: 0 if submap.index % 2 else None]), len(requests))
 
     monkeypatch.setattr(constraint_search, "search", search)
 
@@ -181,7 +181,7 @@ def test_what_is_not_done_is_left_for_the_next_time(monkeypatch):
 
     def search(submap, requests, node_points, config):
         assert may_end.wait(10.0)
-        return Found(all_met(requests), len(requests))
+        return FoundClosures(all_met(requests), len(requests))
 
     monkeypatch.setattr(constraint_search, "search", search)
     search = search_in(submaps(3))

@@ -10,7 +10,7 @@ import numpy as np
 
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.loop_closure import CLOSURE, NO_CLOSURES, Closures, Requests
+from cartoloop.global_slam.loop_closure import FOUND, Closures, Requests
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.least_squares import LeastSquaresMatches, SmoothMap
 from cartoloop.scan_matching.match_information import match_informations
@@ -24,7 +24,7 @@ LEVER_M = 5.0
 """Usual distance of the points, which turns an error of position into one of heading."""
 
 
-class Found(NamedTuple):
+class FoundClosures(NamedTuple):
     """What a search for many nodes found.
 
     Attributes
@@ -42,7 +42,7 @@ def search(
     requests: Requests,
     node_points: ScanPoints,
     config: ConstraintSearchConfig,
-) -> Found:
+) -> FoundClosures:
     """Seek nodes in their order in one submap, and refine where they fit well enough.
 
     Of the nodes inserted into one other submap, no more are sought once enough are found.
@@ -63,7 +63,7 @@ def search(
     hits = [(i, match) for i, match in enumerate(coarse.matches) if match is not None]
     num_searched = int(np.count_nonzero(coarse.was_sought))
     if not hits:
-        return Found(NO_CLOSURES, num_searched)
+        return FoundClosures(np.empty(0, FOUND), num_searched)
     met = requests[[i for i, _ in hits]]
     fine = refine_all(
         submap.smooth_map,
@@ -72,7 +72,7 @@ def search(
         config,
         math.inf,
     )
-    closures = np.empty(len(hits), CLOSURE)
+    closures = np.empty(len(hits), FOUND)
     closures["submap"], closures["node"] = met["submap"], met["node"]
     closures["tf_submap_node"] = fine.tf_grid_scan
     closures["tf_submap_node"][:, 2] = wrap_angles(fine.tf_grid_scan[:, 2])
@@ -80,7 +80,7 @@ def search(
     closures["score"] = [match.score for _, match in hits]
     closures["runner_up"] = [match.runner_up for _, match in hits]
     closures["request"] = met
-    return Found(closures, num_searched)
+    return FoundClosures(closures, num_searched)
 
 
 def refine_all(

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from time import perf_counter
 from typing import NamedTuple, TypeVar
@@ -15,7 +15,7 @@ from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_search import search
 from cartoloop.global_slam.finished_submap import FinishedSubmap
 from cartoloop.global_slam.growing_array import GrowingArray
-from cartoloop.global_slam.loop_closure import CLOSURE, REQUEST, Closures, Requests
+from cartoloop.global_slam.loop_closure import FOUND, REQUEST, Closures, Requests
 from cartoloop.global_slam.node_points import NodePoints
 
 Item = TypeVar("Item")
@@ -155,7 +155,7 @@ class ConstraintSearch:
         if not wait:
             started, pending = pending, [task for task in pending if task[0].done()]
             self._pending = [task for task in started if task not in pending]
-        found = GrowingArray((), CLOSURE)
+        found = GrowingArray((), FOUND)
         for future, _ in pending:
             batch = future.result()
             found.extend(batch.closures)
@@ -163,9 +163,9 @@ class ConstraintSearch:
             self.durations.append(batch.duration)
         return found.view[np.argsort(found.view["request"]["number"], kind="stable")]
 
-    def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> list[Answer]:
+    def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
         """Run a task on each of the items in the background threads; answers in their order."""
-        return list(self._threads.map(task, items))
+        return self._threads.map(task, items)
 
     def close(self) -> None:
         """Drop what is not begun and end the threads."""

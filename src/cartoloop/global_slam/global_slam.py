@@ -15,7 +15,7 @@ from cartoloop.global_slam import refinement
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
 from cartoloop.global_slam.growing_array import GrowingArray
-from cartoloop.global_slam.loop_closure import CLOSURE, NO_CLOSURES, Closures, IntArray, closures_in
+from cartoloop.global_slam.loop_closure import FOUND, NO_CLOSURES, Closures, IntArray, closures_in
 from cartoloop.global_slam.node_points import NodePoints
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
@@ -102,7 +102,7 @@ class GlobalSlam:
             config.num_threads,
             max_backlog=None if wait_for_searches else MAX_BACKLOG,
         )
-        self._found = GrowingArray((), CLOSURE)
+        self._found = GrowingArray((), FOUND)
         self.found_after: list[int] = []
         self.num_put_off = 0
         self.adjustments: list[AdjustmentRun] = []
@@ -333,7 +333,7 @@ class GlobalSlam:
 
         numbers = range(len(self._finished))
         nodes = refinement.in_nearest_submaps(
-            self.search.map(overlapping, numbers),
+            list(self.search.map(overlapping, numbers)),
             graph.submap_poses,
             graph.node_poses,
             config.final_max_submaps_of_node,

@@ -40,25 +40,27 @@ CLOSURE = np.dtype(
         ("information", np.float64, (3, 3)),
         ("score", np.float64),
         ("runner_up", np.float64),
-        ("request", REQUEST),
     ]
 )
-"""A node found in a submap that it was not inserted into.
+"""A node that fits in a submap that it was not inserted into.
 
 submap, node : their indices in the pose graph.
 tf_submap_node : where it was found [m, m, rad].
 information : inverse covariance, submap axes.
-score : mean probability of the node's returns there, in [0, 1].
+score : how well the node's returns fit there, in [0, 1].
 runner_up : score of the best match elsewhere in the window, 0 where none was good enough; NaN where
     none was sought.
-request : where it was sought; all 0 where it was matched anew.
 """
+
+FOUND = np.dtype([*((name, CLOSURE[name]) for name in CLOSURE.names or ()), ("request", REQUEST)])
+"""A :data:`CLOSURE` that a search found, with what was asked for; its score is the mean probability
+of the node's returns."""
 
 Requests = NDArray[np.void]
 """Many of :data:`REQUEST`, shape (n,)."""
 
 Closures = NDArray[np.void]
-"""Many of :data:`CLOSURE`, shape (n,)."""
+"""Many of :data:`CLOSURE` or :data:`FOUND`, shape (n,)."""
 
 NO_CLOSURES: Closures = np.zeros(0, CLOSURE)
 

@@ -31,7 +31,7 @@ def closure_details(
     rows : all constraints.
     tf_map_submaps, tf_map_nodes : float64 (m, 3), (n, 3), present poses.
     node_points : of each node [m], node frame.
-    found : the closure as the search found it, one of :data:`loop_closure.CLOSURE`, where that is
+    found : the closure as the search found it, one of :data:`loop_closure.FOUND`, where that is
         still known.
 
     Raises
