@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
+from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, PoseAdjuster, adjust
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.global_slam.reduced_system import constraint_ends, held_vertices
 from cartoloop.global_slam.robust_loss import DEFAULT_SCALE
@@ -143,15 +143,23 @@ def seconds_of(function: Callable[[], object]) -> float:
 
 
 class OwnProgram:
-    """The adjustment of this package: a whole call of :func:`adjust`.
+    """The adjustment of this package.
 
-    What others do when their graph is built counts here as solving: classifying vertices, sorting
-    constraints, symbolic factorization, copying poses in and out.
+    Symbolic factorization, and copying poses in and out, count as solving.
+
+    Parameters
+    ----------
+    problem : what to solve.
+    is_held : whether the constraints are sorted and packed beforehand, as while mapping, where all
+        but the newest are; otherwise that counts as solving, too.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, *, is_held: bool = False) -> None:
         self._problem = problem
         self._poses = problem.start
+        self._adjuster = PoseAdjuster(problem.graph) if is_held else None
+        if is_held:
+            self.solve()
 
     def solve(self) -> Solve:
         """Adjust from the start, and tell what it took."""
@@ -159,7 +167,8 @@ class OwnProgram:
 
         def run() -> None:
             nonlocal iterations
-            iterations = adjust(problem.graph, problem.options).iterations
+            adjuster = self._adjuster or PoseAdjuster(problem.graph)
+            iterations = adjuster.adjust(problem.options).iterations
 
         problem.place(problem.start)
         seconds = seconds_of(run)
