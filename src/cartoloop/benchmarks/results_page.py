@@ -11,6 +11,7 @@ from cartoloop.benchmarks.document import Picture, Section, Table, to_markdown
 from cartoloop.benchmarks.paper.cells import title_of
 from cartoloop.benchmarks.paper.report import sections as paper_sections
 from cartoloop.benchmarks.record import Record, Row, read_record
+from cartoloop.benchmarks.speed_bounds import speed_bounds
 from cartoloop.errors import InputError
 from cartoloop.map_output.save import prepare_folder, write_file
 
@@ -112,6 +113,8 @@ def write_results_page(folder: Path, page: Path) -> None:
             parts += paper_sections(record)
         else:
             parts += _benchmark(BENCHMARKS[name], record)
+    if (bounds := speed_bounds(records)) is not None:
+        parts.append(bounds)
     if "paper" in records:
         parts += _maps(records["paper"], folder / "paper", page.parent / "images")
     write_file(page, to_markdown("Results", parts))
