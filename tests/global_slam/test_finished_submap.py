@@ -8,6 +8,7 @@ import pytest
 
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
 from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY, FinishedGrid
 
 
@@ -20,17 +21,17 @@ def wall():
 def test_the_score_is_the_mean_probability_and_unknown_or_outside_counts_as_the_least():
     points = np.array([[0.3, 0.1], [0.3, 0.0], [0.3, 0.2], [9.0, 9.0]])
     expected = (MAX_PROBABILITY + 3.0 * MIN_PROBABILITY) / 4.0
-    assert mean_score(wall(), [points], np.zeros((1, 3))) == pytest.approx(expected)
+    assert mean_score(wall(), ScanPoints.of([points]), np.zeros((1, 3))) == pytest.approx(expected)
 
 
 def test_the_score_follows_the_nodes_poses():
     points = np.array([[0.0, 0.0], [0.1, 0.0]])
     poses = np.array([[0.2, 0.1, 0.0]])
-    assert mean_score(wall(), [points], poses) == pytest.approx(MAX_PROBABILITY)
+    assert mean_score(wall(), ScanPoints.of([points]), poses) == pytest.approx(MAX_PROBABILITY)
 
 
 def test_no_nodes_and_no_grid_score_nothing():
-    assert mean_score(wall(), [], np.zeros((0, 3))) == 0.0
+    assert mean_score(wall(), ScanPoints.of([]), np.zeros((0, 3))) == 0.0
 
 
 def test_a_released_submap_makes_its_grids_anew():

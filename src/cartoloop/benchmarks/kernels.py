@@ -215,8 +215,9 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
     in_submap = [relative(submap.tf_local_submap, node.tf_local_tracking) for node in own]
     points = [node.points for node in own]
     yield Workload(
-        "mean score", ("scan_residuals",), case,
-        partial(mean_score, grid, points, np.array(in_submap)), sum(map(len, points)), "points",
+        "mean score", ("sum_at_points",), case,
+        partial(mean_score, grid, ScanPoints.of(points), np.array(in_submap)),
+        sum(map(len, points)), "points",
     )  # fmt: skip
     matcher = SubmapMatcher(grid)
     middle = len(own) // 2

@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from threading import Lock
 
-import numpy as np
-
+from cartoloop.kernels.sum_at_points import sum_at_points
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.least_squares import SmoothMap
-from cartoloop.sensor.pose import FloatArray, Pose, transform_points
+from cartoloop.sensor.pose import FloatArray
+from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid, mean_probability
 
 SEARCH_BYTES_A_PIXEL = 16
@@ -60,27 +59,26 @@ class FinishedSubmap:
             self._smooth_map = None
 
 
-def mean_score(
-    grid: FinishedGrid, points: Sequence[FloatArray], tf_submap_node: FloatArray
-) -> float:
+def mean_score(grid: FinishedGrid, scans: ScanPoints, tf_submap_node: FloatArray) -> float:
     """Return the mean probability at the points of nodes; never observed pixels count as p_min.
 
     Parameters
     ----------
-    points : of each node, float64, shape (k, 2) [m].
+    scans : the points of n nodes.
     tf_submap_node : float64, shape (n, 3).
     """
-    placed = [
-        transform_points(Pose(*pose), scan)
-        for pose, scan in zip(tf_submap_node.tolist(), points, strict=True)
-    ]
-    if not placed or grid.size == 0:
+    num_points = int(scans.counts.sum())
+    if num_points == 0 or grid.size == 0:
         return 0.0
-    ends = np.concatenate(placed)
-    col = np.floor((ends[:, 0] - grid.origin_x) / grid.resolution + 0.5).astype(np.int64)
-    row = np.floor((ends[:, 1] - grid.origin_y) / grid.resolution + 0.5).astype(np.int64)
-    num_rows, num_cols = grid.shape
-    inside = (col >= 0) & (row >= 0) & (col < num_cols) & (row < num_rows)
-    values = np.maximum(grid.cells[row[inside], col[inside]], 1)
-    outside = len(ends) - len(values)
-    return mean_probability((float(values.sum(dtype=np.int64)) + outside) / len(ends))
+    total = sum_at_points(
+        grid.cells,
+        1,
+        grid.origin_x,
+        grid.origin_y,
+        grid.resolution,
+        scans.points,
+        scans.firsts,
+        scans.ends,
+        tf_submap_node,
+    )
+    return mean_probability(float(total) / num_points)

@@ -20,6 +20,7 @@ from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.sensor.events import LaserScan, SensorEvent
 from cartoloop.sensor.pose import FloatArray, Pose, relative, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
+from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 LOGS = ("mit-csail", "intel", "aces")
@@ -210,7 +211,8 @@ def hits(place: Place, num_pairs: int, window: Window, min_num_points: int) -> l
         centre = place.pose_in_submap(submap, node)
         points = _thinned(place, node, min_num_points)
         pair = Pair(place, submap, node, points, centre, offset)
-        if mean_score(place.grids[submap], [points], np.array([centre])) < FITTING_SCORE:
+        scan = ScanPoints.of([points])
+        if mean_score(place.grids[submap], scan, np.array([centre])) < FITTING_SCORE:
             continue
         match = branch_and_bound(pair.problem(window))
         if match is not None and _is_same_place(match.tf_submap_scan, centre):
