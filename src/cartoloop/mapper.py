@@ -234,7 +234,7 @@ class Mapper:
             self._submap_grids(graph, active),
             self._config,
             self._report(graph, trajectory),
-            found=self._global_slam.found,
+            found=self._global_slam.found.copy(),
             rejected=self._global_slam.rejected,
             node_points=self._global_slam.node_points,
         )

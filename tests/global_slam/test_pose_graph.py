@@ -90,6 +90,16 @@ def test_impossible_measurements_are_refused(pose, information, message):
     assert graph.num_constraints == 0
 
 
+@pytest.mark.parametrize("short", [1, 2, 3])
+def test_columns_of_constraints_must_be_of_one_length(short):
+    graph = small_graph()
+    columns = [[0, 0], [0, 1], np.zeros((2, 3)), [np.eye(3)] * 2]
+    columns[short] = columns[short][:1]
+    with pytest.raises(ValueError, match="not of one length"):
+        graph.add_constraints(INTRA, *columns)
+    assert graph.num_constraints == 0
+
+
 def test_a_node_cannot_be_tied_to_itself():
     with pytest.raises(ValueError, match="itself"):
         small_graph().add_constraint(BETWEEN_NODES, 1, 1, (0, 0, 0), np.eye(3))

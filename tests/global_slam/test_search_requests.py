@@ -43,7 +43,11 @@ class Walk:
     def __init__(self, num_nodes=2 * ROUND, num_points=3):
         self.graph = PoseGraph()
         self.requests = SearchRequests(CONFIG)
-        for k in range(num_nodes):
+        self.go_on(num_nodes, num_points)
+
+    def go_on(self, num_nodes, num_points=3):
+        """Walk until there are so many nodes."""
+        for k in range(self.graph.num_nodes, num_nodes):
             index = k // NODES_A_SUBMAP
             if k % NODES_A_SUBMAP == 0:
                 self.graph.add_submap(place(k))
@@ -109,6 +113,17 @@ def test_of_two_nodes_that_closed_loops_the_nearer_counts():
     walk.close((1, 52), (1, 46))
     assert walk.window(submap=1, node=50) == pytest.approx(1.0 + CLOSURE_LENGTH_M)
     assert walk.window(submap=1, node=51) == pytest.approx(1.0 + 1.0 + CLOSURE_LENGTH_M)
+
+
+def test_in_a_submap_begun_since_only_the_way_travelled_is_known():
+    walk = Walk(num_nodes=45)
+    walk.close((0, 44))
+    walk.go_on(2 * ROUND)
+    assert walk.window(submap=0, node=41) == pytest.approx(1.0 + 1.0 + CLOSURE_LENGTH_M)
+    assert walk.window(submap=1, node=51) == pytest.approx(1.0 + 41.0)
+    requests = walk.requests.in_submap(walk.graph, 5)  # of the nodes 50 to 59
+    [back] = requests[requests["node"] == 10]
+    assert back["linear_window"] == pytest.approx(1.0 + 40.0)
 
 
 def test_windows_do_not_depend_on_the_order_of_the_closures():

@@ -28,7 +28,7 @@ class Walk:
         begun = np.searchsorted(first, np.arange(NUM_SUBMAPS)).clip(max=NUM_NODES - 1)
         self.submap_travelled = self.travelled[begun]
         count = int(rng.integers(0, 9))
-        tied = np.sort(rng.choice(NUM_NODES, count, replace=False))
+        tied = np.sort(rng.choice(NUM_NODES, count))
         self.ties = np.array((tied, rng.integers(0, NUM_SUBMAPS, count)))
 
     @property

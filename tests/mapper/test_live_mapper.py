@@ -67,15 +67,25 @@ def test_no_pose_waits_for_the_graph(drive):
 
 def test_a_map_that_is_handed_over_grows_no_more(drive):
     mapper = Mapper(small_submaps(), live=True)
-    handed_over, times = [], []
+    handed_over, contents, times = [], [], []
+
+    def content(result):
+        return result.found.tobytes(), [scan.tobytes() for scan in result.node_points]
+
+    def take(result):
+        handed_over.append(result)
+        contents.append(content(result))
+
     for event in drive.events(with_odometry=True):
         mapper.add(event)
         if isinstance(event, LaserScan) and mapper.num_scans % 60 == 0:
-            mapper.result_later(handed_over.append)
+            mapper.result_later(take)
             times.append((mapper.num_scans, mapper.num_nodes))
     mapper.finish()
 
     assert [(len(r.stamps), r.graph.num_nodes) for r in handed_over] == times
+    assert [content(result) for result in handed_over] == contents
+    assert [len(result.node_points) for result in handed_over] == [nodes for _, nodes in times]
     for result in handed_over:
         assert len(result.submap_grids) == result.graph.num_submaps
         assert len(result.trajectory) == len(result.stamps)

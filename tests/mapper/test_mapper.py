@@ -12,6 +12,7 @@ import pytest
 
 from cartoloop import Config, Imu, Mapper, Odometry, Pose
 from cartoloop.evaluation.trajectories import absolute_trajectory_error
+from cartoloop.global_slam import refinement
 from cartoloop.sensor.events import LaserScan
 from cartoloop.simulation import office, ring, simulate
 
@@ -45,6 +46,25 @@ def test_closing_loops_halves_the_error_at_least(recording):
     assert drifted.report.constraints.loop_closure == 0
     assert drifted.report.adjustment.runs == 0
     assert np.allclose(drifted.trajectory, drifted.local_trajectory, atol=1e-9)
+
+
+def test_a_run_stopped_in_the_last_pass_keeps_its_loop_closures(recording, monkeypatch):
+    match_again = refinement.match_again
+
+    def stopped_at_the_third(submap, *rest):
+        if submap.index == 2:
+            raise KeyboardInterrupt
+        return match_again(submap, *rest)
+
+    monkeypatch.setattr(refinement, "match_again", stopped_at_the_third)
+    mapper = Mapper()
+    for event in recording.events():
+        mapper.add(event)
+    with pytest.raises(KeyboardInterrupt):
+        mapper.finish()
+
+    result = mapper.result()
+    assert result.graph.num_loop_closures == len(result.found) > 0
 
 
 def test_every_scan_gets_a_pose_and_every_node_its_place(recording):

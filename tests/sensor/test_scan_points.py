@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cartoloop.global_slam.node_points import NodePoints
 from cartoloop.sensor.scan_points import ScanPoints
 
 COUNTS = (3, 0, 5)
@@ -38,13 +37,3 @@ def test_there_may_be_no_scans():
     assert len(ScanPoints.of([])) == 0
     with pytest.raises(IndexError):
         ScanPoints.of([])[0]
-
-
-def test_what_was_seen_of_the_nodes_stays_while_others_are_added():
-    nodes = NodePoints()
-    views = []
-    for count in range(40):
-        views.append(nodes.view)
-        nodes.append(SCANS[count % 3])
-    for count, view in enumerate(views):
-        same(view, [SCANS[k % 3] for k in range(count)])

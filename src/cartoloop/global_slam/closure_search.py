@@ -10,7 +10,7 @@ import numpy as np
 
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.loop_closure import FOUND, Closures, Requests
+from cartoloop.global_slam.loop_closure import FOUND, NONE_FOUND, Closures, Requests
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.least_squares import LeastSquaresMatches, SmoothMap
 from cartoloop.scan_matching.match_information import match_informations
@@ -63,7 +63,7 @@ def search(
     hits = [(i, match) for i, match in enumerate(coarse.matches) if match is not None]
     num_searched = int(np.count_nonzero(coarse.was_sought))
     if not hits:
-        return FoundClosures(np.empty(0, FOUND), num_searched)
+        return FoundClosures(NONE_FOUND, num_searched)
     met = requests[[i for i, _ in hits]]
     fine = refine_all(
         submap.smooth_map,

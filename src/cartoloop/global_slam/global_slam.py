@@ -15,7 +15,14 @@ from cartoloop.global_slam import refinement
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
 from cartoloop.global_slam.growing_array import GrowingArray
-from cartoloop.global_slam.loop_closure import FOUND, NO_CLOSURES, Closures, IntArray, closures_in
+from cartoloop.global_slam.loop_closure import (
+    FOUND,
+    NO_CLOSURES,
+    Closures,
+    IntArray,
+    add_closures,
+    closures_in,
+)
 from cartoloop.global_slam.node_points import NodePoints
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
@@ -80,7 +87,8 @@ class GlobalSlam:
 
     Attributes
     ----------
-    found_after : of each, how many nodes were added between asking for it and its joining.
+    found_after : of each of `found`, how many nodes were added between asking for it and its
+        joining.
     num_put_off : searches that were started and not done when the graph was adjusted.
     rejected : the loop closures that were taken out of the graph in the end.
     """
@@ -253,18 +261,7 @@ class GlobalSlam:
         self._requests.note_found(closures)
         since = self.graph.num_nodes - closures["request"]["num_nodes"]
         self.found_after += since.tolist()
-        self._add_closures(closures)
-
-    def _add_closures(self, closures: Closures) -> None:
-        self.graph.add_constraints(
-            ConstraintKind.LOOP_CLOSURE,
-            closures["submap"],
-            closures["node"],
-            closures["tf_submap_node"],
-            closures["information"],
-            scores=closures["score"],
-            runner_ups=closures["runner_up"],
-        )
+        add_closures(self.graph, closures)
 
     def _adjust(self, max_num_iterations: int) -> None:
         config = self._config.pose_adjustment
@@ -338,7 +335,7 @@ class GlobalSlam:
             graph.node_poses,
             config.final_max_submaps_of_node,
         )
-        matched = self.search.map(match_submap, numbers)
-        self.graph = graph.without(graph.kinds == ConstraintKind.LOOP_CLOSURE)
-        for closures in matched:
-            self._add_closures(closures)
+        matched = graph.without(graph.kinds == ConstraintKind.LOOP_CLOSURE)
+        for closures in self.search.map(match_submap, numbers):
+            add_closures(matched, closures)
+        self.graph = matched  # only now: whoever stops the run meanwhile keeps what was found

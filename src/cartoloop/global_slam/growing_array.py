@@ -21,7 +21,11 @@ class GrowingArray:
 
     @property
     def view(self) -> NDArray[Any]:
-        """The rows so far, writable, shape (len(self), ...). Valid until the next append."""
+        """The rows so far, writable, shape (len(self), ...).
+
+        After the next append it may be another array: what is written into this one is lost then,
+        but it keeps the rows that it has.
+        """
         return self._buffer[: self._size]
 
     def append(self, row: ArrayLike) -> None:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loop closures (section V-B), asked for and found, as structures of arrays."""
+"""Loop closures (section V-B), asked for and found: structured arrays."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 
 IntArray = NDArray[np.int64]
 
@@ -63,6 +63,7 @@ Closures = NDArray[np.void]
 """Many of :data:`CLOSURE` or :data:`FOUND`, shape (n,)."""
 
 NO_CLOSURES: Closures = np.zeros(0, CLOSURE)
+NONE_FOUND: Closures = np.zeros(0, FOUND)
 
 
 def closures_in(graph: PoseGraph, constraints: NDArray[np.bool_]) -> Closures:
@@ -75,3 +76,16 @@ def closures_in(graph: PoseGraph, constraints: NDArray[np.bool_]) -> Closures:
     closures["score"] = graph.scores[constraints]
     closures["runner_up"] = graph.runner_ups[constraints]
     return closures
+
+
+def add_closures(graph: PoseGraph, closures: Closures) -> None:
+    """Add loop closures to a graph."""
+    graph.add_constraints(
+        ConstraintKind.LOOP_CLOSURE,
+        closures["submap"],
+        closures["node"],
+        closures["tf_submap_node"],
+        closures["information"],
+        scores=closures["score"],
+        runner_ups=closures["runner_up"],
+    )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which pairs of node and finished submap are searched, and in how large a window.
+"""How well the graph knows pairs of node and finished submap, and how large a window that asks for.
 
 The window need not be 7 m where the graph knows the relative pose to half a metre. What it knows
 is told by the shortest way from the one to the other, along the robot's path and across the loop

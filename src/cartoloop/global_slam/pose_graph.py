@@ -219,14 +219,16 @@ class PoseGraph:
         IndexError
             If a constraint names a submap or a node that is not in the graph.
         ValueError
-            If a pose or an information matrix is not finite, or a matrix not symmetric or with
-            a negative diagonal, or a node is tied to itself.
+            If there are not as many of each, a pose or an information matrix is not finite, or a
+            matrix not symmetric or with a negative diagonal, or a node is tied to itself.
         """
         index_a = np.array(index_a, dtype=np.int64, ndmin=1)
         index_b = np.array(index_b, dtype=np.int64, ndmin=1)
         kinds = _filled(kinds, index_a)
         relative_poses = np.array(tf_a_b, dtype=np.float64, order="C").reshape(-1, 3)
         matrices = np.array(informations, dtype=np.float64, order="C").reshape(-1, 3, 3)
+        if not len(index_a) == len(index_b) == len(relative_poses) == len(matrices):
+            raise ValueError("the columns of the constraints are not of one length")
         self._check(kinds, index_a, index_b, relative_poses, matrices)
         first = self.num_constraints
         self._num_loop_closures += int(np.count_nonzero(kinds == int(ConstraintKind.LOOP_CLOSURE)))

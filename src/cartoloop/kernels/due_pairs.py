@@ -98,6 +98,7 @@ def due_pairs(
         from the one submap, or from what the one node is tied to [m].
     ways_from_submap : which of the two it is.
     bound_length : by a shorter way than this the graph knows a pair well [m].
+    every, every_bound : of pairs that it knows less well, and well, one in so many is due.
     out_pairs : int64, shape (number of pairs, 3): submap, node, and the first submap that the node
         was inserted into.
     out_lengths : float64, shape (number of pairs,), the shortest known way between the two [m].

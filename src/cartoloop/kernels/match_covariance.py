@@ -12,17 +12,21 @@ FloatArray = NDArray[np.float64]
 
 
 @kernel
-def invert(matrix: FloatArray) -> None:
+def invert(matrix: FloatArray, least: FloatArray) -> None:
     """Put the inverse of a symmetric positive definite matrix, float64, shape (3, 3), in its place.
 
-    By Cholesky's factors, whose pivots are taken no smaller than rounding leaves them.
+    By Cholesky's factors.
+
+    Parameters
+    ----------
+    least : float64, shape (3,), of a diagonal matrix that is no larger: no pivot is smaller, but
+        for what rounding takes away.
     """
-    tiny = 1e-300
-    a = max(matrix[0, 0], tiny)
+    a = max(matrix[0, 0], least[0])
     b, c = matrix[1, 0] / a, matrix[2, 0] / a
-    d = max(matrix[1, 1] - b * matrix[1, 0], tiny)
+    d = max(matrix[1, 1] - b * matrix[1, 0], least[1])
     e = (matrix[2, 1] - c * matrix[1, 0]) / d
-    f = max(matrix[2, 2] - c * matrix[2, 0] - e * (matrix[2, 1] - c * matrix[1, 0]), tiny)
+    f = max(matrix[2, 2] - c * matrix[2, 0] - e * (matrix[2, 1] - c * matrix[1, 0]), least[2])
     # L^-1 has the rows (1), (-b, 1), (b e - c, -e, 1).
     g = b * e - c
     matrix[0, 0] = 1.0 / a + b * b / d + g * g / f
@@ -38,7 +42,7 @@ def inverse_covariances(
     curvatures: FloatArray,
     residuals: FloatArray,
     min_residual: float,
-    open_information: float,
+    min_informations: FloatArray,
     min_variances: FloatArray,
     out_informations: FloatArray,
 ) -> None:
@@ -49,8 +53,8 @@ def inverse_covariances(
     curvatures : float64, shape (n, 3, 3), J^T J of the points' residuals, symmetric.
     residuals : float64, shape (n,), root mean square of the points' residuals.
     min_residual : those that are smaller count as this.
-    open_information : added to the diagonal of the information.
-    min_variances : float64, shape (3,), added to the diagonal of the covariance.
+    min_informations, min_variances : float64, shape (3,), added to the diagonal of the information
+        and of the covariance; positive.
     """
     for k in range(residuals.shape[0]):
         information = out_informations[k]
@@ -58,8 +62,8 @@ def inverse_covariances(
         for i in range(3):
             for j in range(3):
                 information[i, j] = curvatures[k, i, j] / variance
-            information[i, i] += open_information
-        invert(information)
+            information[i, i] += min_informations[i]
+        invert(information, min_informations)
         for i in range(3):
             information[i, i] += min_variances[i]
-        invert(information)
+        invert(information, min_variances)

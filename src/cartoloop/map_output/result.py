@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.config import Config
-from cartoloop.global_slam.loop_closure import NO_CLOSURES
+from cartoloop.global_slam.loop_closure import NO_CLOSURES, NONE_FOUND
 from cartoloop.map_output.report import Report
 
 if TYPE_CHECKING:
@@ -35,9 +35,11 @@ class Result:
     submap_grids : one for each submap of the graph, in its order.
     config : the parameters used.
     report : what happened.
-    found : the loop closures that searches found; in the end, matches made anew take their place.
+    found : the loop closures that searches found, a structured array of
+        :data:`loop_closure.FOUND`; in the end, matches made anew take their place.
     node_points : of each node the returns that are sought in submaps [m], tracking frame.
-    rejected : loop closures taken out of the graph in the end, because the rest contradicted them.
+    rejected : loop closures taken out of the graph in the end, because the rest contradicted them,
+        of :data:`loop_closure.CLOSURE`.
     """
 
     stamps: NDArray[np.float64]
@@ -48,7 +50,7 @@ class Result:
     submap_grids: list[FinishedGrid]
     config: Config
     report: Report
-    found: Closures = field(default_factory=lambda: NO_CLOSURES)
+    found: Closures = field(default_factory=lambda: NONE_FOUND)
     rejected: Closures = field(default_factory=lambda: NO_CLOSURES)
     node_points: Sequence[NDArray[np.float64]] = ()
 

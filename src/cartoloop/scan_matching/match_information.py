@@ -21,6 +21,7 @@ MIN_RESIDUAL = 0.03
 OPEN_INFORMATION = 1e-2
 """What is left along a direction that the scan leaves open [1/m^2], [1/rad^2]."""
 
+_MIN_INFORMATIONS = np.full(3, OPEN_INFORMATION)
 _MIN_VARIANCES = np.array((MIN_SIGMA_M, MIN_SIGMA_M, MIN_SIGMA_RAD)) ** 2
 
 
@@ -43,8 +44,13 @@ def match_informations(curvatures: FloatArray, residuals: FloatArray) -> FloatAr
     curvatures : J^T J of the points' residuals, shape (n, 3, 3).
     residuals : root mean square of the points' residuals, shape (n,).
     """
-    informations = np.empty_like(curvatures)
+    informations = np.empty(curvatures.shape)
     inverse_covariances(
-        curvatures, residuals, MIN_RESIDUAL, OPEN_INFORMATION, _MIN_VARIANCES, informations
+        np.ascontiguousarray(curvatures),  # one memory layout, lest it be compiled for another
+        residuals,
+        MIN_RESIDUAL,
+        _MIN_INFORMATIONS,
+        _MIN_VARIANCES,
+        informations,
     )
     return informations

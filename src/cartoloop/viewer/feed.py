@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.global_slam.loop_closure import NO_CLOSURES
+from cartoloop.global_slam.loop_closure import NO_CLOSURES, NONE_FOUND
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose
 
@@ -87,7 +87,7 @@ class Update:
     finished : grids of submaps that were finished, by number.
     active : the submaps that still grow.
     found : all loop closures so far.
-    node_points : of each node the returns that are sought in submaps; at least those of the nodes.
+    node_points : of each node the returns that are sought in submaps.
     rejected : loop closures taken out in the end.
     match : of the last scan to the map, None where it was not matched.
     last_information : inverse covariance of the last scan's pose, None unless it became a node.
@@ -103,7 +103,7 @@ class Update:
     constraints: ConstraintColumns
     finished: dict[int, FinishedGrid]
     active: tuple[GrowingCells, ...] = ()
-    found: Closures = field(default_factory=lambda: NO_CLOSURES)
+    found: Closures = field(default_factory=lambda: NONE_FOUND)
     node_points: Sequence[FloatArray] = ()
     rejected: Closures = field(default_factory=lambda: NO_CLOSURES)
     stamp: float = 0.0
