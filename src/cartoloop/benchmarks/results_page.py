@@ -41,9 +41,9 @@ BENCHMARKS = {
         "Eq. (SPA) against other solvers on the same graphs, from the same start, in the same "
         "run, in turn, each on one thread; they stop at a relative change of the cost of 1e-6. "
         "Costs are computed by one evaluator for all. *Times ours* is the solver's time divided "
-        "by ours. Ours is measured as one call that has all yet to do, and with the *graph held*, "
-        "its constraints sorted and packed, as it is while mapping: the others' graphs are built "
-        "before their clock starts, too.",
+        "by ours. That is one call that has all yet to do. Where a row or column says *graph "
+        "held*, our constraints were sorted and packed before, as they are while mapping, and as "
+        "the others' graphs are built before their clock starts.",
         "graph",
     ),
     "kernels": _Part(
