@@ -7,12 +7,12 @@ import os
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from time import perf_counter
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from cartoloop.config import ConstraintSearchConfig
-from cartoloop.global_slam.closure_search import search
+from cartoloop.global_slam.closure_search import FoundClosures, search
 from cartoloop.global_slam.finished_submap import FinishedSubmap
 from cartoloop.global_slam.growing_array import GrowingArray
 from cartoloop.global_slam.loop_closure import FOUND, REQUEST, Closures, Requests
@@ -36,14 +36,6 @@ FEW, PATIENCE = 12, 2
 
 PRECOMPUTED_BYTES = 32 * 2**20
 """About how much is kept of what was computed of submaps to search them."""
-
-
-class _Found(NamedTuple):
-    """What one task found: closures, searches made, time that it took [s]."""
-
-    closures: Closures
-    num_searched: int
-    duration: float
 
 
 class ConstraintSearch:
@@ -84,7 +76,7 @@ class ConstraintSearch:
         num_threads = num_threads or min(max(num_processors, 1), MAX_THREADS)
         self._threads = ThreadPoolExecutor(num_threads, thread_name_prefix="loop-closure")
         self._waiting = GrowingArray((), REQUEST)
-        self._pending: list[tuple[Future[_Found], int]] = []
+        self._pending: list[tuple[Future[tuple[FoundClosures, float]], int]] = []
         self._kept: dict[int, FinishedSubmap] = {}
         self._num_submitted = 0
         self._times_put_off: dict[int, int] = {}
@@ -157,10 +149,10 @@ class ConstraintSearch:
             self._pending = [task for task in started if task not in pending]
         found = GrowingArray((), FOUND)
         for future, _ in pending:
-            batch = future.result()
+            batch, duration = future.result()
             found.extend(batch.closures)
             self.num_searched += batch.num_searched
-            self.durations.append(batch.duration)
+            self.durations.append(duration)
         return found.view[np.argsort(found.view["request"]["number"], kind="stable")]
 
     def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
@@ -184,12 +176,13 @@ class ConstraintSearch:
         if room >= 0:
             self._kept[submap.index] = submap
 
-    def _run(self, submap: FinishedSubmap, requests: Requests) -> _Found:
+    def _run(self, submap: FinishedSubmap, requests: Requests) -> tuple[FoundClosures, float]:
+        """Return what one task found, and the time that it took [s]."""
         start = perf_counter()
         found = search(submap, spread_out(requests), self._node_points.view, self._config)
         if submap.index not in self._kept:
             submap.release()
-        return _Found(found.closures, found.num_searched, perf_counter() - start)
+        return found, perf_counter() - start
 
 
 def by_submap(requests: Requests) -> dict[int, Requests]:

@@ -41,6 +41,7 @@ def nearest_tie(
     """
     tie = node_submaps[node, 0]
     way = abs(travelled[node] - submap_travelled[tie])
+    # By hand: np.searchsorted makes a kernel slow to load from the cache.
     low, behind = 0, ties.shape[1]
     while low < behind:
         middle = (low + behind) // 2
