@@ -160,6 +160,7 @@ def test_patches_and_pieces_add_up_to_what_is_sent_whole(events):
         for first in range(0, 300, 20):
             add(mapper, view, islice(events, first, first + 20))
             look_at_all(connection, page, mapper, view)
+            time.sleep(0.3)  # patches are paced by the clock, however fast the machine maps
         settle(connection, page)
         with join(view.url) as other:
             same_picture(page, look(other))
