@@ -51,7 +51,7 @@ def test_poses_are_those_of_a_recording_and_so_is_the_map(drive):
 def test_no_pose_waits_for_the_graph(drive):
     mapper = Mapper(live=True)
     may_go_on = Event()
-    mapper.look(lambda: may_go_on.wait(30.0) and None)
+    mapper.run_on_graph_thread(lambda: may_go_on.wait(30.0) and None)
     for event in drive.events(with_odometry=True):
         mapper.add(event)
         if mapper.num_scans == 50:
@@ -79,7 +79,7 @@ def test_a_map_that_is_handed_over_grows_no_more(drive):
     for event in drive.events(with_odometry=True):
         mapper.add(event)
         if isinstance(event, LaserScan) and mapper.num_scans % 60 == 0:
-            mapper.result_later(take)
+            mapper.call_with_result(take)
             times.append((mapper.num_scans, mapper.num_nodes))
     mapper.finish()
 
@@ -144,7 +144,7 @@ def test_closures_join_long_before_the_next_adjustment(drive):
         mapper.add(event)
         if isinstance(event, LaserScan):  # at a robot's pace, all is done before the next one
             done = Event()
-            mapper.look(done.set)
+            mapper.run_on_graph_thread(done.set)
             assert done.wait(30.0)
             while slam.search.num_running:
                 time.sleep(0.001)

@@ -22,7 +22,7 @@ from cartoloop.global_slam.pose_graph import (
     PoseGraph,
 )
 from cartoloop.sensor.pose import FloatArray, relative_all, wrap_angles
-from cartoloop.stage_timer import StageSummary
+from cartoloop.runtime.stage_timer import StageSummary
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.global_slam import AdjustmentRun

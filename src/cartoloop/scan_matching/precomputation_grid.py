@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.kernels.precomputation_grid import grow_boxes, halve
-from cartoloop.reused_memory import ReusedMemory
+from cartoloop.runtime.reused_memory import ReusedMemory
 from cartoloop.submaps.finished_grid import probabilities_of_part
 
 STRIDES = (1, 1, 1, 2, 4, 8)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.kernels.cell_values import dequantize_box, quantize_box
-from cartoloop.reused_memory import ReusedMemory
+from cartoloop.runtime.reused_memory import ReusedMemory
 
 MIN_PROBABILITY = 0.1
 MAX_PROBABILITY = 0.9

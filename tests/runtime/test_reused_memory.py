@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from cartoloop.reused_memory import ReusedMemory, return_idle
+from cartoloop.runtime.reused_memory import ReusedMemory, drop_idle_memory
 
 
 def address(array):
@@ -57,7 +57,7 @@ def test_what_waits_can_be_given_back():
     memory = ReusedMemory(max_idle_bytes=1000)
     memory.array(300)
     assert memory.idle_bytes == 300
-    return_idle()
+    drop_idle_memory()
     assert memory.idle_bytes == 0
 
 

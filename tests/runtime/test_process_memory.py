@@ -8,21 +8,21 @@ from types import SimpleNamespace
 
 import pytest
 
-from cartoloop.process_memory import return_large_blocks, return_unused
+from cartoloop.runtime.process_memory import set_malloc_thresholds, release_unused_memory
 
 
-def test_glibc_is_told_to_return_large_blocks_and_to_keep_a_few_megabytes(monkeypatch):
+def test_glibc_is_told_to_set_malloc_thresholds_and_to_keep_a_few_megabytes(monkeypatch):
     told = []
     library = SimpleNamespace(mallopt=lambda option, value: told.append((option, value)))
     monkeypatch.setattr(ctypes, "CDLL", lambda name: library)
-    return_large_blocks()
+    set_malloc_thresholds()
     assert told == [(-1, 16777216), (-3, 2097152)]
 
 
 def test_glibc_is_told_to_return_what_is_not_used(monkeypatch):
     told = []
     monkeypatch.setattr(ctypes, "CDLL", lambda name: SimpleNamespace(malloc_trim=told.append))
-    return_unused()
+    release_unused_memory()
     assert told == [0]
 
 
@@ -32,5 +32,5 @@ def test_other_systems_are_left_alone(monkeypatch, error):
         raise error
 
     monkeypatch.setattr(ctypes, "CDLL", no_such_library)
-    return_large_blocks()
-    return_unused()
+    set_malloc_thresholds()
+    release_unused_memory()

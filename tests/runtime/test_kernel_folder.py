@@ -10,15 +10,15 @@ import time
 
 import pytest
 
-from cartoloop import _kernel_folder
-from cartoloop._kernel_folder import UNUSED_S, Turns, remove_unused
+from cartoloop.runtime import kernel_folder
+from cartoloop.runtime.kernel_folder import UNUSED_S, KernelLocks, remove_unused
 
 HOLD = """
 import sys
 from pathlib import Path
-from cartoloop._kernel_folder import Turns
+from cartoloop.runtime.kernel_folder import KernelLocks
 
-turns = Turns(Path(sys.argv[1]))
+turns = KernelLocks(Path(sys.argv[1]))
 print(turns.is_taken("voxel_filter"), flush=True)
 sys.stdin.readline()
 turns.give_back("voxel_filter")
@@ -42,7 +42,7 @@ def other(tmp_path):
 
 
 def test_a_turn_is_one_process_alone_until_it_gives_it_back(tmp_path, other):
-    turns = Turns(tmp_path)
+    turns = KernelLocks(tmp_path)
     assert turns.is_taken("voxel_filter")
     assert not turns.is_taken("search_scans")
     other.stdin.write("\n")
@@ -52,7 +52,7 @@ def test_a_turn_is_one_process_alone_until_it_gives_it_back(tmp_path, other):
 
 
 def test_a_process_that_is_killed_holds_up_nobody(tmp_path, other):
-    turns = Turns(tmp_path)
+    turns = KernelLocks(tmp_path)
     assert turns.is_taken("voxel_filter")
     other.kill()
     start = time.monotonic()
@@ -62,16 +62,16 @@ def test_a_process_that_is_killed_holds_up_nobody(tmp_path, other):
 
 
 def test_nobody_waits_forever(tmp_path, other, monkeypatch):
-    monkeypatch.setattr(_kernel_folder, "_PATIENCE_S", 0.05)
-    turns = Turns(tmp_path)
+    monkeypatch.setattr(kernel_folder, "_MAX_WAIT_S", 0.05)
+    turns = KernelLocks(tmp_path)
     start = time.monotonic()
     turns.wait("voxel_filter")
     assert 0.05 <= time.monotonic() - start < 10.0
 
 
 def test_patience_is_lost_once_for_all_kernels(tmp_path, other, monkeypatch):
-    monkeypatch.setattr(_kernel_folder, "_PATIENCE_S", 0.5)
-    turns = Turns(tmp_path)
+    monkeypatch.setattr(kernel_folder, "_MAX_WAIT_S", 0.5)
+    turns = KernelLocks(tmp_path)
     turns.wait("voxel_filter")
     start = time.monotonic()
     turns.wait("voxel_filter")
@@ -79,7 +79,7 @@ def test_patience_is_lost_once_for_all_kernels(tmp_path, other, monkeypatch):
 
 
 def test_nobody_waits_where_there_is_no_file_for_turns(tmp_path):
-    turns = Turns(tmp_path / "missing")
+    turns = KernelLocks(tmp_path / "missing")
     assert not turns.is_taken("voxel_filter")
     turns.give_back("voxel_filter")
 
@@ -115,10 +115,10 @@ def test_folders_that_have_not_been_used_for_long_are_removed(tmp_path):
 def test_a_new_version_removes_what_nobody_uses_and_counts_as_used_itself(tmp_path):
     own = make_folder(tmp_path / "0123456789abcde0", time.time() - UNUSED_S - 60.0)
     old = make_folder(tmp_path / "0123456789abcdef", time.time() - UNUSED_S - 60.0)
-    Turns(own)
+    KernelLocks(own)
     assert old.exists()  # it has looked after the others when it was new
     new = tmp_path / "0123456789abcde1"
     new.mkdir()
-    Turns(new)
+    KernelLocks(new)
     assert not old.exists()
     assert own.exists()

@@ -10,7 +10,7 @@ from threading import Thread, get_native_id
 import pytest
 
 from cartoloop.mapper import Mapper
-from cartoloop.thread_priority import STEPS_BACK, step_back
+from cartoloop.runtime.thread_priority import BACKGROUND_NICENESS, lower_thread_priority
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux ranks threads")
 
@@ -25,20 +25,20 @@ def in_thread(task):
     thread.join()
 
 
-def test_a_thread_and_its_children_step_back_and_no_other():
+def test_a_thread_and_its_children_lower_thread_priority_and_no_other():
     before, found = niceness(), []
 
     def child():
         found.append(niceness())
 
     def parent():
-        step_back()
+        lower_thread_priority()
         found.append(niceness())
         in_thread(child)
 
     in_thread(parent)
 
-    assert found == [min(before + STEPS_BACK, 19)] * 2
+    assert found == [min(before + BACKGROUND_NICENESS, 19)] * 2
     assert niceness() == before
 
 
@@ -49,14 +49,14 @@ def test_a_system_that_forbids_it_is_no_reason_to_fail(monkeypatch):
     monkeypatch.setattr(os, "setpriority", forbidden)
     before = niceness()
 
-    step_back()
+    lower_thread_priority()
 
     assert niceness() == before
 
 
 def test_the_graph_of_live_mapping_steps_back():
     mapper, found = Mapper(live=True), []
-    mapper.look(lambda: found.append(niceness()))
+    mapper.run_on_graph_thread(lambda: found.append(niceness()))
     mapper.finish()
 
-    assert found == [min(niceness() + STEPS_BACK, 19)]
+    assert found == [min(niceness() + BACKGROUND_NICENESS, 19)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from cartoloop.stage_timer import StageTimer
+from cartoloop.runtime.stage_timer import StageTimer
 
 
 def test_counts_and_adds_up_calls_of_a_stage():
