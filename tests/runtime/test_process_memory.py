@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The C library is told how to deal with large blocks where it can be told."""
+"""The options of the C library that are set, where it has them."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from types import SimpleNamespace
 
 import pytest
 
-from cartoloop.runtime.process_memory import set_malloc_thresholds, release_unused_memory
+from cartoloop.runtime.process_memory import release_unused_memory, set_malloc_thresholds
 
 
-def test_glibc_is_told_to_set_malloc_thresholds_and_to_keep_a_few_megabytes(monkeypatch):
-    told = []
-    library = SimpleNamespace(mallopt=lambda option, value: told.append((option, value)))
+def test_malloc_thresholds_of_glibc_are_set(monkeypatch):
+    calls = []
+    library = SimpleNamespace(mallopt=lambda option, value: calls.append((option, value)))
     monkeypatch.setattr(ctypes, "CDLL", lambda name: library)
     set_malloc_thresholds()
-    assert told == [(-1, 16777216), (-3, 2097152)]
+    assert calls == [(-1, 16777216), (-3, 2097152)]
 
 
-def test_glibc_is_told_to_return_what_is_not_used(monkeypatch):
-    told = []
-    monkeypatch.setattr(ctypes, "CDLL", lambda name: SimpleNamespace(malloc_trim=told.append))
+def test_glibc_returns_unused_memory(monkeypatch):
+    calls = []
+    monkeypatch.setattr(ctypes, "CDLL", lambda name: SimpleNamespace(malloc_trim=calls.append))
     release_unused_memory()
-    assert told == [0]
+    assert calls == [0]
 
 
 @pytest.mark.parametrize("error", [AttributeError, OSError, TypeError])
-def test_other_systems_are_left_alone(monkeypatch, error):
+def test_other_c_libraries_are_left_as_they_are(monkeypatch, error):
     def no_such_library(name):
         raise error
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Threads of the background give way, alone and with those that they start."""
+"""Priorities of background threads and of the threads that they start."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ import pytest
 from cartoloop.mapper import Mapper
 from cartoloop.runtime.thread_priority import BACKGROUND_NICENESS, lower_thread_priority
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux ranks threads")
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux", reason="only Linux has priorities of threads"
+)
 
 
 def niceness():
@@ -25,7 +27,7 @@ def in_thread(task):
     thread.join()
 
 
-def test_a_thread_and_its_children_lower_thread_priority_and_no_other():
+def test_the_priority_of_a_thread_and_its_children_is_lowered():
     before, found = niceness(), []
 
     def child():
@@ -42,7 +44,7 @@ def test_a_thread_and_its_children_lower_thread_priority_and_no_other():
     assert niceness() == before
 
 
-def test_a_system_that_forbids_it_is_no_reason_to_fail(monkeypatch):
+def test_a_system_that_forbids_priorities_is_no_error(monkeypatch):
     def forbidden(*_):
         raise PermissionError
 
@@ -54,7 +56,7 @@ def test_a_system_that_forbids_it_is_no_reason_to_fail(monkeypatch):
     assert niceness() == before
 
 
-def test_the_graph_of_live_mapping_steps_back():
+def test_the_graph_thread_of_live_mapping_has_low_priority():
     mapper, found = Mapper(live=True), []
     mapper.run_on_graph_thread(lambda: found.append(niceness()))
     mapper.finish()

@@ -69,7 +69,7 @@ def test_each_fault_has_its_reason(event, reason):
         replace(IMU, linear_acceleration=(0.0, 0.0, 1e5)),
     ],
 )
-def test_glitches_of_an_imu_are_more_than_it_can_measure(event):
+def test_implausible_imu_readings_are_faults(event):
     assert "than" in str(fault_of(event))
 
 
@@ -82,7 +82,7 @@ def test_glitches_of_an_imu_are_more_than_it_can_measure(event):
         {"tf_tracking_sensor": IDENTITY._replace(x=math.nan)},
     ],
 )
-def test_a_scanner_must_be_somewhere_and_look_somewhere(values):
+def test_the_geometry_of_a_scanner_must_be_finite(values):
     assert "of the scanner" in str(
         fault_of(replace(SCAN, geometry=replace(SCAN.geometry, **values)))
     )

@@ -8,8 +8,8 @@ from queue import SimpleQueue
 from threading import Thread
 
 from cartoloop.global_slam.global_slam import GlobalSlam
-from cartoloop.submaps.node import Node
 from cartoloop.runtime.thread_priority import lower_thread_priority
+from cartoloop.submaps.node import Node
 
 Task = Callable[[], None]
 

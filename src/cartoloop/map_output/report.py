@@ -21,8 +21,8 @@ from cartoloop.global_slam.pose_graph import (
     ConstraintKind,
     PoseGraph,
 )
-from cartoloop.sensor.pose import FloatArray, relative_all, wrap_angles
 from cartoloop.runtime.stage_timer import StageSummary
+from cartoloop.sensor.pose import FloatArray, relative_all, wrap_angles
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.global_slam import AdjustmentRun

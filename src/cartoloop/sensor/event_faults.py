@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What makes a sensor event useless by itself, whatever came before it."""
+"""Faults that make a sensor event useless by itself."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from cartoloop.sensor.events import (
 )
 
 MAX_TURN_RATE, MAX_ACCELERATION = 100.0, 1000.0
-"""More than any IMU on a robot can measure [rad/s], [m/s^2]."""
+"""Limits of what an IMU on a robot measures [rad/s], [m/s^2]."""
 
 
 def fault_of(event: SensorEvent) -> str | None:
-    """Return what is wrong with an event, in a few words to count it by; None if nothing is."""
+    """Return the fault of an event in a few words, by which it is counted; None without one."""
     if not math.isfinite(event.time):
         return "time is not finite"
     match event:

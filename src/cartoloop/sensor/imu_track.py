@@ -174,7 +174,7 @@ class ImuTrack:
         return np.array(self._times), np.array(self._headings)
 
     def _turn(self, imu: Imu, duration: float) -> None:
-        """Rotate the direction up, which is fixed in the world, against the robot; and the heading."""
+        """Rotate the direction up, fixed in the world, against the robot; integrate the heading."""
         rx, ry, rz = (
             rate - bias for rate, bias in zip(imu.angular_velocity, self.gyro_bias, strict=True)
         )
