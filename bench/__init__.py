@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmarks behind every figure that the documentation quotes: ``python -m bench``."""
+"""The benchmarks whose figures the documentation quotes: ``python -m bench``."""

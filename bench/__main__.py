@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``python -m bench``: the benchmarks behind every figure that the documentation quotes."""
+"""``python -m bench``: the command line of the benchmarks."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ OutOption = Annotated[
     Path, typer.Option("-o", "--out", metavar="DIR", help="Folder for figures and reports.")
 ]
 RepeatOption = Annotated[
-    int, typer.Option("--repeat", min=1, help="How often each figure is measured.")
+    int, typer.Option("--repeat", min=1, help="Number of repeats of each measurement.")
 ]
 AgainstOption = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="An earlier JSON: tell what got worse beyond the noise."),
+    typer.Option(metavar="FILE", help="An earlier JSON to compare with."),
 ]
 StrictOption = Annotated[
     bool, typer.Option("--strict", help="Fail where data is missing or a figure got worse.")
@@ -56,7 +56,8 @@ def bench_paper(
     strict: StrictOption = False,
 ) -> None:
     """Run the experiments of the paper: its tables, our figures, maps and histograms."""
-    from bench.document import to_html, to_markdown
+    from bench.document import to_markdown
+    from bench.page_text import page_text
     from bench.paper import experiments
     from bench.paper.report import sections
     from cartoloop.map_output.save import prepare_folder, write_file
@@ -72,9 +73,8 @@ def bench_paper(
     )
     record = experiments.run(options, lambda line: typer.echo(line, err=True))
     parts = sections(record, out / "paper")
-    title = "The experiments of the paper"
+    title = page_text()["paper"]["title"]
     write_file(out / "paper.md", to_markdown(title, parts))
-    write_file(out / "paper.html", to_html(title, parts))
     typer.echo(to_markdown(title, sections(record)))
     _conclude(record, out, before, strict)
 
@@ -142,12 +142,12 @@ def bench_scaling(
     against: AgainstOption = None,
     strict: StrictOption = False,
 ) -> None:
-    """Measure time a node and memory as a run grows to many times the museum."""
+    """Measure time per node and memory as a run grows to many times the museum."""
     from bench import scaling
 
     before = _earlier(against, scaling.name_of(again))
     record = scaling.run(
-        times, again=again, repeats=repeat, tell=lambda line: typer.echo(line, err=True)
+        times, again=again, repeats=repeat, progress=lambda line: typer.echo(line, err=True)
     )
     _print_table(record)
     _conclude(record, out, before, strict)
@@ -159,24 +159,24 @@ def bench_live(
         Path | None, typer.Argument(metavar="LOG", help="A recording instead of the museum.")
     ] = None,
     out: OutOption = Path("bench-results"),
-    paces: Annotated[str, typer.Option(help="Times real time, one after the other.")] = "1,4",
-    seconds: Annotated[float, typer.Option(min=1.0, help="How long each of them lasts.")] = 60.0,
+    paces: Annotated[str, typer.Option(help="Multiples of real time, in turn.")] = "1,4",
+    seconds: Annotated[float, typer.Option(min=1.0, help="Duration of each [s].")] = 60.0,
     repeat: RepeatOption = 1,
     against: AgainstOption = None,
     strict: StrictOption = False,
 ) -> None:
-    """Measure how long each pose takes when scans come as from a robot."""
+    """Measure the latency of each pose when scans arrive as from a robot."""
     from bench import live
 
     try:
         numbers = [float(pace) for pace in _names(paces)]
     except ValueError:
-        raise typer.BadParameter("are numbers such as 1,4", param_hint="--paces") from None
+        raise typer.BadParameter("give numbers such as 1,4", param_hint="--paces") from None
     if not numbers or min(numbers) <= 0.0:
-        raise typer.BadParameter("are numbers above 0", param_hint="--paces")
+        raise typer.BadParameter("give numbers above 0", param_hint="--paces")
     before = _earlier(against, "live")
     record = live.run(
-        numbers, seconds, log=log, tell=lambda line: typer.echo(line, err=True), repeats=repeat
+        numbers, seconds, log=log, progress=lambda line: typer.echo(line, err=True), repeats=repeat
     )
     _print_table(record)
     _conclude(record, out, before, strict)
@@ -189,21 +189,21 @@ def bench_viewer(
     ] = None,
     out: OutOption = Path("bench-results"),
     scans: Annotated[
-        int, typer.Option(min=0, help="Map only so many scans; 0: the whole recording.")
+        int, typer.Option(min=0, help="Number of scans to map; 0: the whole recording.")
     ] = 0,
     watched_scans: Annotated[
-        int, typer.Option(min=1, help="Watch for loop closures during so many scans.")
+        int, typer.Option(min=1, help="Number of scans during which loop closures are watched for.")
     ] = 5000,
     pace: Annotated[
-        float, typer.Option(min=0.1, max=1000.0, help="Times real time of these scans.")
+        float, typer.Option(min=0.1, max=1000.0, help="Multiple of real time of these scans.")
     ] = 8.0,
     repeat: RepeatOption = 3,
     against: AgainstOption = None,
     strict: StrictOption = False,
 ) -> None:
-    """Measure what the live view costs, how soon it shows the map, and how smoothly.
+    """Measure the cost of the live view, its latency and its frame rate.
 
-    With --strict it also fails where the view misses a bar.
+    With --strict it also fails where a figure misses its target.
     """
     from bench.view import benchmark
 
@@ -228,7 +228,7 @@ def bench_page(
         Path, typer.Option("-o", "--out", metavar="FILE", help="The page, in Markdown.")
     ] = Path("docs/results.md"),
 ) -> None:
-    """Make one page of all figures, with pictures of the maps."""
+    """Write one page of all figures, with pictures of the maps."""
     from bench.results_page import write_results_page
 
     write_results_page(records, out)
@@ -244,7 +244,7 @@ def _names(text: str) -> list[str]:
 
 
 def _earlier(path: Path | None, benchmark: str) -> Record | None:
-    """Return the record to compare with; read first, for what is measured may replace it."""
+    """Return the record to compare with; read first, because the new one may replace it."""
     if path is None:
         return None
     from bench.record import read_record
@@ -265,7 +265,7 @@ def _print_table(record: Record) -> None:
 
 
 def _conclude(record: Record, out: Path, before: Record | None, strict: bool) -> None:
-    """Write the record, tell what changed, and fail if that was asked for."""
+    """Write the record, report what changed, and fail if `strict` is set and a figure got worse."""
     from bench.comparison import changes_table, compare, gone
     from cartoloop.map_output.save import prepare_folder, write_file
 

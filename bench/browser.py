@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A browser without a screen, for figures and tests of the viewer's page."""
+"""A headless browser, for benchmarks and tests of the viewer's page."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-"""Names of programs that will do."""
+"""Names of programs that can be used."""
 
 _START_TIMEOUT_MS = 60_000
 
 
 class NoBrowserError(CartoloopError):
-    """There is no browser that can be used, and why."""
+    """No browser can be used; the message says why."""
 
 
 class PageFailed(CartoloopError):  # noqa: N818 - named for what happened
-    """A page does not do what is expected of it."""
+    """A page does not do what is expected."""
 
 
 @contextmanager
 def browser() -> Iterator[Browser]:
-    """Yield a browser whose WebGL is computed by the processor: the same picture everywhere.
+    """Yield a browser with software WebGL, so that pictures are the same on all machines.
 
     Raises
     ------
     NoBrowserError
         playwright or Chromium is not installed, or does not start.
     PageFailed
-        Something that was awaited did not come, or what was asked of a page cannot be done.
+        A page failed to do something in time, or a command to it failed.
     """
     program = next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of cartoloop in processes of their own, and what each of them took."""
+"""Run commands in processes of their own and measure their time and memory."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from cartoloop.errors import CartoloopError
 
 @dataclass(frozen=True, slots=True)
 class CommandRun:
-    """What a command took, start of the interpreter included.
+    """The cost of a command, including the start of the interpreter.
 
     Attributes
     ----------
-    wall_s, cpu_s : time, and processor time of all its threads [s].
-    peak_memory_mb : most memory that it held at any time [MB].
+    wall_s, cpu_s : wall-clock time, and processor time of all threads [s].
+    peak_memory_mb : peak resident memory [MB].
     """
 
     wall_s: float
@@ -31,31 +31,33 @@ class CommandRun:
 
 
 class CommandFailed(CartoloopError):  # noqa: N818 - named for what happened
-    """A command ended with an error; its last line says which."""
+    """A command failed; the message has the last line of its output."""
 
 
 def run_command(*arguments: str | Path) -> CommandRun:
-    """Run ``cartoloop`` with these arguments, alone, and return what it took.
+    """Run ``cartoloop`` with these arguments and return its cost.
 
     Raises
     ------
     CommandFailed
-        It ended with another status than 0, or this system does not tell what a process took.
+        It ended with a status other than 0, or this system does not measure processes.
     """
     if not hasattr(os, "wait4"):
         raise CommandFailed("whole commands can be measured on Linux and macOS only")
     words = [str(argument) for argument in arguments]
     with tempfile.TemporaryDirectory(prefix="cartoloop-run-") as folder:
-        said = Path(folder) / "said.txt"
-        child = [sys.executable, "-I", "-S", measured_child.__file__, str(said)]
+        output = Path(folder) / "output.txt"
+        child = [sys.executable, "-I", "-S", measured_child.__file__, str(output)]
         command = [sys.executable, "-m", "cartoloop", *words]
         done = subprocess.run([*child, *command], capture_output=True, text=True, check=False)
-        told = json.loads(done.stdout) if done.returncode == 0 else {"status": done.returncode}
-        if told["status"] != 0:
-            text = said.read_text("utf-8", "replace") if said.exists() else done.stderr
-            raise failure(f"'cartoloop {' '.join(words)}'", told["status"], text)
+        measured = json.loads(done.stdout) if done.returncode == 0 else {"status": done.returncode}
+        if measured["status"] != 0:
+            text = output.read_text("utf-8", "replace") if output.exists() else done.stderr
+            raise failure(f"'cartoloop {' '.join(words)}'", measured["status"], text)
     bytes_a_unit = 1 if sys.platform == "darwin" else 1024
-    return CommandRun(told["wall_s"], told["cpu_s"], told["max_rss"] * bytes_a_unit / 1e6)
+    return CommandRun(
+        measured["wall_s"], measured["cpu_s"], measured["max_rss"] * bytes_a_unit / 1e6
+    )
 
 
 def run_module(what: str, module: str, *arguments: object) -> str:
@@ -63,13 +65,13 @@ def run_module(what: str, module: str, *arguments: object) -> str:
 
     Parameters
     ----------
-    what : what it does, for the message if it fails.
+    what : what it does, for the error message.
     module : its name within ``bench``.
 
     Raises
     ------
     CommandFailed
-        It ended with another status than 0.
+        It ended with a status other than 0.
     """
     command = [sys.executable, "-m", f"bench.{module}", *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -78,7 +80,7 @@ def run_module(what: str, module: str, *arguments: object) -> str:
     return done.stdout
 
 
-def failure(what: str, status: int, said: str) -> CommandFailed:
-    """Return the error for a process that ended with a status, of the last line that it said."""
-    lines = said.strip().splitlines() or ["it said nothing"]
+def failure(what: str, status: int, output: str) -> CommandFailed:
+    """Return the error for a process that failed, with the last line of its output."""
+    lines = output.strip().splitlines() or ["there is no output"]
     return CommandFailed(f"{what} ended with status {status}: {lines[-1]}")

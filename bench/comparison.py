@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What got worse since an earlier run of a benchmark, by more than the noise measured."""
+"""The figures that changed since an earlier run of a benchmark by more than the noise."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from bench.record import UNKNOWN_NOISE, Figure, Record, Row, markdown_table
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A figure that is not what it was.
+    """A figure that changed.
 
     Attributes
     ----------
     case, figure : which.
-    before, after : the figure then and now.
+    before, after : the figure in the earlier and in the new record.
     is_worse : whether it got worse, better otherwise.
     """
 
@@ -28,7 +28,7 @@ class Change:
 
     @property
     def ratio(self) -> float:
-        """The figure now as a multiple of what it was."""
+        """The new value divided by the earlier one."""
         return self.after.value / self.before.value if self.before.value else float("inf")
 
 
@@ -36,8 +36,8 @@ def compare(now: Record, before: Record) -> list[Change]:
     """Return the figures that got better or worse by more than the noise, worse ones first.
 
     The noise of a figure is the band between the 10 % and 90 % quantiles of its repeats: bands that
-    overlap are no change. A figure measured once counts when it changed by a quarter. Where the
-    repeats are of different inputs, the noise of the median over these counts instead.
+    overlap are no change. A figure measured once counts if it changed by a quarter. Where
+    the repeats have different inputs, the noise of the median over the inputs counts instead.
     """
     earlier = {_key(row): row for row in before.rows}
     changes: list[Change] = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What kernels are measured on: the first minutes of simulated drives, as local SLAM has them."""
+"""The inputs of the kernel benchmark: the first minutes of simulated drives in local SLAM."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ DRIVES = {
     "office, 361 beams": ("office", "sick", 120.0),
     "museum, 1079 beams": ("museum", "backpack", 60.0),
 }
-"""World, scanner and duration [s] of each drive: each finishes a submap and goes on."""
+"""World, scanner and duration [s] of each drive; each finishes at least one submap."""
 
 
 @dataclass
 class Drive:
-    """A drive as far as it went.
+    """The start of a drive, mapped by local SLAM.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Drive:
 
     @property
     def points(self) -> FloatArray:
-        """The last node's points, as loop closure seeks them, shape (n, 2) [m]."""
+        """The last node's points, as loop closure searches for them, shape (n, 2) [m]."""
         return self.nodes[-1].points
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where figures were measured: machine, versions, date and commit."""
+"""The environment of a measurement: machine, versions, date and commit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PACKAGES = ("numpy", "scipy", "numba", "gtsam", "g2o-python")
 
 
 def environment() -> dict[str, str]:
-    """Return what a figure depends on besides the code, in the order it is printed."""
+    """Return the machine, versions, date and commit, in the order of printing."""
     found = {
         "cartoloop": cartoloop.__version__,
         "commit": _commit(),
@@ -36,7 +36,7 @@ def _version(package: str) -> str:
 
 
 def _commit() -> str:
-    """Return the commit of the sources, marked where files were changed since; or 'unknown'."""
+    """Return the commit of the sources, marked if files have changes; 'unknown' without git."""
     git = ["git", "-C", str(Path(__file__).parents[1])]
     try:
         commit = subprocess.run(
@@ -54,7 +54,7 @@ def _commit() -> str:
 
 
 def _processor() -> str:
-    """Return the processor's name as the system tells it."""
+    """Return the processor's name as the system reports it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # ruff: noqa: T201 - its output is read by the process that started it
-"""One long run in a process of its own, watched as it grows.
+"""One long run in a process of its own, measured at checkpoints.
 
 Run: ``python -m bench.growth LOG CHECKPOINTS``; prints a JSON of checkpoints.
 """
@@ -21,14 +21,14 @@ from cartoloop.readers import open_log
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """How a run stands.
+    """The state of a run.
 
     Attributes
     ----------
     scans, nodes, closures : so far.
     wall_s, cpu_s : time, and processor time of all threads, since mapping began [s].
-    memory_mb : most memory held until now [MB].
-    is_finished : whether the last pass over all has been made.
+    memory_mb : peak memory so far [MB].
+    is_finished : whether the last pass is done.
     """
 
     scans: int
@@ -41,7 +41,7 @@ class Checkpoint:
 
 
 def grow(path: Path, num_checkpoints: int) -> list[Checkpoint]:
-    """Map a recording and return how it stood after each part of its scans, and in the end."""
+    """Map a recording and return its state after each part of its scans, and at the end."""
     log = open_log(path)
     every = max(1, log.num_scans // num_checkpoints)
     wall, cpu = time.perf_counter(), time.process_time()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is timed of reading, of scans in motion and in space, and of their simulation."""
+"""Workloads of reading, of deskewing and projecting scans, and of simulating them."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ INPUT_KERNELS = (
 )  # fmt: skip
 
 RINGS_DEG = np.arange(-15.0, 16.0, 2.0)
-"""Elevations of the rings of beams of a common scanner of points in space."""
+"""Elevations of the rings of a common 3D scanner."""
 
 SWEEP_S = 0.02
-"""From the first to the last beam."""
+"""Time from the first to the last beam."""
 
 
 def input_workloads() -> Iterator[Workload]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time of a call of each compiled kernel, through the function that the mapper calls it by."""
+"""``python -m bench kernels``: time of each kernel, called by the mapper's own functions."""
 
 from __future__ import annotations
 
@@ -52,11 +52,11 @@ GRAPH_KERNELS = (
     "residuals",
     "check",
     "chordal start",
-    "ways",
+    "shortest paths",
     "pairs",
 )
 KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
-"""The names of what is measured, by what they are measured on."""
+"""The names of the kernels, grouped by the input that they are measured on."""
 
 
 def run(repeats: int, only: Sequence[str] = ()) -> Record:
@@ -82,7 +82,7 @@ def run(repeats: int, only: Sequence[str] = ()) -> Record:
 
 
 def workloads(only: Sequence[str] = KERNELS) -> Iterator[Workload]:
-    """Yield all that is timed, and no more than it shares its inputs with.
+    """Yield the workloads of kernels, and of those that share their inputs.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def workloads(only: Sequence[str] = KERNELS) -> Iterator[Workload]:
             yield from _submap_workloads(driven)
     if set(only) & set(GRAPH_KERNELS):
         yield from _graph_workloads()
-        yield _ways_workload()
+        yield _shortest_paths_workload()
         yield _pairs_workload()
     if set(only) & set(INPUT_KERNELS):
         yield from input_workloads()
@@ -119,7 +119,7 @@ def _row(workload: Workload, repeats: int) -> Row:
 
 
 def _scan_workloads(driven: Drive) -> Iterator[Workload]:
-    """Yield all of local SLAM, and what happens to every scan, and to every one inserted."""
+    """Yield local SLAM as a whole, and the steps for every scan and for every inserted scan."""
     config = driven.config
     case: Case = {"input": driven.name}
     scan, tf_local_tracking = driven.scans[-1], driven.poses[-1]
@@ -194,7 +194,7 @@ def _match_workloads(driven: Drive) -> Iterator[Workload]:
 
 
 def _submap_workloads(driven: Drive) -> Iterator[Workload]:
-    """Yield what is done once for a finished submap, and the search of a scan in it."""
+    """Yield the steps that finish a submap, and the search for a scan in it."""
     grid = driven.grids[0]
     case: Case = {"input": driven.name}
     search = driven.config.global_slam.constraint_search
@@ -214,7 +214,7 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
     )  # fmt: skip
     matcher = SubmapMatcher(grid)
     middle = len(own) // 2
-    sought = partial(
+    search_for = partial(
         matcher.match,
         linear_window=7.0, angular_window=math.radians(30.0), min_score=search.min_score,
     )  # fmt: skip
@@ -224,7 +224,7 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
             "branch and bound",
             ("branch_and_bound", "node_bounds", "search_batch", "search_tree"),
             {**case, "window": f"±7 m, ±30°, {name}"},
-            partial(sought, cloud, estimate), len(cloud), "points",
+            partial(search_for, cloud, estimate), len(cloud), "points",
         )  # fmt: skip
     finished = FinishedSubmap(0, grid, 1.0)
     yield Workload(
@@ -273,8 +273,8 @@ def _graph_workloads() -> Iterator[Workload]:
         )  # fmt: skip
 
 
-def _ways_workload() -> Workload:
-    """Return how far it is from the newest submap of the larger graph to all others."""
+def _shortest_paths_workload() -> Workload:
+    """Return the search for the shortest paths from the newest submap of the larger graph."""
     _, submaps, _ = GRAPHS[-1]
     again = np.arange(submaps // 2)
     closures = np.column_stack((again, again + submaps // 2))  # all of it was walked twice
@@ -286,12 +286,17 @@ def _ways_workload() -> Workload:
         selection.ways_from(submaps - 1)
 
     return Workload(
-        "ways", ("shortest_ways",), {"input": f"{submaps} submaps"}, find, submaps, "submaps"
+        "shortest paths",
+        ("shortest_ways",),
+        {"input": f"{submaps} submaps"},
+        find,
+        submaps,
+        "submaps",
     )
 
 
 def _pairs_workload() -> Workload:
-    """Return which submaps of the larger graph a node that lies among all of them is sought in."""
+    """Return the choice of the submaps to search for a node of the larger graph."""
     nodes, submaps, _ = GRAPHS[-1]
     graph = bipartite_graph(*GRAPHS[-1]).graph
     selection = Config().global_slam.constraint_search

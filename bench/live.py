@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long a pose takes in live mapping, while loops are being closed behind it."""
+"""``python -m bench live``: the latency of a pose in live mapping, with loop closure running."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bench.museum_log import museum_or
 from bench.record import Figure, Record, Row
 
 SHARE_BEFORE = 0.5
-"""Share of the recording that is mapped before anything is measured: loops are then closed."""
+"""Share of the recording that is mapped before the measurement, so that loops are closed in it."""
 
 
 def run(
@@ -25,20 +25,20 @@ def run(
     seconds: float,
     *,
     log: Path | None = None,
-    tell: Callable[[str], None],
+    progress: Callable[[str], None],
     seed: int = 0,
     repeats: int = 1,
 ) -> Record:
-    """Return the latencies of the scans of a museum that come as from a robot, at several paces.
+    """Return the latencies of a museum's scans that arrive as from a robot, at several paces.
 
     Parameters
     ----------
     paces : times real time, one part of the recording each.
-    seconds : how long each part takes.
+    seconds : duration of each part [s].
     log : a recording instead of the museum.
-    tell : called with a line on progress.
+    progress : called with a line on progress.
     seed : of the building, the walk and all noise.
-    repeats : how often all of it is measured.
+    repeats : of the whole measurement.
 
     Raises
     ------
@@ -48,11 +48,11 @@ def run(
     from cartoloop.readers import open_log
 
     with tempfile.TemporaryDirectory(prefix="cartoloop-live-") as folder:
-        path = museum_or(log, Path(folder), seed, tell)
+        path = museum_or(log, Path(folder), seed, progress)
         num_first = round(SHARE_BEFORE * open_log(path).num_scans)
         runs = []
         for number in range(repeats):
-            tell(f"replaying {path.name}, {number + 1} of {repeats}")
+            progress(f"replaying {path.name}, {number + 1} of {repeats}")
             runs.append(_replay(path, num_first, paces, seconds))
     return Record(
         "live", tuple(_row(list(same)) for same in zip(*runs, strict=True)), environment()
@@ -61,8 +61,8 @@ def run(
 
 def _replay(path: Path, num_first: int, paces: Sequence[float], seconds: float) -> list[PaceResult]:
     parts = [number for pace in paces for number in (pace, seconds)]
-    told = run_module(f"replaying {path.name}", "live_replay", path, num_first, *parts)
-    return [PaceResult(**part) for part in json.loads(told)]
+    output = run_module(f"replaying {path.name}", "live_replay", path, num_first, *parts)
+    return [PaceResult(**part) for part in json.loads(output)]
 
 
 def _row(same: Sequence[PaceResult]) -> Row:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # ruff: noqa: T201 - its output is read by the process that started it
-"""A recording as a live source, in a process of its own: how long each pose takes.
+"""A recording as a live source, in a process of its own: the latency of each pose.
 
 Run: ``python -m bench.live_replay LOG FIRST PACE SECONDS [PACE SECONDS ...]``; maps
-the first scans as fast as it can, then so many seconds at each pace; prints a JSON of it all.
+FIRST events at full speed, then SECONDS at each PACE, and prints the results as JSON.
 """
 
 from __future__ import annotations
@@ -40,22 +40,22 @@ SETTLING_S = 5.0
 
 @dataclass(frozen=True, slots=True)
 class PaceResult:
-    """What was measured at one pace.
+    """The results at one pace.
 
     Attributes
     ----------
     pace : times real time.
-    scans : how many scans were sent.
-    poses : how many of them got a pose.
-    latencies : of each, from its arrival until its pose was out [s].
-    pose_cpu_s : of each, processor time of the mapping thread until its pose was out [s]: what is
-        left of the latency where no other program wants the processor.
-    cpu_s : the same with all that follows, and with what comes between scans [s].
-    joined_after : of each closure, periods of adjustment from when it was asked for to when it
-        joined the graph.
-    nodes, closures, adjustments, saves : how many were added meanwhile.
-    searched : how many searches were made.
-    put_off : searches that were started and not done when the graph was adjusted.
+    scans : number of scans sent.
+    poses : number of them that got a pose.
+    latencies : of each, from its arrival until its pose was available [s].
+    pose_cpu_s : of each, processor time of the mapping thread until its pose was available [s]: the
+        latency on a processor that no other program uses.
+    cpu_s : the same, including the work after the pose and between scans [s].
+    joined_after : of each closure, periods of adjustment from the request of its search until it
+        was added to the graph.
+    nodes, closures, adjustments, saves : number added meanwhile.
+    searched : number of searches.
+    put_off : searches that had started but not ended when the graph was adjusted.
     dropped : searches dropped.
     """
 
@@ -76,11 +76,11 @@ class PaceResult:
 
 
 class PacedSource:
-    """Sends lines when they are due; parsing them is a part of receiving.
+    """Sends lines when they are due. Parsing them is a part of receiving.
 
     Parameters
     ----------
-    events : what is sent.
+    events : to send.
     pace : times real time.
     """
 
@@ -91,7 +91,7 @@ class PacedSource:
         self._due = [(event.time - events[0].time) / pace for event in events]
 
     def open(self) -> str:
-        """Return what it is."""
+        """Return its name."""
         return self.name
 
     def run(self, put: Put, notices: Notices, stop: Event) -> None:
@@ -107,7 +107,7 @@ class PacedSource:
 
 
 class _WatchedInbox(Inbox):
-    """Knows how much the mapping thread had worked when it last took something."""
+    """Records the processor time of the mapping thread at each take [s]."""
 
     cpu_s = 0.0
 
@@ -119,13 +119,13 @@ class _WatchedInbox(Inbox):
 
 
 def replay(path: Path, num_first: int, paces: Sequence[tuple[float, float]]) -> list[PaceResult]:
-    """Map the first scans of a recording, then some at each pace, as they would come live.
+    """Map the first events of a recording, then a part at each pace, as a live source sends them.
 
     Parameters
     ----------
     path : of the recording.
-    num_first : events that are mapped before.
-    paces : times real time, and for how long [s].
+    num_first : number of events that are mapped before.
+    paces : multiples of real time, each with its duration [s].
     """
     events = iter(open_log(path))
     get_ready()
@@ -138,7 +138,7 @@ def replay(path: Path, num_first: int, paces: Sequence[tuple[float, float]]) -> 
         for event in islice(events, num_first):
             mapper.add(event)
         _catch_up(mapper)
-        # Until it is known what sends the scans, they are kept: that is no latency to speak of.
+        # The session holds scans back until it knows the sensors: their latency is not measured.
         start = list(_of_duration(events, SETTLING_S))
         _at_pace(start, 1.0, mapper, sequencer, notices, autosave)
         for pace, seconds in paces:
@@ -197,7 +197,7 @@ def _counts(mapper: Mapper, autosave: Autosave) -> tuple[int, ...]:
 
 
 def _catch_up(mapper: Mapper) -> None:
-    """Return when all nodes are in the graph, and sought where searches were started."""
+    """Return when all nodes are in the graph and all searches have ended."""
     done = Event()
     mapper.look(done.set)
     done.wait()
@@ -206,7 +206,7 @@ def _catch_up(mapper: Mapper) -> None:
 
 
 def _of_duration(events: Iterator[SensorEvent], seconds: float) -> Iterator[SensorEvent]:
-    """Yield events of so long a part of a recording."""
+    """Yield the events of the next `seconds` of a recording."""
     first: float | None = None
     for event in events:
         first = event.time if first is None else first
@@ -237,7 +237,7 @@ def _line(event: SensorEvent) -> bytes:
 
 
 def main() -> None:
-    """Print what the replay that the arguments name has measured."""
+    """Print the results of the replay that the arguments describe."""
     path, num_first, *rest = sys.argv[1:]
     numbers = [float(number) for number in rest]
     paces = list(zip(numbers[::2], numbers[1::2], strict=True))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Timing programs against each other on a machine that is not quiet."""
+"""Timing programs in turn on a machine that other programs use too."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ def alternate(
 
     Parameters
     ----------
-    programs : what to time, by name. Each is called once before, untimed: compilation and first
-        touches of memory do not count.
-    repeats : number of rounds; in each, every program is timed once, in turn, so that a busy
-        moment of the machine hits all of them alike.
-    min_sample_s : a sample is a loop of as many calls as fill this time [s], so that the clock's
-        own steps do not matter.
+    programs : what to time, by name. Each is called once before, untimed, so that compilation
+        and the first use of memory do not count.
+    repeats : number of rounds; in each, every program is timed once, so that a busy moment of
+        the machine affects all of them alike.
+    min_sample_s : a sample is a loop of as many calls as fill this time [s], so that the
+        resolution of the clock does not matter.
     """
     calls: dict[str, int] = {}
     for name, program in programs.items():

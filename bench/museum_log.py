@@ -7,13 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 
-def museum_or(log: Path | None, folder: Path, seed: int, tell: Callable[[str], None]) -> Path:
-    """Return a recording that was given, or else that of a museum, simulated into a folder.
+def museum_or(log: Path | None, folder: Path, seed: int, progress: Callable[[str], None]) -> Path:
+    """Return the given recording, or that of a museum, simulated into a folder.
 
     Raises
     ------
     InputError
-        What was given is no recording.
+        The given file is not a recording.
     """
     if log is not None:
         from cartoloop.readers import open_log
@@ -23,7 +23,7 @@ def museum_or(log: Path | None, folder: Path, seed: int, tell: Callable[[str], N
     from cartoloop.simulation import make_world, simulate
     from cartoloop.simulation.lidar import make_lidar
 
-    tell("simulating the museum")
+    progress("simulating the museum")
     path = folder / "museum.log"
     simulate(make_world("museum", seed), make_lidar("backpack"), seed=seed).write_carmen(path)
     return path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a benchmark yields: rows of figures with their spread, as JSON and as a Markdown table."""
+"""The result of a benchmark: rows of figures with spread, as JSON and as a Markdown table."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Better = Literal["less", "more"] | None
 Case = dict[str, str | int | float]
 
 UNKNOWN_NOISE = 0.25
-"""Share by which a figure that was measured only once must change to count."""
+"""Share of its value by which a figure that was measured once must change to count."""
 
 FORMAT = 1
 """Version of the JSON; a reader refuses others."""
@@ -33,11 +33,11 @@ class Figure:
     value : the median of the repeats.
     unit : as printed in the head of its column; empty for counts and ratios.
     low, high : the 10 % and 90 % quantiles of the repeats; None where it was measured once and
-        would differ if measured again.
+        another run would give another value.
     repeats : how often it was measured.
     better : which direction is better, None where neither is.
-    noise_low, noise_high : by how much the value itself is uncertain, where `low` and `high` are
-        the spread over different inputs and say nothing of that; otherwise None.
+    noise_low, noise_high : band of the value's own noise where `low` and `high` are the spread over
+        different inputs; otherwise None.
     """
 
     value: float
@@ -51,7 +51,7 @@ class Figure:
 
     @classmethod
     def of_samples(cls, samples: Sequence[float], unit: str, better: Better = "less") -> Figure:
-        """Return the median of what was measured several times, with its spread."""
+        """Return the median of repeated measurements, with their spread."""
         low, value, high = np.quantile(np.asarray(samples, dtype=np.float64), (0.1, 0.5, 0.9))
         if len(samples) == 1:
             return cls(float(value), unit, better=better)
@@ -65,8 +65,8 @@ class Figure:
 
         Parameters
         ----------
-        samples : of each input, what its repeats gave; the same number for all. One repeat: the
-            noise is not known.
+        samples : repeats of each input, the same number for all; with one repeat the noise is
+            unknown and :data:`UNKNOWN_NOISE` is assumed.
         unit, better : as of the figure.
         """
         values = np.asarray(samples, dtype=np.float64)
@@ -85,13 +85,13 @@ class Figure:
     def exact_of_inputs(
         cls, values: Sequence[float], unit: str = "", better: Better = "less"
     ) -> Figure:
-        """Return the median of counts over different inputs, which any repeat gives again."""
+        """Return the median of counts over different inputs, which are the same in any repeat."""
         low, value, high = map(float, np.quantile(values, (0.1, 0.5, 0.9)))
         return cls(value, unit, low, high, len(values), better, value, value)
 
     @classmethod
     def exact(cls, value: float, unit: str = "", better: Better = "less") -> Figure:
-        """Return a number that any repeat gives again, to the last bit: errors and counts."""
+        """Return a number that is the same in any repeat, to the last bit: errors and counts."""
         return cls(float(value), unit, float(value), float(value), better=better)
 
     def text(self) -> str:
@@ -108,9 +108,9 @@ class Row:
 
     Attributes
     ----------
-    case : what was measured; tells the rows of a benchmark apart.
+    case : what was measured; no two rows of a benchmark have the same.
     figures : the numbers by name.
-    notes : what the reader must know: missing data, a program that is not installed.
+    notes : remarks for the reader: missing data, a program that is not installed.
     """
 
     case: Case
@@ -120,7 +120,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """All rows of a benchmark, and where they were measured.
+    """All rows of a benchmark, and the environment of the measurement.
 
     Attributes
     ----------
@@ -228,7 +228,7 @@ def markdown_table(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
 
 
 def format_number(value: float, digits: int = 3) -> str:
-    """Return a number with so many significant digits, thousands grouped."""
+    """Return a number with `digits` significant digits, thousands grouped."""
     if value == 0.0 or not math.isfinite(value):
         return f"{value:g}"
     if value == round(value) and abs(value) < 1e15:

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One page of all figures: ``docs/results.md``, made of what the benchmarks wrote."""
+"""``python -m bench page``: one page of all figures, made from the records."""
 
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 from bench.document import Picture, Section, Table, to_markdown
+from bench.page_text import page_text
 from bench.paper.cells import title_of
 from bench.paper.report import sections as paper_sections
 from bench.record import Record, Row, read_record
@@ -15,73 +17,14 @@ from bench.speed_bounds import speed_bounds
 from cartoloop.errors import InputError
 from cartoloop.map_output.save import prepare_folder, write_file
 
-
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """How a benchmark is shown: its title, what it is, and the case that its tables differ in."""
-
-    title: str
-    text: str = ""
-    split_by: str = ""
-
-
-BENCHMARKS = {
-    "paper": _Part("The experiments of the paper"),
-    "matching": _Part(
-        "Branch and bound",
-        "Section V-B: the search of a scan in a finished submap, on pairs taken from the "
-        "recordings. All searches of a row return the same pose and score, to the last bit. "
-        "*Exhaustive* is algorithm 1, once as the paper writes it and once as fast as we know how "
-        "to; *bounds* compares, in the same plain search, the bounds of eq. (17) with those of "
-        "grids of halved resolution, the alternative that the paper rejects.",
-        "part",
-    ),
-    "adjustment": _Part(
-        "Pose adjustment",
-        "Eq. (SPA) against other solvers on the same graphs, from the same start, in the same "
-        "run, in turn, each on one thread; they stop at a relative change of the cost of 1e-6. "
-        "Costs are computed by one evaluator for all. *Times ours* is the solver's time divided "
-        "by ours. That is one call that has all yet to do. Where a row or column says *graph "
-        "held*, our constraints were sorted and packed before, as they are while mapping, and as "
-        "the others' graphs are built before their clock starts.",
-        "graph",
-    ),
-    "kernels": _Part(
-        "Kernels",
-        "Time of a call, compilation excluded, on inputs from a simulated drive.",
-    ),
-    "scaling": _Part(
-        "Growth: one long walk through ever more rooms",
-        "One run through a building that grows with the way, in parts of a museum's length; "
-        "reading of the recording included.",
-    ),
-    "scaling-again": _Part(
-        "Growth: one museum again and again",
-        "One run as long, that stays in one museum.",
-    ),
-    "live": _Part(
-        "Live: how long a pose takes",
-        "The museum's scans as from a robot, each when it is due, in the middle of the walk: from "
-        "its arrival until its pose is out, while loops are being closed behind it and the map is "
-        "saved now and then.",
-    ),
-    "viewer": _Part(
-        "The live view",
-        "The museum. *While mapping*: as fast as it can, in turn without a view and with so many "
-        "viewers, which run on the same machine; by how much more processor time the mapping "
-        "process takes, all its threads, and how much longer. *A finished map*: what joining it "
-        "takes. *Loop closures*: from the adjustment that takes closures in to the first frame "
-        "after a page knows of them, in a recording that is mapped at some times real time.",
-        "part",
-    ),
-}
+BENCHMARKS: Final = ("paper", *page_text()["benchmarks"])
 """The benchmarks in the order of the page."""
 
 MAX_PICTURE_PIXELS = 1100
-"""Longest side of a picture on the page."""
+"""Longest side of a picture on the page [pixels]."""
 
 PICTURE_COLORS = 64
-"""Colours of a picture on the page: a map is mostly grey."""
+"""Number of colours of a picture on the page; a map is mostly grey."""
 
 
 def write_results_page(folder: Path, page: Path) -> None:
@@ -89,7 +32,7 @@ def write_results_page(folder: Path, page: Path) -> None:
 
     Parameters
     ----------
-    folder : where ``python -m bench`` wrote.
+    folder : where the benchmarks wrote their records.
     page : the Markdown file; pictures go into the folder ``images`` beside it.
 
     Raises
@@ -105,14 +48,14 @@ def write_results_page(folder: Path, page: Path) -> None:
         if (folder / f"{name}.json").exists()
     }
     if not records:
-        raise InputError(f"{folder}: no figures there; run 'python -m bench paper' first")
+        raise InputError(f"{folder}: has no records; run 'python -m bench paper' first")
     prepare_folder(page.parent)
     parts = [_introduction(records)]
     for name, record in records.items():
         if name == "paper":
             parts += paper_sections(record)
         else:
-            parts += _benchmark(BENCHMARKS[name], record)
+            parts += _benchmark(record)
     if (bounds := speed_bounds(records)) is not None:
         parts.append(bounds)
     if "paper" in records:
@@ -129,16 +72,8 @@ def _introduction(records: dict[str, Record]) -> Section:
         ]
         for name, record in records.items()
     ]
-    return Section(
-        "How to get these figures",
-        (
-            "This page is made by `python -m bench page` of what these commands measured; none of "
-            "its figures is typed by hand, but for those of others, which are quoted. Recordings "
-            "are found through `CARTOLOOP_DATA` or `--data`. Times on a shared machine are rough; "
-            "errors and counts do not vary at all.",
-            Table(["command", "date", "where"], commands),
-        ),
-    )
+    text = page_text()["introduction"]
+    return Section(text["title"], (text["text"], Table(["command", "date", "where"], commands)))
 
 
 def _where(record: Record) -> str:
@@ -150,18 +85,19 @@ def _where(record: Record) -> str:
     )
 
 
-def _benchmark(part: _Part, record: Record) -> list[Section]:
-    """Return a section, with a table for each value of the case that the part is split by."""
-    if not part.split_by:
-        return [Section(part.title, (part.text, record.to_table()))]
+def _benchmark(record: Record) -> list[Section]:
+    """Return a section, with a table for each value of the case that it is split by."""
+    text = page_text()["benchmarks"][record.benchmark]
+    split_by = text.get("split_by")
+    if split_by is None:
+        return [Section(text["title"], (text["text"], record.to_table()))]
     groups: dict[str, list[Row]] = {}
     for row in record.rows:
-        groups.setdefault(str(row.case.get(part.split_by, "")), []).append(row)
-    sections = [Section(part.title, (part.text,))]
+        groups.setdefault(str(row.case.get(split_by, "")), []).append(row)
+    sections = [Section(text["title"], (text["text"],))]
     for value, rows in groups.items():
         own = tuple(
-            replace(row, case={k: v for k, v in row.case.items() if k != part.split_by})
-            for row in rows
+            replace(row, case={k: v for k, v in row.case.items() if k != split_by}) for row in rows
         )
         sections.append(Section(value, (Record(record.benchmark, own).to_table(),), level=3))
     return sections
@@ -183,12 +119,8 @@ def _maps(record: Record, folder: Path, images: Path) -> list[Section]:
             pictures.append(Picture(f"images/{log}.png", title_of(log)))
     if not pictures:
         return []
-    thanks = (
-        "Rendered from recordings of C. Stachniss (MIT CSAIL, Freiburg), D. Haehnel (Intel), "
-        "P. Beeson (ACES), M. Bosse and J. Leonard (Killian Court), whom we thank; the others are "
-        "simulated."
-    )
-    return [Section("The maps", (thanks, *pictures))]
+    text = page_text()["maps"]
+    return [Section(text["title"], (text["text"], *pictures))]
 
 
 def _shrunk(picture: Path) -> bytes:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time a node and memory as one run grows to many times the museum of section VI-A."""
+"""``python -m bench scaling``: time per node and memory of a run many museums long."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def run(
     times: int,
     *,
     again: bool,
-    tell: Callable[[str], None],
+    progress: Callable[[str], None],
     seed: int = 0,
     repeats: int = 1,
 ) -> Record:
@@ -32,30 +32,30 @@ def run(
 
     Parameters
     ----------
-    times : length of the run, in museums; also the number of parts that are told apart.
+    times : length of the run, in museums; also the number of parts.
     again : whether one museum is walked through again and again; otherwise the building grows
-        with the way.
-    tell : called with a line on progress.
+        with the path.
+    progress : called with a line on progress.
     seed : of the building, the walks and all noise.
-    repeats : how often the whole is mapped.
+    repeats : of the whole run.
 
     Notes
     -----
-    The recording is simulated before, into a file: what is measured is reading and mapping it.
+    The recording is simulated into a file first. Reading and mapping it is measured.
     """
     from cartoloop.simulation import simulate
     from cartoloop.simulation.museum import large_museum, museum_again
 
     with tempfile.TemporaryDirectory(prefix="cartoloop-scaling-") as folder:
         log = Path(folder) / "museums.log"
-        tell("warming up: compiling kernels where they are not yet")
+        progress("warming up: compiling kernels where they are not yet")
         run_command("demo", "-o", Path(folder) / "demo")
-        tell(f"simulating {times} museums")
+        progress(f"simulating {times} museums")
         world = museum_again(seed, times) if again else large_museum(seed, times)
         recording = simulate(world, seed=seed)
         recording.write_carmen(log)
         duration = float(recording.stamps[-1] - recording.stamps[0])
-        tell(f"mapping {len(recording.stamps)} scans, {repeats} times")
+        progress(f"mapping {len(recording.stamps)} scans, {repeats} times")
         del recording
         runs = [_grow(log, times) for _ in range(repeats)]
     parts = zip(*(pairwise(points[:-1]) for points in runs), strict=True)
@@ -66,12 +66,12 @@ def run(
 
 
 def _grow(log: Path, num_checkpoints: int) -> list[Checkpoint]:
-    told = run_module(f"mapping {log.name}", "growth", log, num_checkpoints)
-    return [Checkpoint(**point) for point in json.loads(told)]
+    output = run_module(f"mapping {log.name}", "growth", log, num_checkpoints)
+    return [Checkpoint(**point) for point in json.loads(output)]
 
 
 def _part(name: str, passes: Sequence[tuple[Checkpoint, Checkpoint]]) -> Row:
-    """Return what each run did between two checkpoints; the last pass counts for all nodes."""
+    """Return the cost between two checkpoints in each run; the last pass counts for all nodes."""
     before, after = passes[0]
     nodes = (after.nodes - before.nodes) or after.nodes
     cpu = [after.cpu_s - before.cpu_s for before, after in passes]
@@ -89,7 +89,7 @@ def _whole(last: Sequence[Checkpoint], duration: float) -> Row:
 def _figures(
     points: Sequence[Checkpoint], cpu_s: Sequence[float], wall_s: Sequence[float], nodes: int
 ) -> dict[str, Figure]:
-    """Return the figures of a part, of each run how it stood behind it and what it took."""
+    """Return the figures of a part: in each run, the state at its end and its cost."""
     return {
         "nodes so far": Figure.exact(points[0].nodes, better=None),
         "closures so far": Figure.exact(points[0].closures, better=None),

@@ -1,55 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What bounds the speed where it is not what was aimed at: the section of the results page."""
+"""The section of the results page on what bounds the speed."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Final
 
 from bench.adjustment.benchmark import HELD_NAME, OWN_NAME
 from bench.document import Section, Table
+from bench.page_text import page_text
 from bench.paper.cells import title_of
 from bench.record import Record, Row, format_number
 
-_SEARCH = (
-    "**A search that finds nothing.** A node of the tree is bounded by one byte for each point of "
-    "the scan, and these bytes lie wherever the points fall. *Look-ups* counts as if each node "
-    "looked up all points, which those of the upper levels need not. With many points it nears "
-    "what a core can load, a few bytes a cycle; with few points more of the time goes to the tree "
-    "itself. A search that finds nothing ends when no node is left: only fewer of them, by tighter "
-    "bounds, would make it much faster."
-)
-
-_ADJUSTMENT = (
-    "**Pose adjustment.** An evaluation goes through all constraints once: their errors, "
-    "derivatives, and what eliminating the nodes leaves to the submaps; one more than iterations "
-    "is needed. Moving the nodes and solving for the submaps is counted in."
-)
-
-_THREADS = (
-    "**Cores.** A scan is matched to what the scans before it left in the submap, so one thread "
-    "maps; searches, and the last pass, have the other cores. *Mapping thread* is what its stages "
-    "took by the clock without those in which it waits for the others, and *around them* is what "
-    "is left of the wall clock: start, reading, what is between the stages, the last pass and "
-    "saving. More cores would shorten the waiting and the last pass alone."
-)
-
-_OF_OTHER_THREADS = ("search", "wait for searches", "match again")
+_OTHER_THREADS: Final = ("search", "wait for searches", "match again")
+"""Stages that do not run, or do not run alone, in the mapping thread."""
 
 
 def speed_bounds(records: dict[str, Record]) -> Section | None:
-    """Return the section, made of whatever records there are; None without any that tells."""
-    makers = (("matching", _SEARCH, _look_ups), ("adjustment", _ADJUSTMENT, _evaluations),
-              ("paper", _THREADS, _threads))  # fmt: skip
+    """Return the section of the records that exist; None if none has a figure for it."""
+    text = page_text()["speed"]
+    makers = {
+        "search": ("matching", _look_ups),
+        "adjustment": ("adjustment", _evaluations),
+        "threads": ("paper", _threads),
+    }
     parts: list[str | Table] = []
-    for name, text, make in makers:
-        table = make(records[name].rows) if name in records else None
+    for name, (benchmark, make) in makers.items():
+        table = make(records[benchmark].rows) if benchmark in records else None
         if table is not None:
-            parts += [text, table]
-    return Section("What bounds the speed", tuple(parts)) if parts else None
+            parts += [text[name], table]
+    return Section(text["title"], tuple(parts)) if parts else None
 
 
 def _look_ups(rows: Iterable[Row]) -> Table | None:
-    """Return what a node of branch and bound costs, by the number of points."""
+    """Return the cost of a node of branch and bound, by the number of points."""
     lines = []
     for row in rows:
         if row.case.get("part") != "points" or not row.figures:
@@ -72,7 +56,7 @@ def _look_ups(rows: Iterable[Row]) -> Table | None:
 
 
 def _evaluations(rows: Iterable[Row]) -> Table | None:
-    """Return what the programs take for a constraint of the museum's graph."""
+    """Return the time of each solver for a constraint of the museum's graph."""
     lines = []
     for row in rows:
         ours = row.case.get("solver") in (OWN_NAME, HELD_NAME)
@@ -95,11 +79,11 @@ def _evaluations(rows: Iterable[Row]) -> Table | None:
 
 
 def _threads(rows: Iterable[Row]) -> Table | None:
-    """Return how much of the wall clock the thread that maps is busy."""
+    """Return the share of the wall-clock time in which the mapping thread is busy."""
     rows = list(rows)
     busy: dict[str, float] = {}
     for row in rows:
-        if row.case.get("experiment") == "stages" and row.case["stage"] not in _OF_OTHER_THREADS:
+        if row.case.get("experiment") == "stages" and row.case["stage"] not in _OTHER_THREADS:
             log = str(row.case["log"])
             busy[log] = busy.get(log, 0.0) + row.figures["total"].value
     lines = []

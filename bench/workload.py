@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is timed of a kernel: a call, and the size of its problem."""
+"""A call of a kernel to be timed, and the size of its problem."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Workload:
     modules : modules of ``cartoloop.kernels`` that it exercises.
     case : the size of the problem.
     call : does it once.
-    items : how many of `item` a call handles, for the time of one.
+    items : number of `item` that a call handles, for the time of one.
     """
 
     kernel: str

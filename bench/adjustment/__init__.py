@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``python -m bench adjustment``: pose adjustment against the solvers of others."""
+"""``python -m bench adjustment``: pose adjustment against other solvers."""

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """``python -m bench adjustment``: our pose adjustment against GTSAM, Ceres and g2o, in turn.
 
-All programs have the same graph, start, loss and rule to stop (a relative change of the cost of
-1e-6), and one thread. The clock runs from the graph as the program holds it to the poses. For us it
-runs twice: once over all of :func:`cartoloop.global_slam.pose_adjustment.adjust`, which also sorts
-and packs the constraints, and once without that: others do it when their graph is built, and we,
-while mapping, when constraints come in. The cost that each reached is computed by us. g2o is spared
-looking whether it may stop: it is told beforehand how often to iterate. Since programs take turns,
-each finds the processor's caches full of another's data, as an adjustment does that comes up
-between the work of mapping.
+All programs have the same graph, start, loss and stopping rule (a relative change of the cost of
+1e-6), and one thread. The time is from the graph as the program holds it to the poses. Ours is
+measured twice: once for all of :func:`cartoloop.global_slam.pose_adjustment.adjust`, which also
+sorts and packs the constraints, and once without that, because the other programs do it when their
+graph is built, and the mapper when constraints arrive. One evaluator computes the cost of all
+results. g2o gets the number of iterations beforehand, which saves it the evaluations of its
+stopping rule. The programs run in turn, so each starts with the data of another in the processor's
+caches, as an adjustment while mapping does.
 """
 
 from __future__ import annotations
@@ -39,18 +39,25 @@ SIZES = (1_000, 3_000, 10_000, 30_000, 100_000)
 
 _SUBMAPS_PER_NODE = 0.011
 _EDGES_PER_NODE = 35_300 / 11_456
-_NEW_NODES = 90  # between two adjustments while mapping
-_STUCK = 1.01  # times the cost that another start leads to
+_NEW_NODES = 90
+"""Nodes added between two adjustments while mapping."""
+_STUCK = 1.01
+"""Least ratio of costs at which a result counts as another local minimum."""
 _SAME_COST = 1e-3
-_TIME_A_PROGRAM_S = 1.0  # of repeats; a slower program is repeated less
-_FEWEST_ROUNDS = 3  # for a spread
-_TOO_LONG_TO_REPEAT_S = 3.0  # its first run is all
-_LONGEST_SOLVE_S = 20.0  # of a foreign program, as foreseen from a smaller graph
+"""Largest relative difference of costs that is not remarked on."""
+_TIME_A_PROGRAM_S = 1.0
+"""Time for the repeats of a program [s]; a slower program is repeated less often."""
+_FEWEST_ROUNDS = 3
+"""Least number of repeats for a spread."""
+_TOO_LONG_TO_REPEAT_S = 3.0
+"""Time of a first run from which on it is not repeated [s]."""
+_LONGEST_SOLVE_S = 20.0
+"""Longest expected solve of a foreign program that is run [s]."""
 
 
 @dataclass
 class _Runs:
-    """What a program did on one graph; `cost` is where it ended."""
+    """The runs of a program on one graph; `cost` is that of its result."""
 
     cost: float
     first: Solve
@@ -67,7 +74,7 @@ def run(
 
     Parameters
     ----------
-    repeats : how often each is timed, fewer times where it takes long.
+    repeats : number of timed runs of each, fewer for slow programs.
     data : folder whose ``pose-graphs`` holds g2o files; None: there is none, a row says so.
     largest : nodes of the largest synthetic graph.
     foreign : which foreign programs are compared.
@@ -95,7 +102,7 @@ def _missing_note(data: Path | None) -> str:
 
 
 def _public_problems(data: Path | None) -> Iterator[tuple[str, Problem]]:
-    """Yield the graphs of files; once more from a chordal start where their own leads astray."""
+    """Yield the graphs of files; again from a chordal start where theirs is too far off."""
     paths = [] if data is None else sorted((data / "pose-graphs").glob("*.g2o*"))
     for path in paths:
         name = path.name.partition(".")[0]
@@ -114,7 +121,7 @@ def _public_problems(data: Path | None) -> Iterator[tuple[str, Problem]]:
 
 
 def _synthetic_problems(largest: int) -> Iterator[tuple[str, Problem]]:
-    """Yield graphs as mapped, each smaller than the next; the museum's also while mapping."""
+    """Yield synthetic graphs in order of size; the museum's also as while mapping."""
     sizes = [(n, round(_SUBMAPS_PER_NODE * n), round(_EDGES_PER_NODE * n)) for n in SIZES]
     for size in sorted((*sizes, MUSEUM)):
         if size[0] > largest:
@@ -126,15 +133,15 @@ def _synthetic_problems(largest: int) -> Iterator[tuple[str, Problem]]:
 
 
 def warm_start(graph: PoseGraph, num_new: int) -> PoseGraph:
-    """Return a graph as mapping hands it over when it has grown since the last adjustment.
+    """Return a graph as while mapping, when it has grown since the last adjustment.
 
-    What is older than the newest nodes stands where an adjustment of that part puts it; the newest
-    nodes, and the submaps begun since, where they were seen from the last submap of that part.
+    All but the newest nodes have the poses of an adjustment of that part. The newest nodes, and the
+    submaps begun since, are placed relative to the last submap of that part.
 
     Parameters
     ----------
     graph : nodes and submaps in order of time; its poses become those of the returned graph.
-    num_new : how many nodes are new.
+    num_new : number of new nodes.
     """
     old_nodes = graph.num_nodes - num_new
     is_old = graph.index_b < old_nodes
@@ -164,7 +171,7 @@ def warm_start(graph: PoseGraph, num_new: int) -> PoseGraph:
 def _compare(
     name: str, problem: Problem, methods: list[Method], repeats: int, slow: dict[str, float]
 ) -> list[Row]:
-    """Return a row for each program; `slow` holds seconds a node from smaller graphs, by name."""
+    """Return a row for each program; `slow` has the seconds per node on smaller graphs by name."""
     graph = problem.graph
     case: Case = {
         "graph": name,
@@ -182,9 +189,9 @@ def _compare(
     for method in methods:
         if method.needs_submaps and graph.num_submaps == 0:
             continue
-        foreseen = slow.get(method.name, 0.0) * graph.num_nodes
-        if foreseen > _LONGEST_SOLVE_S:
-            notes[method.name] = f"skipped: about {foreseen:.0f} s a solve"
+        expected = slow.get(method.name, 0.0) * graph.num_nodes
+        if expected > _LONGEST_SOLVE_S:
+            notes[method.name] = f"skipped: about {expected:.0f} s a solve"
             continue
         try:
             programs[method.name] = method.start(problem)
@@ -194,7 +201,7 @@ def _compare(
             continue
         slow[method.name] = runs[method.name].first.seconds / graph.num_nodes
     turns = [name for name in runs if name != HELD_NAME]
-    turns.insert(1 + len(turns) // 2, HELD_NAME)  # away from the other, which warms the cache
+    turns.insert(1 + len(turns) // 2, HELD_NAME)  # apart from the other, which fills the caches
     notes |= _repeat({name: programs[name] for name in turns}, runs, repeats)
     return [
         Row({**case, "solver": OWN_NAME}, _figures(runs[OWN_NAME])),
@@ -217,7 +224,7 @@ def _compare(
 
 
 def _first_run(problem: Problem, program: Program) -> _Runs:
-    """Return what a program does first; one whose poses or cost are no numbers has failed."""
+    """Return the first run of a program; it has failed if its cost is not finite."""
     first = program.solve()
     cost = problem.cost(program.poses())
     if not np.isfinite(cost):
@@ -226,10 +233,10 @@ def _first_run(problem: Problem, program: Program) -> _Runs:
 
 
 def _repeat(programs: dict[str, Program], runs: dict[str, _Runs], repeats: int) -> dict[str, str]:
-    """Run the programs in turn, slow ones in fewer rounds; one that is slow enough, in none.
+    """Run the programs in turn, slow ones in fewer rounds, the slowest in none.
 
-    A program that fails now takes no further part; what it did before counts, and what is returned
-    tells of it by its name.
+    A program that fails is not run again; its runs until then count. Returns a note for each of
+    these programs by name.
     """
     notes: dict[str, str] = {}
     rounds = {
@@ -254,9 +261,9 @@ def _repeat(programs: dict[str, Program], runs: dict[str, _Runs], repeats: int) 
 def _figures(
     found: _Runs, own: _Runs | None = None, held: _Runs | None = None
 ) -> dict[str, Figure]:
-    """Return the figures of a program; of a foreign one, if ours are given, with the ratios.
+    """Return the figures of a program, with ratios to our runs if these are given.
 
-    One that ends at a higher cost than ours has not done the same: there is no ratio.
+    There is no ratio for a program that ends at a higher cost than ours.
     """
     better: Better = "less" if own is None else None
     figures = {

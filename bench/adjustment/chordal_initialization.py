@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A start for pose adjustment from the constraints alone, when the poses at hand are too far off.
+"""A start for pose adjustment from the constraints alone, where the given poses are too far off.
 
-Chordal relaxation (Carlone et al., "Initialization techniques for 3D SLAM", 2015), which in the
-plane is two linear systems in complex numbers: headings r = exp(i theta) that come nearest to
-r_b = r_a exp(i theta_ab), their length of one left aside; then, headings given, positions t nearest
-to t_b = t_a + r_a t_ab. Both are solved whatever the start: no local minimum is in the way.
+Chordal relaxation (Carlone et al., "Initialization techniques for 3D SLAM", 2015). In the plane it
+is two linear least squares problems in complex numbers: headings r = exp(i theta) that minimise the
+errors of r_b = r_a exp(i theta_ab), without the constraint |r| = 1; then, for these headings,
+positions t that minimise the errors of t_b = t_a + r_a t_ab. Neither depends on a start, so there
+is no local minimum.
 """
 
 from __future__ import annotations
@@ -22,16 +23,16 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
-_LEAST_WEIGHT = (
-    1e-12  # of the heaviest: what ties vertices that only weightless constraints connect
-)
+_LEAST_WEIGHT = 1e-12
+"""Least weight of a constraint, as a share of the largest: it keeps the system regular where only
+constraints of zero weight connect vertices."""
 
 
 def initialize_from_constraints(graph: PoseGraph) -> None:
-    """Replace the poses of a graph by what its constraints say, in place.
+    """Replace the poses of a graph by estimates from its constraints, in place.
 
-    Vertices stay that adjustment would hold: the fixed ones and the first of each part that is tied
-    to none. All constraints are believed: not for graphs with many false loop closures.
+    Fixed vertices keep their poses, and so does the first vertex of each connected part without a
+    fixed one. There is no robust loss: not for graphs with many false loop closures.
     """
     if graph.num_constraints == 0:
         return

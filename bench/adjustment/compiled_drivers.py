@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Programs of our own around C++ solvers: compiled when needed, run beside, spoken to by lines.
+"""Driver programs around C++ solvers: compiled when needed, run as processes, commanded by lines.
 
-What they say to each other is told in ``foreign/pose_graph_driver.h``.
+``foreign/pose_graph_driver.h`` describes the protocol.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _HOW_TO_GET = {
 
 
 class SolverMissing(CartoloopError):  # noqa: N818 - named for what it means
-    """A foreign solver is not there, or failed: the reason in one line, for the table."""
+    """A foreign solver is missing or failed; the message is one line for the table."""
 
 
 def compile_driver(solver: str, folder: Path) -> Path:
@@ -53,7 +53,7 @@ def compile_driver(solver: str, folder: Path) -> Path:
     Raises
     ------
     SolverMissing
-        There is no compiler, or no such library, or one of another version.
+        There is no compiler, or the library is missing or of another version.
     """
     if shutil.which(_COMPILE[0]) is None:
         raise SolverMissing(f"not installed: there is no {_COMPILE[0]}; {_HOW_TO_GET[solver]}")
@@ -96,7 +96,7 @@ def driver_input(problem: Problem) -> bytes:
 
 
 class Driver:
-    """A compiled program that holds one graph and adjusts it when told.
+    """A compiled program that holds one graph and adjusts it on command.
 
     Parameters
     ----------
@@ -117,12 +117,12 @@ class Driver:
         )
 
     def solve(self, method: str) -> Solve:
-        """Adjust from the start, and tell what it took.
+        """Adjust from the start and return the time and iterations.
 
         Raises
         ------
         SolverMissing
-            It failed, or the program is no longer there.
+            It failed, or the program has ended.
         """
         answer = self._ask(f"solve {method}")
         if not answer["is_usable"]:
@@ -130,24 +130,24 @@ class Driver:
         return Solve(float(answer["seconds"]), int(answer["iterations"]))
 
     def poses(self) -> FloatArray:
-        """Return where the last adjustment put all vertices, shape (num_vertices, 3).
+        """Return the poses of all vertices after the last adjustment, shape (num_vertices, 3).
 
         Raises
         ------
         SolverMissing
-            The program is no longer there, or cannot write its file.
+            The program has ended, or cannot write its file.
         """
         if not self._ask(f"poses {self._result}")["is_written"]:
             raise SolverMissing(f"{self._result}: its poses cannot be written: is the disk full?")
         return np.fromfile(self._result).reshape(-1, 3)
 
     def is_running(self) -> bool:
-        """Return whether the program is still there."""
+        """Return whether the program is running."""
         return self._process.poll() is None
 
     def close(self) -> None:
         """End the program."""
-        self._process.kill()  # it has nothing to save, and may be in the midst of a long solve
+        self._process.kill()  # it has nothing to save and may be in a long solve
         self._process.communicate()
 
     def _ask(self, command: str) -> dict[str, Any]:
@@ -159,7 +159,7 @@ class Driver:
                 to.flush()
                 line = back.readline()
             except BrokenPipeError:
-                pass  # it ended; told below
+                pass  # it ended, which is reported below
         if not line:
             raise SolverMissing(f"failed: its program ended with status {self._process.wait()}")
         answer: dict[str, Any] = json.loads(line)
@@ -169,16 +169,16 @@ class Driver:
 class DrivenProgram:
     """One method of a driver that other methods may share.
 
-    Its poses are those of the method that the driver was last told to use.
+    Its poses are those of the method that the driver ran last.
     """
 
     def __init__(self, driver: Driver, method: str) -> None:
         self._driver, self._method = driver, method
 
     def solve(self) -> Solve:
-        """Adjust from the start, and tell what it took."""
+        """Adjust from the start and return the time and iterations."""
         return self._driver.solve(self._method)
 
     def poses(self) -> FloatArray:
-        """Return where the last adjustment put all vertices, shape (num_vertices, 3)."""
+        """Return the poses of all vertices after the last adjustment, shape (num_vertices, 3)."""
         return self._driver.poses()

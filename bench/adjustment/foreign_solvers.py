@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""GTSAM, Ceres and g2o on the graphs that we adjust: same start, loss and rule to stop, one thread.
+"""GTSAM, Ceres and g2o on our graphs: same start, loss and stopping rule, one thread.
 
-GTSAM is driven through its Python package, whose factors are compiled. For Ceres and g2o there is
-no such way: pyceres has no factor for poses in the plane, so that Python would be called for every
-residual, and g2o-python 0.0.12 crashes where matrices of NumPy 2 are handed to it. They are driven
-by programs of our own in ``foreign/``, compiled when they are needed (g++) against Debian's
-libceres-dev, and against the headers and static libraries that g2o-python brings.
+GTSAM is called through its Python package, whose factors are compiled. This is not possible for
+Ceres and g2o: pyceres has no factor for poses in the plane, so every residual would be a call of
+Python, and g2o-python 0.0.12 crashes on matrices of NumPy 2. The driver programs in ``foreign/``
+call them. They are compiled when needed (g++), against Debian's libceres-dev and against the
+headers and static libraries of g2o-python.
 """
 
 from __future__ import annotations
@@ -53,13 +53,13 @@ _DRIVEN_METHODS = {
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """One way of using one solver.
+    """One configuration of one solver.
 
     Attributes
     ----------
-    name : of the solver and the way.
+    name : of the solver and the configuration.
     start : makes the program for a problem; raises SolverMissing.
-    needs_submaps : whether it rests on nodes that hang on submaps alone.
+    needs_submaps : whether it needs nodes with constraints to submaps alone.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Method:
 
 
 class ForeignSolvers:
-    """The foreign solvers; compiles what must be, keeps the programs running until it is left."""
+    """The foreign solvers; compiles the drivers and keeps them running until it is closed."""
 
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="cartoloop-bench-")
@@ -92,9 +92,9 @@ class ForeignSolvers:
         self._folder.cleanup()
 
     def methods(self) -> list[Method]:
-        """Return the ways of use that are compared, those of a solver together.
+        """Return the configurations to compare, those of a solver together.
 
-        Programs are of one problem at a time: starting the first on another ends those before.
+        All programs have the same problem: starting one on another problem ends the others.
         """
         gtsam = [
             Method(f"GTSAM, {name}", partial(self._start_gtsam, method), "schur" in method)
@@ -108,7 +108,7 @@ class ForeignSolvers:
         return gtsam + driven
 
     def _turn_to(self, problem: Problem | None) -> None:
-        """Drop what was made for another problem."""
+        """End the programs of another problem."""
         if problem is None or problem is not self._problem:
             for driver in self._drivers.values():
                 driver.close()
@@ -145,10 +145,10 @@ class ForeignSolvers:
 
 
 class GtsamGraph:
-    """A problem as GTSAM has it: `factors` and the values to `start` from.
+    """A problem in GTSAM's form: `factors` and the values to `start` from.
 
-    Its factor measures the logarithm of the error, which differs from eq. (5) in second order of
-    what is left of it: the least cost is the same to several digits.
+    Its factor measures the logarithm of the error, which differs from eq. (5) in the second order
+    of the residual: the least cost is the same to several digits.
 
     Raises
     ------
@@ -167,7 +167,7 @@ class GtsamGraph:
         self.start = gtsam.Values()
         for vertex, pose in enumerate(problem.start.tolist()):
             self.start.insert(vertex, gtsam.Pose2(*pose))
-        # the usual anchor; nothing pulls at it, so that it adds nothing to the cost
+        # the usual anchor; its residual stays zero, so it adds nothing to the cost
         anchor = gtsam.noiseModel.Isotropic.Sigma(3, 1e-4)
         for vertex in problem.held.tolist():
             self.factors.addPriorPose2(vertex, self.start.atPose2(vertex), anchor)
@@ -198,7 +198,7 @@ class GtsamProgram:
 
     Parameters
     ----------
-    graph : what it adjusts.
+    graph : to adjust.
     method : "levenberg", "gauss_newton" or "gauss_newton_schur", which orders all nodes before the
         submaps: the fastest ordering for our graphs.
     """
@@ -208,7 +208,7 @@ class GtsamProgram:
         self._result = graph.start
 
     def solve(self) -> Solve:
-        """Adjust from the start, and tell what it took.
+        """Adjust from the start and return the time and iterations.
 
         Raises
         ------
@@ -229,7 +229,7 @@ class GtsamProgram:
             raise SolverMissing(f"failed: {' '.join(str(error).split())[:80]}") from error
 
     def poses(self) -> FloatArray:
-        """Return where the last adjustment put all vertices, shape (num_vertices, 3)."""
+        """Return the poses of all vertices after the last adjustment, shape (num_vertices, 3)."""
         poses: FloatArray = self._graph.gtsam.utilities.extractPose2(self._result)
         return poses
 

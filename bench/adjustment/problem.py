@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A pose graph with a start, as programs are given it that are to adjust it alike."""
+"""A pose graph with a start, in the form in which all programs get it."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ IntArray = NDArray[np.int64]
 
 
 class Solve(NamedTuple):
-    """What one adjustment took: `seconds` of solving alone, and linear systems solved."""
+    """The cost of one adjustment: `seconds` of solving alone, and linear systems solved."""
 
     seconds: float
     iterations: int
 
 
 class Program(Protocol):
-    """Something that adjusts one problem again and again, from the same start."""
+    """A program that adjusts one problem repeatedly, from the same start."""
 
     def solve(self) -> Solve:
-        """Adjust from the start, and tell what it took."""
+        """Adjust from the start and return the time and iterations."""
 
     def poses(self) -> FloatArray:
-        """Return where the last adjustment put all vertices, shape (num_vertices, 3)."""
+        """Return the poses of all vertices after the last adjustment, shape (num_vertices, 3)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +44,13 @@ class Problem:
 
     Attributes
     ----------
-    graph : its poses are scratch.
+    graph : its poses are overwritten.
     options : the loss, on which constraints it acts, and when to stop.
     start : poses to begin with, shape (num_vertices, 3) [m, m, rad].
     vertex_a, vertex_b : ends of every constraint, shape (num_constraints,).
     is_robust : whether the loss acts on it, shape (num_constraints,).
-    held : vertices that stay where they are, shape (num_held,).
-    eliminated : nodes that are tied to submaps alone, which a Schur complement can take out.
+    held : vertices whose poses are fixed, shape (num_held,).
+    eliminated : nodes with constraints to submaps alone, which a Schur complement can eliminate.
     """
 
     graph: PoseGraph
@@ -64,7 +64,7 @@ class Problem:
 
     @classmethod
     def of(cls, graph: PoseGraph, options: AdjustmentOptions | None = None) -> Problem:
-        """Return the problem of adjusting a graph from where its poses are now."""
+        """Return the problem of adjusting a graph from its present poses."""
         options = options or AdjustmentOptions()
         vertex_a, vertex_b = constraint_ends(graph)
         between_nodes = graph.kinds == ConstraintKind.NODE_TO_NODE
@@ -85,22 +85,22 @@ class Problem:
 
     @property
     def loss_scale(self) -> float:
-        """Where the loss sets in, in units of the whitened residual E."""
+        """Whitened residual E from which on the loss reduces the weight."""
         scale = self.options.loss_scale
         return DEFAULT_SCALE[self.options.loss] if scale is None else scale
 
     def place(self, poses: FloatArray) -> None:
-        """Put the graph's vertices there, poses of shape (num_vertices, 3)."""
+        """Set the poses of the graph, shape (num_vertices, 3)."""
         self.graph.submap_poses[:] = poses[: self.graph.num_submaps]
         self.graph.node_poses[:] = poses[self.graph.num_submaps :]
 
     def cost(self, poses: FloatArray) -> float:
-        """Return half the sum of rho(E^2) (eq. SPA) there, poses of shape (num_vertices, 3)."""
+        """Return half the sum of rho(E^2) (eq. SPA) at poses of shape (num_vertices, 3)."""
         self.place(poses)
-        as_it_is = AdjustmentOptions(
+        without_steps = AdjustmentOptions(
             self.options.loss, self.options.loss_scale, self.options.robust_kinds, max_iterations=0
         )
-        return adjust(self.graph, as_it_is).initial_cost
+        return adjust(self.graph, without_steps).initial_cost
 
     def whitening(self) -> FloatArray:
         """Return W with W^T W = information of each constraint, shape (num_constraints, 3, 3)."""
@@ -113,7 +113,7 @@ class Problem:
         return whitening
 
     def informations_in_b(self) -> FloatArray:
-        """Return the informations in the frame of b as measured, where GTSAM has its errors."""
+        """Return the informations in the frame of b as measured, where GTSAM defines its errors."""
         graph = self.graph
         cos, sin = np.cos(graph.relative_poses[:, 2]), np.sin(graph.relative_poses[:, 2])
         turn = np.zeros((cos.size, 3, 3))
@@ -122,15 +122,15 @@ class Problem:
         turn[:, 2, 2] = 1.0
         turned = turn.transpose(0, 2, 1) @ graph.informations @ turn
         turned = 0.5 * (turned + turned.transpose(0, 2, 1))
-        # no direction is special: nothing turns, and rounding must not fill the zeros
+        # an isotropic information does not change; rounding must not fill its zeros
         own = graph.informations
-        is_round = (own == own * np.eye(3)).all(axis=(1, 2)) & (own[:, 0, 0] == own[:, 1, 1])
-        informations: FloatArray = np.where(is_round[:, np.newaxis, np.newaxis], own, turned)
+        is_isotropic = (own == own * np.eye(3)).all(axis=(1, 2)) & (own[:, 0, 0] == own[:, 1, 1])
+        informations: FloatArray = np.where(is_isotropic[:, np.newaxis, np.newaxis], own, turned)
         return informations
 
 
 def seconds_of(function: Callable[[], object]) -> float:
-    """Return the seconds that one call takes, without collecting garbage in between."""
+    """Return the seconds that one call takes, without garbage collection."""
     collecting = gc.isenabled()
     gc.disable()
     try:
@@ -149,7 +149,7 @@ class OwnProgram:
 
     Parameters
     ----------
-    problem : what to solve.
+    problem : to solve.
     is_held : whether the constraints are sorted and packed beforehand, as while mapping, where all
         but the newest are; otherwise that counts as solving, too.
     """
@@ -162,7 +162,7 @@ class OwnProgram:
             self.solve()
 
     def solve(self) -> Solve:
-        """Adjust from the start, and tell what it took."""
+        """Adjust from the start and return the time and iterations."""
         problem, iterations = self._problem, 0
 
         def run() -> None:
@@ -176,5 +176,5 @@ class OwnProgram:
         return Solve(seconds, iterations)
 
     def poses(self) -> FloatArray:
-        """Return where the last adjustment put all vertices, shape (num_vertices, 3)."""
+        """Return the poses of all vertices after the last adjustment, shape (num_vertices, 3)."""
         return self._poses

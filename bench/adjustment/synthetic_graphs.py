@@ -2,9 +2,9 @@
 """Pose graphs of any size with known truth: a walk through the corridors of a large building.
 
 The building is a square lattice of corridors whose area grows with the length of the walk, as in
-the paper's museum (section VI-A: 2,253 m of walking on 22,000 m^2); the walker prefers corridors
-seen least. Each node is in two submaps, and loop closures tie nodes to other submaps that they are
-near to, so that the graph is as sparse, and as local, as one that was mapped.
+the paper's museum (section VI-A: 2,253 m of walking on 22,000 m^2); the walker prefers the
+corridors visited least. Each node is in two submaps, and loop closures connect nodes to other
+submaps near them, so the graph is as sparse and as local as that of a mapped building.
 """
 
 from __future__ import annotations
@@ -24,22 +24,28 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _STEP_M = 0.2
+"""Distance between nodes [m]."""
 _CORRIDOR_M = 15.0
-_FLOOR_OF_PATH_M = 22_000.0 / 2_253.0  # area per length walked, in the paper's museum
-_ASIDE_M = 0.4  # by which a walker does not pass the same crossing twice
+"""Length of a corridor between crossings [m]."""
+_FLOOR_OF_PATH_M = 22_000.0 / 2_253.0
+"""Floor area per length of the path in the paper's museum [m]."""
+_ASIDE_M = 0.4
+"""Standard deviation of the positions at which the walker passes a crossing [m]."""
 _CORNER_M = 1.0
+"""Length over which corners are smoothed [m]."""
 _CLOSURE_REACH_M = 8.0
+"""Largest distance of a loop closure from the submap's centre, unless there are too few [m]."""
 
 NOISE = (0.01, 0.002)
 """Standard deviations of the measurements [m, rad]."""
 DRIFT = (0.05, 0.004)
 """Standard deviations of the start's drift from submap to submap [m, rad]."""
 INFORMATION = (500.0, 1600.0)
-"""Of every constraint [1/m^2, 1/rad^2]; chosen as mapping does, not as the noise would have it."""
+"""Of every constraint [1/m^2, 1/rad^2], as the mapper sets it, not from the noise."""
 
 
 class SyntheticGraph(NamedTuple):
-    """A graph that starts with drift, and where its vertices truly are.
+    """A graph that starts with drift, and the true poses.
 
     Attributes
     ----------
@@ -63,7 +69,7 @@ def bipartite_graph(
     drift: tuple[float, float] = DRIFT,
     information: tuple[float, float] = INFORMATION,
 ) -> SyntheticGraph:
-    """Return the graph of a walk with revisits: same arguments, same bytes.
+    """Return the graph of a walk with revisits; the same arguments give the same bytes.
 
     Parameters
     ----------
@@ -115,7 +121,7 @@ def bipartite_graph(
 
 
 def _walk(num_nodes: int, rng: np.random.Generator) -> FloatArray:
-    """Return poses along a walk, shape (num_nodes, 3): x along the way, corners cut."""
+    """Return poses along a walk, shape (num_nodes, 3): x along the path, corners smoothed."""
     length = _STEP_M * num_nodes
     side = max(2, round(math.sqrt(_FLOOR_OF_PATH_M * length) / _CORRIDOR_M))
     crossings = _visited_crossings(side, 2 + math.ceil(1.2 * length / _CORRIDOR_M), rng)
@@ -130,18 +136,18 @@ def _walk(num_nodes: int, rng: np.random.Generator) -> FloatArray:
 
 
 def _visited_crossings(side: int, count: int, rng: np.random.Generator) -> FloatArray:
-    """Return crossings of a lattice of side + 1 streets each way, shape (count, 2), in order."""
+    """Return crossings of a lattice of (side + 1)^2 in walking order, shape (count, 2)."""
     passed: dict[tuple[int, int, int, int], int] = {}
     here, previous = (side // 2, side // 2), (-1, -1)
     visited = [here]
     while len(visited) < count:
         x, y = here
-        ways = [
+        neighbours = [
             to
             for to in ((x + 1, y), (x, y + 1), (x - 1, y), (x, y - 1))
             if 0 <= to[0] <= side and 0 <= to[1] <= side and to != previous
         ]
-        shuffled = [ways[way] for way in rng.permutation(len(ways))]
+        shuffled = [neighbours[index] for index in rng.permutation(len(neighbours))]
         to = min(shuffled, key=lambda to: passed.get((*min(here, to), *max(here, to)), 0))
         street = (*min(here, to), *max(here, to))
         passed[street] = passed.get(street, 0) + 1

@@ -33,17 +33,17 @@ from cartoloop.scan_matching.branch_and_bound import RUNNER_UP
 from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
 
 PAPER_WINDOW = Window()
-"""7 m and 30 degrees each way."""
+"""±7 m and ±30 degrees."""
 
 HOW = (
-    "all: one thread each; median and spread over different pairs, of each pair the median of its "
+    "all: one thread each; median and spread over different pairs, for each pair the median of its "
     "repeats; exhaustive search runs once, for the first of the pairs, and must find the same "
-    "score and pose, its ratio is to a search of the same pair right after it; it reads and "
+    "score and pose; its ratio is to a search of the same pair right after it; it reads and "
     "adds whole rows of candidates as vectors, 'as written' is algorithm 1 compiled; nodes are "
     "counted for some of the pairs"
 )
 HITS = "revisits; the estimate is off by up to 80 % of the window"
-MISSES = "scans from elsewhere, sought where one of the submap's own was taken, at any heading"
+MISSES = "scans from elsewhere, searched for at a pose of the submap's own, turned to any heading"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,13 +54,13 @@ class Sizes:
     ----------
     max_scans : of each recording.
     num_pairs : hits, and misses, of each recording.
-    num_varied : so many of them where a parameter varies.
-    num_plain : so many of them for the plain search, and for counting nodes.
-    num_checked, num_as_written, num_global_checked : so many of them for exhaustive search: by
-        rows, as written, and in the whole submap, there only in the first recording.
-    min_num_points : scans are thinned to no fewer.
-    linear_m, angular_deg, num_points, min_scores, tops : what is varied: W_x = W_y, W_theta, points
-        of a scan, score threshold, and h_0 of eq. (13).
+    num_varied : number of pairs where a parameter varies.
+    num_plain : number of pairs for the plain search, and for counting nodes.
+    num_checked, num_as_written, num_global_checked : number of pairs for exhaustive search: by
+        rows, as written, and in the whole submap, the last only in the first recording.
+    min_num_points : least number of points that scans are thinned to.
+    linear_m, angular_deg, num_points, min_scores, tops : values to vary: W_x = W_y, W_theta,
+        points of a scan, score threshold, and h_0 of eq. (13).
     """
 
     max_scans: int = 6000
@@ -85,8 +85,8 @@ class Group:
 
     Attributes
     ----------
-    place, outcome, pairs : which: the outcome is "hit" or "miss".
-    notes : what was left out.
+    place, outcome, pairs : the recording, "hit" or "miss", and the pairs.
+    notes : remarks for the table.
     """
 
     place: Place
@@ -106,12 +106,12 @@ def run(repeats: int, data: Path | None, sizes: Sizes | None = None) -> Record:
     ----------
     repeats : searches of each pair that are timed.
     data : folder of the recordings; None or without them: an office floor is simulated.
-    sizes : how much to measure; by default what the documentation quotes.
+    sizes : how much to measure; by default as for the documentation.
 
     Raises
     ------
     CartoloopError
-        Two exact searches do not find the same.
+        Two exact searches return different matches.
     """
     sizes = sizes or Sizes()
     places, missing = map_places(data, sizes.max_scans)
@@ -151,7 +151,7 @@ def _groups(place: Place, sizes: Sizes) -> Iterator[Group]:
     unlike, num_alike = misses(place, sizes.num_pairs, sizes.window, sizes.min_num_points)
     few = f"; only {len(unlike)} pairs from elsewhere" if len(unlike) < sizes.num_pairs else ""
     if num_alike:
-        few += f"; {num_alike} more look alike by chance, so that they match, and are left out"
+        few += f"; {num_alike} more match by chance and are left out"
     yield Group(place, "miss", unlike, MISSES + few)
 
 
@@ -172,7 +172,7 @@ def hit_and_miss_rows(group: Group, repeats: int, sizes: Sizes) -> list[Row]:
         Row(
             group.case("with exact runner-up", **_window_case(window)),
             {"search": milliseconds(exact)},
-            "as the mapper asks for it: the best match elsewhere, down to the score threshold",
+            "as in the mapper: the best match elsewhere, down to the score threshold",
         ),
     ]
 
@@ -200,7 +200,7 @@ def window_rows(group: Group, repeats: int, sizes: Sizes) -> list[Row]:
 
 
 def points_rows(group: Group, repeats: int, sizes: Sizes) -> list[Row]:
-    """Return the rows of scans of more and more points."""
+    """Return the rows of scans with different numbers of points."""
     return [
         _varied_row(
             group,
@@ -312,7 +312,7 @@ def _varied_row(
 
 
 def _window_case(window: Window) -> Case:
-    """Return what a row tells of the window."""
+    """Return the part of a row's case that describes the window."""
     if not math.isfinite(window.linear):
         return {"window": "whole submap, ±180°", "min score": window.min_score}
     size = f"±{window.linear:g} m, ±{math.degrees(window.angular):g}°"

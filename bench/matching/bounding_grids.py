@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Grids that bound the nodes of the search tree: the paper's, and those that it rejects."""
+"""Bounding grids of the search tree: the paper's, and the alternatives that it rejects."""
 
 from __future__ import annotations
 

@@ -27,28 +27,28 @@ LOGS = ("mit-csail", "intel", "aces")
 SIMULATED = "simulated office"
 
 REVISIT_NODES = 60
-"""A node so many nodes from all those a submap is made of has come back to it."""
+"""Least distance in nodes between a revisit and all nodes of the submap."""
 
 NEAR_M, ELSEWHERE_M = 4.0, 20.0
-"""Where scan and submap may fit, and where they cannot: from the submap's nearest own node [m]."""
+"""Distance from the submap's nearest node: at most for a hit, at least for a miss [m]."""
 
 FITTING_SCORE = 0.6
-"""A revisit is one only if the scan fits as well as that where it was taken."""
+"""Least score of a revisit's scan at its true pose."""
 
 OFFSET = 0.8
-"""Estimates are off by up to this share of the window."""
+"""Largest offset of an estimate, as a share of the window."""
 
 
 @dataclass(slots=True)
 class Place:
-    """What was mapped of one recording.
+    """The map of one recording.
 
     Attributes
     ----------
     source : its name.
     grids : the submaps' grids; `matchers` : branch and bound in each.
     submap_poses, node_poses : shapes (m, 3), (n, 3), map frame, optimised.
-    own_nodes : int64, by submap, the nodes it is made of.
+    own_nodes : int64, by submap, the nodes that were inserted into it.
     returns : by node, shape (k, 2) [m], tracking frame, as filtered for insertion.
     """
 
@@ -64,9 +64,9 @@ class Place:
         self.matchers = [SubmapMatcher(grid) for grid in self.grids]
 
     def cloud(self, node: int, num_points: int) -> FloatArray:
-        """Return so many points of a node's scan, evenly spaced; of later scans, too, if need be.
+        """Return `num_points` points of a node's scan, evenly spaced; later scans fill up.
 
-        The scans of the nodes that follow are taken to where the graph has them.
+        The scans of the following nodes are placed by the poses of the graph.
         """
         scans: list[FloatArray] = []
         for other in (*range(node, len(self.returns)), *range(node - 1, -1, -1)):
@@ -89,14 +89,14 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """A scan to be sought in a submap.
+    """A scan to search for in a submap.
 
     Attributes
     ----------
-    place, submap, node : which.
+    place, submap, node : the recording, the submap, and the node of the scan.
     points : float64, shape (n, 2), scan frame [m].
-    centre : where the scan is, or in a submap where it is not, where it might be taken to be.
-    offset : by which share of the window the estimate is off the centre: x, y, theta.
+    centre : the scan's pose in the submap; for a miss, a wrong pose in it.
+    offset : of the estimate from the centre, as shares of the window: x, y, theta.
     """
 
     place: Place
@@ -116,9 +116,9 @@ class Pair:
 
         Parameters
         ----------
-        window : what is searched.
+        window : to search.
         estimate_window : the estimate is within the inner part of this one; by default of `window`.
-        points : to seek instead of the pair's own.
+        points : to search for instead of the pair's own.
         """
         reach = estimate_window or window
         x, y, theta = self.offset
@@ -137,7 +137,7 @@ class Pair:
 
 
 def map_events(source: str, events: Iterable[SensorEvent], max_scans: int) -> Place:
-    """Return what the mapper makes of the first scans of a recording."""
+    """Return the map of the first scans of a recording."""
     config = Config.model_validate({"global_slam": {"num_threads": 1}})
     mapper, range_filter = Mapper(config), RangeFilter(config.sensor)
     returns: list[FloatArray] = []
@@ -164,7 +164,7 @@ def map_events(source: str, events: Iterable[SensorEvent], max_scans: int) -> Pl
 
 
 def map_places(data: Path | None, max_scans: int) -> tuple[list[Place], list[str]]:
-    """Return what is mapped of the recordings in a folder, and which of them are missing.
+    """Return the maps of the recordings in a folder, and the names of those that are missing.
 
     Parameters
     ----------
@@ -188,12 +188,13 @@ def simulated_place(max_scans: int) -> Place:
 
 
 def hits(place: Place, num_pairs: int, window: Window, min_num_points: int) -> list[Pair]:
-    """Return up to so many revisits, of as many nodes, that the search finds where they are.
+    """Return up to `num_pairs` revisits, each of another node, that the search finds correctly.
 
     Parameters
     ----------
-    window : the estimates are anywhere in its inner part, such that it is found.
-    min_num_points : scans are thinned to no fewer points than that, if they have them.
+    num_pairs : number of pairs.
+    window : the estimates are in its inner part, so that the scan is in the window.
+    min_num_points : least number of points that scans are thinned to.
     """
     rng = np.random.default_rng(1)
     found: list[Pair] = []
@@ -223,7 +224,7 @@ def hits(place: Place, num_pairs: int, window: Window, min_num_points: int) -> l
 def misses(
     place: Place, num_pairs: int, window: Window, min_num_points: int
 ) -> tuple[list[Pair], int]:
-    """Return up to so many pairs from elsewhere that do not match; and how many did, by chance.
+    """Return up to `num_pairs` pairs from elsewhere that do not match, and the number that did.
 
     The estimate is where one of the submap's own scans was taken, at any heading. Parameters are
     those of :func:`hits`.
@@ -249,18 +250,18 @@ def misses(
 
 
 def _thinned(place: Place, node: int, min_num_points: int) -> FloatArray:
-    """Return a node's points as the mapper thins them, to a number of points of its own."""
+    """Return a node's points, thinned by the mapper's filter."""
     config = AdaptiveVoxelFilterConfig(max_length=0.9, min_num_points=min_num_points)
     return np.ascontiguousarray(thin(place.returns[node], config))
 
 
 def _distance(place: Place, submap: int, node: int) -> float:
-    """Return how far a node is from the nearest of those that a submap is made of [m]."""
+    """Return the distance from a node to the nearest node of a submap [m]."""
     offsets = place.node_poses[place.own_nodes[submap], :2] - place.node_poses[node, :2]
     return float(np.hypot(offsets[:, 0], offsets[:, 1]).min())
 
 
 def _is_same_place(found: Pose, truth: Pose) -> bool:
-    """Return whether a match is where the graph has the scan, but for what it may err."""
+    """Return whether a match is within 0.3 m and 0.1 rad of the scan's pose in the graph."""
     away = math.hypot(found.x - truth.x, found.y - truth.y)
     return away <= 0.3 and abs(math.remainder(found.theta - truth.theta, math.tau)) <= 0.1

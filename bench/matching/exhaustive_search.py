@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exhaustive search, algorithm 1 of the paper: what branch and bound is measured against.
+"""Exhaustive search, algorithm 1 of the paper: the reference for branch and bound.
 
-It scores the same candidates, in the same cells, and decides ties alike, so that both must find the
-same candidate. Two programs do so: one as the paper writes it, and a fast one.
+It scores the same candidates, in the same cells, and breaks ties of equal scores alike, so both
+must find the same candidate. There are two versions: one as the paper writes it, and a fast one.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from cartoloop.kernels.node_bounds import (
 SUM, BEST_COL, BEST_ROW, BEST_ROTATION = range(4)
 """Entries of `out_best`."""
 
-_SHORT_SUM = 257  # so many bytes add up to less than 2^16
+_SHORT_SUM = 257
+"""Number of bytes whose sum always fits into 16 bits: 257 * 255 = 2^16 - 1."""
 
 
 @kernel
@@ -100,7 +101,7 @@ def search_by_rows(
     """Write the best candidate of a window into `out_best`: a row of candidates at once.
 
     The cells that a point meets in a row of candidates are neighbours: they are read and added as
-    whole vectors. As fast as we can make a search that scores every candidate on one core.
+    whole vectors. This is the fastest known search on one core that scores every candidate.
 
     Parameters are those of :func:`search_as_written`.
     """

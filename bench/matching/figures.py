@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of searches: how long they take, what they score, what they find."""
+"""The figures of searches: time, nodes scored, matches found."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from bench.measuring import alternate
 from bench.record import Figure
 
 SAMPLE_S = 0.002
-"""Searches are timed in loops of at least so long [s]."""
+"""Least duration of a timing loop [s]."""
 
 PLAIN_REPEATS = 3
-"""At most so many searches are timed of those that take long enough for the clock."""
+"""Most repeats of a search that is longer than the clock's resolution by itself."""
 
 
 def search_figures(
@@ -40,8 +40,8 @@ def search_figures(
     ----------
     problems : to solve and time.
     repeats : how often each is timed.
-    num_counted, num_checked : of so many of the first ones the nodes are counted; so many are also
-        solved by exhaustive search.
+    num_counted, num_checked : number of problems, from the first on, whose nodes are counted, and
+        that are also solved by exhaustive search.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def exhaustive_figures(
     name: str,
     ratio_name: str,
 ) -> dict[str, Figure]:
-    """Return how long exhaustive search takes, and how many times as long as branch and bound.
+    """Return the time of exhaustive search, also as a multiple of that of branch and bound.
 
     It runs once on each problem, and branch and bound right after it. It must find the same.
 
@@ -146,10 +146,10 @@ def exhaustive_figures(
 
 
 def sample_seconds(program: Callable[[], object], repeats: int) -> list[float]:
-    """Return what a call of a program takes [s], as often as it is repeated."""
+    """Return the time of a call of a program in each repeat [s]."""
     return alternate({"": program}, repeats, SAMPLE_S)[""]
 
 
 def milliseconds(seconds: Sequence[Sequence[float]]) -> Figure:
-    """Return the median and the spread over problems, of each the times of its repeats [s]."""
+    """Return the median and spread over problems, given the repeats of each [s]."""
     return Figure.of_inputs([[1e3 * value for value in times] for times in seconds], "ms")

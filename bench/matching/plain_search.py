@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Algorithm 3 of the paper as it is written, with any grids as bounds: to compare bounds by.
+"""Algorithm 3 of the paper as it is written, with any bounding grids, to compare them.
 
 A node of the tree is a block of 2^h x 2^h translations at a single rotation, eq. (11). The search
-is the same whatever bounds it: maxima over boxes that begin at every pixel, eq. (17), or grids of
-successively halved resolution (the paper's [1]), in which a box meets up to 2 x 2 cells. There are
-no blocks of points, no groups of rotations and no vector instructions.
+is the same for all kinds of bounds: maxima over boxes that begin at every pixel, eq. (17), or grids
+of successively halved resolution (the paper's [1]), in which a box meets up to 2 x 2 cells. There
+are no blocks of points, no groups of rotations and no vector instructions.
 """
 
 from __future__ import annotations
@@ -30,8 +30,10 @@ from cartoloop.kernels.node_bounds import (
 FIRST, ROW_LENGTH, NUM_ROWS, BEFORE, SHIFT, READS_FOUR = range(6)
 """Columns of `levels`, see :func:`search_plainly`."""
 
-_HEIGHT = 4  # of a node, after its key, column, row and rotation
-_NEAR = 28  # bits of a key that tell how near the estimate, see branch_and_bound.node_key()
+_HEIGHT = 4
+"""Column of a node's height, after key, column, row and rotation."""
+_NEAR = 28
+"""Bits of a key that hold the distance from the estimate, see branch_and_bound.node_key()."""
 
 
 @kernel

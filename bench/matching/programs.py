@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Other ways to find the best match of a window, each exact: what branch and bound is compared to.
+"""Other exact searches for the best match in a window, to compare branch and bound with.
 
-All of them work on a :class:`Problem`, so that they see the very same candidates as
-:class:`SubmapMatcher` does, and answer with a :class:`Found` that must equal its match.
+All of them take a :class:`Problem`, so that they score the same candidates as
+:class:`SubmapMatcher`, and return a :class:`Found` that must equal its match.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """What to search: eq. (8), and the score threshold.
+    """A search window, eq. (8), and the score threshold.
 
     Attributes
     ----------
@@ -58,14 +58,14 @@ WHOLE_SUBMAP = Window(math.inf, math.pi)
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A scan to be found in a window.
+    """A scan to search for in a window.
 
     Attributes
     ----------
     matcher : branch and bound in the submap; `grid` : the submap's.
     points : float64, shape (n, 2), scan frame [m], n > 0.
     estimate : the window's centre.
-    window : what to search.
+    window : to search.
     """
 
     matcher: SubmapMatcher
@@ -121,7 +121,7 @@ def global_problem(problem: Problem) -> Problem:
 def branch_and_bound(
     problem: Problem, runner_up: RunnerUp = NO_RUNNER_UP
 ) -> BranchAndBoundMatch | None:
-    """Return what this project's matcher finds; without a runner-up unless asked for it."""
+    """Return the match of this project's matcher, by default without a runner-up."""
     window = problem.window
     if not math.isfinite(window.linear):
         return problem.matcher.match_full_submap(problem.points, min_score=window.min_score)
@@ -141,7 +141,7 @@ class Found:
 
     Attributes
     ----------
-    tf_submap_scan : where.
+    tf_submap_scan : its pose.
     score : in [0, 1].
     """
 
@@ -188,7 +188,7 @@ def check_same(match: BranchAndBoundMatch | None, found: Found | None, how: str)
     Raises
     ------
     CartoloopError
-        Score or pose differ in the last bit: one of the two is wrong.
+        Score or pose differ, if only in the last bit: one of the two is wrong.
     """
     ours = None if match is None else Found(match.tf_submap_scan, match.score)
     if ours != found:
@@ -198,7 +198,7 @@ def check_same(match: BranchAndBoundMatch | None, found: Found | None, how: str)
 
 
 def count_nodes(problem: Problem) -> tuple[int, int]:
-    """Return how many nodes this project's matcher scores at the tree's top, and below.
+    """Return the number of nodes that this project's matcher scores at the tree's top, and below.
 
     The search itself runs, line by line in the interpreter, with its innermost kernel replaced by
     one that counts: in the compiled search, where it is short, counting would cost time.
@@ -225,7 +225,7 @@ def count_nodes(problem: Problem) -> tuple[int, int]:
 
 
 def _rebound(function: Callable[..., Any], **names: object) -> Callable[..., Any]:
-    """Return a function uncompiled, with other things behind some of the names it uses."""
+    """Return an uncompiled copy of a function, with some of its global names replaced."""
     plain = cast(FunctionType, getattr(function, "py_func", function))
     rebound = FunctionType(plain.__code__, {**plain.__globals__, **names}, plain.__name__)
     rebound.__kwdefaults__ = plain.__kwdefaults__

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the tables of the report have in common: names, rows of the record, cells."""
+"""Names, rows and cells that the tables of the report share."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def table(rows: Sequence[Row], columns: dict[str, str]) -> Table:
 
 
 def mean_std(figures: dict[str, Figure], mean: str, std: str) -> str:
-    """Return a mean and its standard deviation, or nothing where there is none."""
+    """Return a mean and its standard deviation, empty where there is none."""
     if mean not in figures:
         return ""
     return f"{format_number(figures[mean].value)} ± {format_number(figures[std].value)}"
 
 
 def quoted(figures: dict[str, Figure], source: str) -> str:
-    """Return a figure of others as they wrote it."""
+    """Return a quoted figure with the digits of its source."""
     if source not in figures:
         return ""
     return f"{figures[source].value:g} ± {figures[f'{source} std'].value:g}"

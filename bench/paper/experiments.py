@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The experiments of the paper (section VI) on real and on simulated recordings.
 
-Recordings are mapped by the command line, as a user would, each run in a process of its own. What
-it wrote is judged afterwards: the mapper sees no ground truth.
+Recordings are mapped by the command line, each run in a process of its own. Its output is evaluated
+afterwards, so the mapper has no access to the truth.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ VARIANTS: Final = (
     ("intel", "local_slam.use_odometry=false"),
     ("fr079", "sensor.laser_pose=[-0.02,0,0]"),
 )
-"""Recordings with a parameter that is not the default, to see what depends on it."""
+"""Recordings with one parameter that is not the default, to show its effect."""
 
 EXPERIMENTS: Final = ("radish", *SIMULATED, "variants")
-"""What can be chosen; `radish` are the recordings of tables II to V."""
+"""The experiments to choose from; `radish` are the recordings of tables II to V."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +49,9 @@ class PaperOptions:
     ----------
     data : folder with the recordings in ``radish``.
     out : folder of the report; results and pictures go into its folder ``paper``.
-    repeats : how often each recording is mapped, for the spread of the times.
+    repeats : number of runs of each recording, for the spread of the times.
     experiments : some of :data:`EXPERIMENTS`.
-    logs : which of the recordings of tables II to V; all where empty.
+    logs : recordings of tables II to V; all if empty.
     """
 
     data: Path
@@ -61,10 +61,10 @@ class PaperOptions:
     logs: Sequence[str] = ()
 
 
-def run(options: PaperOptions, tell: Callable[[str], None]) -> Record:
-    """Run the experiments and return their figures; `tell` is called with a line on progress.
+def run(options: PaperOptions, progress: Callable[[str], None]) -> Record:
+    """Run the experiments and return their figures; `progress` is called with a line on each step.
 
-    A recording that is missing, or that cannot be mapped, gives a row that says so.
+    A recording that is missing, or that cannot be mapped, has a row with the reason.
 
     Raises
     ------
@@ -78,51 +78,51 @@ def run(options: PaperOptions, tell: Callable[[str], None]) -> Record:
         if unknown := [name for name in given if name not in known]:
             raise ConfigError(f"no experiment '{unknown[0]}'; choose from {', '.join(known)}")
     require_matplotlib()
-    run = _PaperRun(options, tell)
-    tell("warming up: compiling kernels where they are not yet")
+    run = _PaperRun(options, progress)
+    progress("warming up: compiling kernels where they are not yet")
     run_command("demo", "-o", run.folder / "demo")
     rows: list[Row] = []
     if "radish" in options.experiments:
         for name in logs:
             case: Case = {"experiment": "performance", "log": name}
-            rows += _guarded(case, partial(run.radish, name), tell)
+            rows += _guarded(case, partial(run.radish, name), progress)
     for name in SIMULATED:
         if name in options.experiments:
             case = {"experiment": "performance", "log": name}
-            rows += _guarded(case, partial(run.simulated, name), tell)
+            rows += _guarded(case, partial(run.simulated, name), progress)
     if "variants" in options.experiments:
         for name, setting in VARIANTS:
             if name in logs:
                 case = {"experiment": "variants", "log": name, "setting": setting}
-                rows += _guarded(case, partial(run.variant, name, setting), tell)
+                rows += _guarded(case, partial(run.variant, name, setting), progress)
     return Record("paper", tuple(rows), environment())
 
 
 def _guarded(
-    case: Case, experiment: Callable[[], list[Row]], tell: Callable[[str], None]
+    case: Case, experiment: Callable[[], list[Row]], progress: Callable[[str], None]
 ) -> list[Row]:
-    """Return the rows of an experiment, or one that says why there are none, as is told too."""
+    """Return the rows of an experiment, or one with the reason why there are none."""
     try:
         return experiment()
     except CartoloopError as error:
-        tell(f"no figures of {case['log']}: {error}")
+        progress(f"no figures of {case['log']}: {error}")
         return [figures.failed_row(case, str(error))]
 
 
 class _PaperRun:
     """The experiments with their folder; each method returns the rows of one recording."""
 
-    def __init__(self, options: PaperOptions, tell: Callable[[str], None]) -> None:
+    def __init__(self, options: PaperOptions, progress: Callable[[str], None]) -> None:
         self.folder = options.out / "paper"
         self.folder.mkdir(parents=True, exist_ok=True)
         self._data = options.data / "radish"
         self._repeats = options.repeats
-        self._tell = tell
+        self._progress = progress
 
     def radish(self, name: str) -> list[Row]:
         """Tables II to V for a real recording."""
         mapped = map_log(
-            [self._given(f"{name}.clf.gz")], self.folder / name, self._repeats, self._tell
+            [self._given(f"{name}.clf.gz")], self.folder / name, self._repeats, self._progress
         )
         rows = _map_rows(name, mapped)
         try:
@@ -135,16 +135,16 @@ class _PaperRun:
         return [*rows, *found]
 
     def simulated(self, name: str) -> list[Row]:
-        """All that the truth tells of a recording that is simulated first."""
+        """Tables and errors against the truth for a recording that is simulated first."""
         out = self.folder / name
         log, truth, lines = (
             self.folder / f"{name}.{suffix}" for suffix in ("log", "truth.tum", "lines")
         )
         has_lines = name == "flat"
-        self._tell(f"simulating the {name}")
+        self._progress(f"simulating the {name}")
         options: list[str | Path] = ["--lines", lines] if has_lines else []
         simulation = run_command("simulate", name, "-o", log, "--truth", truth, *options)
-        mapped = map_log([log], out, self._repeats, self._tell)
+        mapped = map_log([log], out, self._repeats, self._progress)
         rows = [
             *_map_rows(name, mapped),
             *figures.adjustment_run_rows(name, mapped),
@@ -152,7 +152,7 @@ class _PaperRun:
         ]
         row, after, before = figures.trajectory_row(name, out, truth)
         pictures.draw_true_errors(out, after, before)
-        self._tell(f"judging the closures of the {name}")
+        self._progress(f"evaluating the closures of the {name}")
         rows += [row, figures.true_closures_row(name, out, truth, log)]
         if has_lines:
             found, measured = figures.lines_rows(name, out, lines)
@@ -166,7 +166,7 @@ class _PaperRun:
         log, relations = self._given(f"{name}.clf.gz"), self._given(f"{name}.relations")
         parameter = setting.partition("=")[0].rpartition(".")[2]
         out = self.folder / f"{name}-{parameter}"
-        map_log([log], out, 1, self._tell, [setting])
+        map_log([log], out, 1, self._progress, [setting])
         case: Case = {"experiment": "variants", "log": name, "setting": setting}
         return [figures.variant_row(case, out, relations)]
 
@@ -178,7 +178,7 @@ class _PaperRun:
 
 
 def _map_rows(name: str, mapped: MappedLog) -> list[Row]:
-    """Return the rows that every map gives, and draw its pictures."""
+    """Return the rows of every map, and draw its pictures."""
     pictures.draw_map_pictures(mapped.folder)
     return [
         figures.performance_row(name, mapped),

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of one finished map: what the paper's tables show of it.
+"""The figures of one finished map for the tables of the paper.
 
-Reads finished output only. A row's case names the experiment and the recording; the figures of
-others stand in the same row under the names of :data:`.published.SOURCES`.
+Reads finished output only. A row's case names the experiment and the recording. Figures of other
+programs are in the same row, under the names of :data:`.published.SOURCES`.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def _relations_row(
 
 
 def closures_row(name: str, mapped: MappedLog) -> Row:
-    """Return the row of table IV: closures, and how many agree with the optimised poses."""
+    """Return the row of table IV: closures, and the share that agrees with the adjusted poses."""
     constraints = mapped.report["constraints"]
     figures = {
         "constraints": Figure.exact(constraints["loop_closure"], better=None),
@@ -92,7 +92,7 @@ def closures_row(name: str, mapped: MappedLog) -> Row:
 
 
 def performance_row(name: str, mapped: MappedLog) -> Row:
-    """Return the row of table V: what mapping took."""
+    """Return the row of table V: time and memory of mapping."""
     figures = mapped.cost() | mapped.size()
     quoted = _published_log(name)
     for key, unit, label in (
@@ -106,7 +106,7 @@ def performance_row(name: str, mapped: MappedLog) -> Row:
 
 
 def stages_rows(name: str, mapped: MappedLog) -> list[Row]:
-    """Return where the time went: a row a stage, those in background threads among them."""
+    """Return the time of each stage, including those in background threads."""
     stages: dict[str, dict[str, float]] = mapped.report["stages"]
     return [
         Row(
@@ -123,7 +123,7 @@ def stages_rows(name: str, mapped: MappedLog) -> list[Row]:
 
 
 def adjustment_row(name: str, mapped: MappedLog) -> Row:
-    """Return how the pose graph was solved (section VI-A): sizes, iterations and times."""
+    """Return sizes, iterations and times of the adjustment of the pose graph (section VI-A)."""
     runs: list[dict[str, float]] = mapped.report["adjustment"]["each"]
     times = [run["ms"] for run in runs]
     largest = max(runs, key=lambda run: run["constraints"])
@@ -176,7 +176,7 @@ def trajectory_row(
 
 
 def true_closures_row(name: str, folder: Path, truth: Path, log: Path) -> Row:
-    """Return what the truth says of the closures: their precision, and how many there could be."""
+    """Return precision and recall of the closures by the truth."""
     score = evaluate_closures(read_run(folder), read_tum(truth), open_log(log))
     figures = {
         "final": Figure.exact(score.final.constraints, better=None),
@@ -226,7 +226,7 @@ def _line_row(name: str, number: int, line: LineError, resolution: float) -> Row
 
 
 def simulation_row(name: str, run: CommandRun) -> Row:
-    """Return what simulating a recording took, which is no part of mapping it."""
+    """Return the cost of simulating a recording, which is not part of mapping it."""
     return Row(
         {"experiment": "simulation", "log": name},
         {
@@ -252,7 +252,7 @@ def variant_row(case: Case, folder: Path, relations: Path) -> Row:
 
 
 def failed_row(case: Case, reason: str) -> Row:
-    """Return a row without figures that says why."""
+    """Return a row without figures, with the reason."""
     return Row(case, notes=reason)
 
 

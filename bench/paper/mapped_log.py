@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording mapped by the command line, several times, and what that took."""
+"""A recording mapped by the command line several times, and its cost."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bench.command_runs import CommandFailed, CommandRun, run_command
 from bench.record import Figure
 
 TIMES_FILE = "report.json"
-"""The one file of a result that holds times, and so differs from run to run."""
+"""The only file of a result that holds times, and therefore differs between runs."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class MappedLog:
     ----------
     folder : what ``cartoloop map`` wrote.
     report : the last run's ``report.json``.
-    runs : what each run took.
+    runs : cost of each run.
     """
 
     folder: Path
@@ -64,29 +64,29 @@ def map_log(
     logs: Sequence[Path],
     out: Path,
     repeats: int,
-    tell: Callable[[str], None],
+    progress: Callable[[str], None],
     settings: Sequence[str] = (),
 ) -> MappedLog:
-    """Map a recording `repeats` times, each time in a process of its own.
+    """Map a recording `repeats` times, each in a process of its own.
 
     Parameters
     ----------
     logs : the files of the recording.
     out : folder for the result.
-    repeats : how often.
-    tell : called with a line before each run.
+    repeats : number of runs.
+    progress : called with a line before each run.
     settings : parameters that are not the defaults, as ``key=value``.
 
     Raises
     ------
     CommandFailed
-        A run failed, or gave other bytes than the one before.
+        A run failed, or its output differs from that of the first run.
     """
     options = [word for setting in settings for word in ("--set", setting)]
     runs = []
     first: dict[str, str] = {}
     for repeat in range(repeats):
-        tell(f"mapping {logs[0].name}, run {repeat + 1} of {repeats}")
+        progress(f"mapping {logs[0].name}, run {repeat + 1} of {repeats}")
         runs.append(run_command("map", *logs, "-o", out, *options))
         found = _digests(out)
         if first and found != first:

@@ -23,11 +23,11 @@ PICTURES = {
     "closures.png": "loop closures and their residuals",
     "lines.png": "lines measured in the map",
 }
-"""What there may be of a map, in the order of the report."""
+"""Pictures of a map with their captions, in the order of the report."""
 
 
 def draw_map_pictures(folder: Path) -> None:
-    """Draw the loop closures of a map, and its trajectory before and after they were made."""
+    """Draw the loop closures of a map, and its trajectory before and after loop closure."""
     write_file(folder / "closures.png", closures_plot(read_run(folder)))
     lines = [
         TrajectoryLine("before loop closure", read_tum(folder / "local_trajectory.tum").poses),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of others that ours are shown beside, from ``published.toml``."""
+"""Figures of other programs, from ``published.toml``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SOURCES: Final = {
     "GM": "GM",
     "FLIRT": "Graph FLIRT",
 }
-"""Who a figure is of: the key in the file, and the head of its column."""
+"""Sources of figures: the key in the file, and the heading of its column."""
 
 
 @cache

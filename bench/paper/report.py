@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The record of the paper's experiments as sections of a report."""
+"""The sections of the report of the paper's experiments."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from bench.document import Picture, Section, Table
+from bench.page_text import page_text
 from bench.paper.cells import mean_std, rows_of, title_of
-from bench.paper.losses import behind, limits
 from bench.paper.pictures import PICTURES
+from bench.paper.shortfalls import behind, limits
 from bench.paper.simulations import adjustment_runs, lines, museum, truth
 from bench.paper.tables import closures, percentiles, performance, relations, stages
 from bench.record import Record
@@ -20,8 +21,8 @@ def sections(record: Record, pictures: Path | None = None, prefix: str = "paper"
     Parameters
     ----------
     record : of ``python -m bench paper``.
-    pictures : folder with a folder of pictures for each recording; None for a short report,
-        without them and without what takes a page of rows.
+    pictures : folder with a folder of pictures for each recording; None for a short report, without
+        pictures and without the longest tables.
     prefix : path of that folder as seen from the report.
     """
     found = [
@@ -56,13 +57,9 @@ def _variants(record: Record) -> Section | None:
         ]
         for row in rows
     ]
-    return Section(
-        "What depends on what",
-        (
-            "The same recordings with a parameter that is not the default.",
-            Table(["", "setting", "translation [m]", "rotation [deg]"], lines),
-        ),
-    )
+    text = page_text()["paper"]["variants"]
+    heads = ["", "setting", "translation [m]", "rotation [deg]"]
+    return Section(text["title"], (text["text"], Table(heads, lines)))
 
 
 def _missing(record: Record) -> Section | None:
@@ -73,7 +70,8 @@ def _missing(record: Record) -> Section | None:
     ]
     if not lines:
         return None
-    return Section("What is missing, or failed", (Table(["", "experiment", "reason"], lines),))
+    title = page_text()["paper"]["missing"]["title"]
+    return Section(title, (Table(["", "experiment", "reason"], lines),))
 
 
 def _pictures(record: Record, folder: Path | None, prefix: str) -> list[Section]:
@@ -88,4 +86,5 @@ def _pictures(record: Record, folder: Path | None, prefix: str) -> list[Section]
         ]
         if pictures:
             found.append(Section(title_of(log), pictures, level=3))
-    return [Section("Pictures"), *found] if found else []
+    title = page_text()["paper"]["pictures"]["title"]
+    return [Section(title), *found] if found else []

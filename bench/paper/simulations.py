@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sections VI-A and VI-B on simulated recordings, and what their truth tells."""
+"""Sections VI-A and VI-B on simulated recordings, and the errors against their truth."""
 
 from __future__ import annotations
 
 from bench.document import Section, Table
+from bench.page_text import page_text
 from bench.paper.cells import rows_of, table
 from bench.paper.experiments import SIMULATED
 from bench.paper.published import published
@@ -34,17 +35,13 @@ def museum(record: Record) -> Section | None:
         [label, figures[name].text(), format_number(quoted[key]) if key else ""]
         for name, (label, key) in names.items()
     ]
-    text = (
-        "The Deutsches Museum is not public: this is a simulated museum of the same size, "
-        "walked through with a scanner of 1,079 beams over 270°, 30 m, 10 Hz, without odometry "
-        "(`cartoloop simulate museum`)."
-    )
-    parts: list[str | Table] = [text, Table(["", "cartoloop", "paper"], lines)]
+    text = page_text()["paper"]["museum"]
+    parts: list[str | Table] = [text["text"], Table(["", "cartoloop", "paper"], lines)]
     parts += [
-        f"To simulate the recording took {row.figures['wall clock'].text()} s before that."
+        text["simulation"].format(wall_clock=row.figures["wall clock"].text())
         for row in rows_of(record, "simulation", log="museum")
     ]
-    return Section("Section VI-A: a museum", parts)
+    return Section(text["title"], parts)
 
 
 def adjustment_runs(record: Record) -> Section | None:
@@ -54,11 +51,9 @@ def adjustment_runs(record: Record) -> Section | None:
         return None
     names = ("nodes", "constraints", "iterations", "time")
     lines = [[str(row.case["run"]), *(row.figures[name].text() for name in names)] for row in rows]
-    return Section(
-        "Each run of the museum's pose adjustment",
-        (Table(["run", "nodes", "edges", "iterations", "time [ms]"], lines),),
-        level=3,
-    )
+    heads = ["run", "nodes", "edges", "iterations", "time [ms]"]
+    title = page_text()["paper"]["adjustment_runs"]["title"]
+    return Section(title, (Table(heads, lines),), level=3)
 
 
 def lines(record: Record) -> Section | None:
@@ -83,18 +78,10 @@ def lines(record: Record) -> Section | None:
         [f"{row.figures[name].value:{'+' if name in signed else ''}.3f}" for name in columns]
         for row in rows
     ]
-    return Section(
-        "Section VI-B, table I: straight lines in the map of a cheap scanner",
-        (
-            "A simulated scanner in the class of the Revo LDS: 360 beams, 0.15 to 6 m, noise of 1 "
-            "to 3 %, 2 Hz, pushed through a flat without odometry (`cartoloop simulate flat`). "
-            "Lengths are measured from wall to wall in the finished map's picture "
-            "(`cartoloop evaluate lines`); a pixel is 5 cm.",
-            Table(list(columns.values()), lines),
-            "The paper's lines, with the real scanner in another flat:",
-            Table(["laser tape [m]", "Cartographer [m]", "absolute [m]", "relative [%]"], paper),
-        ),
-    )
+    text = page_text()["paper"]["lines"]
+    heads = ["laser tape [m]", "Cartographer [m]", "absolute [m]", "relative [%]"]
+    measured = Table(list(columns.values()), lines)
+    return Section(text["title"], (text["text"], measured, text["quoted"], Table(heads, paper)))
 
 
 def truth(record: Record) -> Section | None:
@@ -120,18 +107,14 @@ def truth(record: Record) -> Section | None:
         "revisits": "revisits",
         "recall of revisits": "recall of revisits [%]",
     }
-    what = "; ".join(f"*{name}*: {text}" for name, text in SIMULATED.items())
+    recordings = "; ".join(f"*{name}*: {what}" for name, what in SIMULATED.items())
+    text = page_text()["paper"]["truth"]
     return Section(
-        "Against the truth",
+        text["title"],
         (
-            f"Simulated recordings, where everything is known. {what}. The trajectory is laid on "
-            "the truth as a rigid whole:",
+            text["errors"].format(recordings=recordings),
             table(rows, errors),
-            "A closure is true if its relative pose is within 20 cm and 1° of the truth. A pair of "
-            "submap and node could close if at least 60 % of the node's points, placed by the "
-            "truth, fall on what the submap's own scans hit; recall is the share of these that the "
-            "graph holds a true closure of, though by design only every so many nodes are searched;"
-            " a revisit is a pair of submaps, and is recalled if one closure joins them:",
+            text["closures"],
             table(rows_of(record, "true closures"), closures),
         ),
     )

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 from bench.document import Section, Table
+from bench.page_text import page_text
 from bench.paper.cells import TITLES, mean_std, quoted, rows_of, table, title_of
-from bench.paper.losses import remarks
 from bench.paper.published import SOURCES
 from bench.record import Record, format_number
 
@@ -33,17 +33,8 @@ def relations(record: Record) -> Section | None:
             ]
         )
     heads = ["", "error", "cartoloop", "before loop closure", *SOURCES.values()]
-    text = (
-        "Mean ± standard deviation over all relations; bold where no other program's is lower. The "
-        "columns of others are quoted, not reproduced by this repository: the paper's from other "
-        "hardware and the original recordings, those of the C++ program from these files, its "
-        "settings tuned by looking at the truth. One set of defaults serves all recordings; it was "
-        "settled while looking at the scores of MIT CSAIL, Freiburg and Intel and at the maps of "
-        "ACES and Killian Court, so on these the figures are those of a development set."
-    )
-    return Section(
-        "Tables II and III: error against verified relations", (text, Table(heads, lines))
-    )
+    text = page_text()["paper"]["relations"]
+    return Section(text["title"], (text["text"], Table(heads, lines)))
 
 
 def percentiles(record: Record) -> Section | None:
@@ -60,11 +51,8 @@ def percentiles(record: Record) -> Section | None:
         for row in rows
     ]
     heads = ["", "error", *(bound.replace("p", "") + " %" for bound in BOUNDS[:-1]), "max"]
-    return Section(
-        "The same by percentiles",
-        ("So many of the relations have no larger error.", Table(heads, lines)),
-        level=3,
-    )
+    text = page_text()["paper"]["percentiles"]
+    return Section(text["title"], (text["text"], Table(heads, lines)), level=3)
 
 
 def closures(record: Record) -> Section | None:
@@ -82,15 +70,8 @@ def closures(record: Record) -> Section | None:
         SOURCES["cpp"]: "C++",
         f"{SOURCES['cpp']} precision": "C++ precision [%]",
     }
-    text = (
-        "Loop closure constraints, and the share of them that the solution of (SPA) does not "
-        "violate by more than 20 cm or 1°. *Constraints* are those of the finished graph: in the "
-        "end every node is matched anew, from where it stands, to the submaps that it overlaps, "
-        "and these matches take the place of what was found while mapping; those rejected as "
-        "contradicting the rest count as wrong. *Found while mapping* is what branch and bound "
-        "found, which is what the paper counts."
-    )
-    return Section("Table IV: loop closure precision", (text, table(rows, columns)))
+    text = page_text()["paper"]["closures"]
+    return Section(text["title"], (text["text"], table(rows, columns)))
 
 
 def performance(record: Record) -> Section | None:
@@ -108,11 +89,8 @@ def performance(record: Record) -> Section | None:
         f"{SOURCES['cpp']} CPU": "C++, CPU [s]",
         f"{SOURCES['cpp']} peak memory": "C++, memory [MB]",
     }
-    text = (
-        "Whole runs of `cartoloop map`, start of the interpreter included, kernels compiled "
-        "before; median ± half of the spread between the 10 % and 90 % quantiles."
-    )
-    return Section("Table V: performance", (text, table(rows, columns)))
+    text = page_text()["paper"]["performance"]
+    return Section(text["title"], (text["text"], table(rows, columns)))
 
 
 def stages(record: Record) -> Section | None:
@@ -128,10 +106,6 @@ def stages(record: Record) -> Section | None:
         [title_of(log), *(of_log.get(name, "") for name in names)]
         for log, of_log in seconds.items()
     ]
-    text = (
-        "Seconds by the clock that each stage took of one of the runs above. *Search* runs in "
-        "background threads, whose times add up; all others in the thread that maps, which in "
-        "*match again* has the help of the background threads. Where two threads share a "
-        "processor, the clock runs for both."
-    )
-    return Section("Where the time goes", (text, Table(["", *names], lines), remarks()["stages"]))
+    text = page_text()["paper"]["stages"]
+    parts = (text["text"], Table(["", *names], lines), text["conclusion"])
+    return Section(text["title"], parts)

@@ -29,7 +29,7 @@ def problem_with_uneven_informations():
     rng = np.random.default_rng(2)
     roots = rng.normal(0.0, 15.0, graph.informations.shape)
     graph.informations[:] = roots @ roots.transpose(0, 2, 1) + graph.informations
-    graph.relative_poses[:, 2] += 1e-4  # no two alike
+    graph.relative_poses[:, 2] += 1e-4  # no two are equal
     return Problem.of(graph)
 
 
@@ -42,7 +42,7 @@ def own_record():
     return run(2, None, largest=3_000, foreign=only_ours)
 
 
-def test_only_ours_yields_a_row_for_each_graph(own_record):
+def test_every_graph_has_a_row_for_our_program(own_record):
     rows = own_record.rows
     assert [(row.case["nodes"], row.case["solver"]) for row in rows[1:]] == [
         (1_000, OWN_NAME), (1_000, HELD_NAME), (3_000, OWN_NAME), (3_000, HELD_NAME),
@@ -54,13 +54,13 @@ def test_only_ours_yields_a_row_for_each_graph(own_record):
     assert Record.from_json(own_record.to_json()) == own_record
 
 
-def test_a_missing_data_folder_is_told(own_record, tmp_path):
+def test_missing_data_folder_has_a_note(own_record, tmp_path):
     assert "no g2o files: give the folder" in own_record.rows[0].notes
     assert not own_record.rows[0].figures
     assert str(tmp_path) in run(1, tmp_path, largest=0, foreign=only_ours).rows[0].notes
 
 
-def test_missing_solvers_are_told():
+def test_missing_solver_has_a_row_with_the_reason():
     record = run(1, None, largest=1_000, foreign=lambda _: [Method("absent", missing)])
     (row,) = [row for row in record.rows if row.case.get("solver") == "absent"]
     assert row.notes == "not installed: for the test"
@@ -68,7 +68,7 @@ def test_missing_solvers_are_told():
     assert not record.is_complete
 
 
-def test_a_program_that_would_take_too_long_is_skipped(monkeypatch):
+def test_program_that_is_too_slow_is_skipped(monkeypatch):
     monkeypatch.setattr(adjustment, "_LONGEST_SOLVE_S", 0.0)
     record = run(1, None, largest=3_000, foreign=lambda _: [Method("other", OwnProgram)])
     rows = {row.case["nodes"]: row for row in record.rows if row.case.get("solver") == "other"}
@@ -76,14 +76,14 @@ def test_a_program_that_would_take_too_long_is_skipped(monkeypatch):
     assert "skipped" in rows[3_000].notes
 
 
-def test_an_absent_compiler_is_told(monkeypatch, tmp_path):
+def test_missing_compiler_is_an_error(monkeypatch, tmp_path):
     monkeypatch.setattr(compiled_drivers, "_COMPILE", ("no-such-compiler",))
     with pytest.raises(SolverMissing, match="there is no no-such-compiler"):
         compile_driver("ceres", tmp_path)
 
 
-def test_a_graph_file_that_leads_astray_is_run_from_a_chordal_start_too(tmp_path):
-    # a ring of vertices that all begin at one place, heading one way
+def test_bad_start_is_repeated_from_a_chordal_start(tmp_path):
+    # a ring whose vertices all start near one place
     count = 60
     lines = [f"VERTEX_SE2 {v} {0.01 * (v % 7)} 0 {0.9 * v % 6.2 - 3.1}" for v in range(count)]
     turn, information = 2.0 * np.pi / count, "500 0 0 500 0 100"
@@ -98,7 +98,7 @@ def test_a_graph_file_that_leads_astray_is_run_from_a_chordal_start_too(tmp_path
     assert rows[2].figures["cost"].value < 0.9 * rows[0].figures["cost"].value
 
 
-def test_our_program_starts_anew_each_time():
+def test_our_program_restarts_each_time():
     problem = Problem.of(bipartite_graph(400, 8, 1_000).graph)
     program = OwnProgram(problem)
     first, poses = program.solve(), program.poses()
@@ -108,7 +108,7 @@ def test_our_program_starts_anew_each_time():
     assert problem.cost(poses) < 0.1 * problem.cost(problem.start)
 
 
-def test_a_warm_start_has_little_left_to_do():
+def test_warm_start_begins_near_the_least_cost():
     cold = bipartite_graph(1_000, 11, 3_080).graph
     warm = warm_start(bipartite_graph(1_000, 11, 3_080).graph, 90)
     from_cold, from_warm = adjust(cold), adjust(warm)
@@ -168,7 +168,7 @@ def test_a_compiled_solver_reaches_our_cost(solvers, solver):
             assert cost == pytest.approx(own_cost(problem), rel=SAME_COST)
 
 
-def test_a_driver_that_ended_is_told_and_started_anew(solvers):
+def test_driver_that_ended_is_reported_and_restarted(solvers):
     problem = Problem.of(bipartite_graph(400, 8, 1_000).graph)
     method = next(method for method in solvers.methods() if method.name.startswith("Ceres"))
     program = start_or_skip(method, problem)
@@ -189,7 +189,7 @@ def start_or_skip(method, problem):
 
 
 class Failing:
-    """A program that solves so many times, and then is no longer there; or ends at no number."""
+    """A program that fails after `solves` solves, with poses that may not be finite."""
 
     def __init__(self, problem, solves, poses=0.0):
         self.problem, self.left, self.offset = problem, solves, poses
@@ -208,7 +208,7 @@ class Failing:
     ("solves", "poses", "has_figures", "note"),
     [(2, 0.0, True, "when repeated: failed"), (9, math.nan, False, "failed: its poses")],
 )
-def test_a_program_that_fails_later_or_at_no_number_is_told(solves, poses, has_figures, note):
+def test_program_that_fails_has_a_note(solves, poses, has_figures, note):
     def methods(_):
         return [Method("failing", lambda problem: Failing(problem, solves, poses))]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmarks from the command line; what they measure is tested beside them."""
+"""The command line of the benchmarks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bench.__main__ import run
 from bench.record import Record
 
 KERNEL = "simulate a scan"
-"""What needs the least to be measured."""
+"""The fastest kernel to measure."""
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def measured(tmp_path):
 
 
 def changed(path, factor):
-    """A copy of a record in which all took so many times as long, and always the same time."""
+    """A copy of a record with all times multiplied by `factor` and without spread."""
     found = json.loads(path.read_text())
     for row in found["rows"]:
         for figure in row["figures"].values():
@@ -38,7 +38,7 @@ def again(path, before, *options):
     return run(["kernels", *arguments, "--against", str(before), *options])
 
 
-def test_a_benchmark_prints_a_table_and_writes_its_record(tmp_path, capsys):
+def test_benchmark_prints_a_table_and_writes_a_record(tmp_path, capsys):
     assert run(["kernels", "--only", KERNEL, "--repeat", "2", "-o", str(tmp_path)]) == 0
     record = Record.from_json((tmp_path / "kernels.json").read_text())
     assert record.benchmark == "kernels"
@@ -46,37 +46,37 @@ def test_a_benchmark_prints_a_table_and_writes_its_record(tmp_path, capsys):
     assert "| simulate a scan " in capsys.readouterr().out
 
 
-def test_what_got_slower_is_told_and_fails_only_if_asked_to(measured, capsys):
+def test_slower_figure_is_reported_and_fails_if_strict(measured, capsys):
     faster = changed(measured, 0.01)
     assert again(measured, faster) == 0
     assert "WORSE" in capsys.readouterr().out
     assert again(measured, faster, "--strict") == 1
 
 
-def test_what_got_faster_is_told(measured, capsys):
+def test_faster_figure_is_reported(measured, capsys):
     slower = changed(measured, 100.0)
     assert again(measured, slower, "--strict") == 0
-    told = capsys.readouterr().out
-    assert "better" in told
-    assert "WORSE" not in told
+    output = capsys.readouterr().out
+    assert "better" in output
+    assert "WORSE" not in output
 
 
-def test_a_file_that_is_no_record_is_told_before_anything_is_measured(tmp_path, capsys):
+def test_invalid_earlier_record_fails_before_measuring(tmp_path, capsys):
     other = tmp_path / "other.json"
     other.write_text("{}")
     assert run(["kernels", "--against", str(other)]) == 1
-    told = capsys.readouterr()
-    assert f"{other}: is no record of a benchmark" in told.err
-    assert KERNEL not in told.out
+    output = capsys.readouterr()
+    assert f"{other}: is no record of a benchmark" in output.err
+    assert KERNEL not in output.out
 
 
-def test_a_page_is_made_of_the_records(measured, capsys):
+def test_page_has_the_records(measured, capsys):
     page = measured.parent / "page" / "results.md"
     assert run(["page", str(measured.parent), "-o", str(page)]) == 0
     assert "## Kernels" in page.read_text()
     assert "bench kernels" in page.read_text()
 
 
-def test_a_record_of_another_benchmark_is_refused(measured, capsys):
+def test_record_of_another_benchmark_is_refused(measured, capsys):
     assert run(["matching", "--against", str(measured)]) == 1
     assert "is a record of 'kernels'" in capsys.readouterr().err

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-from bench.document import Picture, Section, Table, to_html, to_markdown
+from bench.document import Picture, Section, Table, to_markdown
 
 SECTIONS = (
     Section(
@@ -20,13 +20,3 @@ def test_markdown_has_headings_tables_and_pictures() -> None:
     assert "| 4.09 | <4.08> |" in text
     assert "![the flat](maps/a.png)" in text
     assert text.endswith("### More\n")
-
-
-def test_html_is_escaped_and_marked_up() -> None:
-    page = to_html("Results & more", SECTIONS)
-    assert "<title>Results &amp; more</title>" in page
-    assert "<em>values</em> in <code>m</code>" in page
-    assert '<a href="a.md">there</a> &amp; <strong>here</strong>' in page
-    assert "<td>&lt;4.08&gt;</td>" in page
-    assert '<img src="maps/a.png" alt="the flat"' in page
-    assert "<h3>More</h3>" in page

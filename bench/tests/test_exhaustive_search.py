@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Both exhaustive searches find what the naive one does: the same score, and of equals the same."""
+"""Both exhaustive searches find the same candidate as the naive one, also among equal scores."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def naively_found(cells, points, frame, half_widths):
 )
 def test_equals_naive_search(search, seed, half_widths, largest):
     rng = np.random.default_rng(seed)
-    # Few different values, so that many candidates score alike.
+    # Few different values, so that many candidates have equal scores.
     cells = rng.integers(0, largest + 1, rng.integers(1, 30, 2)).astype(np.uint8)
     points = rng.normal(0.0, 0.5, (int(rng.integers(1, 30)), 2))
     frame = (*rng.uniform(-0.5, 1.5, 2), rng.uniform(-3, 3), 0.1, -0.2, RESOLUTION, 0.03)
@@ -55,7 +55,7 @@ def test_sums_of_many_bright_cells_do_not_overflow(search, num_points):
 
 
 @SEARCHES
-def test_a_scan_far_outside_scores_nothing_where_it_is_estimated(search):
+def test_scan_outside_the_grid_scores_zero_at_its_estimate(search):
     cells, points = np.full((5, 5), 200, dtype=np.uint8), np.zeros((3, 2))
     frame = (50.0, -50.0, 0.0, 0.0, 0.0, RESOLUTION, 0.1)
     assert found(search, cells, points, frame, (3, 3, 2)) == (0, (0, 0, 0))

@@ -7,7 +7,7 @@ from bench.scaling import _part, _whole
 from cartoloop.simulation import make_world, simulate
 
 
-def test_checkpoints_follow_the_run_and_end_with_the_finished_map(tmp_path: Path) -> None:
+def test_checkpoints_end_with_the_finished_map(tmp_path: Path) -> None:
     log = tmp_path / "office.log"
     simulate(make_world("office"), duration=20.0).write_carmen(log)
     points = grow(log, 4)

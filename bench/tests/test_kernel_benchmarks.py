@@ -20,23 +20,23 @@ def test_every_module_of_kernels_is_measured(workloads):
     assert measured == modules
 
 
-def test_every_workload_has_a_name_that_can_be_chosen(workloads):
+def test_every_workload_can_be_chosen_by_name(workloads):
     assert {workload.kernel for workload in workloads} == set(kernels.KERNELS)
 
 
-def test_cases_tell_the_workloads_apart(workloads):
+def test_no_two_workloads_have_the_same_case(workloads):
     cases = [(workload.kernel, *sorted(workload.case.items())) for workload in workloads]
     assert len(set(cases)) == len(cases)
 
 
-def test_workloads_can_be_called_again_and_again(workloads):
+def test_workloads_can_be_called_repeatedly(workloads):
     for workload in islice(workloads, 20):
         workload.call()
         workload.call()
         assert workload.items > 0
 
 
-def test_only_the_kernels_named_are_timed():
+def test_only_the_named_kernels_are_timed():
     record = kernels.run(2, ["residuals"])
     assert {row.case["kernel"] for row in record.rows} == {"residuals"}
     assert len(record.rows) == len(kernels.GRAPHS)

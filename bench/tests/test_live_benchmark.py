@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``python -m bench live`` measures every scan of a recording that comes as from a robot."""
+"""``python -m bench live`` measures every scan of a recording that is replayed in real time."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_latencies_of_a_replay_are_measured(tmp_path, capsys):
     assert "median latency [ms]" in capsys.readouterr().out
 
 
-def test_senseless_paces_are_refused(tmp_path, capsys):
+def test_invalid_paces_are_refused(tmp_path, capsys):
     for paces in ("fast", "0", ""):
         assert run(["live", "--paces", paces, "-o", str(tmp_path)]) == 2
         assert "--paces" in capsys.readouterr().err

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmark of branch and bound measures what it says, and notices a wrong match."""
+"""The benchmark of branch and bound, and its check for a wrong match."""
 
 import math
 
@@ -27,14 +27,14 @@ from cartoloop.submaps.finished_grid import FinishedGrid
 TRUTH = Pose(2.4, 1.9, 0.4)
 
 
-def room_problem(window, forgotten=np.s_[:, :0]):
-    """A room with a pillar, seen from within; of its map, some cells are forgotten."""
+def room_problem(window, erased=np.s_[:, :0]):
+    """A room with a pillar, seen from inside; some cells of its map are erased."""
     cells = np.full((70, 100), 20, dtype=np.uint8)
     cells[5, 5:95] = cells[65, 5:95] = cells[5:66, 5] = cells[5:66, 94] = 250
     cells[30:38, 70:74] = 250
     rows, cols = np.nonzero(cells == 250)
     walls = np.column_stack((cols, rows))[::4] * 0.05
-    cells[forgotten] = 0
+    cells[erased] = 0
     grid = FinishedGrid(cells, 0.0, 0.0, 0.05)
     points = transform_points(inverse(TRUTH), walls)
     estimate = Pose(TRUTH.x - 0.3, TRUTH.y + 0.2, TRUTH.theta - 0.05)
@@ -90,7 +90,7 @@ def test_hits_are_found_and_misses_are_not(record):
     assert found == {"hit": 100.0, "miss": 0.0}
 
 
-def test_branch_and_bound_scores_far_less_than_exhaustive_search(record):
+def test_branch_and_bound_scores_fewer_than_exhaustive(record):
     for row in record.rows:
         if row.case["part"] == "hits and misses" and row.figures:
             assert row.figures["nodes"].value < 0.1 * row.figures["candidates"].value
@@ -98,7 +98,7 @@ def test_branch_and_bound_scores_far_less_than_exhaustive_search(record):
             assert row.figures["ratio as written"].value > 1.0
 
 
-def test_looser_bounds_score_more_nodes_and_take_less_memory(record):
+def test_looser_bounds_score_more_nodes_in_less_memory(record):
     for outcome in ("hit", "miss"):
         rows = {
             row.case["bounds"]: row.figures
@@ -111,7 +111,7 @@ def test_looser_bounds_score_more_nodes_and_take_less_memory(record):
         assert own["nodes"].value > 0
 
 
-def test_missing_recordings_are_told(record):
+def test_missing_recordings_have_notes(record):
     missing = [row for row in record.rows if not row.figures]
     assert [row.case["source"] for row in missing] == ["mit-csail", "intel", "aces"]
     assert all("is missing" in row.notes for row in missing)
@@ -147,9 +147,9 @@ def test_a_match_that_differs_is_an_error():
 
 
 def test_counting_nodes_does_not_change_the_search():
-    # Nothing reaches the threshold's bound: the nodes that cover the window are all there is.
-    hopeless = room_problem(Window(0.6, 0.0, 1.0), np.s_[:])
-    top, below = count_nodes(hopeless)
+    # No node reaches the threshold: only the nodes that cover the window are scored.
+    without_match = room_problem(Window(0.6, 0.0, 1.0), np.s_[:])
+    top, below = count_nodes(without_match)
     assert (top % 4, below) == (0, 0)
     assert top > 0
     top, below = count_nodes(room_problem(Window(0.6, 0.15, 0.4)))

@@ -46,7 +46,7 @@ def test_lowest_error_is_bold_and_not_listed_as_behind() -> None:
     assert "Where we are behind" not in text
 
 
-def test_error_that_another_beats_is_listed_with_the_reason() -> None:
+def test_error_above_another_is_listed_with_the_reason() -> None:
     text = report(relations_row("fr079", "absolute_translational", 0.05, paper=0.0452, GM=0.056))
     behind = text[text.index("Where we are behind") :]
     assert "0.0500" in behind
@@ -55,14 +55,14 @@ def test_error_that_another_beats_is_listed_with_the_reason() -> None:
     assert "where the scanner sits" in behind
 
 
-def test_missing_data_is_said_in_the_report() -> None:
+def test_missing_data_is_listed_in_the_report() -> None:
     row = Row({"experiment": "performance", "log": "aces"}, notes="aces is not in the folder")
     text = report(row)
     assert "What is missing" in text
     assert "aces is not in the folder" in text
 
 
-def test_missing_recordings_give_rows_that_say_so(tmp_path: Path, monkeypatch) -> None:
+def test_missing_recordings_give_rows_with_the_reason(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(paper, "run_command", lambda *arguments: None)
     options = paper.PaperOptions(tmp_path / "nowhere", tmp_path / "bench", 1, ("radish",))
     record = paper.run(options, lambda line: None)
@@ -76,7 +76,7 @@ def test_unknown_experiments_are_refused(tmp_path: Path) -> None:
         paper.run(paper.PaperOptions(tmp_path, tmp_path, 1, ("museums",)), print)
 
 
-def test_command_that_fails_tells_its_last_line(tmp_path: Path) -> None:
+def test_failed_command_reports_its_last_line(tmp_path: Path) -> None:
     with pytest.raises(CommandFailed, match=r"map .* ended with status 1: cartoloop: .*nowhere"):
         run_command("map", tmp_path / "nowhere.log", "-o", tmp_path / "out")
 
@@ -88,7 +88,7 @@ def test_command_is_measured() -> None:
     assert 5.0 < run.peak_memory_mb < 2000.0
 
 
-def test_results_page_is_made_of_the_records(tmp_path: Path) -> None:
+def test_results_page_has_figures_of_the_records(tmp_path: Path) -> None:
     record = Record(
         "paper",
         (relations_row("fr079", "absolute_translational", 0.031, paper=0.0452),),
@@ -107,10 +107,10 @@ def test_folder_without_records_is_an_error(tmp_path: Path) -> None:
         write_results_page(tmp_path, tmp_path / "results.md")
 
 
-def test_remarks_quote_no_recording_that_is_not_published() -> None:
-    from bench.paper.losses import remarks
+def test_remarks_name_only_published_recordings() -> None:
+    from bench.paper.shortfalls import remarks
 
-    assert set(remarks()) - {"any", "limits", "stages"} <= set(published()["logs"])
+    assert set(remarks()) - {"any", "limits"} <= set(published()["logs"])
     assert json.dumps(remarks())
 
 
@@ -140,7 +140,7 @@ def test_less_precise_closures_are_listed() -> None:
     assert "| precision [%]" not in behind
 
 
-def test_every_run_of_the_adjustment_is_in_the_long_report_alone(tmp_path: Path) -> None:
+def test_adjustment_runs_are_only_in_the_long_report(tmp_path: Path) -> None:
     case = {"experiment": "adjustment run", "log": "museum", "run": 7}
     names = ("nodes", "constraints", "iterations", "time")
     row = Row(case, {name: Figure.exact(4321) for name in names})
@@ -148,7 +148,7 @@ def test_every_run_of_the_adjustment_is_in_the_long_report_alone(tmp_path: Path)
     assert "4,321" not in report(row)
 
 
-def test_where_the_time_goes_is_a_row_a_recording() -> None:
+def test_stage_times_are_one_row_per_recording() -> None:
     text = report(
         stage_row("mit-csail", "match", 1.5),
         stage_row("mit-csail", "search", 2.5),

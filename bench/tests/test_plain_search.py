@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plain search is exact with each kind of bounds, and bounds are what they are said to be."""
+"""The plain search is exact with each kind of bounds, and the bounds are upper bounds."""
 
 import numpy as np
 import pytest
@@ -75,7 +75,7 @@ def test_equals_exhaustive_search(make_grids, naive_value, seed, half_widths, to
         assert (found[0], *(found[1:] - half_widths)) == (sums[best], *best)
 
 
-def test_the_paper_bounds_most_tightly_and_boxes_aligned_with_cells_alike():
+def test_bounds_of_the_paper_are_the_tightest():
     _, cells, points, frame = random_case(5)
     cols, rows = (np.empty((1, len(points)), dtype=np.int32) for _ in range(2))
     place_rotations(points, frame, np.array((0, 0, 0)), cols, rows)

@@ -69,7 +69,7 @@ def test_change_within_the_noise_is_none() -> None:
     assert compare(record(time=Figure(11.5, "ms", 11.0, 13.0, 9)), before) == []
 
 
-def test_slower_than_the_noise_is_worse_and_faster_is_better() -> None:
+def test_slower_than_noise_is_worse_faster_is_better() -> None:
     before = record(time=Figure(10.0, "ms", 9.0, 12.0, 9))
     (slower,) = compare(record(time=Figure(14.0, "ms", 13.0, 15.0, 9)), before)
     (faster,) = compare(record(time=Figure(5.0, "ms", 4.0, 6.0, 9)), before)
@@ -78,7 +78,7 @@ def test_slower_than_the_noise_is_worse_and_faster_is_better() -> None:
     assert "WORSE" in changes_table([slower])
 
 
-def test_more_is_better_where_it_says_so() -> None:
+def test_less_is_worse_where_more_is_better() -> None:
     before = record(precision=Figure.exact(0.9, better="more"))
     (change,) = compare(record(precision=Figure.exact(0.8, better="more")), before)
     assert change.is_worse
@@ -91,7 +91,7 @@ def test_any_change_of_an_exact_figure_counts() -> None:
     assert change.is_worse
 
 
-def test_figure_measured_once_counts_only_when_it_changed_much() -> None:
+def test_figure_measured_once_counts_from_a_quarter_on() -> None:
     before = record(time=Figure(10.0, "s"))
     assert compare(record(time=Figure(11.0, "s")), before) == []
     assert len(compare(record(time=Figure(14.0, "s")), before)) == 1
@@ -102,7 +102,7 @@ def test_figures_without_a_better_direction_are_not_judged() -> None:
     assert compare(record(nodes=Figure.exact(20, better=None)), before) == []
 
 
-def test_case_that_lost_its_figures_is_told() -> None:
+def test_case_that_lost_its_figures_is_reported() -> None:
     assert gone(Record("some", (Row({"size": 3}, notes="no data"),)), record(time=Figure(1.0))) == [
         "size 3"
     ]
@@ -137,7 +137,7 @@ def test_counts_over_inputs_are_exact() -> None:
     assert len(compare(record(nodes=Figure.exact_of_inputs([10, 201, 3000])), before)) == 1
 
 
-def test_input_timed_once_counts_only_when_it_changed_much() -> None:
+def test_input_timed_once_counts_from_a_quarter_on() -> None:
     before = record(time=Figure.of_inputs([[1.0], [10.0], [90.0]], "s"))
     assert compare(record(time=Figure.of_inputs([[1.0], [11.0], [90.0]], "s")), before) == []
     assert len(compare(record(time=Figure.of_inputs([[1.0], [14.0], [90.0]], "s")), before)) == 1

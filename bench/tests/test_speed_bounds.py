@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the page says of what bounds the speed, from records made by hand."""
+"""The section on what bounds the speed, from records made by hand."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def tables(**rows):
     return [part.lines for part in section.parts if isinstance(part, Table)]
 
 
-def test_a_search_is_told_by_its_nodes_and_points():
+def test_search_is_shown_per_node_and_point():
     case = {"source": "intel", "pairs": "miss"}
     rows = [
         row({"part": "points", "points": 100, **case}, search=0.5, nodes=20_000.0),
@@ -28,7 +28,7 @@ def test_a_search_is_told_by_its_nodes_and_points():
     assert tables(matching=rows) == [[["Intel", "miss", "100", "0.500", "20,000", "25", "4"]]]
 
 
-def test_an_adjustment_is_told_by_its_constraints_ours_first():
+def test_adjustment_is_shown_per_constraint_ours_first():
     case = {"graph": "museum", "edges": 1_000}
     rows = [
         row({**case, "solver": "g2o"}, time=2.0, iterations=3.0),
@@ -40,7 +40,7 @@ def test_an_adjustment_is_told_by_its_constraints_ours_first():
     assert [(line[0], line[-1]) for line in lines] == [("cartoloop", "100"), ("g2o", "")]
 
 
-def test_the_mapping_thread_is_told_from_the_others():
+def test_mapping_thread_excludes_other_threads():
     rows = [
         row({"experiment": "performance", "log": "aces"}, wall_clock=8.0, CPU=10.0),
         row({"experiment": "stages", "log": "aces", "stage": "match"}, total=3.0),
@@ -53,6 +53,6 @@ def test_the_mapping_thread_is_told_from_the_others():
     assert tables(paper=rows) == [[["ACES", "10", "8", "0.800", "5", "3"]]]
 
 
-def test_without_records_nothing_is_said():
+def test_without_records_there_is_no_section():
     assert speed_bounds({}) is None
     assert speed_bounds({"matching": Record("matching", (), {})}) is None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Synthetic graphs have the size asked for, the noise asked for, and the same bytes every time."""
+"""Synthetic graphs have the requested size and noise, and are reproducible."""
 
 import numpy as np
 import pytest
@@ -24,12 +24,12 @@ def made():
     return bipartite_graph(*SIZE, seed=3)
 
 
-def test_a_graph_has_the_size_asked_for(made):
+def test_graph_has_the_requested_size(made):
     graph = made.graph
     assert (graph.num_nodes, graph.num_submaps, graph.num_constraints) == SIZE
 
 
-def test_each_node_is_in_two_submaps_and_those_of_the_first_in_one(made):
+def test_nodes_are_in_two_submaps_or_in_the_first_one(made):
     graph = made.graph
     intra = graph.kinds == ConstraintKind.INTRA_SUBMAP
     memberships = np.bincount(graph.index_b[intra], minlength=graph.num_nodes)
@@ -57,7 +57,7 @@ def test_consecutive_nodes_are_a_step_apart(made):
     assert np.median(steps) > 0.19
 
 
-def test_the_same_arguments_give_the_same_bytes_and_another_seed_others(made):
+def test_equal_arguments_give_equal_bytes(made):
     again, other = bipartite_graph(*SIZE, seed=3).graph, bipartite_graph(*SIZE, seed=4).graph
     for name in ("node_poses", "submap_poses", "index_a", "index_b", "relative_poses"):
         assert getattr(again, name).tobytes() == getattr(made.graph, name).tobytes()
@@ -72,7 +72,7 @@ def test_the_cost_at_the_truth_is_that_of_the_noise(made):
     assert problem.cost(truth) == pytest.approx(expected, rel=0.05)
 
 
-def test_adjustment_brings_the_start_near_to_the_truth():
+def test_adjustment_moves_the_start_to_the_truth():
     made = bipartite_graph(*SIZE, seed=5)
     before = np.hypot(*(made.graph.node_poses - made.nodes)[:, :2].T).max()
     assert adjust(made.graph).converged
@@ -91,13 +91,13 @@ def test_without_noise_and_drift_the_measurements_are_the_truth():
 
 
 @pytest.mark.parametrize(
-    ("size", "told"),
+    ("size", "message"),
     [
         ((10, 11, 30), "11 submaps of 10 nodes"),
         ((100, 5, 150), "give at least 180"),
         ((100, 5, 5_000), "are possible"),
     ],
 )
-def test_sizes_that_cannot_be_are_refused(size, told):
-    with pytest.raises(InputError, match=told):
+def test_impossible_sizes_are_refused(size, message):
+    with pytest.raises(InputError, match=message):
         bipartite_graph(*size)

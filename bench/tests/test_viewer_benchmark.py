@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``python -m bench viewer`` measures what the view costs and how soon it shows what happens."""
+"""``python -m bench viewer`` measures the cost and the latency of the live view."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from bench.view.benchmark import misses
 from cartoloop.simulation import ring, simulate
 
 
-def test_all_that_has_a_bar_is_measured(tmp_path, capsys, monkeypatch):
+def test_every_figure_with_a_target_is_measured(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("bench.view.page.PAN_S", 0.5)
     log = tmp_path / "ring.log"
     simulate(ring(), seed=1, duration=115.0).write_carmen(log)
@@ -18,14 +18,14 @@ def test_all_that_has_a_bar_is_measured(tmp_path, capsys, monkeypatch):
 
     assert status == 0, capsys.readouterr().err
     rows = read_record(tmp_path / "viewer.json").rows
-    finished, shown, one, ten, told, seen = rows
+    finished, shown, one, ten, heard, seen = rows
     assert [row.case.get("viewers") for row in rows] == [None, None, 1, 10, None, None]
     for row in (one, ten):
         assert row.figures["sent to each"].value > finished.figures["sent"].value > 0.1
         assert row.figures["CPU more"].value > -90.0
         assert row.figures["CPU without a view"].value > 0.0
-    assert 0.0 < told.figures["seen after"].value < 20.0
-    assert told.figures["times closures were found"].value >= 1
+    assert 0.0 < heard.figures["seen after"].value < 20.0
+    assert heard.figures["times closures were found"].value >= 1
     if "Chromium" in shown.notes or "playwright" in shown.notes:
         assert not shown.figures and not seen.figures
     else:
@@ -53,7 +53,7 @@ def test_without_a_browser_the_rest_is_measured(tmp_path, capsys, monkeypatch):
     assert [bool(row.figures) for row in rows] == [True, False, True, True, False, False]
 
 
-def test_what_misses_its_bar_is_told():
+def test_figures_that_miss_their_target_are_listed():
     rows = (
         Row({"page": "a"}, {"sent": Figure(20.0, "MB"), "all sent after": Figure(9.0, "s")}),
         Row({"page": "b"}, {"frames a second, panning": Figure(29.0, better="more")}),

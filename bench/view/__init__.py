@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the operator's live view costs, and how soon it shows what happens."""
+"""``python -m bench viewer``: cost and latency of the live view."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The operator's live view against its bars: bytes, first picture, frames, slow-down, latency."""
+"""The live view against its targets: bytes, first picture, frame rate, slow-down, latency."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from bench.view.page import PageRun, closures_seen, open_page, show_map
 
 VIEWERS = (1, 10)
 
-BARS = {
+TARGETS = {
     "sent": (15.0, "less"),
     "first full picture": (1.0, "less"),
     "frames a second, panning": (30.0, "more"),
@@ -36,7 +36,7 @@ BARS = {
     "wall clock more": (5.0, "less"),
     "seen after": (0.5, "less"),
 }
-"""What is to be reached, by the name of the figure; units as there."""
+"""Targets by the name of the figure, in its unit."""
 
 _NO_VIEWER = "pages that draw nothing"
 _BROWSER = "Chromium, WebGL on the processor"
@@ -44,15 +44,15 @@ _BROWSER = "Chromium, WebGL on the processor"
 
 @dataclass(frozen=True, slots=True)
 class ViewOptions:
-    """What is measured.
+    """What to measure.
 
     Attributes
     ----------
     log : a recording instead of the museum.
     scans : of the recording are mapped, 0 for all.
     pace : times real time at which loop closures are watched for.
-    watched_scans : so many scans of the recording are mapped meanwhile.
-    repeats : how often all is measured.
+    watched_scans : number of scans that are mapped meanwhile.
+    repeats : of all measurements.
     """
 
     log: Path | None = None
@@ -62,45 +62,45 @@ class ViewOptions:
     repeats: int = 3
 
 
-def run(options: ViewOptions, tell: Callable[[str], None], seed: int = 0) -> Record:
+def run(options: ViewOptions, progress: Callable[[str], None], seed: int = 0) -> Record:
     """Return all figures of the view.
 
     Parameters
     ----------
-    options : what is measured.
-    tell : called with a line on progress.
+    options : what to measure.
+    progress : called with a line on progress.
     seed : of the building, the walk and all noise.
 
     Raises
     ------
     CommandFailed
-        A process that was started ended in an error.
+        A process that was started failed.
     """
     with tempfile.TemporaryDirectory(prefix="cartoloop-view-") as folder:
-        log = museum_or(options.log, Path(folder), seed, tell)
+        log = museum_or(options.log, Path(folder), seed, progress)
         out = Path(folder) / "map"
-        tell(
+        progress(
             f"mapping {log.name} without a view and with {VIEWERS} viewers, {options.repeats} times"
         )
         runs = _cost(log, out, options)
-        tell("showing the finished map")
+        progress("showing the finished map")
         rows = _finished_map(out, options.repeats)
         rows += [_slow_down(runs, viewers) for viewers in VIEWERS]
-        tell("watching for loop closures")
+        progress("watching for loop closures")
         rows += _closures(log, options)
     return Record("viewer", tuple(rows), environment())
 
 
 def misses(record: Record) -> list[str]:
-    """Return what has not reached its bar, in words."""
+    """Return the figures that miss their targets, one line each."""
     missed = []
     for row in record.rows:
         for name, figure in row.figures.items():
-            bar, better = BARS.get(name, (figure.value, "less"))
-            if figure.value > bar if better == "less" else figure.value < bar:
+            target, better = TARGETS.get(name, (figure.value, "less"))
+            if figure.value > target if better == "less" else figure.value < target:
                 case = ", ".join(str(value) for value in row.case.values())
                 missed.append(
-                    f"{case}: {name} {figure.text()} {figure.unit}, to be {better} than {bar:g}"
+                    f"{case}: {name} {figure.text()} {figure.unit}, target {better} than {target:g}"
                 )
     return missed
 
@@ -108,10 +108,10 @@ def misses(record: Record) -> list[str]:
 def _cost(log: Path, out: Path, options: ViewOptions) -> list[MappingRun]:
     numbers = [str(number) for number in VIEWERS]
     with _mapping("cost", log, options.scans, options.repeats, out, *numbers) as process:
-        told, errors = process.communicate()
+        output, errors = process.communicate()
     if process.returncode != 0:
         raise failure(f"mapping {log.name}", process.returncode, errors)
-    return [MappingRun(**run) for run in json.loads(told)]
+    return [MappingRun(**run) for run in json.loads(output)]
 
 
 @contextmanager
@@ -133,7 +133,7 @@ def _started(command: Sequence[str]) -> Iterator[subprocess.Popen[str]]:
 
 
 def _url(process: subprocess.Popen[str]) -> str:
-    """Return the first URL that a process tells."""
+    """Return the first URL that a process prints."""
     assert process.stdout is not None and process.stderr is not None
     while line := process.stdout.readline():
         if found := re.search(r"http://\S+", line):
@@ -142,7 +142,7 @@ def _url(process: subprocess.Popen[str]) -> str:
 
 
 def _finished_map(out: Path, repeats: int) -> list[Row]:
-    """Return how soon pages show a finished map."""
+    """Return the times until pages show a finished map."""
     case: Case = {"part": "a finished map"}
     command = [sys.executable, "-u", "-m", "cartoloop", "view", str(out)]
     with _started(command) as server:
@@ -181,7 +181,7 @@ def _of_pages(runs: Sequence[PageRun]) -> dict[str, Figure]:
 
 
 def _slow_down(runs: Sequence[MappingRun], viewers: int) -> Row:
-    """Return what viewers cost mapping: by how much more it took than without a view."""
+    """Return the cost of viewers: the additional time of mapping against mapping without a view."""
     own = [run for run in runs if run.viewers == viewers]
     none = [run for run in runs if run.viewers is None]
 
@@ -203,7 +203,7 @@ def _slow_down(runs: Sequence[MappingRun], viewers: int) -> Row:
 
 
 def _closures(log: Path, options: ViewOptions) -> list[Row]:
-    """Return how soon pages show a loop closure that was found."""
+    """Return the times until pages show a loop closure after it was found."""
     rows = [_seen_row(_NO_VIEWER, *_watch_by_client(log, options))]
     case: Case = {"part": "loop closures", "page": _BROWSER}
     try:
@@ -234,15 +234,15 @@ def _closure_arguments(log: Path, options: ViewOptions) -> tuple[object, ...]:
 
 
 def _go(process: subprocess.Popen[str]) -> list[Seen]:
-    """Let a process map, and return when it has found how many loop closures."""
-    told, errors = process.communicate("\n")
+    """Start mapping in a process; return the numbers of loop closures with the times."""
+    output, errors = process.communicate("\n")
     if process.returncode != 0:
         raise failure("mapping", process.returncode, errors)
-    return [(int(number), float(at)) for number, at in json.loads(told)]
+    return [(int(number), float(at)) for number, at in json.loads(output)]
 
 
 def _seen_row(page: str, found: Sequence[Seen], seen: Sequence[Seen]) -> Row:
-    """Return how long after they were found closures were seen."""
+    """Return the delays between finding closures and seeing them."""
     case: Case = {"part": "loop closures", "page": page}
     delays = [
         min((at for number, at in seen if number >= wanted), default=float("inf")) - since

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # ruff: noqa: T201 - its output is read by the process that started it
-"""Pages that take all that they are sent and draw nothing, in a process of their own.
+"""Clients that receive all messages and draw nothing, in a process of their own.
 
-Run: ``python -m bench.view.clients URL NUMBER``; prints a line when all have joined,
-and a JSON of the bytes that each was sent when the server has gone.
+Run: ``python -m bench.view.clients URL NUMBER``; prints a line when all have joined, and
+a JSON of the bytes that each received when the server has closed.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from websockets.typing import Origin
 from cartoloop.viewer.protocol import MessageType, WireConstraint, messages
 
 Seen = tuple[int, float]
-"""A number of loop closures, and when a page knew of so many [s, wall clock]."""
+"""A number of loop closures, and the time at which a page had them [s, wall clock]."""
 
 
 @asynccontextmanager
 async def joined(url: str) -> AsyncIterator[ClientConnection]:
-    """Yield a connection as a page at that URL has it."""
+    """Yield a connection like that of a page at that URL."""
     place, _, query = url.partition("?")
     socket = f"{place.replace('http', 'ws', 1)}socket" + (f"?{query}" if query else "")
     origin = Origin(place.rstrip("/"))
@@ -36,7 +36,7 @@ async def joined(url: str) -> AsyncIterator[ClientConnection]:
 
 
 async def take_all(url: str, number: int) -> list[int]:
-    """Return the bytes that each of so many pages was sent until the server went."""
+    """Return the bytes that each of `number` clients received until the server closed."""
     is_joined = asyncio.Semaphore(0)
 
     async def look() -> int:
@@ -57,7 +57,7 @@ async def take_all(url: str, number: int) -> list[int]:
 
 
 async def join_once(url: str) -> tuple[float, int]:
-    """Return how long a page takes until it has all of the state [s], and how many bytes it is."""
+    """Return the time until a client has the whole state [s], and its size in bytes."""
     num_bytes = 0
     start = perf_counter()
     async with joined(url) as connection:
@@ -70,7 +70,7 @@ async def join_once(url: str) -> tuple[float, int]:
 
 
 async def watch_closures(url: str, is_joined: asyncio.Event) -> list[Seen]:
-    """Return when how many loop closures were known to a page, until the server went."""
+    """Return the numbers of closures that a client had, with the times, until the server closed."""
     seen: list[Seen] = []
     num_closures = 0
     async with joined(url) as connection:
@@ -88,14 +88,14 @@ async def watch_closures(url: str, is_joined: asyncio.Event) -> list[Seen]:
 
 
 def _closures(payload: bytes, before: int) -> int:
-    """Return how many closures there are after a CONSTRAINTS message, and so many before."""
+    """Return the number of closures after a CONSTRAINTS message, given the number before it."""
     first, count = (int.from_bytes(payload[at : at + 4], "little") for at in (0, 4))
     added = payload[16 + 28 * count :].count(WireConstraint.LOOP_CLOSURE)
     return added + (before if first else 0)
 
 
 def main() -> None:
-    """Be pages."""
+    """Run the clients that the arguments describe."""
     url, number = sys.argv[1:]
     print(json.dumps(asyncio.run(take_all(url, int(number)))))
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # ruff: noqa: T201 - its output is read by the process that started it
-"""Mapping that is looked at, in a process of its own.
+"""Mapping with a live view, in a process of its own.
 
-Run: ``python -m bench.view.mapping cost LOG SCANS REPEATS OUT VIEWERS...``; maps the
-recording with so many viewers each, and without a view, in turn; prints a JSON of what it took, and
-saves the map. Or ``... closures LOG SCANS PACE``; prints the URL of the view, waits for a line,
-maps, and prints a JSON of when how many loop closures were found.
+Run: ``python -m bench.view.mapping cost LOG SCANS REPEATS OUT VIEWERS...``; maps the recording with
+each number of viewers, and without a view, in turn; prints the costs as JSON and saves the map. Or
+``... closures LOG SCANS PACE``; prints the URL of the view, waits for a line, maps, and prints the
+numbers of loop closures with their times as JSON.
 """
 
 from __future__ import annotations
@@ -29,18 +29,19 @@ from cartoloop.readers import open_log
 from cartoloop.sensor.events import SensorEvent
 from cartoloop.viewer.view import LiveView
 
-_LAST_LOOKS, _LAST_LOOK_S = 20, 0.1
+_LAST_UPDATES, _LAST_UPDATE_S = 20, 0.1
+"""Number of updates of the view after the last scan, and the time between them [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class MappingRun:
-    """What mapping a recording has taken.
+    """The cost of mapping a recording.
 
     Attributes
     ----------
-    viewers : how many looked; None where there was no view at all.
+    viewers : number of viewers; None without a view.
     wall_s, cpu_s : time, and processor time of all threads of the process [s], until the last scan.
-    finish_wall_s, finish_cpu_s : of closing the last loops and matching again.
+    finish_wall_s, finish_cpu_s : of the last pass.
     sent_mb : to each viewer [MB].
     """
 
@@ -53,7 +54,7 @@ class MappingRun:
 
 
 def measure(events: Sequence[SensorEvent], viewers: int | None) -> tuple[MappingRun, Result]:
-    """Return what it takes to map with so many viewers, and the map."""
+    """Return the cost of mapping with a number of viewers, and the map."""
     if viewers is None:
         return _map(events, None, None)
     view = LiveView("recording", Config(), port=0)
@@ -104,7 +105,7 @@ def cost(
     warm_up()
     runs = []
     for repeat in range(repeats):
-        for number in range(len(kinds)):  # another one begins each time
+        for number in range(len(kinds)):  # each repeat begins with another kind
             run, result = measure(events, kinds[(repeat + number) % len(kinds)])
             runs.append(run)
     result.save(out)
@@ -112,7 +113,7 @@ def cost(
 
 
 def find_closures(events: Sequence[SensorEvent], pace: float) -> list[Seen]:
-    """Print a view's URL, wait for a line, map; return when there were how many closures."""
+    """Print a view's URL, wait for a line, map; return the numbers of closures with the times."""
     view = LiveView("recording", Config(), port=0, speed=pace)
     warm_up()
     print(view.url, flush=True)
@@ -126,15 +127,15 @@ def find_closures(events: Sequence[SensorEvent], pace: float) -> list[Seen]:
         if mapper.num_loop_closures > (found[-1][0] if found else 0):
             found.append((mapper.num_loop_closures, time()))
     mapper.close()
-    for _ in range(_LAST_LOOKS):  # the last ones, too, are to be seen
+    for _ in range(_LAST_UPDATES):  # until the page has the last ones
         view.after_event(mapper)
-        sleep(_LAST_LOOK_S)
+        sleep(_LAST_UPDATE_S)
     view.close()
     return found
 
 
 def main() -> None:
-    """Do what the arguments say."""
+    """Run the part that the arguments name."""
     what, log, scans, *rest = sys.argv[1:]
     events = list(islice(open_log(Path(log)), int(scans) or None))
     if what == "cost":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page in a browser whose WebGL is computed by the processor: how soon, and how smoothly."""
+"""The page in a browser with software WebGL: times until it shows the map, and its frame rate."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 SIZE = {"width": 1280, "height": 800}
 
 PAN_S = 4.0
-"""How long the map is dragged about [s]."""
+"""Duration of panning [s]."""
 
 _TIMEOUT_MS = 60_000
 
-# Counts bytes until COMPLETE (12), and loop closures (kind 1) in CONSTRAINTS (7), by the time when
-# a frame was drawn after they came.
+# Counts bytes until COMPLETE (12), and loop closures (kind 1) in CONSTRAINTS (7), with the time of
+# the frame after they arrived.
 _LISTEN = """(() => {
   const heard = window.cartoloopHeard = { bytes: 0, isComplete: false, closures: [] };
   let closures = 0;
@@ -63,16 +63,16 @@ _TIME = "name => performance.getEntriesByName(name)[0].startTime / 1000"
 
 @dataclass(frozen=True, slots=True)
 class PageRun:
-    """What a page in a browser took to show a finished map.
+    """The cost of showing a finished map in a browser.
 
     Attributes
     ----------
     picture_s : from the connection to the first full picture [s].
-    sharp_s : from the connection until all that is in sight is drawn of single cells [s].
+    sharp_s : from the connection until all visible cells are drawn at full resolution [s].
     opening_s : from opening the page to that [s].
-    sent_mb : what it was sent until it had all [MB].
-    frames_per_s : while the map was dragged about.
-    frames_within_ms : so long took 99% of these frames at the most [ms].
+    sent_mb : sent until it was complete [MB].
+    frames_per_s : while panning.
+    frames_within_ms : 99 % quantile of the times of these frames [ms].
     """
 
     picture_s: float
@@ -84,7 +84,7 @@ class PageRun:
 
 
 def open_page(browser: Browser, url: str) -> Page:
-    """Return the page at a URL, in a window of its own, with what listens to its messages."""
+    """Return the page at a URL, in a window of its own, with a listener to its messages."""
     page = browser.new_page(viewport=SIZE, bypass_csp=True)  # type: ignore[arg-type]
     page.set_default_timeout(_TIMEOUT_MS)
     page.add_init_script(_LISTEN)
@@ -93,7 +93,7 @@ def open_page(browser: Browser, url: str) -> Page:
 
 
 def show_map(browser: Browser, url: str) -> PageRun:
-    """Return how a page shows the finished map at a URL."""
+    """Return the cost of showing the finished map at a URL."""
     page = open_page(browser, url)
     for name in ("cartoloop:complete", "cartoloop:first-picture"):
         page.wait_for_function(_MARK, arg=name)
@@ -102,7 +102,7 @@ def show_map(browser: Browser, url: str) -> PageRun:
         for name in ("cartoloop:joined", "cartoloop:first-picture")
     )
     num_bytes = int(page.evaluate("cartoloopHeard.bytes"))
-    page.wait_for_function("cartoloop.state().settled")  # what is drawn at leisure is drawn
+    page.wait_for_function("cartoloop.state().settled")  # background drawing is done
     sharp = float(page.evaluate("performance.now()")) / 1000.0
     intervals = _pan(page)
     page.close()
@@ -117,7 +117,7 @@ def show_map(browser: Browser, url: str) -> PageRun:
 
 
 def _pan(page: Page) -> list[float]:
-    """Drag the map about; return the times between frames [ms]."""
+    """Pan the map; return the times between frames [ms]."""
     x, y = SIZE["width"] / 2, SIZE["height"] / 2
     page.mouse.move(x, y)
     page.mouse.down()
@@ -134,5 +134,5 @@ def _pan(page: Page) -> list[float]:
 
 
 def closures_seen(page: Page) -> list[Seen]:
-    """Return when how many loop closures were on the page."""
+    """Return the numbers of loop closures on the page with the times."""
     return [(int(number), float(at)) for number, at in page.evaluate("cartoloopHeard.closures")]

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adjusts a 2D pose graph with Ceres; pose_graph_driver.h says how to speak to it.
+// Adjusts a 2D pose graph with Ceres; pose_graph_driver.h describes the commands.
 //
-// Methods: sparse_normal_cholesky (as Cartographer has it), dense_schur and sparse_schur, which
-// start to descend as Levenberg-Marquardt; with _gauss_newton behind, undamped.
+// Methods: sparse_normal_cholesky (as in Cartographer), dense_schur and sparse_schur, which
+// use Levenberg-Marquardt; with the suffix _gauss_newton, without damping.
 
 #include <ceres/ceres.h>
 
@@ -76,7 +76,7 @@ class CeresSolver : public PoseGraphSolver {
     ceres::Solver::Options options;
     if (!SetMethod(method, &options)) return false;
     options.max_num_iterations = static_cast<int>(graph_.max_iterations);
-    options.function_tolerance = graph_.tolerance;  // the only rule to stop by
+    options.function_tolerance = graph_.tolerance;  // the only stopping rule
     options.gradient_tolerance = 0.0;
     options.parameter_tolerance = 0.0;
     options.num_threads = 1;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adjusts a 2D pose graph with g2o; pose_graph_driver.h says how to speak to it.
+// Adjusts a 2D pose graph with g2o; pose_graph_driver.h describes the commands.
 //
 // Written for the g2o of the package g2o-python 0.0.12, whose graphs share ownership.
 // Methods: gauss_newton and levenberg on all vertices at once; gauss_newton_schur, which lets g2o
@@ -108,8 +108,8 @@ class Optimizer {
     }
   }
 
-  // g2o looks whether it may stop by evaluating all errors once more. To spare it that, iterations
-  // are counted once, and timed without looking.
+  // The stopping rule of g2o evaluates all errors once more per iteration. Therefore the iterations
+  // are counted in a first run, and timed in a second without the rule.
   void CountIterations() {
     auto terminate = std::make_shared<g2o::SparseOptimizerTerminateAction>();
     terminate->setGainThreshold(graph_.tolerance);

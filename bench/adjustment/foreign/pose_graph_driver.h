@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the drivers of foreign solvers share: the graph they read and the commands they obey.
+// The common part of the drivers of foreign solvers: the graph file and the commands.
 //
 //   DRIVER GRAPH
 //
@@ -10,8 +10,8 @@
 //                  solving alone, linear systems solved, and whether the result is usable
 //   poses FILE     writes the poses found last as doubles (x, y, theta) into FILE
 
-#ifndef CARTOLOOP_BENCHMARKS_POSE_GRAPH_DRIVER_H_
-#define CARTOLOOP_BENCHMARKS_POSE_GRAPH_DRIVER_H_
+#ifndef CARTOLOOP_BENCH_POSE_GRAPH_DRIVER_H_
+#define CARTOLOOP_BENCH_POSE_GRAPH_DRIVER_H_
 
 #include <chrono>
 #include <cstdint>
@@ -26,7 +26,7 @@ struct Graph {
   double huber_scale, tolerance;
   std::vector<int64_t> held, eliminated, a, b, is_robust;
   std::vector<double> start;      // num_vertices x 3
-  std::vector<double> measured;   // num_edges x 3: b as seen from a
+  std::vector<double> measured;   // num_edges x 3: pose of b in a
   std::vector<double> whitening;  // num_edges x 3 x 3, by rows: W with W^T W = information
 };
 
@@ -83,7 +83,7 @@ double SecondsOf(const Function& function) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
-// Obeys the commands on standard input; returns what main() is to return.
+// Runs the commands on standard input; returns the exit status.
 inline int Serve(PoseGraphSolver* solver) {
   std::string line;
   while (std::getline(std::cin, line)) {
@@ -110,4 +110,4 @@ inline int Serve(PoseGraphSolver* solver) {
   return 0;
 }
 
-#endif  // CARTOLOOP_BENCHMARKS_POSE_GRAPH_DRIVER_H_
+#endif  // CARTOLOOP_BENCH_POSE_GRAPH_DRIVER_H_

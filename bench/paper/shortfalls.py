@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where others are better, found by comparison, and why as far as it is known."""
+"""Figures for which another program is better, and the reasons from ``remarks.toml``."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from importlib.resources import files
 from typing import Any
 
 from bench.document import Section, Table
+from bench.page_text import page_text
 from bench.paper.cells import TITLES, rows_of, title_of
 from bench.paper.published import SOURCES
 from bench.record import Record, format_number
 
 
 def behind(record: Record) -> Section | None:
-    """Return what others do better, found by comparison, and why as far as it is known."""
+    """Return the figures for which another program is better, None where there are none."""
     lines = _costlier(record)
     for row in rows_of(record, "relations"):
         figures = row.figures
@@ -33,18 +34,13 @@ def behind(record: Record) -> Section | None:
             )
     if not lines:
         return None
-    return Section(
-        "Where we are behind, and why",
-        (
-            "Every error of tables II and III where another program's is lower, and whatever of "
-            "tables IV and V another program does better.",
-            Table(["", "figure", "cartoloop", "others", "why"], lines),
-        ),
-    )
+    text = page_text()["paper"]["behind"]
+    heads = ["", "figure", "cartoloop", "others", "why"]
+    return Section(text["title"], (text["text"], Table(heads, lines)))
 
 
 def _costlier(record: Record) -> list[list[str]]:
-    """Return where others have more precise closures, or take less time, processor or memory."""
+    """Return the figures of tables IV and V for which another program is better."""
     compared = (
         ("closures", "precision", "", "precision [%]"),
         ("closures", "precision of found", "precision", "precision of found [%]"),
@@ -74,8 +70,8 @@ def _costlier(record: Record) -> list[list[str]]:
 
 
 def limits() -> Section:
-    """Return what is known not to work, with the command that shows it."""
-    return Section("Known limits", tuple(remarks()["limits"]))
+    """Return the known limits, each with a command that shows it."""
+    return Section(page_text()["paper"]["limits"]["title"], tuple(remarks()["limits"]))
 
 
 @cache
