@@ -11,23 +11,18 @@ from functools import partial
 
 import numpy as np
 
-from bench.adjustment.chordal_initialization import initialize_from_constraints
-from bench.adjustment.problem import OwnProgram, Problem
-from bench.adjustment.synthetic_graphs import bipartite_graph
 from bench.drives import DRIVES, Drive, drive, replay
 from bench.environment import environment
+from bench.graph_kernels import GRAPH_KERNELS, graph_workloads
 from bench.input_kernels import INPUT_KERNELS, input_workloads
 from bench.measuring import alternate
 from bench.record import Case, Figure, Record, Row
 from bench.workload import Workload
-from cartoloop.config import Config, CorrelativeMatcherConfig
+from cartoloop.config import CorrelativeMatcherConfig
 from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_search import refine_all
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
-from cartoloop.global_slam.pair_selection import PairSelection
-from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, constraint_residuals
-from cartoloop.kernels.due_pairs import due_pairs
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.scan_matching import correlative
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
@@ -38,23 +33,10 @@ from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
 from cartoloop.submaps.submap import Submap
 
-GRAPHS = ((1_000, 12, 3_000), (11_456, 128, 35_300))
-"""Nodes, submaps and constraints of the graphs; the second is of the paper's museum's size."""
-
-
 DRIVE_KERNELS = (
     "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
     "finish", "precompute", "mean score", "branch and bound", "match again", "compose map",
 )  # fmt: skip
-GRAPH_KERNELS = (
-    "adjust",
-    "adjust, one step",
-    "residuals",
-    "check",
-    "chordal start",
-    "shortest paths",
-    "pairs",
-)
 KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
 """The names of the kernels, grouped by the input that they are measured on."""
 
@@ -95,9 +77,7 @@ def workloads(only: Sequence[str] = KERNELS) -> Iterator[Workload]:
             yield from _match_workloads(driven)
             yield from _submap_workloads(driven)
     if set(only) & set(GRAPH_KERNELS):
-        yield from _graph_workloads()
-        yield _shortest_paths_workload()
-        yield _pairs_workload()
+        yield from graph_workloads()
     if set(only) & set(INPUT_KERNELS):
         yield from input_workloads()
 
@@ -241,77 +221,6 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
         partial(compose_map, driven.grids, poses, driven.config.local_slam.submaps),
         sum(grid.size for grid in driven.grids), "pixels",
     )  # fmt: skip
-
-
-def _graph_workloads() -> Iterator[Workload]:
-    """Yield the adjustment of pose graphs from a drifted start, and its parts."""
-    for nodes, submaps, edges in GRAPHS:
-        graph = bipartite_graph(nodes, submaps, edges).graph
-        case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
-        size = len(graph.kinds)
-        adjusting = (
-            "pose_residuals", "node_packing", "node_linearization", "node_elimination",
-            "node_steps", "kept_constraints", "schur_structure", "block_cholesky",
-            "cholesky_ordering", "cholesky_structure",
-        )  # fmt: skip
-        for name, iterations in (("adjust", 50), ("adjust, one step", 1)):
-            problem = Problem.of(graph, AdjustmentOptions(max_iterations=iterations))
-            yield Workload(
-                name, adjusting, case, OwnProgram(problem).solve, size, "constraints"
-            )  # fmt: skip
-        yield Workload(
-            "residuals", ("pose_residuals",), case,
-            partial(constraint_residuals, graph), size, "constraints",
-        )  # fmt: skip
-        yield Workload(
-            "check", ("constraint_faults",), case,
-            partial(graph.without, np.zeros(size, dtype=bool)), size, "constraints",
-        )  # fmt: skip
-        yield Workload(
-            "chordal start", (), case,
-            partial(initialize_from_constraints, copy.deepcopy(graph)), size, "constraints",
-        )  # fmt: skip
-
-
-def _shortest_paths_workload() -> Workload:
-    """Return the search for the shortest paths from the newest submap of the larger graph."""
-    _, submaps, _ = GRAPHS[-1]
-    again = np.arange(submaps // 2)
-    closures = np.column_stack((again, again + submaps // 2))  # all of it was walked twice
-    travelled = np.arange(0.0, 17.0 * submaps, 17.0)
-    selection = PairSelection(Config().global_slam.constraint_search)
-
-    def find() -> None:
-        selection.update(travelled, closures)
-        selection.ways_from(submaps - 1)
-
-    return Workload(
-        "shortest paths",
-        ("shortest_ways",),
-        {"input": f"{submaps} submaps"},
-        find,
-        submaps,
-        "submaps",
-    )
-
-
-def _pairs_workload() -> Workload:
-    """Return the choice of the submaps to search for a node of the larger graph."""
-    nodes, submaps, _ = GRAPHS[-1]
-    graph = bipartite_graph(*GRAPHS[-1]).graph
-    selection = Config().global_slam.constraint_search
-    begun = np.arange(submaps) * nodes // submaps
-    node_submaps = np.repeat((np.arange(nodes) * submaps // nodes)[:, np.newaxis], 2, axis=1)
-    travelled = np.linspace(0.0, 0.2 * nodes, nodes)
-    find = partial(
-        due_pairs, 0, submaps, nodes - 1, nodes, graph.submap_poses, graph.node_poses, math.inf,
-        np.ones(nodes, dtype=bool), travelled, node_submaps, travelled[begun],
-        np.empty((2, 0), dtype=np.int64), 0.5, np.full(submaps, np.inf), False,
-        selection.bound_length, selection.every_nth_node, selection.every_nth_bound_node,
-        np.empty((submaps, 3), dtype=np.int64), np.empty(submaps), np.empty((submaps, 3)),
-    )  # fmt: skip
-    case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
-    return Workload("pairs", ("due_pairs",), case, find, submaps, "submaps")
 
 
 def _growing(driven: Drive) -> Submap:

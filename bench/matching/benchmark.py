@@ -121,9 +121,7 @@ def run(repeats: int, data: Path | None, sizes: Sizes | None = None) -> Record:
     for group in groups:
         rows += hit_and_miss_rows(group, repeats, sizes)
     for group in first:
-        rows += window_rows(group, repeats, sizes)
-        rows += points_rows(group, repeats, sizes)
-        rows += threshold_rows(group, repeats, sizes)
+        rows += varied_rows(group, repeats, sizes)
     for group in groups:
         if group.pairs:
             num_checked = sizes.num_global_checked if group in first else 0
@@ -177,60 +175,30 @@ def hit_and_miss_rows(group: Group, repeats: int, sizes: Sizes) -> list[Row]:
     ]
 
 
-def window_rows(group: Group, repeats: int, sizes: Sizes) -> list[Row]:
-    """Return the rows of windows that differ in W_x = W_y, and in W_theta."""
-    windows = {
-        "window size": [replace(sizes.window, linear=linear) for linear in sizes.linear_m],
-        "window angle": [
-            replace(sizes.window, angular=math.radians(angle)) for angle in sizes.angular_deg
-        ],
-    }
+def varied_rows(group: Group, repeats: int, sizes: Sizes) -> list[Row]:
+    """Return the rows that vary W_x = W_y, W_theta, the points of a scan, and the threshold."""
+    window, pairs = sizes.window, group.pairs[: sizes.num_varied]
     near = Window(min(sizes.linear_m), math.radians(min(sizes.angular_deg)))
+
+    def row(part: str, problems: Sequence[Problem], **varied: int) -> Row:
+        return _varied_row(group, part, problems, repeats, sizes, **varied)
+
+    def in_window(part: str, varied: Window, estimate_window: Window | None = None) -> Row:
+        return row(part, [pair.problem(varied, estimate_window) for pair in pairs])
+
+    def with_points(count: int) -> Row:
+        clouds = [group.place.cloud(pair.node, count) for pair in pairs]
+        problems = [
+            pair.problem(window, points=cloud) for pair, cloud in zip(pairs, clouds, strict=True)
+        ]
+        return row("points", problems, points=count)
+
+    angles = [math.radians(angle) for angle in sizes.angular_deg]
     return [
-        _varied_row(
-            group,
-            part,
-            [pair.problem(window, near) for pair in group.pairs[: sizes.num_varied]],
-            repeats,
-            sizes,
-        )
-        for part, varied in windows.items()
-        for window in varied
-    ]
-
-
-def points_rows(group: Group, repeats: int, sizes: Sizes) -> list[Row]:
-    """Return the rows of scans with different numbers of points."""
-    return [
-        _varied_row(
-            group,
-            "points",
-            [
-                pair.problem(sizes.window, points=group.place.cloud(pair.node, num_points))
-                for pair in group.pairs[: sizes.num_varied]
-            ],
-            repeats,
-            sizes,
-            points=num_points,
-        )
-        for num_points in sizes.num_points
-    ]
-
-
-def threshold_rows(group: Group, repeats: int, sizes: Sizes) -> list[Row]:
-    """Return the rows of score thresholds."""
-    return [
-        _varied_row(
-            group,
-            "threshold",
-            [
-                pair.problem(replace(sizes.window, min_score=min_score))
-                for pair in group.pairs[: sizes.num_varied]
-            ],
-            repeats,
-            sizes,
-        )
-        for min_score in sizes.min_scores
+        *(in_window("window size", replace(window, linear=w), near) for w in sizes.linear_m),
+        *(in_window("window angle", replace(window, angular=w), near) for w in angles),
+        *(with_points(count) for count in sizes.num_points),
+        *(in_window("threshold", replace(window, min_score=s)) for s in sizes.min_scores),
     ]
 
 
