@@ -6,10 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
 from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
-from cartoloop.sensor.pose import FloatArray, Pose
+from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import make_world, simulate
 from cartoloop.simulation.lidar import make_lidar
 from cartoloop.stage_timer import StageTimer

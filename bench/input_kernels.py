@@ -12,11 +12,11 @@ import numpy as np
 
 from bench.record import Case
 from bench.workload import Workload
+from cartoloop.arrays import FloatArray
 from cartoloop.config import SensorConfig
 from cartoloop.readers.carmen_lines import read_scan_line
 from cartoloop.readers.ros.messages import decode_multi_echo
 from cartoloop.sensor.events import LaserScan, PointCloud
-from cartoloop.sensor.pose import FloatArray
 from cartoloop.sensor.range_filter import RangeFilter
 from cartoloop.sensor.sweep_motion import SweepMotion
 from cartoloop.simulation import make_world

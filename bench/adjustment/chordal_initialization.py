@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.reduced_system import constraint_ends, held_vertices
 from cartoloop.sensor.pose import wrap_angles
 
-FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-IntArray = NDArray[np.int64]
 
 _LEAST_WEIGHT = 1e-12
 """Least weight of a constraint, as a share of the largest: it keeps the system regular where only
@@ -64,7 +63,7 @@ def _propagate(
     offsets: ComplexArray,
     weights: FloatArray,
     values: ComplexArray,
-    held: NDArray[np.bool_],
+    held: BoolArray,
 ) -> ComplexArray:
     """Return x that minimises sum w |x_b - f x_a - o|^2, with the values of held vertices kept."""
     free = np.flatnonzero(~held)

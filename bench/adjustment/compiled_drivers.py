@@ -15,12 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.adjustment.problem import Problem, Solve
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import CartoloopError
-
-FloatArray = NDArray[np.float64]
 
 SOURCES = Path(__file__).parent / "foreign"
 

@@ -18,9 +18,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bench.adjustment.compiled_drivers import (
     DrivenProgram,
     Driver,
@@ -28,8 +25,7 @@ from bench.adjustment.compiled_drivers import (
     compile_driver,
 )
 from bench.adjustment.problem import Problem, Program, Solve, seconds_of
-
-FloatArray = NDArray[np.float64]
+from cartoloop.arrays import FloatArray
 
 _GTSAM_METHODS = {
     "Levenberg-Marquardt": "levenberg",

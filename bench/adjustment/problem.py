@@ -10,15 +10,12 @@ from time import perf_counter
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, PoseAdjuster, adjust
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.global_slam.reduced_system import constraint_ends, held_vertices
 from cartoloop.global_slam.robust_loss import DEFAULT_SCALE
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class Solve(NamedTuple):
@@ -58,7 +55,7 @@ class Problem:
     start: FloatArray
     vertex_a: IntArray
     vertex_b: IntArray
-    is_robust: NDArray[np.bool_]
+    is_robust: BoolArray
     held: IntArray
     eliminated: IntArray
 

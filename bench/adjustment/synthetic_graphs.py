@@ -13,15 +13,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.errors import InputError
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.sensor.pose import compose_all, relative_all, wrap_angles
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _STEP_M = 0.2
 """Distance between nodes [m]."""

@@ -6,11 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import ByteArray, IntArray
 from cartoloop.kernels.precomputation_grid import halve
-
-ByteArray = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +22,7 @@ class BoundingGrids:
     """
 
     cells: ByteArray
-    levels: NDArray[np.int64]
+    levels: IntArray
 
 
 def precomputed(cells: ByteArray, top: int) -> BoundingGrids:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.matching.programs import Problem, Window, branch_and_bound
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import AdaptiveVoxelFilterConfig, Config
 from cartoloop.global_slam.finished_submap import mean_score
 from cartoloop.global_slam.pose_graph import ConstraintKind
@@ -18,7 +19,7 @@ from cartoloop.mapper import Mapper
 from cartoloop.readers import read
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.sensor.events import LaserScan, SensorEvent
-from cartoloop.sensor.pose import FloatArray, Pose, relative, transform_points
+from cartoloop.sensor.pose import Pose, relative, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -56,7 +57,7 @@ class Place:
     grids: list[FinishedGrid]
     submap_poses: FloatArray
     node_poses: FloatArray
-    own_nodes: list[np.ndarray[tuple[int], np.dtype[np.int64]]]
+    own_nodes: list[IntArray]
     returns: list[FloatArray]
     matchers: list[SubmapMatcher] = field(init=False)
 

@@ -11,19 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import ByteArray, FloatArray, IntArray
 from cartoloop.kernels.branch_and_bound import comes_first, node_key
-from cartoloop.kernels.node_bounds import (
-    COL,
-    KEY,
-    ROTATION,
-    ROW,
-    STEP,
-    THETA,
-    ByteArray,
-    FloatArray,
-    IntArray,
-    place_candidate,
-)
+from cartoloop.kernels.node_bounds import COL, KEY, ROTATION, ROW, STEP, THETA, place_candidate
 
 SUM, BEST_COL, BEST_ROW, BEST_ROTATION = range(4)
 """Entries of `out_best`."""

@@ -12,20 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import ByteArray, CellArray, FloatArray, IntArray
 from cartoloop.kernels.branch_and_bound import comes_first, node_key, order_by_key
-from cartoloop.kernels.node_bounds import (
-    COL,
-    KEY,
-    ROTATION,
-    ROW,
-    STEP,
-    THETA,
-    ByteArray,
-    CellArray,
-    FloatArray,
-    IntArray,
-    place_candidate,
-)
+from cartoloop.kernels.node_bounds import COL, KEY, ROTATION, ROW, STEP, THETA, place_candidate
 
 FIRST, ROW_LENGTH, NUM_ROWS, BEFORE, SHIFT, READS_FOUR = range(6)
 """Columns of `levels`, see :func:`search_plainly`."""

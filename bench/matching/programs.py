@@ -14,15 +14,15 @@ from types import FunctionType
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.matching.bounding_grids import BoundingGrids
 from bench.matching.exhaustive_search import search_as_written, search_by_rows
 from bench.matching.plain_search import search_plainly
+from cartoloop.arrays import ByteArray, FloatArray, IntArray
 from cartoloop.errors import CartoloopError
 from cartoloop.kernels import branch_and_bound as kernels
 from cartoloop.kernels import search_batch
-from cartoloop.kernels.node_bounds import ByteArray, scan_range, score_children
+from cartoloop.kernels.node_bounds import scan_range, score_children
 from cartoloop.kernels.search_batch import ROUNDING, rotation_step
 from cartoloop.scan_matching.branch_and_bound import (
     NO_RUNNER_UP,
@@ -30,10 +30,8 @@ from cartoloop.scan_matching.branch_and_bound import (
     RunnerUp,
     SubmapMatcher,
 )
-from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
+from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.submaps.finished_grid import FinishedGrid, mean_probability, mean_value
-
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
