@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from cartoloop.errors import InputError
-from cartoloop.readers.options import ReadOptions
+from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros.choice_of_motion import choose_imu, choose_odometry
 from cartoloop.readers.ros.chosen import ODOMETRY_NAMES, Choice, ScannerChoice, asked_for, rank
 from cartoloop.readers.ros.index import RecordingIndex, Stream

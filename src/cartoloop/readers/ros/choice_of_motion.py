@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.readers.options import NO_TOPIC, ReadOptions
+from cartoloop.readers.read_options import NO_TOPIC, ReadOptions
 from cartoloop.readers.ros.chosen import (
     ODOMETRY_NAMES,
     Choice,

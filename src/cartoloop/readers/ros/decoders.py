@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.readers.options import ReadOptions
+from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros import messages as ros
 from cartoloop.readers.ros.chosen import ImuChoice, OdometryChoice, ScannerChoice
 from cartoloop.readers.ros.cloud import decode_cloud

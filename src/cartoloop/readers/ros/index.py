@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from cartoloop.errors import InputError
-from cartoloop.readers.options import ReadOptions
+from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros import messages as ros
 from cartoloop.readers.ros.cloud import CloudMessage, decode_cloud
 from cartoloop.readers.ros.container import Channel, Container

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from cartoloop.readers.log import Severity
+from cartoloop.readers.log import ProblemSeverity
 
 Role = Literal["scan", "cloud", "odometry", "imu", "tf", "other"]
 
@@ -26,7 +26,7 @@ class BagFinding:
     stamp : of the first time, as recorded [s]; None where it is not about one moment.
     """
 
-    severity: Severity
+    severity: ProblemSeverity
     code: str
     message: str
     remedy: str = ""

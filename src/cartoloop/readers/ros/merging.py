@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cartoloop.readers.log import Problems
+from cartoloop.readers.log import ProblemLog
 from cartoloop.readers.ros import messages as ros
 from cartoloop.readers.ros.container import Container
 from cartoloop.readers.ros.index import NO_STAMP, Stream, new_poses
@@ -44,7 +44,7 @@ class MergedMessages:
         self._times = times
         self._order = merged_order(times, [_PRIORITY[stream.role] for stream in streams])
 
-    def in_order(self, problems: Problems) -> Iterator[tuple[int, Message]]:
+    def in_order(self, problems: ProblemLog) -> Iterator[tuple[int, Message]]:
         """Yield the index of a stream and its next message, in the order of time.
 
         A message waits until those before it have been read. Where too many wait, those that are
