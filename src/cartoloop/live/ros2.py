@@ -14,7 +14,7 @@ from cartoloop.live.messages import MessageError
 from cartoloop.live.notices import Notices
 from cartoloop.live.ros_messages import RosParser
 from cartoloop.live.source import POLL_S, Put
-from cartoloop.readers.options import NO_TOPIC
+from cartoloop.readers.read_options import NO_TOPIC
 from cartoloop.readers.ros import messages as ros
 
 DEPTH = 16

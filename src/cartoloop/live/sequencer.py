@@ -12,13 +12,7 @@ from itertools import count
 import numpy as np
 
 from cartoloop.live.inbox import Arrival
-from cartoloop.live.messages import (
-    CloudMessage,
-    EndMessage,
-    ImuMessage,
-    OdometryMessage,
-    ScanMessage,
-)
+from cartoloop.live.messages import EndMessage
 from cartoloop.live.notices import Notices
 from cartoloop.live.scanner import FIRST_S, FIRST_SCANS, Scanner
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
@@ -53,7 +47,7 @@ class _Stream:
     arrival: float = -math.inf
     misses: int = 0
     times: SensorTimes = field(default_factory=SensorTimes)
-    last_scan: ScanMessage | None = None
+    last_scan: LaserScan | None = None
 
 
 @dataclass(order=True, slots=True)
@@ -133,15 +127,15 @@ class Sequencer:
             )
         stamp = message.stamp if abs(message.stamp) < ABSURD_S else time
         match message:
-            case OdometryMessage():
+            case Odometry():
                 event = Odometry(stamp, time, message.tf_odom_tracking)
                 self._pass("odometry", event, arrival.time)
-            case ImuMessage():
+            case Imu():
                 imu = Imu(stamp, time, message.linear_acceleration, message.angular_velocity)
                 self._pass("IMU", imu, arrival.time)
-            case ScanMessage():
+            case LaserScan():
                 self._add_scan(message, stamp, time, arrival.time)
-            case CloudMessage():
+            case PointCloud():
                 self._add_cloud(message, stamp, time, arrival.time)
 
     def ready(self, now: float) -> Iterator[tuple[SensorEvent, float]]:
@@ -176,7 +170,7 @@ class Sequencer:
         self._note_time(stream, event.time, arrival)
         self._passed.append((event, arrival))
 
-    def _add_scan(self, message: ScanMessage, stamp: float, time: float, arrival: float) -> None:
+    def _add_scan(self, message: LaserScan, stamp: float, time: float, arrival: float) -> None:
         name = message.geometry.sensor
         if (stream := self._scan_stream(name)) is None:
             return
@@ -196,7 +190,7 @@ class Sequencer:
             scanner.read_profile()  # one that came later cannot hold up the others
         self._hold(scan, stream, arrival)
 
-    def _add_cloud(self, message: CloudMessage, stamp: float, time: float, arrival: float) -> None:
+    def _add_cloud(self, message: PointCloud, stamp: float, time: float, arrival: float) -> None:
         if (stream := self._scan_stream(message.geometry.sensor)) is None:
             return
         time = self._increasing(stream, time, arrival)
