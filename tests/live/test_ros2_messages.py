@@ -11,7 +11,7 @@ from cartoloop.live import ros_messages
 from cartoloop.live.messages import MessageError
 from cartoloop.live.notices import Notices
 from cartoloop.live.ros_messages import RosParser
-from cartoloop.readers.ros import messages as ros
+from cartoloop.readers.ros import raw_messages as ros
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
 
 

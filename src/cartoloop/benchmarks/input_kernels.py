@@ -14,7 +14,7 @@ from cartoloop.benchmarks.record import Case
 from cartoloop.benchmarks.workload import Workload
 from cartoloop.config import SensorConfig
 from cartoloop.readers.carmen_lines import read_scan_line
-from cartoloop.readers.ros.messages import decode_multi_echo
+from cartoloop.readers.ros.raw_messages import decode_multi_echo
 from cartoloop.sensor.events import LaserScan, PointCloud
 from cartoloop.sensor.pose import FloatArray
 from cartoloop.sensor.range_filter import RangeFilter

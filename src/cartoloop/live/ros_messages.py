@@ -9,12 +9,11 @@ from time import monotonic
 from cartoloop.live.messages import MessageError
 from cartoloop.live.notices import Notices
 from cartoloop.readers.read_options import ReadOptions
-from cartoloop.readers.ros import messages as ros
-from cartoloop.readers.ros.choice import BASE_FRAMES
-from cartoloop.readers.ros.chosen import ImuChoice, OdometryChoice, ScannerChoice
+from cartoloop.readers.ros import raw_messages as ros
+from cartoloop.readers.ros.choice import BASE_FRAMES, OdometryChoice, ScannerChoice
 from cartoloop.readers.ros.decoders import CloudDecoder, ImuDecoder, OdometryDecoder, ScanDecoder
-from cartoloop.readers.ros.index import Stream
-from cartoloop.readers.ros.inventory import Role
+from cartoloop.readers.ros.imu_choice import ImuChoice
+from cartoloop.readers.ros.index import Role, TopicStream
 from cartoloop.readers.ros.transforms import Pose3, TransformTree
 from cartoloop.readers.ros.wire import NANO, DecodeError, frame_name, read_header
 from cartoloop.sensor.events import SensorEvent
@@ -101,7 +100,7 @@ class RosParser:
                     f"{topic}: /tf_static has no pose of {frame or 'its frame'} on the robot; it "
                     "is assumed to be at the robot's centre, or give --laser-pose X,Y,YAW"
                 )
-        stream = Stream(topic, msgtype, _ROLES[msgtype], is_ros1=False)
+        stream = TopicStream(topic, msgtype, _ROLES[msgtype], is_ros1=False)
         match msgtype:
             case ros.LASER_SCAN:
                 decoder = ScanDecoder(ScannerChoice(stream, pose), ReadOptions())

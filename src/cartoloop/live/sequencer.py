@@ -14,7 +14,7 @@ import numpy as np
 from cartoloop.live.inbox import Arrival
 from cartoloop.live.messages import EndMessage
 from cartoloop.live.notices import Notices
-from cartoloop.live.scanner import FIRST_S, FIRST_SCANS, Scanner
+from cartoloop.live.scanner import FIRST_S, FIRST_SCANS, LiveScanner
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
 from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.stream_clock import ABSURD_S, SensorTimes, StreamClock
@@ -87,7 +87,7 @@ class Sequencer:
         self._laser_pose = laser_pose
         self._clock = StreamClock()
         self._streams: dict[str, _Stream] = {}
-        self._scanners: dict[str, Scanner] = {}
+        self._scanners: dict[str, LiveScanner] = {}
         self._first_arrival = math.nan
         self._held: list[_Held] = []
         self._passed: list[tuple[SensorEvent, float]] = []
@@ -108,7 +108,7 @@ class Sequencer:
         )
 
     @property
-    def scanners(self) -> dict[str, Scanner]:
+    def scanners(self) -> dict[str, LiveScanner]:
         """The scanners by their name."""
         return self._scanners
 
@@ -267,9 +267,9 @@ class Sequencer:
             return None
         return self._stream(key)
 
-    def _scanner(self, name: str) -> Scanner:
+    def _scanner(self, name: str) -> LiveScanner:
         scanner = self._scanners.get(name)
         if scanner is None:
             laser_pose = None if self._scanners else self._laser_pose
-            scanner = self._scanners[name] = Scanner(name, self._notices.say, laser_pose)
+            scanner = self._scanners[name] = LiveScanner(name, self._notices.say, laser_pose)
         return scanner

@@ -10,22 +10,21 @@ from pathlib import Path
 from cartoloop.errors import InputError
 from cartoloop.readers.log import LogBase, ProblemLog, short_name
 from cartoloop.readers.read_options import ReadOptions
-from cartoloop.readers.ros.choice import choose_topics
-from cartoloop.readers.ros.chosen import Choice
-from cartoloop.readers.ros.container import Container
+from cartoloop.readers.ros.choice import TopicChoice, choose_topics
+from cartoloop.readers.ros.container import BagFinding, Container
 from cartoloop.readers.ros.decoders import CloudDecoder, ImuDecoder, OdometryDecoder, ScanDecoder
 from cartoloop.readers.ros.index import RecordingIndex, index_recording
-from cartoloop.readers.ros.inventory import BagFinding, Inventory
-from cartoloop.readers.ros.merging import MergedMessages
-from cartoloop.readers.ros.opening import open_containers
-from cartoloop.readers.ros.profiles import beam_findings, cloud_profile, scan_profile
-from cartoloop.readers.ros.summaries import (
+from cartoloop.readers.ros.inventory import (
+    Inventory,
     container_findings,
     describe,
     stream_findings,
     take_inventory,
 )
-from cartoloop.readers.ros.times import common_times
+from cartoloop.readers.ros.merging import MergedMessages
+from cartoloop.readers.ros.opening import open_containers
+from cartoloop.readers.ros.profiles import beam_findings, cloud_profile, scan_profile
+from cartoloop.readers.ros.stream_times import common_times
 from cartoloop.readers.ros.wire import DecodeError
 from cartoloop.sensor.events import SensorEvent
 from cartoloop.sensor.sensor_profile import SensorProfile
@@ -198,7 +197,7 @@ def inspect_recording(
             *index.findings,
             *stream_findings(index),
         ]
-        return take_inventory(index, Choice(), findings), None
+        return take_inventory(index, TopicChoice(), findings), None
     return log.inventory, log
 
 
