@@ -79,7 +79,7 @@ def test_a_good_prediction_is_refined(submap, error, by_odometry):
 def test_the_match_is_in_the_submap_frame(submap):
     assert submap.tf_local_submap != Pose(0.0, 0.0, 0.0)
     found = matched(submap, TRUTH)
-    in_local = compose(submap.tf_local_submap, found.match.tf_grid_scan)
+    in_local = compose(submap.tf_local_submap, found.match.tf_submap_scan)
     assert found.tf_local_tracking == pytest.approx(in_local)
 
 

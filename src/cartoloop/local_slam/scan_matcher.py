@@ -92,8 +92,8 @@ class ScanMatcher:
                 self._prediction,
                 self._pixel_information(prediction, submap.grid.resolution),
             )
-            best = best._replace(tf_grid_scan=pose)
-        return MatchedScan(compose(submap.tf_local_submap, best.tf_grid_scan), best)
+            best = best._replace(tf_submap_scan=pose)
+        return MatchedScan(compose(submap.tf_local_submap, best.tf_submap_scan), best)
 
     def _search_as_lost(
         self, submap: Submap, points: FloatArray, prediction: Prediction, best: LeastSquaresMatch
@@ -111,7 +111,7 @@ class ScanMatcher:
     def _search(
         self, submap: Submap, points: FloatArray, centre: Pose, window: CorrelativeMatcherConfig
     ) -> Pose:
-        return correlative.match(submap.grid, points, centre, window, self._scratch).tf_grid_scan
+        return correlative.match(submap.grid, points, centre, window, self._scratch).tf_submap_scan
 
     def _refine(
         self,
@@ -167,14 +167,14 @@ def constrain_degenerate_direction(
     """
     ratio, direction = degenerate_direction(match)
     if not 0.0 < ratio < 1.0:
-        return match.tf_grid_scan
+        return match.tf_submap_scan
     (xx, xy), (_, yy) = match.information[:2, :2].tolist()
     strong = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
     seeming = point_weight * ratio * strong
     true = point_weight * max(ratio - config.spurious_information, 0.0) * strong
     true = min(seeming, true + pixel_information)
     cos, sin = math.cos(direction), math.sin(direction)
-    pose = match.tf_grid_scan
+    pose = match.tf_submap_scan
     along = cos * (pose.x - prior.x) + sin * (pose.y - prior.y)
     trust = float(prior_information[0])
     trust = trust / (1.0 + along * along * trust / config.failure_scale**2)
