@@ -26,7 +26,7 @@ from cartoloop.map_output.report import (
 )
 from cartoloop.map_output.result import Result
 from cartoloop.runtime.stage_timer import StageTimer
-from cartoloop.sensor.event_faults import fault_of
+from cartoloop.sensor.event_faults import EventChecker
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
 from cartoloop.sensor.pose import IDENTITY, Pose, compose
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -52,17 +52,15 @@ class Mapper:
     """
 
     def __init__(self, config: Config | None = None, *, live: bool = False) -> None:
-        self._config = config or Config()
+        self._config = config = config or Config()
         self._timer = StageTimer()
         self._local_slam = LocalSlam(
-            self._config.local_slam,
-            self._config.sensor,
-            self._config.global_slam.constraint_search.adaptive_voxel_filter,
+            config.local_slam,
+            config.sensor,
+            config.global_slam.constraint_search.adaptive_voxel_filter,
             self._timer,
         )
-        self._global_slam = GlobalSlam(
-            self._config.global_slam, self._timer, wait_for_searches=not live
-        )
+        self._global_slam = GlobalSlam(config.global_slam, self._timer, wait_for_searches=not live)
         self._back_end = BackgroundGlobalSlam(self._global_slam) if live else None
         self._stamps = GrowingArray((), np.float64)
         self._local_poses = GrowingArray((3,), np.float64)
@@ -72,9 +70,7 @@ class Mapper:
         self._last_scan: LocalSlamResult | None = None
         self._num_scans = 0
         self._queue: deque[LaserScan | PointCloud] = deque()
-        self._first_time = math.nan
-        self._last_time = -math.inf
-        self._last_time_of: dict[str, float] = {}
+        self._checker = EventChecker(accepts_late_odometry=live)
 
     @property
     def num_scans(self) -> int:
@@ -124,7 +120,8 @@ class Mapper:
     @property
     def recorded_s(self) -> float:
         """Time from the first scan to the last [s], 0 before the first."""
-        return self._last_time - self._first_time if len(self._stamps) else 0.0
+        checker = self._checker
+        return checker.last_time - checker.first_time if len(self._stamps) else 0.0
 
     @property
     def last_stamp(self) -> float:
@@ -160,7 +157,7 @@ class Mapper:
         """
         if isinstance(event, LaserScan | PointCloud):
             self._num_scans += 1
-        if reason := self._reason_to_skip(event):
+        if reason := self._checker.reason_to_skip(event):
             self._skipped[reason] += 1
             return None
         if isinstance(event, Odometry):
@@ -168,7 +165,6 @@ class Mapper:
         elif isinstance(event, Imu):
             self._local_slam.add_imu(event)
         else:
-            self._last_time = self._last_time_of[event.geometry.sensor] = event.time
             self._queue.append(event)
         # Live, the sequencer has already waited for late readings.
         return self._map_queue(math.inf if self._back_end is not None else event.time, on_pose)
@@ -245,21 +241,6 @@ class Mapper:
             node_points=self._global_slam.node_points,
         )
 
-    def _reason_to_skip(self, event: SensorEvent) -> str | None:
-        """Return why an event cannot be used, or None."""
-        if fault := fault_of(event):
-            return fault
-        if isinstance(event, Imu):
-            return None
-        if isinstance(event, Odometry):
-            # Live, it may come a little after the scan; the odometry track handles that.
-            is_late = event.time < self._last_time and self._back_end is None
-            return "time runs backwards" if is_late else None
-        if event.time < self._last_time:
-            return "time runs backwards"
-        repeats = self._last_time_of.get(event.geometry.sensor) == event.time
-        return "two scans at one time" if repeats else None
-
     def _map_queue(self, time: float, on_pose: Callable[[], None] | None = None) -> Pose | None:
         """Map the queued scans whose sweeps ended before a time; return the last pose."""
         queue, pose = self._queue, None
@@ -269,18 +250,14 @@ class Mapper:
         return pose
 
     def _map_scan(self, scan: LaserScan | PointCloud, on_pose: Callable[[], None] | None) -> None:
-        if not len(self._stamps):
-            self._first_time = scan.time
-
         def publish(tf_local_tracking: Pose) -> None:
             self._local_pose = tf_local_tracking
             if on_pose is not None:
                 on_pose()
 
-        result = self._local_slam.add_scan(scan, publish)
+        self._last_scan = result = self._local_slam.add_scan(scan, publish)
         if not result.was_matched and result.node is None:
             self._skipped["too few returns to match: pose as predicted"] += 1
-        self._last_scan = result
         self._stamps.append(scan.stamp)
         self._local_poses.append(result.tf_local_tracking)
         if result.node is not None:
@@ -303,27 +280,18 @@ class Mapper:
         return [grids[index] for index in range(graph.num_submaps)]
 
     def _report(self, graph: PoseGraph, trajectory: FloatArray) -> Report:
+        slam, path = self._global_slam, path_length(trajectory)
         return Report(
             input=InputSummary(
-                scans=self._num_scans,
-                duration_s=self.recorded_s,
-                path_length_m=path_length(trajectory),
+                scans=self._num_scans, duration_s=self.recorded_s, path_length_m=path
             ),
             nodes=graph.num_nodes,
             submaps=graph.num_submaps,
             constraints=summarize_constraints(
-                graph,
-                self._global_slam.search.num_searched,
-                self._global_slam.found,
-                len(self._global_slam.rejected),
+                graph, slam.search.num_searched, slam.found, len(slam.rejected)
             ),
-            adjustment=AdjustmentSummary.of_runs(self._global_slam.adjustments),
+            adjustment=AdjustmentSummary.of_runs(slam.adjustments),
             stages=self._timer.summary(),
             skipped=dict(sorted(self._skipped.items())),
-            extra=self._local_slam.summary() | self._dropped_searches(),
+            extra=self._local_slam.summary() | slam.search.summary(),
         )
-
-    def _dropped_searches(self) -> dict[str, int]:
-        """Return the number of dropped searches, for the report; empty if none."""
-        num_dropped = self._global_slam.search.num_dropped
-        return {"searches_dropped": num_dropped} if num_dropped else {}

@@ -38,7 +38,7 @@ def test_every_cell_value_survives_the_round_trip():
     assert np.array_equal(quantize_probabilities(dequantized(values)), values)
 
 
-def test_the_limits_of_the_clamp_are_the_first_and_the_last_value():
+def test_the_clamping_limits_are_the_extreme_values():
     limits = np.array([[MIN_PROBABILITY, MAX_PROBABILITY]], dtype=np.float32)
     assert quantize_probabilities(limits).tolist() == [[1, 255]]
     assert dequantized(np.array([[1, 255]], np.uint8))[0] == pytest.approx(limits[0])

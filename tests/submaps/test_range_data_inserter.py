@@ -67,7 +67,7 @@ def test_cells_are_those_of_the_nearest_grid_points():
     assert found.free.tolist() == [[0, 0, 3]]
 
 
-def test_hits_and_misses_of_a_first_scan_get_their_probabilities():
+def test_a_first_scan_sets_hit_and_miss_probabilities():
     grid = ProbabilityGrid(RESOLUTION)
     insert(grid, (0.0, 0.0), [(0.3, 0.0)], [(0.0, 0.2)])
     assert probability(grid, 3, 0) == pytest.approx(0.6)

@@ -84,6 +84,10 @@ class ConstraintSearch:
         self.num_dropped = 0
         self.durations: list[float] = []
 
+    def summary(self) -> dict[str, int]:
+        """Return the number of dropped searches, for the report; empty if none."""
+        return {"searches_dropped": self.num_dropped} if self.num_dropped else {}
+
     @property
     def backlog(self) -> int:
         """How many searches were submitted and are not done; may be asked in any thread."""
