@@ -15,7 +15,7 @@ from bench.workload import Workload
 from cartoloop.arrays import FloatArray
 from cartoloop.config import SensorConfig
 from cartoloop.readers.carmen_lines import read_scan_line
-from cartoloop.readers.ros.messages import decode_multi_echo
+from cartoloop.readers.ros.raw_messages import decode_multi_echo
 from cartoloop.sensor.events import LaserScan, PointCloud
 from cartoloop.sensor.range_filter import RangeFilter
 from cartoloop.sensor.sweep_motion import SweepMotion

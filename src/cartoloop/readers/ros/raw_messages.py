@@ -17,7 +17,7 @@ from cartoloop.kernels.nested_lists import find_lists
 from cartoloop.readers.ros.wire import (
     Cursor,
     DecodeError,
-    Header,
+    MessageHeader,
     aligned,
     frame_name,
     read_header,
@@ -41,7 +41,7 @@ _UINT32 = {order: np.dtype(f"{order}u4") for order in "<>"}
 _HEAD_SIZE = 28  # of the seven numbers before the ranges
 
 
-class ScanMessage(NamedTuple):
+class RawScan(NamedTuple):
     """A scan as sent.
 
     Attributes
@@ -52,7 +52,7 @@ class ScanMessage(NamedTuple):
     ranges : float64, shape (n,) [m].
     """
 
-    header: Header
+    header: MessageHeader
     beams: bytes
     ranges: FloatArray
 
@@ -62,15 +62,15 @@ class ScanMessage(NamedTuple):
         return struct.unpack(f"{self.header.order}7f", self.beams)
 
 
-class ImuMessage(NamedTuple):
+class RawImu(NamedTuple):
     """An inertial reading as sent, in the IMU's frame: m/s^2, rad/s; None where it has none."""
 
-    header: Header
+    header: MessageHeader
     linear_acceleration: tuple[float, float, float] | None
     angular_velocity: tuple[float, float, float] | None
 
 
-class TransformMessage(NamedTuple):
+class RawTransform(NamedTuple):
     """A transform as sent: translation x y z [m] and quaternion x y z w of child in parent."""
 
     stamp: int
@@ -79,15 +79,15 @@ class TransformMessage(NamedTuple):
     values: tuple[float, ...]
 
 
-class OdometryMessage(NamedTuple):
+class RawOdometry(NamedTuple):
     """A pose x y z [m], quaternion x y z w, of the frame `child` in the odometry's own."""
 
-    header: Header
+    header: MessageHeader
     child: str
     values: tuple[float, ...]
 
 
-def decode_scan(raw: bytes, is_ros1: bool) -> ScanMessage:
+def decode_scan(raw: bytes, is_ros1: bool) -> RawScan:
     """Return a sensor_msgs/LaserScan."""
     header = read_header(raw, is_ros1)
     order = header.order
@@ -98,7 +98,7 @@ def decode_scan(raw: bytes, is_ros1: bool) -> ScanMessage:
         ranges = _float64(np.frombuffer(raw, _FLOAT32[order], count, first))
     except (struct.error, ValueError):
         raise DecodeError("cut off") from None
-    return ScanMessage(header, raw[start : start + _HEAD_SIZE], ranges)
+    return RawScan(header, raw[start : start + _HEAD_SIZE], ranges)
 
 
 def _float64(values: NDArray[np.float32]) -> FloatArray:
@@ -107,7 +107,7 @@ def _float64(values: NDArray[np.float32]) -> FloatArray:
         return values.astype(np.float64)
 
 
-def decode_multi_echo(raw: bytes, is_ros1: bool, echo: Echo = "first") -> ScanMessage:
+def decode_multi_echo(raw: bytes, is_ros1: bool, echo: Echo = "first") -> RawScan:
     """Return one echo of each beam of a sensor_msgs/MultiEchoLaserScan; +inf where it has none."""
     header = read_header(raw, is_ros1)
     start = aligned(header.end, 4, is_ros1)
@@ -126,7 +126,7 @@ def decode_multi_echo(raw: bytes, is_ros1: bool, echo: Echo = "first") -> ScanMe
         if np.array_equal(strong_count, num_echoes):
             chosen = chosen + _strongest(floats, strong_first[has_echo], num_echoes[has_echo])
     ranges[has_echo] = _float64(floats[chosen])
-    return ScanMessage(header, raw[start:body], ranges)
+    return RawScan(header, raw[start:body], ranges)
 
 
 def _echo_places(
@@ -160,29 +160,29 @@ def _strongest(
     return best
 
 
-def decode_imu(raw: bytes, is_ros1: bool) -> ImuMessage:
+def decode_imu(raw: bytes, is_ros1: bool) -> RawImu:
     """Return a sensor_msgs/Imu; -1 as first covariance means that a quantity is not measured."""
     header = read_header(raw, is_ros1)
     try:
         values = _IMU[header.order].unpack_from(raw, aligned(header.end, 8, is_ros1))
     except struct.error:
         raise DecodeError("cut off") from None
-    return ImuMessage(
+    return RawImu(
         header,
         None if values[28] == -1.0 else values[25:28],
         None if values[16] == -1.0 else values[13:16],
     )
 
 
-def decode_odometry(raw: bytes, is_ros1: bool) -> OdometryMessage:
+def decode_odometry(raw: bytes, is_ros1: bool) -> RawOdometry:
     """Return the pose of a nav_msgs/Odometry."""
     header = read_header(raw, is_ros1)
     cursor = Cursor(raw, is_ros1, aligned(header.end, 4, is_ros1))
     child = frame_name(cursor.text())
-    return OdometryMessage(header, child, cursor.numbers("d", 8, 7))
+    return RawOdometry(header, child, cursor.numbers("d", 8, 7))
 
 
-def decode_transforms(raw: bytes, is_ros1: bool) -> list[TransformMessage]:
+def decode_transforms(raw: bytes, is_ros1: bool) -> list[RawTransform]:
     """Return what a tf2_msgs/TFMessage holds."""
     cursor = Cursor(raw, is_ros1)
     transforms = []
@@ -190,7 +190,7 @@ def decode_transforms(raw: bytes, is_ros1: bool) -> list[TransformMessage]:
         header = cursor.header()
         child = frame_name(cursor.text())
         values = cursor.numbers("d", 8, 7)
-        transforms.append(TransformMessage(header.stamp, frame_name(header.frame), child, values))
+        transforms.append(RawTransform(header.stamp, frame_name(header.frame), child, values))
     return transforms
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lines of a text recording, plain or gzip, whole or cut off: read once, kept while small."""
+"""The lines of a text recording, plain or gzip, whole or cut off."""
 
 from __future__ import annotations
 
@@ -11,10 +11,14 @@ from cartoloop.errors import InputError
 from cartoloop.readers.log import short_name
 
 _CHUNK_BYTES = 1 << 16
+"""Bytes read at a time."""
+
 _KEEP_BYTES = 24 << 20
+"""Contents up to this size are kept in memory: as much as the arrays of a small map."""
+
 _GZIP_MAGIC = b"\x1f\x8b"
 
-# What people give by mistake, known by its first bytes, and what to do about it.
+# Files that are given by mistake, by their first bytes, and what to do about it.
 _FOREIGN = (
     (b"\x89PNG", "a PNG picture, not a recording; give the log it was made from"),
     (b"\xff\xd8\xff", "a JPEG picture, not a recording; give the log it was made from"),
@@ -26,8 +30,8 @@ _FOREIGN = (
 )
 
 
-class Source:
-    """The lines of one file, as often as wanted.
+class TextFile:
+    """The lines of one file, to be read any number of times.
 
     Contents of up to 24 MB stay in memory, so that a second pass costs no decompression; larger
     files are read again.
@@ -51,7 +55,8 @@ class Source:
         self.damage = ""
         self.ends_mid_line = False
         self._lines: list[bytes] | None = None
-        self._check_head()
+        if self.path.is_dir():
+            raise InputError(f"{self.path}: is a folder; give the recording inside it")
         self._load()
 
     def lines(self) -> Iterator[bytes]:
@@ -60,14 +65,8 @@ class Source:
             return iter(self._lines)
         return self._stream_lines()
 
-    def _check_head(self) -> None:
-        if self.path.is_dir():
-            raise InputError(f"{self.path}: is a folder; give the recording inside it")
-        head = next(self._chunks(), b"")
-        if not head and not self.damage:
-            raise InputError(f"{self.path}: is empty; record or download it again")
-        if not head:
-            raise InputError(f"{self.path}: {self.damage}, nothing can be read; download it again")
+    def _check(self, head: bytes) -> None:
+        """Raise `InputError` if the first bytes are those of something else than a text log."""
         for magic, what in _FOREIGN:
             if head.startswith(magic):
                 raise InputError(f"{self.path}: is {what}")
@@ -83,12 +82,19 @@ class Source:
             )
 
     def _load(self) -> None:
-        chunks, size = [], 0
+        chunks: list[bytes] = []
+        size = 0
         for chunk in self._chunks():
+            if not chunks:
+                self._check(chunk)
             chunks.append(chunk)
             size += len(chunk)
             if size > _KEEP_BYTES:
                 return
+        if not chunks and self.damage:
+            raise InputError(f"{self.path}: {self.damage}, nothing can be read; download it again")
+        if not chunks:
+            raise InputError(f"{self.path}: is empty; record or download it again")
         lines = b"".join(chunks).split(b"\n")
         self.ends_mid_line = bool(lines[-1])
         self._lines = lines if lines[-1] else lines[:-1]
@@ -104,7 +110,7 @@ class Source:
             yield rest
 
     def _chunks(self) -> Iterator[bytes]:
-        """Yield the decompressed contents; what precedes a damage is yielded, the damage noted."""
+        """Yield the decompressed contents up to any damage, which is noted in `damage`."""
         try:
             with self.path.open("rb") as file:
                 first = file.read(_CHUNK_BYTES)
@@ -120,7 +126,7 @@ class Source:
             raise InputError(f"{self.path}: cannot be read ({reason}); check the file") from None
 
     def _unzipped(self, raw: Iterator[bytes]) -> Iterator[bytes]:
-        # Not the gzip module: it throws away what it had decompressed when the stream breaks off.
+        # Not the gzip module: it discards what it had decompressed when the stream is cut off.
         stream = zlib.decompressobj(wbits=31)
         for compressed in raw:
             data = compressed
@@ -151,7 +157,7 @@ def _continued(first: bytes, rest: Iterator[bytes]) -> Iterator[bytes]:
 
 
 def _until_damage(stream: zlib._Decompress, data: bytes) -> Iterator[bytes]:
-    """Yield what `data` holds before the place where decompression fails."""
+    """Yield the decompressed part of `data` before the byte at which decompression fails."""
     for i in range(len(data)):
         try:
             plain = stream.decompress(data[i : i + 1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a user may say about a recording that it does not say itself, or says wrong."""
+"""Facts about a recording that the user states because it lacks them or has them wrong."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from typing import Literal
 from cartoloop.sensor.pose import Pose
 
 NO_TOPIC = "none"
+"""In place of a topic: map without this sensor."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
-    """How to read recordings; the defaults find out everything.
+    """How to read recordings; by default everything is determined from the recording.
 
     Attributes
     ----------
-    scan_topics : of a bag: the scanners to map with; by default all that lie level.
-    odom_topic, imu_topic : of a bag; ``none`` for going without.
-    urdf : the robot's description, which tells where its sensors sit.
-    laser_pose : where the (first) scanner sits on the robot; comes before all that is recorded.
+    scan_topics : of a bag: the scanners to map with; by default all that are level.
+    odom_topic, imu_topic : of a bag; ``none`` to map without.
+    urdf : the robot's description, with the mounting poses of its sensors.
+    laser_pose : mounting pose of the (first) scanner; overrides all that is recorded.
     echo : which echo of scanners that send several.
     """
 

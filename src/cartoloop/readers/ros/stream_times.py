@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.readers.ros.index import NO_STAMP, Stream
-from cartoloop.readers.ros.inventory import BagFinding, StampStatistics
+from cartoloop.readers.ros.container import BagFinding
+from cartoloop.readers.ros.index import NO_STAMP, TopicStream
 from cartoloop.readers.ros.wire import NANO
 from cartoloop.sensor.time_repair import TimeReport, repair_times
 
@@ -23,6 +23,34 @@ CLOCK_TOLERANCE = 1.0
 _FACTOR_OF_GAP = 3.0
 _SHORTEST_GAP = {"imu": 0.05}
 _MAX_GAPS = 20
+
+
+@dataclass(frozen=True, slots=True)
+class StampStatistics:
+    """The stamps of a topic's messages, as recorded.
+
+    Attributes
+    ----------
+    first, last : stamps [s].
+    rate : from the median time between stamps [Hz]; 0 with fewer than two.
+    gaps : stamp before, and length, of each pause longer than `gap_limit` [s], longest first.
+    gap_limit : three periods, at least 0.1 s (scans, odometry) or 0.05 s (IMU).
+    num_zero : number of messages without a stamp.
+    num_backwards, num_repeated : stamps earlier than the one before, or equal to it.
+    delay : median time from the stamp to the recording [s].
+    largest_delay : the largest difference between stamp and recording [s], by amount.
+    """
+
+    first: float
+    last: float
+    rate: float
+    gaps: tuple[tuple[float, float], ...]
+    gap_limit: float
+    num_zero: int
+    num_backwards: int
+    num_repeated: int
+    delay: float
+    largest_delay: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +69,7 @@ class StreamTimes:
     report: TimeReport
 
 
-def common_times(streams: list[Stream]) -> tuple[list[StreamTimes], list[BagFinding]]:
+def common_times(streams: list[TopicStream]) -> tuple[list[StreamTimes], list[BagFinding]]:
     """Return the times of each stream on the clock of the first, and what had to be repaired.
 
     A message without a stamp gets the time at which it was recorded. A stream whose stamps are on
@@ -75,7 +103,7 @@ def _seconds(nanos: object) -> FloatArray:
     return np.array(nanos, dtype=np.int64) / NANO
 
 
-def _recorded_stamps(stream: Stream) -> FloatArray:
+def _recorded_stamps(stream: TopicStream) -> FloatArray:
     nanos = np.array(stream.stamps, dtype=np.int64)
     return np.where(nanos > 0, nanos / NANO, np.nan)
 
@@ -90,7 +118,7 @@ def _lag(
     return float(np.median(records - stamps - delay_of_main))
 
 
-def _with_recording_times(stream: Stream) -> tuple[FloatArray, list[BagFinding]]:
+def _with_recording_times(stream: TopicStream) -> tuple[FloatArray, list[BagFinding]]:
     """Return stamps, all there, and what was found."""
     stamps, records = _recorded_stamps(stream), _seconds(stream.records)
     missing = np.isnan(stamps)
@@ -126,11 +154,11 @@ def _restarts(
     return shift
 
 
-def _label(stream: Stream) -> str:
+def _label(stream: TopicStream) -> str:
     return stream.topic if stream.edge is None else f"{stream.topic} ({' -> '.join(stream.edge)})"
 
 
-def _other_clock(stream: Stream, main: Stream, lag: float) -> BagFinding:
+def _other_clock(stream: TopicStream, main: TopicStream, lag: float) -> BagFinding:
     return BagFinding(
         "warning",
         "other_clock",
@@ -143,7 +171,7 @@ def _other_clock(stream: Stream, main: Stream, lag: float) -> BagFinding:
 
 
 def _time_findings(
-    stream: Stream, stamps: FloatArray, report: TimeReport, *, is_main: bool
+    stream: TopicStream, stamps: FloatArray, report: TimeReport, *, is_main: bool
 ) -> list[BagFinding]:
     found = []
     name = _label(stream)
@@ -173,7 +201,7 @@ def _time_findings(
     return found
 
 
-def stamp_statistics(stream: Stream) -> StampStatistics | None:
+def stamp_statistics(stream: TopicStream) -> StampStatistics | None:
     """Return what a stream's stamps say, as recorded; None if it has no message."""
     if not stream.stamps:
         return None
