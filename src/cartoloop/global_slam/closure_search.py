@@ -84,9 +84,9 @@ def search(
         met = np.array([i for i, _ in hits])
         starts = np.array([match.tf_submap_scan for _, match in hits])
         fine = refine_all(submap.smooth_map, scans.take(met), starts, config, math.inf)
-        poses = fine.tf_grid_scan.copy()
-        poses[:, 2] = wrap_angles(fine.tf_grid_scan[:, 2])
-        moved = fine.tf_grid_scan - starts
+        poses = fine.tf_submap_scan.copy()
+        poses[:, 2] = wrap_angles(fine.tf_submap_scan[:, 2])
+        moved = fine.tf_submap_scan - starts
         matches = SearchMatches(
             row=rows[met],
             tf_submap_node=poses,

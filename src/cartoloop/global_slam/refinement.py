@@ -149,7 +149,7 @@ def match_again(
         submap.smooth_map, node_points.take(nodes), starts, config, config.max_start_residual
     )
     tried = np.flatnonzero(np.isfinite(matches.residual))
-    poses, residual = matches.tf_grid_scan[tried], matches.residual[tried]
+    poses, residual = matches.tf_submap_scan[tried], matches.residual[tried]
     moved = poses - starts[tried]
     moved_m, moved_rad = np.hypot(moved[:, 0], moved[:, 1]), np.abs(moved[:, 2])
     reasons = _reasons(residual, moved_m, moved_rad, final_limits(config, submap.own_score))
