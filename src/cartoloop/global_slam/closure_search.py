@@ -61,7 +61,7 @@ def search(
         max_of_group=config.max_closures_of_pair,
     )
     hits = [(i, match) for i, match in enumerate(coarse.matches) if match is not None]
-    num_searched = int(np.count_nonzero(coarse.was_sought))
+    num_searched = int(np.count_nonzero(coarse.was_searched))
     if not hits:
         return FoundClosures(NONE_FOUND, num_searched)
     met = requests[[i for i, _ in hits]]
@@ -94,13 +94,17 @@ def refine_all(
 
     Those that fit worse than `max_start_residual` where they start are not matched.
     """
+    matcher = config.least_squares_matcher
     return least_squares.match_all(
         smooth_map,
         scans,
         tf_submap_node,
         _pull(smooth_map, config),
-        config.least_squares_matcher.occupied_space_weight / USUAL_RESIDUAL**2,
-        config.least_squares_matcher.max_num_iterations,
+        least_squares.MatchOptions(
+            matcher.occupied_space_weight / USUAL_RESIDUAL**2,
+            matcher.max_num_iterations,
+            matcher.tolerance,
+        ),
         max_start_residual,
     )
 
