@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from cartoloop.kernels.node_bounds import (
     HEIGHT,
     LEVEL,
+    Children,
+    PlacedScan,
     Places,
-    Quarters,
     place_points,
     score_children,
 )
@@ -206,17 +207,17 @@ def test_every_node_bounds_its_leaves(seed, half_turns):
     heights, boxes = tree_for(grids, window, step, in_cells(extent))
     frame = SearchFrame(*estimate, grid.origin_x, grid.origin_y, RESOLUTION, step)
     places = Places(*np.zeros((3, 64), dtype=np.int32))
+    scan = PlacedScan(points, frame, boxes, places)
 
     def sums_of(height, group, col, row):
-        place_points(heights, boxes, points, frame, window, height, group, 0, places)
+        place_points(heights, scan, window, height, group, 0)
         sums = np.zeros((1, 4), dtype=np.int64)
-        index = np.zeros(64, dtype=np.int32)
+        indices = np.zeros(64, dtype=np.int32)
         nodes = np.zeros((1, 16), dtype=np.int64)
-        quarters = Quarters(col, row, int(heights[height]["block"]))
+        children = Children(0, height, col, row, int(heights[height]["block"]))
         score_children(
-            grids.cells, heights, height, places, 0, len(points), quarters, nodes, 0, -1, index,
-            sums,
-        )  # fmt: skip
+            grids.cells, heights, *places, 0, len(points), children, -1, nodes, indices, sums
+        )
         return sums[0]
 
     for height in range(1, len(heights)):
@@ -261,7 +262,8 @@ def test_no_point_leaves_its_box_while_a_group_turns(seed, half_turns, far):
 
     def place(height, group):
         places = np.zeros((3, len(points)), dtype=np.int32)
-        place_points(heights, moves, points, frame, window, height, group, 0, Places(*places))
+        scan = PlacedScan(points, frame, moves, Places(*places))
+        place_points(heights, scan, window, height, group, 0)
         return places
 
     for height in range(1, len(heights)):

@@ -38,7 +38,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop._jit import kernel
+from cartoloop._jit import inlined_kernel, kernel
 from cartoloop.kernels.node_bounds import (
     COL,
     HEIGHT,
@@ -48,10 +48,11 @@ from cartoloop.kernels.node_bounds import (
     ROW,
     ByteArray,
     CellArray,
+    Children,
     FloatArray,
     IntArray,
+    PlacedScan,
     Places,
-    Quarters,
     Records,
     place_points,
     score_children,
@@ -135,11 +136,9 @@ class Search(NamedTuple):
     heights : of :data:`node_bounds.HEIGHT`, shape (num_heights,), from single candidates to the
         tree's top. From one height to the next blocks and groups stay or double, except that the
         first group is of up to four rotations.
-    boxes : int32, shape (num_heights, num_moves), `boxes` of :class:`GridArrays` by height.
-    points : float64, shape (n, 2), tracking frame [m].
-    frame, window : of the search.
-    places, is_placed : shape (num_groups * num_places,), and bool, shape (num_groups,): where the
-        points of each group of rotations look up their maxima, and whether that is computed.
+    scan : the scan, with where its points look up their maxima.
+    window : of the search.
+    is_placed : bool, shape (num_groups,): whether the places of a group are computed.
     indices : int32, scratch, an entry for each point of a block.
     sums : int64, shape (num_blocks, 4), scratch, see :func:`score_children`.
     nodes : int64, shape (m, REST + num_blocks + 1).
@@ -147,15 +146,34 @@ class Search(NamedTuple):
 
     cells: ByteArray
     heights: Records
-    boxes: CellArray
-    points: FloatArray
-    frame: SearchFrame
+    scan: PlacedScan
     window: SearchWindow
-    places: Places
     is_placed: NDArray[np.bool_]
     indices: CellArray
     sums: IntArray
     nodes: IntArray
+
+
+class Branch(NamedTuple):
+    """A node to be expanded, all scalars.
+
+    Attributes
+    ----------
+    parent : its row in `nodes`.
+    height, begin_group, end_group : of its children.
+    step : from one block of translations to the next [cells]; 0: the block is not divided.
+    min_sum, min_key : what a candidate must reach.
+    end : row in `nodes` where the first child is written.
+    """
+
+    parent: int
+    height: int
+    begin_group: int
+    end_group: int
+    step: int
+    min_sum: int
+    min_key: int
+    end: int
 
 
 @kernel
@@ -235,56 +253,51 @@ def comes_first(key: int, col: int, row: int, rotation: int, best: IntArray) -> 
     return bool(col < best[COL])
 
 
-@kernel
+@inlined_kernel
 def push_children(
-    search: Search,
-    parent: int,
-    height: int,
-    begin_group: int,
-    end_group: int,
-    step: int,
-    min_sum: int,
-    min_key: int,
-    end: int,
+    cells: ByteArray,
+    heights: Records,
+    cols: CellArray,
+    rows: CellArray,
+    boxes: CellArray,
+    num_places: int,
+    num_points: int,
+    window: SearchWindow,
+    branch: Branch,
+    indices: CellArray,
+    sums: IntArray,
+    nodes: IntArray,
 ) -> int:
     """Append the children of a node that can hold the best candidate to `nodes`; return its end.
 
     Parameters
     ----------
-    parent : the node.
-    height : of the children.
-    begin_group, end_group : their groups of rotations.
-    step : from one block of translations to the next [cells]; 0: the parent's block is not divided.
-    min_sum, min_key : what a candidate must reach.
-    end : where in `nodes` the first child is written.
+    cells, heights, window, indices, sums, nodes : of :class:`Search`.
+    cols, rows, boxes : of :class:`Places`, written for the children's groups of rotations.
+    num_places : entries for each group.
+    num_points : of the scan.
+    branch : the node, and which children.
     """
-    heights, window, nodes, sums = search.heights, search.window, search.nodes, search.sums
+    parent, height, step, end = branch.parent, branch.height, branch.step, branch.end
     block, size = heights[height]["block"], heights[height]["group"]
-    num_places = search.places.cols.size // search.is_placed.size
-    num_children = 4 if step > 0 else 1
     last = sums.shape[0] - 1
     first_col, first_row = nodes[parent, COL], nodes[parent, ROW]
-    quarters = Quarters(first_col - window.half_cols, first_row - window.half_rows, step)
-    for group in range(begin_group, end_group):
+    left, below = first_col - window.half_cols, first_row - window.half_rows
+    children = Children(parent, height, left, below, step)
+    for group in range(branch.begin_group, branch.end_group):
         number = heights[height]["first_group"] + group
-        if not search.is_placed[number]:
-            search.is_placed[number] = True
-            place_points(
-                heights, search.boxes, search.points, search.frame, window, height, group,
-                number * num_places, search.places,
-            )  # fmt: skip
         if not score_children(
-            search.cells, heights, height, search.places, number * num_places,
-            search.points.shape[0], quarters, nodes, parent, min_sum, search.indices, sums,
+            cells, heights, cols, rows, boxes, number * num_places, num_points, children,
+            branch.min_sum, nodes, indices, sums,
         ):  # fmt: skip
             continue
-        for child in range(num_children):
+        for child in range(4 if step > 0 else 1):
             bound = sums[last, child]
             col, row = first_col + step * (child & 1), first_row + step * (child >> 1)
-            if bound < min_sum or col > 2 * window.half_cols or row > 2 * window.half_rows:
+            if bound < branch.min_sum or col > 2 * window.half_cols or row > 2 * window.half_rows:
                 continue
             key = node_key(bound, col, row, group * size, block, size, window)
-            if key < min_key:
+            if key < branch.min_key:
                 continue
             nodes[end, KEY], nodes[end, COL], nodes[end, ROW] = key, col, row
             nodes[end, ROTATION], nodes[end, REST] = group, bound
@@ -300,17 +313,32 @@ def cover_window(search: Search, min_sum: int) -> int:
 
     They are scored in tiles of 2 x 2, as if they were children of the root.
     """
-    heights, window, nodes = search.heights, search.window, search.nodes
+    cells, heights, scan, window = search.cells, search.heights, search.scan, search.window
+    cols, rows, boxes = scan.places.cols, scan.places.rows, scan.places.boxes
+    is_placed, indices = search.is_placed, search.indices
+    sums, nodes = search.sums, search.nodes
+    num_points, num_places = scan.points.shape[0], cols.size // is_placed.size
     top = heights.shape[0] - 1
     root = top * _CHILDREN
     block = heights[top]["block"]
-    num_groups = search.is_placed.size - heights[top]["first_group"]
+    edge = 2 * block
+    tile_cols = 2 * window.half_cols // edge + 1
+    tile_rows = 2 * window.half_rows // edge + 1
+    num_groups = is_placed.size - heights[top]["first_group"]
     end = root + 1
-    for group in range(num_groups):
-        for row in range(0, 2 * window.half_rows + 1, 2 * block):
-            for col in range(0, 2 * window.half_cols + 1, 2 * block):
-                nodes[root, COL], nodes[root, ROW] = col, row
-                end = push_children(search, root, top, group, group + 1, block, min_sum, -1, end)
+    for tile in range(tile_cols * tile_rows * num_groups):
+        nodes[root, COL] = tile % tile_cols * edge
+        nodes[root, ROW] = tile // tile_cols % tile_rows * edge
+        group = tile // (tile_cols * tile_rows)
+        number = heights[top]["first_group"] + group
+        if not is_placed[number]:
+            is_placed[number] = True
+            place_points(heights, scan, window, top, group, number * num_places)
+        branch = Branch(root, top, group, group + 1, block, min_sum, -1, end)
+        end = push_children(
+            cells, heights, cols, rows, boxes, num_places, num_points, window, branch, indices,
+            sums, nodes,
+        )  # fmt: skip
     return int(end - root - 1)
 
 
@@ -327,7 +355,11 @@ def find_best(
     excluded : candidates that do not count.
     best : int64, shape (4,): key, column, row, rotation; the key is -1 if there is none.
     """
-    heights, nodes = search.heights, search.nodes
+    cells, heights, scan, window = search.cells, search.heights, search.scan, search.window
+    cols, rows, boxes = scan.places.cols, scan.places.rows, scan.places.boxes
+    is_placed, indices = search.is_placed, search.indices
+    sums, nodes = search.sums, search.nodes
+    num_points, num_places = scan.points.shape[0], cols.size // is_placed.size
     top = heights.shape[0] - 1
     num_waiting = np.zeros(top + 1, dtype=np.int64)  # children by height
     best[KEY] = -1
@@ -359,10 +391,21 @@ def find_best(
         child = height - 1
         step = heights[child]["block"] if heights[child]["block"] < block else 0
         split = size // heights[child]["group"]
-        num_groups = heights[height]["first_group"] - heights[child]["first_group"]
+        first_group = heights[child]["first_group"]
+        num_groups = heights[height]["first_group"] - first_group
         begin, end = group * split, min((group + 1) * split, num_groups)
+        for number in range(first_group + begin, first_group + end):
+            if not is_placed[number]:
+                is_placed[number] = True
+                place_points(
+                    heights, scan, window, child, number - first_group, number * num_places
+                )
         first = child * _CHILDREN
-        last = push_children(search, parent, child, begin, end, step, min_sum, min_key, first)
+        branch = Branch(parent, child, begin, end, step, min_sum, min_key, first)
+        last = push_children(
+            cells, heights, cols, rows, boxes, num_places, num_points, window, branch, indices,
+            sums, nodes,
+        )  # fmt: skip
         height = child
         num_waiting[height] = last - first
 
@@ -412,7 +455,7 @@ def begin_search(
     for i in range(num_blocks + 1):
         nodes[root, REST + i] = _MAX_CELL * max(num_points - i * size, 0)
     return Search(
-        grids.cells, heights, boxes, points, frame, window, places,
+        grids.cells, heights, PlacedScan(points, frame, boxes, places), window,
         np.zeros(num_groups, dtype=np.bool_), np.empty(size, dtype=np.int32),
         np.zeros((num_blocks, 4), dtype=np.int64), nodes,
     )  # fmt: skip

@@ -75,15 +75,37 @@ class Places(NamedTuple):
     boxes: CellArray
 
 
-class Quarters(NamedTuple):
-    """The four blocks of translations that a block is divided into, or the block itself.
+class PlacedScan(NamedTuple):
+    """A scan, and where its points look up their maxima at each group of rotations.
 
     Attributes
     ----------
-    col, row : of the first block [cells from the estimate].
-    step : to the next block [cells]; 0 if the block is not divided.
+    points : float64, shape (n, 2), tracking frame [m].
+    frame : of the search.
+    move_boxes : int32, shape (num_heights, num_moves): by the number of cells that a point moves,
+        where the grid of its box begins.
+    places : shape (num_groups * num_places,).
     """
 
+    points: FloatArray
+    frame: SearchFrame
+    move_boxes: CellArray
+    places: Places
+
+
+class Children(NamedTuple):
+    """Up to four nodes that differ in their translations alone.
+
+    Attributes
+    ----------
+    parent : row of their parent in `nodes`.
+    height : of the nodes.
+    col, row : translation of the first [cells from the estimate].
+    step : to the next block of translations [cells]; 0: there is only one.
+    """
+
+    parent: int
+    height: int
     col: int
     row: int
     step: int
@@ -168,39 +190,34 @@ def place_group(
 
 @kernel
 def place_points(
-    heights: Records,
-    boxes: CellArray,
-    points: FloatArray,
-    frame: SearchFrame,
-    window: SearchWindow,
-    height: int,
-    group: int,
-    first: int,
-    out_places: Places,
+    heights: Records, scan: PlacedScan, window: SearchWindow, height: int, group: int, first: int
 ) -> None:
-    """Write where the points of a group of rotations look up their maxima into `out_places`.
+    """Write where the points of a group of rotations look up their maxima into `scan.places`.
 
     Parameters
     ----------
     heights : of :data:`HEIGHT`, shape (num_heights,).
-    boxes, points, first : as in :func:`place_group`.
     height, group : which group of rotations.
+    first : index in `scan.places` to write from.
     """
+    points, frame, boxes, places = scan.points, scan.frame, scan.move_boxes, scan.places
     theta, step, size = frame.theta, frame.step, heights[height]["group"]
     half_rotations = window.half_rotations
     begin = group * size
     end = min(begin + size, 2 * half_rotations + 1) - 1
     begin_theta = theta + (begin - half_rotations) * step
     if height == 0:
-        place_candidate(points, frame, begin_theta, boxes[0, 0], first, out_places)
+        place_candidate(points, frame, begin_theta, boxes[0, 0], first, places)
     else:
         end_theta = theta + (end - half_rotations) * step
-        place_group(points, frame, begin_theta, end_theta, boxes, height, first, out_places)
+        place_group(points, frame, begin_theta, end_theta, boxes, height, first, places)
 
 
 @kernel
 def locate(
-    places: Places,
+    cols: CellArray,
+    rows: CellArray,
+    boxes: CellArray,
     first: int,
     col: np.int32,
     row: np.int32,
@@ -217,7 +234,6 @@ def locate(
     """
     if first < 0:  # the compiler then knows that no index counts from the end
         return
-    cols, rows, boxes = places.cols, places.rows, places.boxes
     low = np.int32(-margin)
     for k in range(out_index.size):
         x = min(max(np.int32((cols[first + k] + col) >> shift), low), last_col)
@@ -244,43 +260,47 @@ def sum_four(
 def score_children(
     cells: ByteArray,
     heights: Records,
-    height: int,
-    places: Places,
+    cols: CellArray,
+    rows: CellArray,
+    boxes: CellArray,
     first: int,
     num_points: int,
-    quarters: Quarters,
-    nodes: IntArray,
-    parent: int,
+    children: Children,
     min_sum: int,
-    index: CellArray,
+    nodes: IntArray,
+    indices: CellArray,
     out_sums: IntArray,
 ) -> bool:
-    """Write the sums of four neighbouring nodes into `out_sums`; return whether to keep any.
+    """Write the sums of up to four neighbouring nodes to `out_sums`; return whether to keep any.
 
     Parameters
     ----------
     cells : uint8, shape (n,), the precomputed grids.
-    heights, height : of :data:`HEIGHT`, shape (num_heights,); and which of them the nodes are of.
-    places, first : from `first` on what :func:`place_points` writes.
-    quarters : the nodes' translations.
-    nodes, parent : int64, shape (m, REST + num_blocks + 1), and which of them is the parent.
+    heights : of :data:`HEIGHT`, shape (num_heights,).
+    cols, rows, boxes, first : of :class:`Places`; from `first` on what :func:`place_points` writes.
+    children : the nodes.
     min_sum : nodes with a smaller sum are given up.
-    index : int32, scratch, an entry for each point of a block.
+    nodes : int64, shape (m, REST + num_blocks + 1), with their parent.
+    indices : int32, scratch, an entry for each point of a block.
     out_sums : int64, shape (num_blocks, 4): sums after each block of points.
     """
+    height, parent = children.height, children.parent
     shift, row_length = heights[height]["shift"], heights[height]["row_length"]
     margin = heights[height]["margin"]
     last_col, last_row = heights[height]["last_col"], heights[height]["last_row"]
-    right = quarters.step >> shift
+    right = children.step >> shift
     above = right * row_length
     a, b, c, d = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     for block in range(out_sums.shape[0]):
-        begin = block * index.size
+        begin = block * indices.size
         locate(
-            places, first + begin, np.int32(quarters.col), np.int32(quarters.row), np.int32(shift),
-            np.int32(margin), np.int32(last_col), np.int32(last_row), np.int32(row_length), index,
+            cols, rows, boxes, first + begin, np.int32(children.col), np.int32(children.row),
+            np.int32(shift), np.int32(margin), np.int32(last_col), np.int32(last_row),
+            np.int32(row_length), indices,
         )  # fmt: skip
-        da, db, dc, dd = sum_four(cells, index, min(index.size, num_points - begin), right, above)
+        da, db, dc, dd = sum_four(
+            cells, indices, min(indices.size, num_points - begin), right, above
+        )
         a, b, c, d = a + da, b + db, c + dc, d + dd
         out_sums[block, 0], out_sums[block, 1], out_sums[block, 2], out_sums[block, 3] = a, b, c, d
         if max(a, b, c, d) + nodes[parent, REST + block + 1] < min_sum:

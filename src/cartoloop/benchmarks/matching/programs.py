@@ -21,7 +21,7 @@ from cartoloop.errors import CartoloopError
 from cartoloop.kernels import branch_and_bound as kernels
 from cartoloop.kernels import search_batch
 from cartoloop.kernels.exhaustive_search import search_as_written, search_by_rows
-from cartoloop.kernels.node_bounds import ByteArray, Quarters, Records, score_children
+from cartoloop.kernels.node_bounds import ByteArray, Children, Records, score_children
 from cartoloop.kernels.plain_search import search_plainly
 from cartoloop.kernels.search_window import (
     ROUNDING,
@@ -212,14 +212,15 @@ def count_nodes(problem: Problem) -> tuple[int, int]:
     """
     top, below = 0, 0
 
-    def counting_score(cells: ByteArray, heights: Records, height: int, *rest: object) -> bool:
+    def counting_score(cells: ByteArray, heights: Records, *rest: object) -> bool:
         nonlocal top, below
-        count = 4 if cast(Quarters, rest[3]).step > 0 else 1
-        if height == len(heights) - 1:
+        children = cast(Children, rest[5])
+        count = 4 if children.step > 0 else 1
+        if children.height == len(heights) - 1:
             top += count
         else:
             below += count
-        return score_children(cells, heights, height, *cast(Any, rest))
+        return score_children(cells, heights, *cast(Any, rest))
 
     push = _rebound(kernels.push_children, score_children=counting_score)
     counting_search = _rebound(
