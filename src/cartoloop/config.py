@@ -79,6 +79,9 @@ class CorrelativeMatcherConfig(Section):
     rotation_delta_cost_weight: float = Field(
         0.1, ge=0, description="damping of the score with rotation from the prediction [1/rad]"
     )
+    max_rotation_step_range: float = Field(
+        10.0, gt=0, description="points farther away do not make the rotation step finer [m]"
+    )
     initial_residual: float = Field(
         0.5, gt=0, description="typical residual of a match, assumed before the first match"
     )
@@ -114,7 +117,10 @@ class LeastSquaresMatcherConfig(Section):
         description="weight of the points' information, below 1 because the errors of neighbouring "
         "points are correlated",
     )
-    max_num_iterations: int = Field(20, ge=1, description="largest number of iterations")
+    max_num_iterations: int = Field(20, ge=1, description="maximum number of iterations")
+    tolerance: float = Field(
+        1e-5, gt=0, description="relative decrease of the cost below which the iteration ends"
+    )
 
 
 class PredictionConfig(Section):

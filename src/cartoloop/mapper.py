@@ -210,7 +210,7 @@ class Mapper:
         def hand_over() -> None:
             result = self._result(num_scans, active)
             graph = result.graph
-            receive(replace(result, graph=graph.without(np.zeros(graph.num_constraints, bool))))
+            receive(replace(result, graph=graph.copy(), closures=result.closures.copy()))
 
         self.run_on_graph_thread(hand_over)
 
@@ -236,8 +236,7 @@ class Mapper:
             self._submap_grids(graph, active),
             self._config,
             self._report(graph, trajectory),
-            found=self._global_slam.found.copy(),
-            rejected=self._global_slam.rejected,
+            closures=self._global_slam.closures,
             node_points=self._global_slam.node_points,
         )
 
@@ -281,17 +280,17 @@ class Mapper:
 
     def _report(self, graph: PoseGraph, trajectory: FloatArray) -> Report:
         slam, path = self._global_slam, path_length(trajectory)
+        num_dropped = slam.closures.num_dropped
+        dropped = {"searches_dropped": num_dropped} if num_dropped else {}
         return Report(
             input=InputSummary(
                 scans=self._num_scans, duration_s=self.recorded_s, path_length_m=path
             ),
             nodes=graph.num_nodes,
             submaps=graph.num_submaps,
-            constraints=summarize_constraints(
-                graph, slam.search.num_searched, slam.found, len(slam.rejected)
-            ),
+            constraints=summarize_constraints(graph, slam.closures),
             adjustment=AdjustmentSummary.of_runs(slam.adjustments),
             stages=self._timer.summary(),
             skipped=dict(sorted(self._skipped.items())),
-            extra=self._local_slam.summary() | slam.search.summary(),
+            extra=self._local_slam.summary() | dropped,
         )

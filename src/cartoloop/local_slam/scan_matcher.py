@@ -128,8 +128,11 @@ class ScanMatcher:
             start,
             prior,
             prior_information,
-            config.occupied_space_weight / self._typical_residual**2,
-            config.max_num_iterations,
+            least_squares.MatchOptions(
+                config.occupied_space_weight / self._typical_residual**2,
+                config.max_num_iterations,
+                config.tolerance,
+            ),
             self._prediction.failure_scale,
         )
 
