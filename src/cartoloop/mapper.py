@@ -280,8 +280,6 @@ class Mapper:
 
     def _report(self, graph: PoseGraph, trajectory: FloatArray) -> Report:
         slam, path = self._global_slam, path_length(trajectory)
-        num_dropped = slam.closures.num_dropped
-        dropped = {"searches_dropped": num_dropped} if num_dropped else {}
         return Report(
             input=InputSummary(
                 scans=self._num_scans, duration_s=self.recorded_s, path_length_m=path
@@ -292,5 +290,5 @@ class Mapper:
             adjustment=AdjustmentSummary.of_runs(slam.adjustments),
             stages=self._timer.summary(),
             skipped=dict(sorted(self._skipped.items())),
-            extra=self._local_slam.summary() | dropped,
+            extra=self._local_slam.summary() | slam.closures.summary(),
         )
