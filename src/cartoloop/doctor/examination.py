@@ -34,7 +34,7 @@ from cartoloop.sensor.event_faults import fault_of
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
 from cartoloop.sensor.sensor_profile import SensorProfile
 
-Tell = Callable[[str, int, int], None]
+ReportProgress = Callable[[str, int, int], None]
 """Called now and then with what is going on, how many scans are done, and of how many."""
 
 _TOLD_OF_TIMES = {"stamps", "gap", "reset"}
@@ -88,7 +88,7 @@ class _Watches:
 
 
 def examine(
-    path: Path, options: ReadOptions | None = None, tell: Tell = lambda *_: None
+    path: Path, options: ReadOptions | None = None, report: ReportProgress = lambda *_: None
 ) -> Examination:
     """Return what is in a recording, what is wrong with it, and what would be made of it.
 
@@ -97,14 +97,14 @@ def examine(
     options = options or ReadOptions()
     try:
         log = open_log(path, options)
-        watches, findings = _watch(log, tell)
+        watches, findings = _watch(log, report)
     except InputError as error:
         return _unusable(path, options, error)
     contents = _with_times(contents_of(log), log, watches)
     main = next(iter(watches.scanners.values()))
     calibration = None
     if isinstance(main, ScanWatch) and main.num_poor < main.count:
-        tell("matching a part", 0, 0)
+        report("matching a part", 0, 0)
         calibration = calibrate(log, np.asarray(main.times), watches.odometry, main.name)
     model = calibration.model if calibration else None
     profiles: dict[str, SensorProfile] = getattr(log, "profiles", {})
@@ -130,7 +130,7 @@ def examine(
     )
 
 
-def _watch(log: Log, tell: Tell) -> tuple[_Watches, list[Finding]]:
+def _watch(log: Log, report: ReportProgress) -> tuple[_Watches, list[Finding]]:
     """Read a recording through.
 
     Raises
@@ -158,7 +158,7 @@ def _watch(log: Log, tell: Tell) -> tuple[_Watches, list[Finding]]:
             watch.add(event)  # type: ignore[arg-type] # of one sensor all are of one kind
             num_scans += 1
             if num_scans % _EVERY == 0:
-                tell("reading", num_scans, log.num_scans)
+                report("reading", num_scans, log.num_scans)
     if not found:
         raise InputError(
             f"{log.name}: no scan can be used ({', '.join(faults) or 'none is there'})"
