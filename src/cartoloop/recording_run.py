@@ -130,7 +130,9 @@ def map_recording(
         result = replace(result, report=timed(result.report, start))
         save_report(result.report, folder)
     observer.saved(result, outcome.failure)
-    _raise_if_incomplete(replace(outcome, result=result), log, folder)
+    # A stop during saving, too, is reported: the user does not want what comes next.
+    is_complete = outcome.is_complete and not stop.made
+    _raise_if_incomplete(Outcome(result, outcome.failure, is_complete), log, folder)
     return result
 
 

@@ -198,7 +198,7 @@ def test_without_any_return_the_map_is_empty_and_that_is_an_error(lines, mapped)
     assert np.isfinite(result.trajectory).all()
     assert result.num_walls == 0
     assert result.report["skipped"] == {"too few returns to match: pose as predicted": NUM_SCANS}
-    assert "bad.log: no scan shows enough to be mapped" in result.error
+    assert "bad.log: no scan has enough returns to be mapped" in result.error
 
 
 def test_a_file_name_that_is_no_text_costs_nobody_the_map(lines, mapped):
@@ -300,7 +300,7 @@ def test_a_crash_of_a_background_search_does_not_lose_the_map(lines, mapped, mon
     assert 20 < len(result.trajectory) < NUM_SCANS
     assert result.num_walls > 300
     assert "unexpected RuntimeError: the search fell over" in result.last_line
-    assert f"what was mapped before the failure is in {result.out}" in result.error
+    assert f"the map until the failure is in {result.out}" in result.error
 
 
 def test_a_crash_of_the_last_pass_does_not_lose_the_map(lines, mapped, monkeypatch):

@@ -127,5 +127,5 @@ def test_a_recording_cut_off_gives_the_map_of_its_part_and_an_error(recordings, 
     path.write_bytes(data[: len(data) // 2])
     status, captured = mapped(capsys, path, "-o", tmp_path / "out")
     assert status == 1
-    assert "is of a part of the recording" in captured.err
+    assert "covers a part of the recording" in captured.err
     assert (tmp_path / "out/map.png").exists()

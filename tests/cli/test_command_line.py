@@ -119,7 +119,9 @@ def test_config_check_accepts_what_config_show_prints(capsys, tmp_path):
 
 def test_simulation_is_the_same_for_the_same_seed(tmp_path):
     for name, seed in (("a", "3"), ("b", "3"), ("c", "4")):
-        assert run(["simulate", "corridor", "-o", str(tmp_path / f"{name}.log"), "--seed", seed]) == 0
+        assert (
+            run(["simulate", "corridor", "-o", str(tmp_path / f"{name}.log"), "--seed", seed]) == 0
+        )
 
     first, second, other = ((tmp_path / f"{name}.log").read_bytes() for name in "abc")
     assert first == second

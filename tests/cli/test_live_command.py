@@ -186,7 +186,10 @@ def test_a_source_that_sends_no_scan_is_an_error(live, tmp_path):
     _, status = command.end()
 
     assert status == 1
-    assert "cartoloop: standard input: no scan came that shows enough to be mapped" in command.text
+    assert (
+        "cartoloop: standard input: no scan with enough returns to be mapped has arrived"
+        in command.text
+    )
     assert (tmp_path / "report.json").exists()
 
 
@@ -215,7 +218,7 @@ def test_the_view_shows_a_live_map(live, tmp_path):
     [
         (["tcp://0.0.0.0:7000"], 1, "say so with --host 0.0.0.0"),
         (["nothing.log"], 1, "nothing.log: cannot be read"),
-        (["-", "--port", "8000"], 2, "means nothing without --view"),
+        (["-", "--port", "8000"], 2, "has no effect without --view"),
         (["-", "--poses", "no/such/folder"], 1, "--poses no/such/folder: cannot be written"),
     ],
 )

@@ -42,8 +42,8 @@ def test_a_level_bag_holds_odometry(tmp_path):
 @pytest.mark.parametrize(
     ("args", "reason"),
     [
-        (("-o", "walk.log", "--tilt-deg", "8"), "give --out a name on .bag"),
-        (("-o", "walk.log.gz", "--distort"), "give --out a name on .bag"),
+        (("-o", "walk.log", "--tilt-deg", "8"), "give --out a name that ends in .bag"),
+        (("-o", "walk.log.gz", "--distort"), "give --out a name that ends in .bag"),
         (("-o", "walk.bag", "--tilt-deg", "60"), "give 0 to 44"),
         (
             (

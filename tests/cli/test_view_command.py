@@ -112,7 +112,7 @@ def test_ctrl_c_while_paused_stops_and_saves(log, tmp_path):
 def test_options_of_the_view_mean_nothing_without_it(log, tmp_path, option, capsys):
     assert run(["map", str(log), "-o", str(tmp_path), *option]) == 2
 
-    assert "means nothing without --view" in capsys.readouterr().err
+    assert "has no effect without --view" in capsys.readouterr().err
 
 
 def test_what_is_no_map_is_told(tmp_path, capsys):
