@@ -48,7 +48,7 @@ def good_watch(**options):
 
 class TestScans:
     def test_sound_scans_have_no_findings(self):
-        assert scans.check_scans(good_watch(), PROFILE, way_m=10.0) == []
+        assert scans.check_scans(good_watch(), PROFILE, path_m=10.0) == []
 
     def test_scans_without_returns(self):
         nothing = np.full(BEAMS, 50.0)
@@ -105,13 +105,13 @@ class TestScans:
         for number, values in enumerate(ranges):
             values[:4] = 0.31 + 0.005 * (number % 3)
         watch = watch_of(ranges)
-        finding = scans.check_own_body(watch, way_m=5.0)
+        finding = scans.check_own_body(watch, path_m=5.0)
         assert (finding.code, finding.count) == ("own_body", 4)
         assert "sensor.min_range=0.37" in finding.remedy
-        assert scans.check_own_body(watch, way_m=0.5) is None
+        assert scans.check_own_body(watch, path_m=0.5) is None
 
     def test_scans_far_apart(self):
-        finding = scans.check_spacing(good_watch(), way_m=39.0)
+        finding = scans.check_spacing(good_watch(), path_m=39.0)
         assert finding.code == "sparse_scans"
         assert "1.00 m apart" in finding.message
 
@@ -152,7 +152,7 @@ class TestOdometry:
 
     def test_way_and_speed(self):
         watch = odometry_of(MOVING)
-        assert watch.way == pytest.approx(4.9)
+        assert watch.path_length == pytest.approx(4.9)
         assert watch.fastest == pytest.approx(1.0)
         assert watch.turned == pytest.approx(0.49)
         assert watch.fastest_turn == pytest.approx(0.1)
@@ -168,7 +168,7 @@ class TestOdometry:
         watch = odometry_of([*MOVING, (0.0, 0.0, 0.0), (0.1, 0.0, 0.0)])
         finding = odometry.check_jumps(watch)
         assert (finding.code, finding.count, finding.time) == ("odometry_jumps", 1, 55.0)
-        assert watch.way == pytest.approx(5.0)
+        assert watch.path_length == pytest.approx(5.0)
 
     def test_odometry_that_never_moves(self):
         finding = odometry.check_moves(odometry_of([(1.0, 2.0, 0.5)] * 20))

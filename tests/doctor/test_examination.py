@@ -178,7 +178,7 @@ def test_a_sound_bag(tmp_path, form):
     assert {s.name for s in examination.contents.streams if s.used} == {"/scan", "/odom", "/imu"}
     assert examination.contents.base_frame == "base_link"
     assert examination.imu.mean_size == pytest.approx(9.8, abs=0.01)
-    assert examination.odometry.way == pytest.approx(0.59)
+    assert examination.odometry.path_length == pytest.approx(0.59)
     frames = {t.child: t.parent for t in examination.contents.transforms}
     assert frames == {"laser": "base_link", "imu": "base_link"}
 

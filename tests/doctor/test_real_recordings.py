@@ -72,7 +72,7 @@ def test_findings(name):
     if way is None:
         assert examination.odometry is None
         return
-    assert examination.odometry.way == pytest.approx(way, abs=0.1)
+    assert examination.odometry.path_length == pytest.approx(way, abs=0.1)
     # Found by matching: a change of the matcher moves it a little.
     assert examination.calibration.model.time_offset == pytest.approx(offset, abs=0.03)
 

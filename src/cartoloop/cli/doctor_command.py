@@ -19,7 +19,6 @@ from cartoloop.cli.options import ReadingOptions
 if TYPE_CHECKING:
     from cartoloop.doctor.examination import ReportProgress
 
-_COLOURS = {"error": typer.colors.RED, "warning": typer.colors.YELLOW, "info": typer.colors.CYAN}
 LINE_PERIOD_S = 5.0
 """Time between two lines of progress [s]."""
 
@@ -62,15 +61,10 @@ def doctor_command(options: DoctorOptions) -> None:
         from cartoloop.doctor.text import render
 
         width = shutil.get_terminal_size((100, 24)).columns
-        typer.echo("\n\n".join(render(e, width, _paint) for e in examinations))
+        texts = [render(e, width, colours=sys.stdout.isatty()) for e in examinations]
+        typer.echo("\n\n".join(texts))
     if not all(examination.can_be_mapped for examination in examinations):
         raise typer.Exit(1)
-
-
-def _paint(severity: str, text: str) -> str:
-    return typer.style(
-        text, fg=_COLOURS[severity]
-    )  # click drops colours if the output is no terminal
 
 
 @contextmanager

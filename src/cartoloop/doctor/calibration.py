@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the odometry relates to the scans: local SLAM on the part where the robot turns most."""
+"""Calibration of odometry: local SLAM on the part of a recording with the most rotation."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from cartoloop.sensor.pose import FloatArray
 from cartoloop.stage_timer import StageTimer
 
 PART_SCANS = 1500
-"""So many scans tell enough of the odometry, and are matched within seconds."""
+"""Scans of the part that is matched: enough for an estimate, and matched within seconds."""
 
 MIN_SCANS = 50
-"""With fewer, nothing is estimated."""
+"""Scans below which nothing is estimated."""
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What local SLAM found on a part of the recording.
+    """Result of local SLAM on a part of a recording.
 
     Attributes
     ----------
@@ -59,14 +59,14 @@ def choose_part(scan_times: FloatArray, odometry: OdometryWatch, size: int = PAR
 def calibrate(
     log: Log, scan_times: FloatArray, odometry: OdometryWatch, sensor: str
 ) -> Calibration | None:
-    """Run local SLAM over a part of a recording; None if there is too little to go by.
+    """Run local SLAM over a part of a recording; None if there is too little data.
 
     Parameters
     ----------
     scan_times : of the main scanner [s].
     sensor : name of the main scanner, whose scans are matched.
     """
-    if len(scan_times) < MIN_SCANS or odometry.count < MIN_SCANS or odometry.way == 0.0:
+    if len(scan_times) < MIN_SCANS or odometry.count < MIN_SCANS or odometry.path_length == 0.0:
         return None
     first = choose_part(scan_times, odometry)
     start = float(scan_times[first])
