@@ -46,14 +46,14 @@ def test_a_benchmark_prints_a_table_and_writes_its_record(tmp_path, capsys):
     assert "| simulate a scan " in capsys.readouterr().out
 
 
-def test_what_got_slower_is_told_and_fails_only_if_asked_to(measured, capsys):
+def test_what_got_slower_is_reported_and_fails_only_if_asked_to(measured, capsys):
     faster = changed(measured, 0.01)
     assert again(measured, faster) == 0
     assert "WORSE" in capsys.readouterr().out
     assert again(measured, faster, "--strict") == 1
 
 
-def test_what_got_faster_is_told(measured, capsys):
+def test_what_got_faster_is_reported(measured, capsys):
     slower = changed(measured, 100.0)
     assert again(measured, slower, "--strict") == 0
     told = capsys.readouterr().out
@@ -61,7 +61,7 @@ def test_what_got_faster_is_told(measured, capsys):
     assert "WORSE" not in told
 
 
-def test_a_file_that_is_no_record_is_told_before_anything_is_measured(tmp_path, capsys):
+def test_a_file_that_is_no_record_is_refused_before_measuring(tmp_path, capsys):
     other = tmp_path / "other.json"
     other.write_text("{}")
     assert run(["bench", "kernels", "--against", str(other)]) == 1

@@ -142,7 +142,7 @@ def test_the_truth_has_no_error(ring, capsys):
     assert error["absolute_rotational_deg"]["mean"] < 1e-2
 
 
-def test_evaluation_prints_the_rows_of_table_ii_and_what_is_missing(ring, capsys, tmp_path):
+def test_evaluation_prints_table_ii_and_missing_poses(ring, capsys, tmp_path):
     half = ring["truth"].read_text().splitlines()
     (tmp_path / "half.tum").write_text("\n".join(half[: len(half) // 2]))
 

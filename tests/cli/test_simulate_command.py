@@ -64,7 +64,7 @@ def test_a_recording_without_odometry_is_mapped(tmp_path):
         (["ring", "-o", "a.mcap"], "a.mcap: no simulated recording has this format"),
     ],
 )
-def test_what_cannot_be_simulated_is_refused_before_anything_is_written(
+def test_impossible_options_are_refused_before_writing(
     tmp_path, monkeypatch, capsys, arguments, message
 ):
     monkeypatch.chdir(tmp_path)

@@ -84,7 +84,7 @@ class TestScans:
         fast = replace(GEOMETRY, time_increment=0.09 / BEAMS)
         assert scans.check_overlap(good_watch(geometry=fast)) is None
 
-    def test_stamps_in_bursts_are_no_overlap_where_beams_have_no_times(self):
+    def test_stamps_in_bursts_are_no_overlap_without_beam_times(self):
         assert scans.check_overlap(good_watch(period=-0.1)) is None
 
     def test_changing_beam_counts(self):
@@ -150,7 +150,7 @@ class TestOdometry:
     def test_sound_odometry_has_no_findings(self):
         assert odometry.check_odometry(odometry_of(MOVING), MODEL) == []
 
-    def test_way_and_speed(self):
+    def test_path_length_and_speed(self):
         watch = odometry_of(MOVING)
         assert watch.path_length == pytest.approx(4.9)
         assert watch.fastest == pytest.approx(1.0)
@@ -164,7 +164,7 @@ class TestOdometry:
         finding = odometry.check_finite(odometry_of([*MOVING, (math.nan, 0.0, 0.0)]))
         assert (finding.code, finding.count) == ("odometry_not_finite", 1)
 
-    def test_jumps_are_counted_and_are_no_way(self):
+    def test_jumps_are_counted_but_not_in_the_path_length(self):
         watch = odometry_of([*MOVING, (0.0, 0.0, 0.0), (0.1, 0.0, 0.0)])
         finding = odometry.check_jumps(watch)
         assert (finding.code, finding.count, finding.time) == ("odometry_jumps", 1, 55.0)
@@ -311,7 +311,7 @@ class TestTimes:
         assert (finding.code, finding.count) == ("stamps_missing", 9)
         assert finding.remedy == "scans are taken to be 0.2 s apart"
 
-    def test_stamps_out_of_order_tell_where_it_begins(self):
+    def test_stamps_out_of_order_name_the_first(self):
         sent = np.array([1.0, 1.1, 1.05, 1.2, 1.2, 1.3])
         finding = times.check_order(repair_times(sent)[1], sent, "FLASER")
         assert (finding.code, finding.count, finding.time) == ("stamps_out_of_order", 2, 1.05)
@@ -322,7 +322,7 @@ class TestTimes:
         assert (finding.code, finding.count) == ("clock_reset", 2)
         assert "first in line 4" in finding.message
 
-    def test_gaps_of_scans_that_odometry_bridges_are_worth_knowing_only(self):
+    def test_gaps_bridged_by_odometry_are_only_info(self):
         halting = np.array([*(0.1 * np.arange(20)), *(9.0 + 0.1 * np.arange(20))])
         scan = Stream("S", "", "scan", 40, True, times=times_of(halting))
         steady = Stream("O", "", "odometry", 99, True, times=times_of(0.1 * np.arange(99)))

@@ -77,7 +77,7 @@ def test_findings(name):
     assert examination.calibration.model.time_offset == pytest.approx(offset, abs=0.03)
 
 
-def test_the_stamps_of_intel_are_told_with_the_first_that_runs_backwards():
+def test_the_first_backward_stamp_of_intel_is_reported():
     path = DATA / "radish/intel.clf.gz"
     if not path.exists():
         pytest.skip(f"{path} is absent: set CARTOLOOP_DATA to the folder of the recordings")
