@@ -16,7 +16,6 @@ from typing import Annotated
 import typer
 
 import cartoloop
-from cartoloop.cli.bench_command import bench_app
 from cartoloop.cli.commands import add_command
 from cartoloop.cli.config_command import config_app
 from cartoloop.cli.demo_command import DemoOptions, demo_command
@@ -51,7 +50,6 @@ add_command(
 )
 add_command(app, "view", view_command, ViewCommandOptions, "cartoloop view intel")
 app.add_typer(evaluate_app, name="evaluate")
-app.add_typer(bench_app, name="bench")
 app.add_typer(config_app, name="config")
 
 
@@ -74,14 +72,14 @@ def _options(
     pass
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Run the command line and return its exit status.
+def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
+    """Run a command line, by default that of ``cartoloop``, and return its exit status.
 
     0: done, 1: failed, 2: wrong usage or configuration, 130: interrupted.
     """
     debug = "--debug" in arguments  # at any position
     try:
-        app(args=[argument for argument in arguments if argument != "--debug"])
+        program(args=[argument for argument in arguments if argument != "--debug"])
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except Interrupted as interruption:

@@ -13,7 +13,7 @@ import typer
 if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
     from cartoloop.map_output.picture import Layer
-    from cartoloop.readers.options import ReadOptions
+    from cartoloop.readers.read_options import ReadOptions
     from cartoloop.sensor.pose import Pose
 
 CONFIGURATION = "Configuration"
@@ -140,7 +140,7 @@ class ReadingOptions:
         typer.BadParameter
             An option has no such value.
         """
-        from cartoloop.readers.options import ReadOptions
+        from cartoloop.readers.read_options import ReadOptions
 
         if self.echo not in ("first", "strongest"):
             raise typer.BadParameter(
