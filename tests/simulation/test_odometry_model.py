@@ -26,7 +26,9 @@ def test_perfect_odometry_is_the_motion_since_the_start():
 def test_a_scale_error_stretches_the_steps():
     straight = drive(np.array([[0.0, 0.0], [10.0, 0.0]]))
     times = np.array([0.0, 1e3])
-    poses = measured(replace(PERFECT_ODOMETRY, translation_scale=1.05), times=times, motion=straight)
+    poses = measured(
+        replace(PERFECT_ODOMETRY, translation_scale=1.05), times=times, motion=straight
+    )
     assert poses[-1] == pytest.approx([10.5, 0.0, 0.0])
     poses = measured(replace(PERFECT_ODOMETRY, rotation_scale=0.9))
     turned = np.unwrap(poses[:, 2])[-1] / np.unwrap(TRUTH[:, 2] - TRUTH[0, 2])[-1]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.doctor.odometry import OdometryWatch
 from cartoloop.local_slam.local_slam import LocalSlam
@@ -16,7 +17,6 @@ from cartoloop.local_slam.odometry_calibration import OdometryModel
 from cartoloop.readers.log import Log
 from cartoloop.sensor.event_faults import fault_of
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, SensorEvent
-from cartoloop.sensor.pose import FloatArray
 from cartoloop.stage_timer import StageTimer
 
 PART_SCANS = 1500

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.readers.carmen import CARMEN, ODOM_TAG
 from cartoloop.readers.line_log import LineLog
 from cartoloop.readers.log import Log
 from cartoloop.readers.ros.bag import BagLog
 from cartoloop.readers.ros.inventory import Inventory, TopicSummary, TransformSummary
-from cartoloop.sensor.pose import FloatArray
 
 GAP_FACTOR = 3.0
 """Periods without a message from which on a pause is a gap: one lost message is none."""

@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.doctor.findings import Finding, first_of
 from cartoloop.local_slam.odometry_calibration import OdometryModel
 from cartoloop.sensor.events import Odometry
-from cartoloop.sensor.pose import FloatArray, Pose, relative
+from cartoloop.sensor.pose import Pose, relative
 
 JUMP_M, JUMP_SPEED = 1.0, 5.0
 """Length [m] and speed [m/s] above which a step is a jump of the odometry: no robot is as fast."""

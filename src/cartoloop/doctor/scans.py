@@ -9,14 +9,12 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.doctor.findings import Finding, first_of
 from cartoloop.sensor.events import LaserScan, ScanGeometry
 from cartoloop.sensor.range_filter import USEFUL_RANGE
 from cartoloop.sensor.sensor_profile import SensorProfile
-
-FloatArray = NDArray[np.float64]
 
 MIN_RETURNS = 10
 """Returns below which a scan cannot be matched."""
@@ -89,7 +87,7 @@ class ScanWatch:
     geometry: ScanGeometry | None = None
     nearest: FloatArray = field(default_factory=lambda: np.zeros(0))
     farthest: FloatArray = field(default_factory=lambda: np.zeros(0))
-    num_measured: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    num_measured: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     _last: bytes = b""
     _last_end: float = -math.inf
 
@@ -330,7 +328,7 @@ def check_no_return(watch: ScanWatch, profile: SensorProfile) -> Finding | None:
     return None
 
 
-def _sectors(mask: NDArray[np.bool_], watch: ScanWatch) -> str:
+def _sectors(mask: BoolArray, watch: ScanWatch) -> str:
     """Return the widest sectors of the masked beams [deg]."""
     if watch.geometry is None:
         return "all"
