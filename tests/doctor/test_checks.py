@@ -363,7 +363,7 @@ class TestFrames:
     def test_two_topics_in_one_frame(self):
         found = frames.check_frames([topic(), topic("/scan_filtered")], [])
         assert [(f.code, f.count) for f in found] == [("shared_frame", 2)]
-        assert "/scan, /scan_filtered send in one frame, laser" in found[0].message
+        assert "/scan, /scan_filtered have the same frame, laser" in found[0].message
 
     def test_no_frame(self):
         assert [f.code for f in frames.check_frames([topic(frames=("",))], [])] == [
