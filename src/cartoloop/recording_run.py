@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig, config_hash
 from cartoloop.errors import InputError, Interrupted
-from cartoloop.process_memory import return_unused
+from cartoloop.runtime.process_memory import release_unused_memory
 from cartoloop.stop_request import StopRequest
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def map_recording(
     )
     observer.mapped(result, outcome.failure)
     if folder is not None:
-        return_unused()
+        release_unused_memory()
         try:
             chosen = DEFAULT_LAYERS if layers is None else layers
             save(result, folder, layers=chosen, origins=loaded.origins)

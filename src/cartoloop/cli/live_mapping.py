@@ -16,7 +16,7 @@ from cartoloop.cli.stop_signals import stop_signals
 from cartoloop.cli.view_command import wait_for_stop
 from cartoloop.errors import OutputError
 from cartoloop.live.live_run import LiveObserver, LiveOptions, map_live
-from cartoloop.process_memory import look_seldom_for_garbage, return_large_blocks
+from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
 if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
@@ -46,8 +46,8 @@ def map_source(
     layers : drawn over the picture.
     view_address : host and port of the view, None each for the default; None: no view.
     """
-    return_large_blocks()
-    look_seldom_for_garbage()
+    set_malloc_thresholds()
+    relax_gc()
     # Standard output is for poses, if they are written there.
     is_quiet = options.poses is sys.stdout.buffer
     with (
@@ -90,7 +90,7 @@ class _Display(LiveObserver):
             view.after_event(mapper)
 
         self._is_due = True
-        mapper.look(update)
+        mapper.run_on_graph_thread(update)
 
     def finishing(self, mapper: Mapper, stage: str | None) -> None:
         if stage is None:

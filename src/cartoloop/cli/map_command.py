@@ -11,6 +11,12 @@ import typer
 
 from cartoloop.cli.options import ConfigOptions, OutputOptions, ReadingOptions
 from cartoloop.cli.view_command import ViewOptions, wait_for_stop
+from cartoloop.readers.formats import format_names
+
+_LOG_HELP = (
+    "Recording; several are parts of one, in order. Its format is recognised by its content: "
+    f"{', '.join(format_names())}, or a format of an installed package."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,12 +25,12 @@ class MapOptions(ViewOptions, ReadingOptions, ConfigOptions, OutputOptions):
 
     logs: Annotated[
         list[Path],
-        typer.Argument(metavar="LOG", help="Recording; several are parts of one, in order."),
+        typer.Argument(metavar="LOG", help=_LOG_HELP),
     ]
 
 
 def map_command(options: MapOptions) -> None:
-    """Map a recording: CARMEN log, ROS 1 bag, ROS 2 recording (folder, .mcap, .db3), CSV."""
+    """Map a recording: a text log, a ROS 1 bag or a ROS 2 recording."""
     layers = options.layers
     options.require_view()
     read_options = options.read_options()

@@ -14,8 +14,8 @@ import typer
 from cartoloop.cli.progress import Progress, format_duration, progress
 from cartoloop.cli.second_process import start_second_process
 from cartoloop.cli.stop_signals import SignalStop, stop_signals
-from cartoloop.process_memory import look_seldom_for_garbage, return_large_blocks
 from cartoloop.recording_run import RunObserver, map_recording
+from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
 if TYPE_CHECKING:
     from cartoloop._jit import CompileWatch
@@ -46,8 +46,8 @@ def map_log(
     view: LiveView | None = None,
 ) -> Result:
     """Map a recording, save the map and print the summary; see `recording_run.map_recording`."""
-    return_large_blocks()
-    look_seldom_for_garbage()
+    set_malloc_thresholds()
+    relax_gc()
     with (
         stop_signals() as stop,
         compilation_notice() as compiler,

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +14,9 @@ from cartoloop.doctor.odometry import OdometryWatch
 from cartoloop.local_slam.local_slam import LocalSlam
 from cartoloop.local_slam.odometry_calibration import OdometryModel
 from cartoloop.readers.log import Log
+from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.event_faults import fault_of
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, SensorEvent
-from cartoloop.stage_timer import StageTimer
 
 PART_SCANS = 1500
 """Scans of the part that is matched: enough for an estimate, and matched within seconds."""
@@ -71,7 +70,9 @@ def calibrate(
     first = choose_part(scan_times, odometry)
     start = float(scan_times[first])
     end = float(scan_times[min(first + PART_SCANS, len(scan_times)) - 1])
-    slam = LocalSlam(Config(), StageTimer())
+    config = Config()
+    node_filter = config.global_slam.constraint_search.adaptive_voxel_filter
+    slam = LocalSlam(config.local_slam, config.sensor, node_filter, StageTimer())
     num_scans = num_matched = 0
     last = -np.inf
     for event in _between(log, start, end):
@@ -90,9 +91,8 @@ def calibrate(
 
 def _between(log: Log, start: float, end: float) -> Iterator[SensorEvent]:
     """Yield the events of a stretch of time."""
-    with closing(iter(log)) as events:  # type: ignore[type-var]
-        for event in events:
-            if event.time > end:
-                return
-            if event.time >= start:
-                yield event
+    for event in log:
+        if event.time > end:
+            return
+        if event.time >= start:
+            yield event

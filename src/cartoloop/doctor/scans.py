@@ -11,10 +11,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.config import SensorConfig
 from cartoloop.doctor.findings import Finding, first_of
 from cartoloop.sensor.events import LaserScan, ScanGeometry
-from cartoloop.sensor.range_filter import USEFUL_RANGE
 from cartoloop.sensor.sensor_profile import SensorProfile
+
+USEFUL_RANGE = SensorConfig().default_max_range
+"""Range beyond which returns are not matched [m]."""
 
 MIN_RETURNS = 10
 """Returns below which a scan cannot be matched."""

@@ -24,8 +24,8 @@ from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer
 from cartoloop.map_output.result import Result
 from cartoloop.map_output.save import prepare_folder, save, save_report
 from cartoloop.mapper import Mapper
-from cartoloop.process_memory import return_unused
 from cartoloop.recording_run import Outcome, RunObserver, completed, finish, timed
+from cartoloop.runtime.process_memory import release_unused_memory
 from cartoloop.sensor.pose import Pose
 from cartoloop.stop_request import StopRequest
 
@@ -113,7 +113,7 @@ def map_live(
     report = timed(completed(outcome.result, source.name, notices.skipped), start)
     result = replace(outcome.result, report=report)
     observer.mapped(result, outcome.failure)
-    return_unused()
+    release_unused_memory()
     save(result, out, layers=layers, origins=loaded.origins)
     result = replace(result, report=timed(report, start))
     save_report(result.report, out)
