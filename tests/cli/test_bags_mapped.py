@@ -121,11 +121,11 @@ def test_a_laser_pose_holds_for_carmen_logs_as_well(tmp_path, capsys):
     assert paths[0] != paths[1]
 
 
-def test_a_recording_cut_off_gives_the_map_of_its_part_and_an_error(recordings, tmp_path, capsys):
+def test_a_truncated_recording_gives_a_map_and_an_error(recordings, tmp_path, capsys):
     data = recordings["bag"].read_bytes()
     path = tmp_path / "cut.bag"
     path.write_bytes(data[: len(data) // 2])
     status, captured = mapped(capsys, path, "-o", tmp_path / "out")
     assert status == 1
-    assert "is of a part of the recording" in captured.err
+    assert "covers a part of the recording" in captured.err
     assert (tmp_path / "out/map.png").exists()

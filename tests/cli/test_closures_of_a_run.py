@@ -64,8 +64,8 @@ def test_the_table_shows_what_is_known(evaluate):
     paper = evaluate("closures", "OUT")[1]
     full = evaluate("closures", "OUT", "--truth", "TRUTH", "--log", "LOG")[1]
 
-    assert "Precision (20 cm, 1 degree of the map)" in paper
-    assert "of the truth" not in paper
+    assert "Precision (20 cm, 1 deg from the map)" in paper
+    assert "against the truth" not in paper
     assert set(paper.splitlines()) <= set(full.splitlines())
     assert "closed at least once" in full
 
@@ -109,7 +109,7 @@ def test_relations_score_local_slam(mapped, evaluate, tmp_path):
         (("make-relations", "OUT", "-o", "a", "--min-distance", "1e5"), 1, "try a smaller"),
     ],
 )
-def test_bad_input_is_told_in_a_line(
+def test_bad_input_is_reported_in_a_line(
     mapped, evaluate, tmp_path, monkeypatch, arguments, status, message
 ):
     monkeypatch.chdir(tmp_path)

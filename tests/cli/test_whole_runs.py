@@ -70,7 +70,7 @@ def files_of(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_one_thread_and_four_in_another_process_give_the_same_bytes(ring_log, ring_map):
+def test_one_and_four_threads_give_the_same_bytes(ring_log, ring_map):
     out = ring_log.parent / "four-threads"
     command = [sys.executable, "-m", "cartoloop", "map", str(ring_log), "-o", str(out)]
     subprocess.run(
