@@ -14,9 +14,9 @@ import numpy as np
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_search import FoundClosures, search
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.growing_array import GrowingArray
 from cartoloop.global_slam.loop_closure import FOUND, REQUEST, Closures, Requests
 from cartoloop.global_slam.node_points import NodePoints
+from cartoloop.growing_array import GrowingArray
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")

@@ -14,7 +14,6 @@ from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
-from cartoloop.global_slam.growing_array import GrowingArray
 from cartoloop.global_slam.loop_closure import (
     FOUND,
     NO_CLOSURES,
@@ -35,8 +34,8 @@ from cartoloop.global_slam.pose_graph import (
     ConstraintKind,
     PoseGraph,
 )
-from cartoloop.global_slam.robust_loss import Loss
 from cartoloop.global_slam.search_requests import SearchRequests
+from cartoloop.growing_array import GrowingArray
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.stage_timer import StageTimer
@@ -266,7 +265,7 @@ class GlobalSlam:
     def _adjust(self, max_num_iterations: int) -> None:
         config = self._config.pose_adjustment
         options = AdjustmentOptions(
-            loss=Loss(config.loss),
+            loss=config.loss,
             loss_scale=config.loss_scale,
             max_iterations=max_num_iterations,
             relative_tolerance=config.tolerance,

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from cartoloop.global_slam.loop_closure import Closures, closures_in
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.global_slam.robust_loss import Loss, loss_weights
 from cartoloop.map_output.text_files import format_stamp
+from cartoloop.pose_adjustment import loss_weights
 from cartoloop.sensor.pose import relative_all, wrap_angles
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def _rows(
         closures["runner_up"],
         np.hypot(error[:, 0], error[:, 1]),
         np.degrees(np.abs(error[:, 2])),
-        loss_weights(squared, Loss(config.loss), config.loss_scale),
+        loss_weights(squared, config.loss, config.loss_scale),
     )
     return [
         f"{stage},{submap},{node},{x!r},{y!r},{theta!r},"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-from cartoloop.kernels.schur_structure import filled
+from cartoloop.kernels.sparse_cholesky.arrays import filled
 
 IntArray = NDArray[np.int64]
 
