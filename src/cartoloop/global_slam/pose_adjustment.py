@@ -6,9 +6,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.pose_adjustment import (
     Constraints,
@@ -21,9 +19,6 @@ from cartoloop.pose_adjustment import (
     residuals,
     solve,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +163,7 @@ def constraint_ends(graph: PoseGraph) -> tuple[IntArray, IntArray]:
     return graph_problem(graph).ends()
 
 
-def held_of(graph: PoseGraph) -> NDArray[np.bool_]:
+def held_of(graph: PoseGraph) -> BoolArray:
     """Return which vertices an adjustment holds: fixed ones, the first of each part without any."""
     problem = graph_problem(graph)
     return held_vertices(problem, *problem.ends())[:-1]

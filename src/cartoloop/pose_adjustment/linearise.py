@@ -5,16 +5,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cartoloop.arrays import FloatArray
 from cartoloop.kernels import sparse_cholesky
 from cartoloop.kernels.pose_adjustment import elimination, reduced_system, steps
 from cartoloop.kernels.pose_adjustment.layout import GroupLosses
 from cartoloop.kernels.pose_adjustment.linearization import linearize_direct
 from cartoloop.pose_adjustment.plan import Plan
-
-FloatArray = NDArray[np.float64]
 
 
 def linearise(plan: Plan, poses: FloatArray, losses: GroupLosses, damping: float) -> Linearised:

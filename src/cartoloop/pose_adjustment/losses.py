@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cartoloop.arrays import FloatArray
 from cartoloop.kernels.pose_adjustment.layout import GroupLosses
 from cartoloop.kernels.pose_adjustment.losses import Loss
 from cartoloop.kernels.pose_adjustment.robust_loss import robust_loss
-
-FloatArray = NDArray[np.float64]
 
 
 class GroupLoss(NamedTuple):

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import IntArray
 from cartoloop.growing_array import GrowingArray
 from cartoloop.kernels.pose_adjustment import packing
 from cartoloop.kernels.pose_adjustment.layout import (
@@ -19,8 +19,6 @@ from cartoloop.kernels.pose_adjustment.layout import (
 )
 from cartoloop.kernels.pose_adjustment.packing import Chains, Cursor, Packed
 from cartoloop.pose_adjustment.problem import Problem
-
-IntArray = NDArray[np.int64]
 
 _MAX_STALE = 0.5
 """Share of the blocks that earlier packings may have left behind, before all is packed again:

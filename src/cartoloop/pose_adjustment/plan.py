@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.kernels import sparse_cholesky
 from cartoloop.kernels.pose_adjustment import packing
 from cartoloop.kernels.pose_adjustment.layout import (
@@ -23,9 +23,6 @@ from cartoloop.kernels.pose_adjustment.layout import (
 from cartoloop.kernels.pose_adjustment.structure import couple_vertices, slots_in_use
 from cartoloop.pose_adjustment.packed_nodes import PackedNodes
 from cartoloop.pose_adjustment.problem import Problem, held_vertices
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class Vertices(NamedTuple):

@@ -8,14 +8,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.kernels.pose_adjustment.residuals import Residuals, measure_residuals
 from cartoloop.kernels.pose_adjustment.structure import first_vertex_of_component
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 ORIGIN = np.zeros((1, 3))
 """Pose of the map frame, the last vertex: control points are constraints from it."""
@@ -176,7 +173,7 @@ class Problem:
         wrong |= c.groups[first:] < 0
         if wrong.any():
             raise IndexError(
-                f"constraint {first + int(np.argmax(wrong))} has a negative group, or a vertex that "
+                f"constraint {first + int(np.argmax(wrong))} has a negative group, or an end that "
                 f"is none of {self.num_submaps} submaps and {self.num_nodes} nodes"
             )
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.kernels.pose_adjustment.layout import GroupLosses
 from cartoloop.kernels.pose_adjustment.losses import FIXED_WEIGHTS, Loss
 from cartoloop.kernels.pose_adjustment.residuals import Residuals, measure_residuals
@@ -25,8 +25,6 @@ from cartoloop.pose_adjustment.losses import (
 )
 from cartoloop.pose_adjustment.plan import Plan
 from cartoloop.sensor.pose import wrap_angles
-
-FloatArray = NDArray[np.float64]
 
 _FIRST_DAMPING = 1e-9
 """First share of the diagonal: far below what changes a well determined step."""
@@ -220,9 +218,9 @@ def _graduate(descent: _Descent, poses: FloatArray, losses: Sequence[GroupLoss])
 class _Columns:
     """All measurements of a problem: constraints, then control points."""
 
-    groups: NDArray[np.int64]
-    vertex_a: NDArray[np.int64]
-    vertex_b: NDArray[np.int64]
+    groups: IntArray
+    vertex_a: IntArray
+    vertex_b: IntArray
     tf_a_b: FloatArray
     informations: FloatArray
 

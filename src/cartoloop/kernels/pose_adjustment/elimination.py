@@ -21,9 +21,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.kernels.pose_adjustment.layout import (
     LANES,
     LINEAR,
@@ -33,9 +33,6 @@ from cartoloop.kernels.pose_adjustment.layout import (
 )
 from cartoloop.kernels.pose_adjustment.linearization import linearize_rows, weigh_rows
 from cartoloop.kernels.sparse_cholesky.numeric import LEAST_DIAGONAL, PIVOT_TOLERANCE
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _W = LANES
 

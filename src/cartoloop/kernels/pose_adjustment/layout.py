@@ -31,11 +31,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from cartoloop.arrays import FloatArray, IntArray
 
 LANES = 8
 """Constraints side by side: a cache line of float64, one AVX-512 or two AVX2 registers."""

@@ -25,16 +25,13 @@ iteration from a drifted start.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.kernels.pose_adjustment.layout import LANES, DirectConstraints, GroupLosses, Rows
 from cartoloop.kernels.pose_adjustment.losses import FIXED_WEIGHTS
 from cartoloop.kernels.pose_adjustment.residuals import information_in_map, residual_in_map
 from cartoloop.kernels.pose_adjustment.robust_loss import robust_loss
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _W = LANES
 

@@ -9,14 +9,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.kernels.pose_adjustment.layout import LANES, WINDOW, Layout
 from cartoloop.kernels.sparse_cholesky.arrays import filled
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class Chains(NamedTuple):
@@ -65,9 +62,7 @@ class _Gathered(NamedTuple):
 
 
 @kernel
-def link_constraints(
-    first: int, index_b: IntArray, is_kept: NDArray[np.bool_], chains: Chains
-) -> None:
+def link_constraints(first: int, index_b: IntArray, is_kept: BoolArray, chains: Chains) -> None:
     """Add the constraints from `first` on to the list of their node.
 
     Parameters

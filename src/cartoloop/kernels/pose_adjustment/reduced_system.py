@@ -12,14 +12,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.kernels.pose_adjustment.layout import LANES, DirectConstraints, Layout
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _W = LANES
 

@@ -19,12 +19,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from cartoloop.arrays import FloatArray, IntArray
 
 _FULL_TURN = 2.0 * math.pi
 

@@ -8,13 +8,10 @@ L^-T (v + L^-1 sum_i A_i T_i s_i).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.kernels.pose_adjustment.layout import LANES, Layout
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _W = LANES
 

@@ -7,13 +7,11 @@ All of it depends on which vertices the constraints connect, not on any pose or 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import IntArray
 from cartoloop.kernels.pose_adjustment.layout import Layout
 from cartoloop.kernels.sparse_cholesky.arrays import filled
-
-IntArray = NDArray[np.int64]
 
 
 @kernel

@@ -4,11 +4,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-
-IntArray = NDArray[np.int64]
+from cartoloop.arrays import IntArray
 
 
 @kernel

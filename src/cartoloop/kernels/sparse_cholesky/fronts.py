@@ -12,12 +12,10 @@ the compiler needs to turn them into vector instructions.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import IntArray
 from cartoloop.kernels.sparse_cholesky.arrays import filled, padded
-
-IntArray = NDArray[np.int64]
 
 
 @kernel

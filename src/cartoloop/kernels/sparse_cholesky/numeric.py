@@ -14,14 +14,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.kernels.sparse_cholesky.arrays import padded
 from cartoloop.kernels.sparse_cholesky.symbolic import Plan
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 PIVOT_TOLERANCE = 1e-13
 """A pivot below this share of the system's diagonal is rounding error: the system is singular."""

@@ -13,12 +13,10 @@ What is known of vertex i is row i of the array `state`; elements have the numbe
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import IntArray
 from cartoloop.kernels.sparse_cholesky.arrays import filled
-
-IntArray = NDArray[np.int64]
 
 # columns of `state`: of a variable
 _WEIGHT = 0  # vertices that it stands for; 0 once it is eliminated or merged with another

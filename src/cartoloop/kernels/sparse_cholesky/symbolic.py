@@ -5,14 +5,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cartoloop.arrays import IntArray
 from cartoloop.kernels.sparse_cholesky import fronts
 from cartoloop.kernels.sparse_cholesky.arrays import both_halves
 from cartoloop.kernels.sparse_cholesky.ordering import minimum_degree
-
-IntArray = NDArray[np.int64]
 
 MAX_ZEROS_OF_A_FRONT = 8
 """Blocks of zeros that merging small fronts may store: the fastest of 0 to 64 on public graphs."""
