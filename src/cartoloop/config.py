@@ -236,9 +236,8 @@ class PoseAdjustmentConfig(Section):
     loss_scale: float | None = Field(
         None,
         gt=0,
-        description="whitened residual beyond which the loss limits a closure's influence; "
-        "None: the loss's own default, 3 for huber, cauchy and dynamic_covariance_scaling, "
-        "4 for graduated_non_convexity",
+        description="whitened residual beyond which the loss limits a closure's influence; None: "
+        + ", ".join(f"{loss.default_scale:g} ({loss})" for loss in Loss),
     )
     intra_submap_weight: float = Field(
         0.7,

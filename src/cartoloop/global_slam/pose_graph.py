@@ -28,7 +28,7 @@ TRUE_TRANSLATION_M, TRUE_ROTATION_RAD = 0.2, math.radians(1.0)
 
 
 class ConstraintKind(IntEnum):
-    """What a constraint ties together, and how it came about."""
+    """What a constraint connects, and how it came about."""
 
     INTRA_SUBMAP = 0
     """Submap (a) to a node (b) that was inserted into it."""
@@ -220,7 +220,7 @@ class PoseGraph:
             If a constraint names a submap or a node that is not in the graph.
         ValueError
             If there are not as many of each, a pose or an information matrix is not finite, or a
-            matrix not symmetric or with a negative diagonal, or a node is tied to itself.
+            matrix not symmetric or with a negative diagonal, or a node is constrained to itself.
         """
         index_a = np.array(index_a, dtype=np.int64, ndmin=1)
         index_b = np.array(index_b, dtype=np.int64, ndmin=1)
@@ -294,7 +294,7 @@ class PoseGraph:
 
 
 _FAULTS = {
-    faults.SAME_NODE: "a constraint ties a node to itself",
+    faults.SAME_NODE: "a constraint connects a node to itself",
     faults.NOT_FINITE: "a constraint holds a number that is not finite",
     faults.NOT_SYMMETRIC: "an information matrix is not symmetric",
     faults.NEGATIVE: "an information matrix has a negative diagonal",

@@ -18,6 +18,7 @@ from cartoloop.kernels.pose_adjustment.layout import (
     Rows,
 )
 from cartoloop.kernels.pose_adjustment.packing import Chains, Cursor, Packed
+from cartoloop.kernels.pose_adjustment.rows import fill_rows
 from cartoloop.pose_adjustment.problem import Problem
 
 _MAX_STALE = 0.5
@@ -128,7 +129,7 @@ class PackedNodes:
         self._sums.grow(len(slot_ends))
         self._factors.grow(num_blocks)
         self._weights.grow(num_rows)[:] = 1.0
-        packing.fill_rows(
+        fill_rows(
             packed.ids,
             constraints.groups,
             constraints.tf_a_b,

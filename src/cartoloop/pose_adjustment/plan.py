@@ -10,7 +10,6 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.kernels import sparse_cholesky
-from cartoloop.kernels.pose_adjustment import packing
 from cartoloop.kernels.pose_adjustment.layout import (
     LANES,
     LINEAR,
@@ -20,6 +19,7 @@ from cartoloop.kernels.pose_adjustment.layout import (
     Layout,
     Rows,
 )
+from cartoloop.kernels.pose_adjustment.rows import fill_rows, read_weights
 from cartoloop.kernels.pose_adjustment.structure import couple_vertices, slots_in_use
 from cartoloop.pose_adjustment.packed_nodes import PackedNodes
 from cartoloop.pose_adjustment.problem import Problem, held_vertices
@@ -69,7 +69,7 @@ class Plan:
     ----------
     problem : what is solved.
     layout, elimination : the nodes that are eliminated.
-    direct : the constraints between two vertices of which neither is eliminated.
+    direct : the constraints between two vertices that are both not eliminated.
     vertices : which vertices are kept.
     reduced : the system of these.
     num_groups : groups of constraints: each needs a loss.
@@ -96,7 +96,7 @@ class Plan:
     def weights(self) -> FloatArray:
         """Return rho' as of the last linearisation: constraints, then control points."""
         weights = np.ones(self.num_weights)
-        packing.read_weights(self.layout, weights)
+        read_weights(self.layout, weights)
         rows = self.direct.rows
         weights[rows.ids[rows.ids >= 0]] = rows.weights[rows.ids >= 0]
         return weights
@@ -197,9 +197,7 @@ def _direct_constraints(problem: Problem, kept_nodes: IntArray) -> DirectConstra
         np.empty((num_rows, MEASURED)),
         np.ones((num_rows, LANES)),
     )
-    packing.fill_rows(
-        local, groups, tf_a_b, informations.reshape(-1, 9), rows.measured, rows.groups
-    )
+    fill_rows(local, groups, tf_a_b, informations.reshape(-1, 9), rows.measured, rows.groups)
     place_of = np.where(local < 0, local[:, :1], local)
     return DirectConstraints(
         rows, vertex_a, vertex_b, place_of, np.empty((ids.size, 5)), np.empty((num_rows, LINEAR))

@@ -235,7 +235,7 @@ def minimum_degree(begin: IntArray, neighbours: IntArray) -> tuple[IntArray, Int
     Returns
     -------
     order : int64, shape (n,), the vertices in their order of elimination.
-    group_begin : int64, shape (n + 1,), of which the first num_groups + 1 count, from 0 up to n.
+    group_begin : int64, shape (n + 1,); the first num_groups + 1 are used, from 0 up to n.
     num_groups : int64.
     """
     n = begin.size - 1
