@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bad recordings from end to end: what can be mapped is mapped, the rest is told with its place."""
+"""Bad recordings from end to end: what can be mapped is mapped, the rest is reported with its place."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def test_nan_infinite_and_negative_ranges_are_no_returns(lines, mapped):
     assert result.num_walls == pytest.approx(num_walls, rel=0.1)
 
 
-def test_zero_scans_are_told_in_a_line(mapped):
+def test_zero_scans_are_reported_in_one_line(mapped):
     result = mapped([f"ODOM {0.1 * k:.2f} 0 0 0.5 0 0 {100 + k} host {100 + k}" for k in range(9)])
 
     assert result.status == 1
@@ -186,7 +186,7 @@ def test_one_scan_makes_a_map(lines, mapped):
     assert result.report["input"]["duration_s"] == 0.0
 
 
-def test_without_any_return_the_map_is_empty_and_that_is_an_error(lines, mapped):
+def test_without_any_return_the_empty_map_is_an_error(lines, mapped):
     def nothing(ranges):
         return ["81.91"] * len(ranges)
 
@@ -201,7 +201,7 @@ def test_without_any_return_the_map_is_empty_and_that_is_an_error(lines, mapped)
     assert "bad.log: no scan shows enough to be mapped" in result.error
 
 
-def test_a_file_name_that_is_no_text_costs_nobody_the_map(lines, mapped):
+def test_a_file_name_that_is_no_text_is_mapped(lines, mapped):
     try:
         result = mapped(lines, os.fsdecode(b"b\xfcro.log"))
     except OSError:
@@ -213,7 +213,7 @@ def test_a_file_name_that_is_no_text_costs_nobody_the_map(lines, mapped):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="names are text there")
-def test_a_file_name_that_the_terminal_cannot_show_is_told_all_the_same():
+def test_a_file_name_beyond_the_terminal_encoding_is_shown():
     command = subprocess.run(
         [sys.executable, "-m", "cartoloop", "doctor", b"b\xfcro.log"],
         env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"},
@@ -226,7 +226,7 @@ def test_a_file_name_that_the_terminal_cannot_show_is_told_all_the_same():
     assert command.stderr == b""
 
 
-def test_a_gap_of_ten_hours_is_told_and_bridged(lines, mapped):
+def test_a_gap_of_ten_hours_is_reported_and_bridged(lines, mapped):
     middle = scan_places(lines)[60] + 1
     later = [with_stamp(line, lambda stamp: stamp + 36_000.0) for line in lines[middle:]]
 
@@ -261,7 +261,7 @@ def test_a_robot_that_never_moves_stays_where_it_is(lines, mapped):
 @pytest.mark.parametrize(
     ("name", "content"), [("notes.txt", b"no log at all\n" * 9), ("noise.bin", bytes(range(256)))]
 )
-def test_a_file_that_is_no_log_is_told_in_a_line(mapped, name, content):
+def test_a_file_that_is_no_log_is_reported_in_one_line(mapped, name, content):
     result = mapped(content, name)
 
     assert result.status == 1
@@ -271,7 +271,7 @@ def test_a_file_that_is_no_log_is_told_in_a_line(mapped, name, content):
     assert not result.out.exists()
 
 
-def test_a_file_in_the_way_of_the_folder_is_told_before_mapping(lines, mapped, tmp_path):
+def test_a_file_at_the_output_path_is_reported_before_mapping(lines, mapped, tmp_path):
     (tmp_path / "out").write_text("something precious")
 
     result = mapped(lines)

@@ -35,25 +35,25 @@ class Live:
             env=os.environ | {"PYTHONUNBUFFERED": "1"},
             **options,
         )
-        self.told = []
+        self.reported = []
 
     def wait_for(self, pattern):
-        """Return the first match in a line that is told from now on."""
+        """Return the first match in a line that is printed from now on."""
         for raw in self.process.stderr:
-            self.told.append(raw.decode())
-            if match := re.search(pattern, self.told[-1]):
+            self.reported.append(raw.decode())
+            if match := re.search(pattern, self.reported[-1]):
                 return match
-        raise AssertionError(f"never told {pattern}: {self.told}")
+        raise AssertionError(f"never printed {pattern}: {self.reported}")
 
     def end(self):
         """Return output and exit status of the command, which ends by itself."""
         out, err = self.process.communicate(timeout=120.0)
-        self.told += err.decode().splitlines(keepends=True)
+        self.reported += err.decode().splitlines(keepends=True)
         return out.decode(), self.process.returncode
 
     @property
     def text(self):
-        return "".join(self.told)
+        return "".join(self.reported)
 
     def address(self):
         match = self.wait_for(r"listening on \w+://(127.0.0.1):(\d+)")
@@ -154,7 +154,7 @@ def test_a_killed_process_leaves_the_map(live, tmp_path):
     assert not list(tmp_path.glob("report.json"))
 
 
-def test_a_flood_is_survived_and_what_is_lost_is_told(live, tmp_path):
+def test_a_flood_is_survived_and_losses_are_reported(live, tmp_path):
     command = live("-", "-o", tmp_path, "--end-after", "1")
     command.wait_for("reading messages")
     for _ in range(3):
@@ -169,12 +169,12 @@ def test_a_flood_is_survived_and_what_is_lost_is_told(live, tmp_path):
     assert f"{dropped} scans dropped" in out
 
 
-def test_a_silent_source_is_told_and_ends_when_the_user_said_so(live, tmp_path):
+def test_a_silent_source_is_reported_and_ends_as_asked(live, tmp_path):
     command = live("tcp://127.0.0.1:0", "-o", tmp_path, "--end-after", "2.5")
     with socket.create_connection(command.address()) as robot:
         robot.sendall(b"".join(lines()))
         command.wait_for("nothing has come for 2 s; waiting")
-        command.wait_for("nothing has come for 2.5 s: that was the end")
+        command.wait_for("nothing has come for 2.5 s: the source has ended")
         _, status = command.end()
 
     assert status == 0
@@ -211,15 +211,15 @@ def test_the_view_shows_a_live_map(live, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "status", "told"),
+    ("arguments", "status", "reported"),
     [
-        (["tcp://0.0.0.0:7000"], 1, "say so with --host 0.0.0.0"),
+        (["tcp://0.0.0.0:7000"], 1, "allow it with --host 0.0.0.0"),
         (["nothing.log"], 1, "nothing.log: cannot be read"),
         (["-", "--port", "8000"], 2, "means nothing without --view"),
         (["-", "--poses", "no/such/folder"], 1, "--poses no/such/folder: cannot be written"),
     ],
 )
-def test_wrong_usage_is_told_in_a_line(arguments, status, told, tmp_path):
+def test_wrong_usage_is_reported_in_one_line(arguments, status, reported, tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "cartoloop", "live", *arguments, "-o", str(tmp_path / "out")],
         input=b"",
@@ -229,6 +229,6 @@ def test_wrong_usage_is_told_in_a_line(arguments, status, told, tmp_path):
     )
 
     assert done.returncode == status
-    assert told in done.stderr.decode()
+    assert reported in done.stderr.decode()
     assert "Traceback" not in done.stderr.decode()
     assert Path(tmp_path).exists()

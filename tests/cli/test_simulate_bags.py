@@ -54,7 +54,7 @@ def test_a_level_bag_holds_odometry(tmp_path):
         ),
     ],
 )
-def test_what_cannot_be_done_is_told(args, reason, tmp_path, monkeypatch, capsys):
+def test_impossible_options_are_refused(args, reason, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert simulate(*args) != 0
     assert reason in capsys.readouterr().err

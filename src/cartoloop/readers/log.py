@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every recording offers, whatever its format, and the problems found while reading it."""
+"""The interface of recordings of all formats, and the problems found while reading them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MAX_PROBLEMS_PER_KIND = 5
 
 
 def short_name(path: Path) -> str:
-    """Return the last component of a path as text, whatever bytes the file system has in it."""
+    """Return the last component of a path as text, also where the name is not valid UTF-8."""
     return os.fsencode(path.name).decode("utf-8", "replace")
 
 
