@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.arrays import FloatArray
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.kernels.nested_lists import find_lists
 from cartoloop.readers.ros.wire import (
     Cursor,
