@@ -127,7 +127,7 @@ def test_a_log_cut_off_can_be_mapped_and_has_an_error(good_log, tmp_path):
     ("content", "message"),
     [
         (b"", "is empty"),
-        (b"hello\n", "is no CARMEN log"),
+        (b"hello\n", "is not in a known format"),
         (bytes(range(256)), "is binary"),
         (b"\x1f\x8bgarbage", "gzip stream is damaged"),
         (b"ODOM 0 0 0 0 0 0 1 h 1\n", "holds no laser scans"),

@@ -90,7 +90,7 @@ def calibrate(
 
 def _between(log: Log, start: float, end: float) -> Iterator[SensorEvent]:
     """Yield the events of a stretch of time."""
-    with closing(iter(log)) as events:  # type: ignore[type-var]
+    with closing(iter(log)) as events:
         for event in events:
             if event.time > end:
                 return

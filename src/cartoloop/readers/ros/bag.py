@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
 from cartoloop.errors import InputError
-from cartoloop.readers.log import LogBase, ProblemLog, short_name
+from cartoloop.readers.log import EventGenerator, LogBase, ProblemLog, short_name
 from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros.choice import TopicChoice, choose_topics
 from cartoloop.readers.ros.container import BagFinding, Container
@@ -99,7 +99,7 @@ class BagLog(LogBase):
         first = min(float(times.times[0]) for times in self._times)
         return max(float(times.times[-1]) for times in self._times) - first
 
-    def _events(self, problems: ProblemLog) -> Iterator[SensorEvent]:
+    def _events(self, problems: ProblemLog) -> EventGenerator:
         """Yield the events in the order of their times; bad messages are skipped and counted.
 
         Raises
