@@ -201,7 +201,7 @@ def test_a_recording_without_returns_is_an_error(lines, mapped):
     assert "bad.log: no scan has enough returns to be mapped" in result.error
 
 
-def test_a_file_name_that_is_no_text_costs_nobody_the_map(lines, mapped):
+def test_a_file_name_that_is_no_text_is_mapped(lines, mapped):
     try:
         result = mapped(lines, os.fsdecode(b"b\xfcro.log"))
     except OSError:

@@ -76,7 +76,7 @@ def test_all_formats_give_one_map(recordings, tmp_path, capsys):
     assert len(maps) == len(paths) == 1
 
 
-def test_what_is_chosen_may_be_overruled(recordings, tmp_path, capsys):
+def test_the_choice_of_topics_may_be_overruled(recordings, tmp_path, capsys):
     status, captured = mapped(
         capsys, recordings["bag"], "-o", tmp_path / "out",
         "--scan-topic", "/scan", "--odom-topic", "none", "--laser-pose", "0.5,0,1.5",
@@ -98,7 +98,9 @@ def test_what_is_chosen_may_be_overruled(recordings, tmp_path, capsys):
         (["--echo", "last"], 2, "choose first or strongest"),
     ],
 )
-def test_what_cannot_be_is_one_line(recordings, options, status, message, tmp_path, capsys):
+def test_impossible_requests_are_refused_in_one_line(
+    recordings, options, status, message, tmp_path, capsys
+):
     found, captured = mapped(capsys, recordings["bag"], "-o", tmp_path / "out", *options)
     assert found == status
     assert message in captured.err

@@ -174,7 +174,7 @@ def test_a_silent_source_is_reported_and_ends_after_end_after(live, tmp_path):
     with socket.create_connection(command.address()) as robot:
         robot.sendall(b"".join(lines()))
         command.wait_for("nothing has come for 2 s; waiting")
-        command.wait_for("nothing has come for 2.5 s: that was the end")
+        command.wait_for("nothing has come for 2.5 s: the source has ended")
         _, status = command.end()
 
     assert status == 0
@@ -216,7 +216,7 @@ def test_the_view_shows_a_live_map(live, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "status", "shown"),
     [
-        (["tcp://0.0.0.0:7000"], 1, "say so with --host 0.0.0.0"),
+        (["tcp://0.0.0.0:7000"], 1, "allow it with --host 0.0.0.0"),
         (["nothing.log"], 1, "nothing.log: cannot be read"),
         (["-", "--port", "8000"], 2, "has no effect without --view"),
         (["-", "--poses", "no/such/folder"], 1, "--poses no/such/folder: cannot be written"),

@@ -132,7 +132,7 @@ def test_a_log_cut_off_can_be_mapped_and_has_an_error(good_log, tmp_path):
         (b"\x1f\x8bgarbage", "gzip stream is damaged"),
         (b"ODOM 0 0 0 0 0 0 1 h 1\n", "holds no laser scans"),
         (b"Laser 3 1 x 2\n", "is not a number"),
-        (b"time,r0,r1\n0,1,2\n", "nothing tells angle_min"),
+        (b"time,r0,r1\n0,1,2\n", "angle_min is missing"),
     ],
 )
 def test_what_cannot_be_mapped_is_an_error_with_a_remedy(tmp_path, content, message):

@@ -91,8 +91,9 @@ def calibrate(
 
 def _between(log: Log, start: float, end: float) -> Iterator[SensorEvent]:
     """Yield the events of a stretch of time."""
-    for event in log:
-        if event.time > end:
-            return
-        if event.time >= start:
-            yield event
+    with closing(iter(log)) as events:
+        for event in events:
+            if event.time > end:
+                return
+            if event.time >= start:
+                yield event

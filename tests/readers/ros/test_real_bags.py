@@ -92,7 +92,7 @@ def test_the_guardian_is_read_with_both_scanners_and_odometry(
     assert (np.diff([event.time for event in events]) >= 0.0).all()
 
 
-def test_the_inventory_of_the_guardian_names_odometry_and_transforms():
+def test_the_inventory_of_the_guardian_names_its_odometry():
     log = bag("guardian_3")
     topics = {topic.topic: topic for topic in log.inventory.topics}
     assert topics["/guardian_node/odom"].reason == "the only odometry"
