@@ -11,10 +11,14 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from cartoloop.sensor.events import LaserScan
 from cartoloop.simulation import corridor, simulate
 from cartoloop.simulation.lidar import Lidar
+from tests.limits import LIMIT_S
+
+pytestmark = pytest.mark.slow
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -85,7 +89,7 @@ def test_send_scans(tmp_path):
         told = iter(command.stderr.readline, "")
         port = next(m[1] for line in told if (m := re.search(r"127\.0\.0\.1:(\d+) ", line)))
         load("send_scans").main(int(port))
-        out, _ = command.communicate(timeout=60.0)
+        out, _ = command.communicate(timeout=LIMIT_S)
     finally:
         command.kill()
         command.communicate()

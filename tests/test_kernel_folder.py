@@ -51,13 +51,12 @@ def test_a_turn_is_one_process_alone_until_it_gives_it_back(tmp_path, other):
     assert not turns.is_taken("voxel_filter")
 
 
-def test_a_process_that_is_killed_holds_up_nobody(tmp_path, other):
+def test_a_process_that_is_killed_holds_up_nobody(tmp_path, other, monkeypatch):
+    monkeypatch.setattr(_kernel_folder, "_PATIENCE_S", 1e9)
     turns = Turns(tmp_path)
     assert turns.is_taken("voxel_filter")
     other.kill()
-    start = time.monotonic()
     turns.wait("voxel_filter")
-    assert time.monotonic() - start < 10.0
     assert not turns.is_taken("voxel_filter")
 
 
@@ -66,16 +65,15 @@ def test_nobody_waits_forever(tmp_path, other, monkeypatch):
     turns = Turns(tmp_path)
     start = time.monotonic()
     turns.wait("voxel_filter")
-    assert 0.05 <= time.monotonic() - start < 10.0
+    assert time.monotonic() - start >= 0.05
 
 
 def test_patience_is_lost_once_for_all_kernels(tmp_path, other, monkeypatch):
     monkeypatch.setattr(_kernel_folder, "_PATIENCE_S", 0.5)
     turns = Turns(tmp_path)
     turns.wait("voxel_filter")
-    start = time.monotonic()
+    monkeypatch.setattr(time, "sleep", lambda seconds: pytest.fail("waits again"))
     turns.wait("voxel_filter")
-    assert time.monotonic() - start < 0.4
 
 
 def test_nobody_waits_where_there_is_no_file_for_turns(tmp_path):

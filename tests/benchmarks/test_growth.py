@@ -2,9 +2,13 @@
 from itertools import pairwise
 from pathlib import Path
 
+import pytest
+
 from cartoloop.benchmarks.growth import Checkpoint, grow
 from cartoloop.benchmarks.scaling import _part, _whole
 from cartoloop.simulation import make_world, simulate
+
+pytestmark = pytest.mark.slow
 
 
 def test_checkpoints_follow_the_run_and_end_with_the_finished_map(tmp_path: Path) -> None:

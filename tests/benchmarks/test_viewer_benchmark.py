@@ -3,10 +3,14 @@
 
 from __future__ import annotations
 
+import pytest
+
 from cartoloop.benchmarks.record import Figure, Record, Row, read_record
 from cartoloop.benchmarks.view.benchmark import misses
 from cartoloop.cli.main import run
 from cartoloop.simulation import ring, simulate
+
+pytestmark = pytest.mark.slow
 
 
 def test_all_that_has_a_bar_is_measured(tmp_path, capsys, monkeypatch):

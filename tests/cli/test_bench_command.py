@@ -10,6 +10,8 @@ import pytest
 from cartoloop.benchmarks.record import Record
 from cartoloop.cli.main import run
 
+pytestmark = pytest.mark.slow
+
 KERNEL = "simulate a scan"
 """What needs the least to be measured."""
 

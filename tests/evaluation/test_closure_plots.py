@@ -12,6 +12,8 @@ from cartoloop.evaluation.closure_plots import closures_plot, draw_closures
 from cartoloop.evaluation.finished_run import read_run
 from tests.evaluation.hand_made_run import closure, hand_made_result
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def run(tmp_path):

@@ -21,6 +21,8 @@ from cartoloop.evaluation.plots import (
     trajectory_plot,
 )
 
+pytestmark = pytest.mark.slow
+
 RNG = np.random.default_rng(0)
 STAMPS = 1e9 + np.arange(50.0)
 PATH = np.column_stack((np.arange(50.0), np.sin(np.arange(50.0) / 9)))

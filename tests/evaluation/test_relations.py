@@ -172,6 +172,7 @@ def test_a_missing_relations_file_is_an_input_error(tmp_path):
         read_relations(tmp_path / "none.relations")
 
 
+@pytest.mark.data
 @pytest.mark.parametrize(("name", "count"), [("intel", 2984), ("mit-csail", 1172), ("fr079", 1685)])
 def test_reads_the_published_files(name, count):
     path = DATA / "radish" / f"{name}.relations"

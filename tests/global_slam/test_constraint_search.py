@@ -180,7 +180,7 @@ def test_what_is_not_done_is_left_for_the_next_time(monkeypatch):
     may_end = Event()
 
     def search(submap, requests, node_points, config):
-        assert may_end.wait(10.0)
+        assert may_end.wait(300.0)
         return FoundClosures(all_met(requests), len(requests))
 
     monkeypatch.setattr(constraint_search, "search", search)

@@ -14,6 +14,8 @@ from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.readers.g2o import read_g2o
 from tests.global_slam.bipartite_graph import all_poses, walk
 
+pytestmark = pytest.mark.slow
+
 gtsam = pytest.importorskip("gtsam", reason="install the extra 'oracles' to compare with GTSAM")
 
 DATA = Path(os.environ.get("CARTOLOOP_DATA", Path(__file__).parents[2] / "../shared/data"))

@@ -138,6 +138,7 @@ GRAPHS = {
 }
 
 
+@pytest.mark.data
 @pytest.mark.parametrize("name", GRAPHS)
 def test_a_public_graph_is_read_whole(name):
     path = DATA / f"pose-graphs/{name}.g2o.gz"

@@ -7,10 +7,9 @@ from contextlib import ExitStack
 
 import pytest
 
-from cartoloop import Config, Mapper
+from cartoloop import Config
 from cartoloop.benchmarks.browser import NoBrowserError, browser
 from cartoloop.map_file.load import load_map
-from cartoloop.simulation import ring, simulate
 from cartoloop.viewer.view import LiveView, serve_result
 
 
@@ -26,14 +25,9 @@ def chromium():
 
 
 @pytest.fixture(scope="session")
-def result(tmp_path_factory):
+def result(ring_result, shared_files):
     """A ring of corridors with loops closed, saved and loaded."""
-    mapper = Mapper()
-    for event in simulate(ring(), seed=1, duration=125.0).events():
-        mapper.add(event)
-    out = tmp_path_factory.mktemp("ring")
-    mapper.finish().save(out)
-    return load_map(out)
+    return load_map(shared_files.path("ring_saved", ring_result.save))
 
 
 @pytest.fixture(scope="module")
@@ -46,15 +40,15 @@ def server(result):
 
 
 @pytest.fixture(scope="session")
-def events():
-    """Once round a ring and on a bit: a loop closes."""
-    return list(simulate(ring(), seed=1, duration=150.0).events())
+def events(ring_events):
+    """Once around a ring and a little further: a loop closes."""
+    return ring_events
 
 
 @pytest.fixture
 def view():
     """Shows the ring while it is mapped."""
-    view = LiveView("ring", Config(), scans_total=750, duration_s=150.0, port=0)
+    view = LiveView("ring", Config(), scans_total=626, duration_s=125.0, port=0)
     yield view
     view.close()
     assert view.failure is None

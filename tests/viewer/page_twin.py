@@ -11,6 +11,7 @@ import numpy as np
 from websockets.sync.client import connect
 
 from cartoloop.viewer.protocol import MessageType, messages
+from tests.limits import LIMIT_S
 
 
 class Page:
@@ -189,11 +190,13 @@ def join(url, **options):
     """Return a connection to the server at the URL that it told, as its own page opens it."""
     place, _, query = url.partition("?")
     options.setdefault("origin", place.rstrip("/"))
+    options.setdefault("open_timeout", LIMIT_S)
+    options.setdefault("ping_interval", None)  # a machine may be too busy to answer in time
     socket = place.replace("http:", "ws:") + "socket" + (f"?{query}" if query else "")
     return connect(socket, max_size=None, compression=None, **options)
 
 
-def look(connection, page=None, until=lambda page: page.is_complete, timeout=60.0):
+def look(connection, page=None, until=lambda page: page.is_complete, timeout=LIMIT_S):
     """Receive until the page knows enough, and return it."""
     page = page or Page()
     end = monotonic() + timeout

@@ -12,12 +12,14 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from tests.limits import LIMIT_S
+
 SIZE = (1280, 800)
 
 SCREENSHOTS = "CARTOLOOP_SCREENSHOTS"
 """Environment variable: a folder in which pictures of the page are kept, for the documentation."""
 
-TIMEOUT_MS = 60_000
+TIMEOUT_MS = 1000.0 * LIMIT_S
 
 
 class RealPage:

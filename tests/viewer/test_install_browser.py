@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.limits import LIMIT_S
+
 SCRIPT = Path(__file__).parent / "install_browser.sh"
 NEEDED = ("sh", "env", "mktemp", "rm", "tail", "timeout", "chmod", "true")
 
@@ -32,7 +34,7 @@ def install(tmp_path):
             capture_output=True,
             text=True,
             check=False,
-            timeout=60,
+            timeout=LIMIT_S,
         )
         assert done.returncode == 0, done.stderr
         assert done.stderr == ""

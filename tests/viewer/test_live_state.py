@@ -8,7 +8,6 @@ from collections import Counter
 import pytest
 
 from cartoloop import Config, Mapper
-from cartoloop.simulation import ring, simulate
 from cartoloop.viewer.feed import Feed, whole
 from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.playback import Playback
@@ -18,10 +17,10 @@ from tests.viewer.page_twin import Page
 
 
 @pytest.fixture(scope="module")
-def updates_and_result():
-    """An update after each scan of a way round a ring, and the finished map."""
+def updates_and_result(ring_events):
+    """An update after each scan of a drive around a ring, and the finished map."""
     mapper, feed, updates = Mapper(), Feed(), []
-    for event in simulate(ring(), seed=1, duration=125.0).events():
+    for event in ring_events:
         mapper.add(event)
         feed.after_event(mapper)
         if (update := feed.take()) is not None:

@@ -115,7 +115,7 @@ def test_a_server_that_says_nothing_more_is_told(chromium, server):
         page.page.route_web_socket("**/socket", relay)
         page.page.goto(server.url)
         page.settle()
-        assert page.page.text_content("#state") == "finished"
+        page.page.get_by_text("finished", exact=True).wait_for()
 
         num_mute = len(routes)
         page.page.get_by_text("no answer from the program", exact=True).wait_for()

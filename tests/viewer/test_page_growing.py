@@ -11,6 +11,7 @@ import pytest
 
 from cartoloop import Config, Mapper
 from cartoloop.viewer.view import LiveView
+from tests.limits import LIMIT_S
 from tests.viewer.real_page import TIMEOUT_MS, opened
 
 
@@ -130,7 +131,7 @@ def test_pausing_and_playing_from_the_page(chromium, view, mapper, events):
         assert mapper.num_scans == 0
         page.page.keyboard.press(" ")
         page.wait("s.readings.state !== 'paused'")
-        mapping.join(60.0)
+        mapping.join(LIMIT_S)
         assert not mapping.is_alive()
         see(page, mapper, view)
 

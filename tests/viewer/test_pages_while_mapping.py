@@ -5,27 +5,18 @@ from __future__ import annotations
 
 import json
 import threading
-import time
 from contextlib import closing
 from itertools import islice
 
 import numpy as np
-import pytest
 
 from cartoloop import Config, Mapper
-from cartoloop.viewer.budget import MAX_REST_S
+from cartoloop.submaps.finished_grid import quantize_probabilities
 from cartoloop.viewer.protocol import MessageType
+from cartoloop.viewer.textures import drawn_cells
 from cartoloop.viewer.view import LiveView
+from tests.limits import LIMIT_S, wait_until
 from tests.viewer.page_twin import join, look
-
-
-@pytest.fixture(scope="module", autouse=True)
-def compiled(events):
-    """Mapped once, so that all is compiled."""
-    mapper = Mapper()
-    for event in events:
-        mapper.add(event)
-    mapper.finish()
 
 
 def add(mapper, view, events):
@@ -54,10 +45,19 @@ def look_at_all(connection, page, mapper, view):
     return look(connection, page, has_seen)
 
 
-def settle(connection, page):
-    """Receive until growing submaps, which may wait when there is much to do, have come, too."""
-    end = time.monotonic() + MAX_REST_S + 0.3
-    look(connection, page, lambda page: time.monotonic() > end)
+def settle(connection, page, mapper):
+    """Receive until the page shows the growing submaps as they are: they are drawn less often."""
+    cells = {
+        submap.index: drawn_cells(quantize_probabilities(submap.grid.cells))
+        for submap in mapper.active_submaps
+    }
+
+    def shows_all(page):
+        return cells.keys() <= page.submaps.keys() and all(
+            np.array_equal(page.submaps[submap]["cells"], own) for submap, own in cells.items()
+        )
+
+    look(connection, page, shows_all)
 
 
 def test_one_that_was_there_all_along_and_one_that_joins_late_see_the_same(view, events):
@@ -68,7 +68,7 @@ def test_one_that_was_there_all_along_and_one_that_joins_late_see_the_same(view,
         assert page.submaps == {}
         add(mapper, view, events)
         look_at_all(early, page, mapper, view)
-        settle(early, page)
+        settle(early, page, mapper)
         with join(view.url) as late:
             late_page = look(late)
 
@@ -160,8 +160,7 @@ def test_patches_and_pieces_add_up_to_what_is_sent_whole(events):
         for first in range(0, 300, 20):
             add(mapper, view, islice(events, first, first + 20))
             look_at_all(connection, page, mapper, view)
-            time.sleep(0.3)  # patches are paced by the clock, however fast the machine maps
-        settle(connection, page)
+            settle(connection, page, mapper)
         with join(view.url) as other:
             same_picture(page, look(other))
         assert page.order.count(MessageType.SUBMAP_PATCH) >= 5
@@ -194,13 +193,13 @@ def test_pausing_stops_mapping_and_playing_goes_on(view, events):
         look(connection, page, lambda page: page.playback["paused"])
         mapping = threading.Thread(target=add, args=(mapper, view, events[:100]))
         mapping.start()
-        time.sleep(0.3)
+        wait_until(lambda: view.paused_s >= 0.3)
         assert mapper.num_scans == 0
         connection.send('{"type": "speed", "value": 1000.0}')
         look(connection, page, lambda page: page.playback["speed"] == 1000.0)
         assert mapper.num_scans == 0
         connection.send('{"type": "play"}')
-        mapping.join(20.0)
+        mapping.join(LIMIT_S)
         assert not mapping.is_alive()
         look(connection, page, lambda page: not page.playback["paused"])
         assert view.paused_s >= 0.3
@@ -216,6 +215,6 @@ def test_ten_pages_come_and_go(view, events):
             page = look(connection)
             connection.send(json.dumps({"type": "ping", "id": 1}))
             look(connection, page, lambda page: page.answers)
-    mapping.join(60.0)
+    mapping.join(LIMIT_S)
     assert mapper.num_scans == sum(hasattr(event, "ranges") for event in events)
     mapper.close()

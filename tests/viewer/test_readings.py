@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 import pytest
@@ -16,6 +15,8 @@ from cartoloop.simulation import office, simulate
 from cartoloop.simulation.floor_plan import FloorPlan, World
 from cartoloop.viewer.feed import ConstraintColumns, Feed, Update
 from cartoloop.viewer.readings import Readings, RealTimeFactor, largest_deviation
+
+NOW = 1000.0
 
 UPDATE = Update(
     submap_poses=np.zeros((0, 3)),
@@ -31,6 +32,12 @@ UPDATE = Update(
 )
 
 
+@pytest.fixture(autouse=True)
+def now(monkeypatch):
+    """The clock of the readings, which stands still [s]."""
+    monkeypatch.setattr("cartoloop.viewer.readings.perf_counter", lambda: NOW)
+
+
 def said(readings, *, paused=False):
     content = readings.content({"nodes": 1}, paused=paused)
     return content["state"], content["text"]
@@ -39,10 +46,10 @@ def said(readings, *, paused=False):
 def test_what_is_said_from_the_start_to_the_end():
     readings = Readings(10, 100.0)
     assert said(readings) == ("starting", "waiting for the first scan")
-    readings.add(replace(UPDATE, time=perf_counter()))
+    readings.add(replace(UPDATE, time=NOW))
     assert said(readings) == ("mapping", "mapping")
     assert said(readings, paused=True) == ("paused", "paused")
-    readings.add(replace(UPDATE, time=perf_counter(), backlog=312))
+    readings.add(replace(UPDATE, time=NOW, backlog=312))
     assert said(readings) == ("closing_loops", "closing loops: 312 behind")
     readings.end("finishing")
     assert said(readings) == ("finishing", "finishing")
@@ -62,19 +69,19 @@ def test_a_failure_is_told():
 def test_only_a_live_scanner_can_be_silent():
     for live, state in ((True, "silent"), (False, "mapping")):
         readings = Readings(None, None, live=live)
-        readings.add(replace(UPDATE, time=perf_counter() - 3.0))
+        readings.add(replace(UPDATE, time=NOW - 3.0))
         assert said(readings)[0] == state
     assert said(replace_live(Readings(None, None, live=True)))[1] == "sensor silent for 3 s"
 
 
 def replace_live(readings):
-    readings.add(replace(UPDATE, time=perf_counter() - 3.0))
+    readings.add(replace(UPDATE, time=NOW - 3.0))
     return readings
 
 
 def test_figures():
     readings = Readings(10, 100.0)
-    readings.add(replace(UPDATE, time=perf_counter(), recorded_s=5.0, stamp=12.5))
+    readings.add(replace(UPDATE, time=NOW, recorded_s=5.0, stamp=12.5))
 
     content = readings.content({"nodes": 1}, paused=False)
 
