@@ -78,7 +78,7 @@ def test_one_that_leaves_is_forgotten(state, updates_and_result):
 def test_much_is_sent_in_pieces_between_which_the_state_may_change(
     state, updates_and_result, monkeypatch
 ):
-    monkeypatch.setattr("cartoloop.viewer.live_state.BUNDLE_BYTES", 1000)
+    monkeypatch.setattr("cartoloop.viewer.subscriptions.BUNDLE_BYTES", 1000)
     updates, _ = updates_and_result
     for update in updates[:200]:
         state.apply(update)

@@ -70,14 +70,15 @@ def test_patch():
 
 
 def test_poses_and_times():
-    poses = np.arange(6.0).reshape(2, 3)
+    poses = np.arange(15.0).reshape(5, 3)
+    stamps = np.array([0.0, 0.5, 1.0, 1.5, 2.5])
 
-    submaps = only(protocol.submap_poses_message(5, poses))
-    nodes = only(protocol.nodes_message(6, 3, 5, poses))
-    times = only(protocol.node_times_message(3, 5, np.array([1.5, 2.5])))
+    submaps = only(protocol.table_message(MessageType.SUBMAP_POSES, 5, 0, poses[:2]))
+    nodes = only(protocol.table_message(MessageType.NODES, 6, 3, poses))
+    times = only(protocol.table_message(MessageType.NODE_TIMES, 0, 3, stamps))
 
     assert struct.unpack("<4I6d", submaps) == (0, 2, 2, 5, *range(6))
-    assert struct.unpack("<4I6f", nodes) == (3, 2, 5, 6, *range(6))
+    assert struct.unpack("<4I6f", nodes) == (3, 2, 5, 6, *range(9, 15))
     assert struct.unpack("<4I2d", times) == (3, 2, 5, 0, 1.5, 2.5)
 
 

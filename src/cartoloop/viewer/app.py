@@ -21,11 +21,12 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cartoloop.errors import CartoloopError
 from cartoloop.viewer import protocol, requests
-from cartoloop.viewer.live_state import LiveState, Subscription
+from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.pictures import Pictures
 from cartoloop.viewer.playback import Playback
 from cartoloop.viewer.protocol import MessageType
 from cartoloop.viewer.requests import BadRequestError, parse_request
+from cartoloop.viewer.subscriptions import Subscription
 
 REQUEST_PERIOD_S = 0.05
 """No page is answered more often than this."""

@@ -12,16 +12,15 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.sensor.pose import FloatArray
 from cartoloop.viewer.feed import ConstraintColumns
 from cartoloop.viewer.protocol import (
     ConstraintRows,
+    MessageType,
     WireConstraint,
     constraints_message,
-    node_times_message,
-    nodes_message,
-    submap_poses_message,
+    table_message,
 )
 
 if TYPE_CHECKING:
@@ -89,77 +88,49 @@ class _Rows(ABC):
         return self._made[seen], token
 
 
-class SubmapPoses(_Rows):
-    """Where the submaps are; few enough to be sent all."""
+class Table(_Rows):
+    """Poses or times, one row each.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    kind : SUBMAP_POSES, NODES or NODE_TIMES.
+    values : the rows, none at first: poses, shape (0, 3), or times, shape (0,).
+    sent_whole : whether all rows are sent whenever one is added.
+
+    Attributes
+    ----------
+    values : float64, all rows.
+    """
+
+    def __init__(self, kind: MessageType, values: FloatArray, *, sent_whole: bool = False) -> None:
         super().__init__()
-        self.poses = np.zeros((0, 3))
+        self.values = values
+        self._kind = kind
+        self._sent_whole = sent_whole
 
     def __len__(self) -> int:
-        return len(self.poses)
+        return len(self.values)
 
-    def set(self, poses: NDArray[np.float64], *, adjusted: bool) -> bool:
-        """Replace the poses; return whether they are others."""
-        if not adjusted and len(poses) == len(self.poses):
+    def set(self, first: int, rows: FloatArray, *, adjusted: bool = False) -> bool:
+        """Replace the rows from `first` on; return whether the table has changed.
+
+        `adjusted` says that older rows have changed; otherwise rows were only added.
+        """
+        if not adjusted and first + len(rows) == len(self.values):
             return False
-        self.poses = poses
-        self.changed(all_rows=adjusted)
-        return True
-
-    def message(self, first: int) -> bytes:
-        """Return all rows."""
-        return submap_poses_message(self.revision, self.poses)
-
-
-class NodePoses(_Rows):
-    """Where the robot was at each node."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.poses = np.zeros((0, 3))
-
-    def __len__(self) -> int:
-        return len(self.poses)
-
-    def set(self, first: int, poses: NDArray[np.float64], *, adjusted: bool) -> bool:
-        """Replace the rows from `first` on; return whether any is another."""
-        if not adjusted and first + len(poses) == len(self.poses):
-            return False
-        self.poses = np.concatenate((self.poses[:first], poses))
+        self.values = np.concatenate((self.values[:first], rows))
         self.changed(all_rows=adjusted)
         return True
 
     def message(self, first: int) -> bytes:
         """Return the rows from `first` on."""
-        return nodes_message(self.revision, first, len(self), self.poses[first:])
-
-
-class NodeTimes(_Rows):
-    """When each node was taken."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.stamps = np.zeros(0)
-
-    def __len__(self) -> int:
-        return len(self.stamps)
-
-    def set(self, first: int, stamps: NDArray[np.float64]) -> bool:
-        """Replace the rows from `first` on; return whether any was added."""
-        if len(stamps) == 0:
-            return False
-        self.stamps = np.concatenate((self.stamps[:first], stamps))
-        self.changed(all_rows=False)
-        return True
-
-    def message(self, first: int) -> bytes:
-        """Return the rows from `first` on."""
-        return node_times_message(first, len(self), self.stamps[first:])
+        return table_message(
+            self._kind, self.revision, 0 if self._sent_whole else first, self.values
+        )
 
 
 class Constraints(_Rows):
-    """What ties submaps and nodes together."""
+    """The constraints between submaps and nodes."""
 
     def __init__(self) -> None:
         super().__init__()

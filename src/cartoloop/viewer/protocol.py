@@ -61,6 +61,13 @@ class MessageType(IntEnum):
     ANSWER = 19
 
 
+_TABLE_DTYPES = {
+    MessageType.SUBMAP_POSES: "<f8",
+    MessageType.NODES: "<f4",
+    MessageType.NODE_TIMES: "<f8",
+}
+
+
 class WireConstraint(IntEnum):
     """Kinds of constraints in a CONSTRAINTS message."""
 
@@ -176,24 +183,18 @@ def patch_message(
     return message(MessageType.SUBMAP_PATCH, head + _packed(cells))
 
 
-def submap_poses_message(revision: int, tf_map_submap: NDArray[np.float64]) -> bytes:
-    """Return the poses of all submaps, shape (n, 3)."""
-    head = _TABLE.pack(0, len(tf_map_submap), len(tf_map_submap), revision)
-    return message(MessageType.SUBMAP_POSES, head + _bytes(tf_map_submap, "<f8"))
-
-
-def nodes_message(
-    revision: int, first: int, total: int, tf_map_node: NDArray[np.floating]
+def table_message(
+    kind: MessageType, revision: int, first: int, values: NDArray[np.floating]
 ) -> bytes:
-    """Return the poses of the nodes from `first` on, shape (n, 3), of `total` that there are."""
-    head = _TABLE.pack(first, len(tf_map_node), total, revision)
-    return message(MessageType.NODES, head + _bytes(tf_map_node, "<f4"))
+    """Return the rows of a table from `first` on: SUBMAP_POSES, NODES or NODE_TIMES.
 
-
-def node_times_message(first: int, total: int, times: NDArray[np.float64]) -> bytes:
-    """Return the stamps [s] of the nodes from `first` on, shape (n,)."""
-    head = _TABLE.pack(first, len(times), total, 0)
-    return message(MessageType.NODE_TIMES, head + _bytes(times, "<f8"))
+    Parameters
+    ----------
+    revision : rises when older rows change.
+    values : all rows: poses, shape (n, 3), or stamps [s], shape (n,).
+    """
+    head = _TABLE.pack(first, len(values) - first, len(values), revision)
+    return message(kind, head + _bytes(values[first:], _TABLE_DTYPES[kind]))
 
 
 def constraints_message(revision: int, first: int, total: int, rows: ConstraintRows) -> bytes:

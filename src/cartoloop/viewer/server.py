@@ -179,7 +179,7 @@ class ViewServer:
             await asyncio.sleep(budget.pause_s(Clocks.now()))
             with suppress(TimeoutError):  # where nobody looks, now and then is often enough
                 async with asyncio.timeout(MAX_REST_S):
-                    await self._state.is_watched.wait()
+                    await self._state.subscriptions.is_watched.wait()
 
     @property
     def _is_flat_out(self) -> bool:
