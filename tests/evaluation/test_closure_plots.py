@@ -22,7 +22,7 @@ def run(tmp_path):
     return read_run(tmp_path / "out")
 
 
-def test_closures_are_drawn_the_worst_on_top_and_those_rejected_apart(run):
+def test_worst_closures_are_drawn_last_rejected_ones_apart(run):
     figure = pytest.importorskip("matplotlib.figure").Figure()
     draw_closures(figure, run)
 

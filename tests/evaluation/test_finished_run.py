@@ -68,7 +68,7 @@ def test_a_missing_file_is_named(folder, name):
         ("closures.csv", "rejected,2", "rejected,3", "names a node or a submap"),
     ],
 )
-def test_malformed_files_are_told_with_their_place(folder, name, old, new, message):
+def test_malformed_files_are_errors_with_their_line(folder, name, old, new, message):
     path = folder / name
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new))
@@ -85,7 +85,7 @@ def test_files_of_two_runs_do_not_go_together(folder, tmp_path):
         read_run(folder)
 
 
-def test_a_run_without_nodes_is_told(folder):
+def test_run_without_nodes_is_an_error(folder):
     header = (folder / "nodes.csv").read_text().splitlines()[0]
     (folder / "nodes.csv").write_text(header + "\n")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A page in Python: reads messages and draws the map as ``docs/viewer-protocol.md`` tells."""
+"""A page in Python: reads messages and draws the map as ``docs/viewer-protocol.md`` describes."""
 
 from __future__ import annotations
 
@@ -187,7 +187,7 @@ def read_scan(payload):
 
 
 def join(url, **options):
-    """Return a connection to the server at the URL that it told, as its own page opens it."""
+    """Return a connection to the server at its URL, as its own page opens it."""
     place, _, query = url.partition("?")
     options.setdefault("origin", place.rstrip("/"))
     options.setdefault("open_timeout", LIMIT_S)

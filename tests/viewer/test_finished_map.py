@@ -53,7 +53,7 @@ def test_the_page_draws_the_exported_map(page, result):
     assert len(np.unique(expected[..., 0])) > 50
 
 
-def test_all_of_the_map_comes_in_the_order_told(page, result):
+def test_parts_come_in_the_documented_order(page, result):
     graph = result.graph
     assert page.order[0] == MessageType.HELLO
     assert page.order[-1] == MessageType.COMPLETE
@@ -149,7 +149,7 @@ def test_a_picture_that_cannot_be_drawn_is_refused_each_time(result, monkeypatch
         server.close()
 
 
-def test_answers_to_quick_requests_tell_which_they_answer(connection, page):
+def test_answers_name_their_requests(connection, page):
     page.answers.clear()
     for number in range(8):
         connection.send(json.dumps({"type": "node_scan", "id": 100 + number, "node": 7 - number}))
@@ -175,7 +175,7 @@ def test_ping(connection, page):
         ({"type": "node_scan", "node": 10**9}, "there is no node"),
     ],
 )
-def test_what_is_not_there_is_told(connection, page, request_, why):
+def test_requests_for_missing_things_are_refused(connection, page, request_, why):
     kind, problem = ask(connection, page, id=8, **request_)
 
     assert (kind, problem["id"]) == (MessageType.PROBLEM, 8)

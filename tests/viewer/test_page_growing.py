@@ -106,7 +106,7 @@ def test_one_that_joins_late_or_again_sees_what_the_others_see(chromium, view, m
         same_in_the_end(page, other)
 
 
-def test_finishing_and_the_finished_map_are_told(chromium, view, mapper, events):
+def test_finishing_and_the_finished_map_are_shown(chromium, view, mapper, events):
     with opened(chromium, view.url) as page:
         page.wait("s.complete")
         add(mapper, view, events[:250])
@@ -136,7 +136,7 @@ def test_pausing_and_playing_from_the_page(chromium, view, mapper, events):
         see(page, mapper, view)
 
 
-def test_a_pace_from_the_command_line_is_among_those_to_choose_from(chromium):
+def test_pace_from_the_command_line_can_be_chosen(chromium):
     view = LiveView("ring", Config(), speed=7.0, port=0)
     try:
         with opened(chromium, view.url) as page:

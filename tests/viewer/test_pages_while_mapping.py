@@ -60,7 +60,7 @@ def settle(connection, page, mapper):
     look(connection, page, shows_all)
 
 
-def test_one_that_was_there_all_along_and_one_that_joins_late_see_the_same(view, events):
+def test_early_and_late_pages_see_the_same(view, events):
     mapper = Mapper()
     with join(view.url) as early:
         page = look(early)
@@ -133,7 +133,7 @@ def test_the_map_is_shown_as_it_is_while_it_is_finished(view, events):
     assert row[[0, 1, 7]].tolist() == [closure["submap"], closure["node"], 1]
 
 
-def test_the_latest_closure_tells_where_it_was_sought(view, events):
+def test_latest_closure_has_its_search_window(view, events):
     mapper = Mapper()
     with join(view.url) as connection:
         page = look(connection)
@@ -171,7 +171,7 @@ def test_patches_and_pieces_add_up_to_what_is_sent_whole(events):
     mapper.close()
 
 
-def test_a_page_that_reads_nothing_delays_nobody_and_then_gets_the_latest(view, events):
+def test_page_that_reads_nothing_delays_no_other(view, events):
     mapper = Mapper()
     with join(view.url, max_queue=1, ping_interval=None) as frozen, join(view.url) as quick:
         frozen_page, page = look(frozen), look(quick)

@@ -24,7 +24,7 @@ def only(data):
     return message.payload
 
 
-def test_several_messages_in_one_are_told_apart_and_each_begins_at_a_multiple_of_8():
+def test_bundled_messages_are_separated_and_aligned_to_8_bytes():
     data = protocol.json_message(MessageType.PONG, {"id": 1}) + protocol.message(
         MessageType.PICTURE, b"12345"
     )

@@ -59,7 +59,7 @@ def test_what_is_said_from_the_start_to_the_end():
     assert said(readings) == ("finished", "finished")
 
 
-def test_a_failure_is_told():
+def test_failure_is_reported():
     readings = Readings(10, 100.0)
     readings.end("failed", "the disk is full")
 
@@ -119,16 +119,16 @@ def bare_corridor():
 
 
 @pytest.mark.parametrize(("world", "is_uncertain"), [(bare_corridor, True), (office, False)])
-def test_a_corridor_is_told_and_an_office_is_not(world, is_uncertain):
-    mapper, feed, told = Mapper(), Feed(), []
+def test_only_a_corridor_is_reported_as_uncertain(world, is_uncertain):
+    mapper, feed, reported = Mapper(), Feed(), []
     readings = Readings(None, None)
     for event in simulate(world(), seed=1, duration=40.0).events():
         mapper.add(event)
         feed.after_event(mapper)
         if (update := feed.take()) is not None:
             readings.add(update)
-            told.append(said(readings) == ("uncertain", "corridor: length uncertain"))
+            reported.append(said(readings) == ("uncertain", "corridor: length uncertain"))
     mapper.close()
 
-    share = np.mean(told)
+    share = np.mean(reported)
     assert share > 0.5 if is_uncertain else share < 0.05

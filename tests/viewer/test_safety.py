@@ -106,7 +106,7 @@ def test_other_machines_need_the_token(open_server, query):
     assert refused.value.response.status_code == 403
 
 
-def test_the_url_told_holds_the_token(open_server):
+def test_url_holds_the_token(open_server):
     query = open_server.url[open_server.url.index("?") :]
 
     with join(url_of(open_server, query)) as connection:
@@ -173,7 +173,7 @@ def test_nonsense_ends_the_connection_and_not_the_server(server, sent, code):
         b"GET / HTTP/1.1\r\n\r\n",
     ],
 )
-def test_what_is_no_websocket_ends_the_connection_and_not_the_server(server, sent):
+def test_broken_websocket_ends_only_its_connection(server, sent):
     with join(server.url) as connection:
         look(connection)
         with pytest.raises(ConnectionClosed):
@@ -222,7 +222,7 @@ def test_those_who_ask_nothing_make_room(server, monkeypatch):
         wait_until(lambda: server.num_connections <= 10)
 
 
-def test_pages_beyond_what_is_possible_are_refused_and_the_others_stay(server, monkeypatch):
+def test_pages_beyond_the_limit_are_refused(server, monkeypatch):
     wait_until(lambda: server.num_connections == 0)
     monkeypatch.setattr("cartoloop.viewer.connections.MAX_CONNECTIONS", 10)
     with ExitStack() as stack:
@@ -351,9 +351,9 @@ def test_a_port_that_is_taken_leads_to_the_next(server):
         other.close()
 
 
-def test_where_it_cannot_be_served_is_told_in_one_line():
+def test_impossible_addresses_are_errors_of_one_line():
     for host, port in (("192.0.2.1", 8765), ("no such host", 8765)):
-        with pytest.raises(ServeError) as told:
+        with pytest.raises(ServeError) as error:
             ViewServer(empty_state(), host=host, port=port)
-        assert "\n" not in str(told.value)
-        assert host in str(told.value)
+        assert "\n" not in str(error.value)
+        assert host in str(error.value)

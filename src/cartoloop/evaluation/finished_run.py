@@ -33,7 +33,7 @@ class Closures:
     tf_submap_node : float64 (k, 3), where the node was seen [m, m, rad].
     score, runner_up : float64 (k,), NaN where nothing was searched.
     residual_m, residual_deg : float64 (k,), by how much the final poses disagree.
-    weight : float64 (k,), what the robust loss leaves of its pull there, in [0, 1].
+    weight : float64 (k,), what the robust loss leaves of its information there, in [0, 1].
     """
 
     submap: IntArray

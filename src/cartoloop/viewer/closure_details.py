@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All that is known of one loop closure, for the operator to judge it."""
+"""The details of one loop closure, for the operator to judge it."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def closure_details(
 def _nearest_own_node(
     rows: ConstraintRows, submap: int, tf_submap_node: Pose
 ) -> tuple[int | None, list[float] | None]:
-    """Return the node of the submap's own that stands nearest, and where it stands in it."""
+    """Return the nearest node that was inserted into the submap, and its pose there."""
     own = np.flatnonzero((rows.kinds == WireConstraint.INTRA_SUBMAP) & (rows.index_a == submap))
     if len(own) == 0:
         return None, None

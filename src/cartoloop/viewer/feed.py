@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the mapping thread hands to the viewer: references and small copies, one at a time.
+"""Updates from the mapping thread to the viewer: references and small copies, one at a time.
 
-There is room for one update. While it lies there, a scan costs the mapping thread one comparison;
-once it was taken, the next scan lays down another, of all that has changed meanwhile. So the viewer
-gets the latest state as often as it can use it, and mapping never waits for it.
+There is room for one update. While it has not been taken, a scan costs the mapping thread one
+comparison; the next scan after it was taken makes another, of all that has changed since. So the
+viewer gets the latest state as often as it can use it, and mapping never waits for it.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class GrowingCells(NamedTuple):
     Attributes
     ----------
     submap : its number.
-    cells : float32, shape (rows, cols), probabilities, 0 where never observed. The mapper's own:
-        scans may be inserted while one looks at them, so that some cells may be newer than others.
+    cells : float32, shape (rows, cols), probabilities, 0 where never observed. The mapper's own array:
+        scans may be inserted while it is read, so that some cells are newer than others.
     origin_x, origin_y : centre of ``cells[0, 0]`` [m, submap frame].
     resolution : edge of a cell [m].
     """
@@ -87,7 +87,7 @@ class Update:
     finished : grids of submaps that were finished, by number.
     active : the submaps that still grow.
     found : all loop closures so far.
-    node_points : of each node the returns that are sought in submaps.
+    node_points : of each node the returns that are matched with submaps.
     rejected : loop closures taken out in the end.
     match : of the last scan to the map, None where it was not matched.
     last_information : inverse covariance of the last scan's pose, None unless it became a node.

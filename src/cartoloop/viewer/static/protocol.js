@@ -51,7 +51,7 @@ export const Kind = Object.freeze({ INTRA: 0, CLOSURE: 1, NODES: 2, REJECTED: 3 
  */
 
 /**
- * @typedef {object} SubmapHead what is told of a submap beside its cells
+ * @typedef {object} SubmapHead a submap's message without its cells
  * @property {number} submap
  * @property {number} version
  * @property {boolean} finished

@@ -80,7 +80,7 @@ export class Constraints {
   }
 }
 
-/** The state; each part of it is null or empty until it is told. */
+/** The state; each part of it is null or empty until it was received. */
 export class MapState {
   constructor() {
     this.begin();
