@@ -12,7 +12,7 @@ PYTHON ?= python3
 OUT ?= cartoloop-demo
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
-SOURCES := src tests examples
+SOURCES := src bench tests examples
 # One by one, for not each has a wheel for each machine: those of the extra "oracles".
 ORACLES := 'import tomllib; \
 	print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["oracles"])'
@@ -41,7 +41,7 @@ coverage: .venv/.installed-dev
 check: .venv/.installed-dev
 	$(BIN)/ruff check $(SOURCES)
 	$(BIN)/ruff format --check $(SOURCES)
-	$(BIN)/mypy src
+	$(BIN)/mypy src bench
 	$(BIN)/lint-imports
 
 clean:

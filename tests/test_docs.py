@@ -23,6 +23,7 @@ DOCUMENTS = (
     "docs/live.md",
     "docs/viewer.md",
     "docs/viewer-protocol.md",
+    "bench/README.md",
 )
 PLACE = re.compile(r"`([\w/]+\.py)`(?::((?:,?\s+`\w+`)+))?")
 

@@ -34,7 +34,7 @@ def test_logs_hold_what_the_world_or_the_user_says(tmp_path, arguments, tag):
 def test_truth_relations_and_lines_lie_beside_the_log(tmp_path, capsys):
     files = {name: tmp_path / name for name in ("log", "truth", "relations", "lines")}
     beside = [f"--{name}={files[name]}" for name in ("truth", "relations", "lines")]
-    assert run(["simulate", "flat", "-o", str(files["log"]), *beside, "--duration", "30"]) == 0
+    assert run(["simulate", "flat", "-o", f"{files['log']}.clf", *beside, "--duration", "30"]) == 0
     assert capsys.readouterr().out.startswith("61 scans, 30 s: ")
     assert len(np.loadtxt(files["truth"])) == 61
     assert np.loadtxt(files["lines"]).shape == (7, 5)

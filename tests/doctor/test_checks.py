@@ -11,7 +11,8 @@ from cartoloop.doctor import clouds, frames, imu, odometry, scans, times
 from cartoloop.doctor.contents import Stream, times_of
 from cartoloop.doctor.findings import Finding, from_message, worst_first
 from cartoloop.local_slam.odometry_calibration import OdometryModel
-from cartoloop.readers.ros.inventory import StampStatistics, TopicSummary, TransformSummary
+from cartoloop.readers.ros.inventory import TopicSummary, TransformSummary
+from cartoloop.readers.ros.stream_times import StampStatistics
 from cartoloop.sensor.events import (
     CloudGeometry,
     Imu,

@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.global_slam.chordal_initialization import initialize_from_constraints
 from cartoloop.global_slam.packed_nodes import PackedNodes
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
@@ -333,21 +332,3 @@ def test_residuals_of_a_graph_without_submaps():
     graph.add_nodes([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
     graph.add_constraint(ConstraintKind.NODE_TO_NODE, 0, 1, (1.5, 0.0, 0.0), np.eye(3))
     np.testing.assert_allclose(constraint_residuals(graph)[0], 0.5)
-
-
-@pytest.mark.parametrize("num_odometry", [0, 20])
-def test_a_chordal_start_needs_no_poses_at_all(num_odometry):
-    graph, submaps, nodes = walk(120, 8, 60, **EXACT, seed=4, num_odometry=num_odometry)
-    rng = np.random.default_rng(0)
-    graph.submap_poses[1:] = rng.normal(0.0, 30.0, graph.submap_poses[1:].shape)
-    graph.node_poses[:] = rng.normal(0.0, 30.0, graph.node_poses.shape)
-    initialize_from_constraints(graph)
-    np.testing.assert_allclose(graph.submap_poses[:, :2], submaps[:, :2], atol=0.2)
-    np.testing.assert_allclose(graph.node_poses[:, :2], nodes[:, :2], atol=0.2)
-    np.testing.assert_allclose(wrap_angles(graph.node_poses[:, 2] - nodes[:, 2]), 0.0, atol=0.05)
-
-
-def test_a_chordal_start_of_an_empty_graph_is_empty():
-    graph = PoseGraph()
-    initialize_from_constraints(graph)
-    assert graph.num_nodes == 0

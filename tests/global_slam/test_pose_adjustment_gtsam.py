@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cartoloop.global_slam.chordal_initialization import initialize_from_constraints
+from bench.adjustment.chordal_initialization import initialize_from_constraints
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.readers.g2o import read_g2o

@@ -3,24 +3,25 @@
 
 from __future__ import annotations
 
+import math
 from threading import Thread
 
 import numpy as np
 
 from cartoloop.live import inbox as inbox_module
 from cartoloop.live.inbox import Inbox
-from cartoloop.live.messages import EndMessage, ImuMessage, ScanMessage
-from cartoloop.sensor.events import ScanGeometry
+from cartoloop.live.messages import EndMessage
+from cartoloop.sensor.events import Imu, LaserScan, ScanGeometry
 
 GEOMETRY = ScanGeometry(0.0, 0.1, 1, 0.0, 30.0)
 
 
 def scan(stamp):
-    return ScanMessage(stamp, np.ones(1), GEOMETRY)
+    return LaserScan(stamp, math.nan, np.ones(1), GEOMETRY)
 
 
 def reading(stamp):
-    return ImuMessage(stamp, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0))
+    return Imu(stamp, math.nan, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0))
 
 
 def stamps(arrivals):

@@ -11,17 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cartoloop.live.messages import (
-    CloudMessage,
-    EndMessage,
-    ImuMessage,
-    MessageError,
-    OdometryMessage,
-    ScanMessage,
-    parse_message,
-)
+from cartoloop.live.messages import EndMessage, MessageError, parse_message
 from cartoloop.live.notices import Notices
 from cartoloop.live.source import LineReceiver
+from cartoloop.sensor.events import LaserScan, Odometry, PointCloud
 from cartoloop.sensor.pose import Pose
 
 SCAN = {"type": "scan", "stamp": 2.5, "angle_min": -1.0, "angle_increment": 0.5, "ranges": [1, 2.5]}
@@ -34,7 +27,7 @@ def parse(**content):
 def test_a_scan():
     scan = parse(**SCAN, sensor="rear", range_min=0.1, range_max=30, pose=[0.1, 0.2, 3.0])
 
-    assert isinstance(scan, ScanMessage)
+    assert isinstance(scan, LaserScan)
     assert scan.stamp == 2.5
     assert scan.ranges.tolist() == [1.0, 2.5]
     geometry = scan.geometry
@@ -65,11 +58,13 @@ def test_other_messages():
     imu = parse(type="imu", stamp=1, linear_acceleration=[0, 0, 9.8], angular_velocity=[0, 0, 1])
     cloud = parse(type="cloud", points=[[1, 2, 3], [4, 5, 6]], times=[0, 0.1])
 
-    assert isinstance(odometry, OdometryMessage)
+    assert isinstance(odometry, Odometry)
     assert math.isnan(odometry.stamp)
     assert odometry.tf_odom_tracking == Pose(1.0, 2.0, pytest.approx(7.0 - 2 * math.pi))
-    assert imu == ImuMessage(1.0, (0.0, 0.0, 9.8), (0.0, 0.0, 1.0))
-    assert isinstance(cloud, CloudMessage)
+    assert (imu.stamp, imu.linear_acceleration) == (1.0, (0.0, 0.0, 9.8))
+    assert imu.angular_velocity == (0.0, 0.0, 1.0)
+    assert math.isnan(imu.time)
+    assert isinstance(cloud, PointCloud)
     assert cloud.points.shape == (2, 3)
     assert cloud.times.tolist() == [0.0, 0.1]
     assert isinstance(parse(type="end"), EndMessage)
@@ -137,7 +132,7 @@ def test_lines_come_whole_however_the_bytes_are_cut(cuts):
         start = max(start, cut)
     lines.end()
 
-    assert [type(message).__name__ for message in received] == ["OdometryMessage", "EndMessage"]
+    assert [type(message).__name__ for message in received] == ["Odometry", "EndMessage"]
     assert told[0] == "there: message 3 skipped: is no JSON: 'no\\r'"
 
 

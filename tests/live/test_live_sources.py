@@ -15,9 +15,9 @@ from websockets.exceptions import InvalidStatus
 from cartoloop.errors import InputError
 from cartoloop.live.address import SourceOptions, make_source
 from cartoloop.live.growing_file import GrowingFile
-from cartoloop.live.messages import OdometryMessage, ScanMessage
 from cartoloop.live.notices import Notices
 from cartoloop.live.sockets import TcpSource, WebSocketSource
+from cartoloop.sensor.events import LaserScan, Odometry
 from tests.limits import LIMIT_S, wait_until
 from tests.live.live_room import drive
 
@@ -96,7 +96,7 @@ def test_web_sockets_carry_the_same_messages():
         with websockets.sync.client.connect(url) as again:
             again.send(READING)
             it.wait_for(lambda: len(it.received) == 4)
-    assert all(isinstance(message, OdometryMessage) for message in it.received)
+    assert all(isinstance(message, Odometry) for message in it.received)
     assert any("message 4 skipped: is no JSON" in line for line in it.told)
 
 
@@ -118,8 +118,8 @@ def test_a_log_is_followed_while_it_is_written(tmp_path):
         with path.open("ab") as file:
             file.write(text[half:])
         num_scans = 21
-        it.wait_for(lambda: sum(isinstance(m, ScanMessage) for m in it.received) == num_scans)
-        scans = [message for message in it.received if isinstance(message, ScanMessage)]
+        it.wait_for(lambda: sum(isinstance(m, LaserScan) for m in it.received) == num_scans)
+        scans = [message for message in it.received if isinstance(message, LaserScan)]
         assert all(len(scan.ranges) == scan.geometry.num_beams for scan in scans)
         assert len(it.received) == 2 * num_scans
 

@@ -13,9 +13,9 @@ from threading import Event, Thread
 import pytest
 
 from cartoloop.errors import InputError
-from cartoloop.live.messages import OdometryMessage, ScanMessage
 from cartoloop.live.notices import Notices
 from cartoloop.live.ros2 import LOOPBACK_ONLY, Ros2Source
+from cartoloop.sensor.events import LaserScan, Odometry
 from tests.limits import LIMIT_S, wait_until
 
 ROOT = Path(__file__).parents[2]
@@ -52,8 +52,8 @@ def test_a_robots_topics_are_received(monkeypatch):
         stop.set()
         receiver.join(LIMIT_S)
 
-    scans = [message for message in received if isinstance(message, ScanMessage)]
-    odometry = [message for message in received if isinstance(message, OdometryMessage)]
+    scans = [message for message in received if isinstance(message, LaserScan)]
+    odometry = [message for message in received if isinstance(message, Odometry)]
     assert sorted(told) == ["/odom (Odometry)", "/scan (LaserScan)"]
     assert 25 <= len(scans) <= 31
     assert 25 <= len(odometry) <= 31

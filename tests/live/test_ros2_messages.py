@@ -8,10 +8,11 @@ import struct
 import pytest
 
 from cartoloop.live import ros_messages
-from cartoloop.live.messages import ImuMessage, MessageError, OdometryMessage, ScanMessage
+from cartoloop.live.messages import MessageError
 from cartoloop.live.notices import Notices
 from cartoloop.live.ros_messages import RosParser
-from cartoloop.readers.ros import messages as ros
+from cartoloop.readers.ros import raw_messages as ros
+from cartoloop.sensor.events import Imu, LaserScan, Odometry
 
 
 class Cdr:
@@ -63,7 +64,7 @@ def test_scans_are_left_out_until_it_is_told_where_they_are_taken():
     parser.add_transforms(transforms("base_link", "laser", 0.25))
     message = parser.parse("/scan", ros.LASER_SCAN, scan())
 
-    assert isinstance(message, ScanMessage)
+    assert isinstance(message, LaserScan)
     assert message.stamp == 5.25
     assert message.ranges.tolist() == [1.0, 2.0, 3.0]
     assert message.geometry.tf_tracking_sensor == (0.25, 0.0, 0.0)
@@ -71,14 +72,14 @@ def test_scans_are_left_out_until_it_is_told_where_they_are_taken():
     assert message.geometry.sensor == "/scan"
 
 
-def test_nobody_waits_for_ever_for_a_transform(monkeypatch):
+def test_the_wait_for_a_transform_is_bounded(monkeypatch):
     monkeypatch.setattr(ros_messages, "TRANSFORM_WAIT_S", 0.0)
     told = []
     message = RosParser(Notices(told.append)).parse("/scan", ros.LASER_SCAN, scan())
 
     assert message.geometry.tf_tracking_sensor == (0.0, 0.0, 0.0)
     assert told == [
-        "/scan: /tf_static does not tell where laser sits on the robot; taken to be at its "
+        "/scan: /tf_static has no pose of laser on the robot; it is assumed to be at the robot's "
         "centre, or give --laser-pose X,Y,YAW"
     ]
 
@@ -90,9 +91,9 @@ def test_odometry_and_imu():
     moved = parser.parse("/odom", ros.ODOMETRY, odometry(1.5))
     felt = parser.parse("/imu", ros.IMU, imu())
 
-    assert isinstance(moved, OdometryMessage)
+    assert isinstance(moved, Odometry)
     assert moved.tf_odom_tracking == (1.5, 2.0, 0.0)
-    assert isinstance(felt, ImuMessage)
+    assert isinstance(felt, Imu)
     assert felt.stamp == 6.0
 
 

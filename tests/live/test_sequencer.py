@@ -10,17 +10,18 @@ import numpy as np
 import pytest
 
 from cartoloop.live.inbox import Arrival
-from cartoloop.live.messages import (
-    CloudMessage,
-    ImuMessage,
-    OdometryMessage,
-    ScanMessage,
-    parse_message,
-)
+from cartoloop.live.messages import parse_message
 from cartoloop.live.notices import Notices
 from cartoloop.live.scanner import FIRST_S, FIRST_SCANS
 from cartoloop.live.sequencer import MAX_MISSES, MAX_SENSORS, Sequencer
-from cartoloop.sensor.events import CloudGeometry, LaserScan, Odometry, ScanGeometry
+from cartoloop.sensor.events import (
+    CloudGeometry,
+    Imu,
+    LaserScan,
+    Odometry,
+    PointCloud,
+    ScanGeometry,
+)
 from cartoloop.sensor.pose import Pose
 from tests.live.live_room import lines
 
@@ -30,11 +31,11 @@ RNG = np.random.default_rng(1)
 def scan(stamp, sensor="", num_beams=30, value=None, **options):
     geometry = ScanGeometry(0.0, 0.1, num_beams, 0.0, math.inf, sensor=sensor, **options)
     ranges = RNG.uniform(1.0, 5.0, num_beams) if value is None else np.full(num_beams, value)
-    return ScanMessage(stamp, ranges, geometry)
+    return LaserScan(stamp, math.nan, ranges, geometry)
 
 
 def odometry(stamp, x=0.0):
-    return OdometryMessage(stamp, Pose(x, 0.0, 0.0))
+    return Odometry(stamp, math.nan, Pose(x, 0.0, 0.0))
 
 
 class Line:
@@ -180,8 +181,8 @@ def test_damaged_order_is_repaired_or_counted():
 
 def test_clouds_and_imu_need_no_profile():
     sequencer = Sequencer(Notices(lambda line: None), laser_pose=Pose(1.0, 0.0, 0.0))
-    sequencer.add(Arrival(ImuMessage(1.0, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)), 1.0))
-    cloud = CloudMessage(math.nan, np.ones((4, 3)), None, CloudGeometry("top"))
+    sequencer.add(Arrival(Imu(1.0, math.nan, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)), 1.0))
+    cloud = PointCloud(math.nan, math.nan, np.ones((4, 3)), None, CloudGeometry("top"))
     sequencer.add(Arrival(cloud, 1.5))
 
     imu, cloud = [event for event, _ in sequencer.ready(2.0)]

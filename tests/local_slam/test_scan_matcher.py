@@ -72,7 +72,7 @@ def test_a_good_prediction_is_refined(submap, error, by_odometry):
 def test_the_pose_is_in_the_local_frame_and_the_match_in_the_submap_s(submap):
     assert submap.tf_local_submap != Pose(0.0, 0.0, 0.0)
     found = matched(submap, TRUTH)
-    in_local = compose(submap.tf_local_submap, found.match.tf_grid_scan)
+    in_local = compose(submap.tf_local_submap, found.match.tf_submap_scan)
     assert found.tf_local_tracking == pytest.approx(in_local)
 
 

@@ -17,11 +17,11 @@ from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
 from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import Lidar, OdometryModel, drive
+from cartoloop.simulation.drives import simulate_rig
 from cartoloop.simulation.gait import Gait
 from cartoloop.simulation.imu import ImuModel
 from cartoloop.simulation.motion import delayed
 from cartoloop.simulation.rig import MountedLidar
-from cartoloop.simulation.rig_recording import simulate_rig
 from tests.local_slam.small_world import furnished_room
 
 pytestmark = pytest.mark.slow

@@ -47,9 +47,12 @@ def scans_of(log):
         (gzip.compress(b"\x00tar" * 200, mtime=0), "is binary"),
         (gzip.compress(TEXT, mtime=0)[:9], "gzip stream is cut off, nothing can be read"),
         (b"\x1f\x8bnot gzip at all, really", "gzip stream is damaged"),
-        (b"Dear diary,\ntoday I mapped nothing.\n", "is no CARMEN log"),
+        (
+            b"Dear diary,\ntoday I mapped nothing.\n",
+            "is not in a known format; give one",
+        ),
         (b"ODOM 0 0 0 0 0 0 1.0 host 0\n", "holds no laser scans"),
-        (b"# only comments\n", "is no CARMEN log"),
+        (b"# only comments\n", "is not in a known format; give one"),
     ],
 )
 def test_what_is_no_log_is_one_clear_line(tmp_path, content, message):
@@ -185,7 +188,7 @@ def test_counts_grow_while_iterating(tmp_path):
 
 @pytest.mark.parametrize("bad", [GOOD[0][:200], GOOD[0].replace("1.0", "one"), "FLASER 0"])
 def test_a_log_without_a_single_usable_scan_is_refused(tmp_path, bad):
-    with pytest.raises(InputError, match=r"run\.clf:2: no scan of this log can be used"):
+    with pytest.raises(InputError, match=r"run\.clf:2: .*; no scan of this CARMEN log can be used"):
         open_log(write(tmp_path / "run.clf", "ODOM 0 0 0 0 0 0 1.0 host 0", bad, bad))
 
 

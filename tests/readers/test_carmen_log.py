@@ -283,8 +283,8 @@ def test_large_files_are_streamed_with_the_same_result(tmp_path, monkeypatch):
     lines = [flaser([1.0 + i] * 20, (0.1 * i, 0, 0), float(i)) for i in range(50)]
     path.write_bytes(gzip.compress("\n".join(lines).encode()))
     kept = [(s.stamp, s.ranges[0]) for s in scans_of(open_log(path))]
-    monkeypatch.setattr("cartoloop.readers.source._KEEP_BYTES", 100)
-    monkeypatch.setattr("cartoloop.readers.source._CHUNK_BYTES", 64)
+    monkeypatch.setattr("cartoloop.readers.text_file._KEEP_BYTES", 100)
+    monkeypatch.setattr("cartoloop.readers.text_file._CHUNK_BYTES", 64)
     log = open_log(path)
     assert [(s.stamp, s.ranges[0]) for s in scans_of(log)] == kept
     assert [(s.stamp, s.ranges[0]) for s in scans_of(log)] == kept

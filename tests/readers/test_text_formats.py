@@ -227,7 +227,7 @@ class TestCsv:
             (("# angle_min=0 angle_increment=0", "r0,r1", "1,2"), "angle_increment is 0"),
             ((angles, "r0,time,r1", "1,0,2"), "do not stand side by side"),
             ((angles, "r0,r1", "a,b"), "'a' is not a number; no scan of this CSV file"),
-            ((angles, "r0,r1"), "holds no scan"),
+            ((angles, "r0,r1"), "holds no laser scans"),
         ],
     )
     def test_what_cannot_be_read_is_told_in_a_line(self, opened, lines, message):

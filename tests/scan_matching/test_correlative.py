@@ -73,8 +73,8 @@ def test_a_displaced_scan_is_found_within_a_pixel(grid, off):
 
     found = match(grid, points, estimate, WINDOW)
 
-    assert math.hypot(found.tf_grid_scan.x - truth.x, found.tf_grid_scan.y - truth.y) < 0.06
-    assert abs(wrap_angle(found.tf_grid_scan.theta - truth.theta)) < 0.02
+    assert math.hypot(found.tf_submap_scan.x - truth.x, found.tf_submap_scan.y - truth.y) < 0.06
+    assert abs(wrap_angle(found.tf_submap_scan.theta - truth.theta)) < 0.02
     assert found.score > 0.7
 
 
@@ -87,18 +87,18 @@ def test_a_displaced_scan_is_found_within_a_pixel(grid, off):
 def test_the_match_is_within_the_window_and_its_score_a_probability(grid, x, y, theta):
     found = match(grid, l_shaped_walls()[::16], Pose(x, y, theta), WINDOW)
     step = rotation_step(l_shaped_walls()[::16], RESOLUTION)
-    assert abs(found.tf_grid_scan.x - x) <= WINDOW.linear_search_window + RESOLUTION
-    assert abs(found.tf_grid_scan.y - y) <= WINDOW.linear_search_window + RESOLUTION
-    turned = abs(wrap_angle(found.tf_grid_scan.theta - theta))
+    assert abs(found.tf_submap_scan.x - x) <= WINDOW.linear_search_window + RESOLUTION
+    assert abs(found.tf_submap_scan.y - y) <= WINDOW.linear_search_window + RESOLUTION
+    turned = abs(wrap_angle(found.tf_submap_scan.theta - theta))
     assert turned <= math.radians(WINDOW.angular_search_window_deg) + step
-    assert -math.pi < found.tf_grid_scan.theta <= math.pi
+    assert -math.pi < found.tf_submap_scan.theta <= math.pi
     assert 0.1 - 1e-6 <= found.score <= 0.9 + 1e-6
 
 
 def test_off_the_map_the_estimate_stays(grid):
     estimate = Pose(100.0, 100.0, 1.0)
     found = match(grid, l_shaped_walls(), estimate, WINDOW)
-    assert found.tf_grid_scan == pytest.approx(estimate)
+    assert found.tf_submap_scan == pytest.approx(estimate)
     assert found.score == pytest.approx(0.1, rel=1e-4)
 
 
@@ -106,14 +106,14 @@ def test_an_estimate_is_kept_where_a_candidate_further_off_is_hardly_better(grid
     """The weights tell equally good candidates apart: along a wall the nearest one wins."""
     wall = np.column_stack((np.linspace(-1.0, 0.5, 31), np.full(31, 1.5)))
     found = match(grid, wall, Pose(0.0, 0.1, 0.0), WINDOW)
-    assert found.tf_grid_scan.x == pytest.approx(0.0, abs=1e-9)
-    assert found.tf_grid_scan.y == pytest.approx(0.0, abs=RESOLUTION)
+    assert found.tf_submap_scan.x == pytest.approx(0.0, abs=1e-9)
+    assert found.tf_submap_scan.y == pytest.approx(0.0, abs=RESOLUTION)
 
 
 def test_a_window_of_nothing_is_the_estimate_alone(grid):
     window = CorrelativeMatcherConfig(linear_search_window=0.0, angular_search_window_deg=0.0)
     estimate = Pose(0.123, -0.045, 0.01)
-    assert match(grid, l_shaped_walls(), estimate, window).tf_grid_scan == pytest.approx(estimate)
+    assert match(grid, l_shaped_walls(), estimate, window).tf_submap_scan == pytest.approx(estimate)
 
 
 def test_scratch_of_an_earlier_match_changes_nothing(grid):

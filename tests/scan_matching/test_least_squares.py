@@ -49,8 +49,8 @@ def scan_at(truth, seed=1):
 def test_a_scan_is_found_to_a_fraction_of_a_pixel(room, truth, off):
     start = Pose(*(a + b for a, b in zip(truth, off, strict=True)))
     found = match(room, scan_at(truth), start, start, WEAK, 10.0, MAX_ITERATIONS)
-    assert found.tf_grid_scan[:2] == pytest.approx(truth[:2], abs=0.01)
-    assert wrap_angle(found.tf_grid_scan.theta - truth.theta) == pytest.approx(0.0, abs=5e-3)
+    assert found.tf_submap_scan[:2] == pytest.approx(truth[:2], abs=0.01)
+    assert wrap_angle(found.tf_submap_scan.theta - truth.theta) == pytest.approx(0.0, abs=5e-3)
 
 
 @pytest.mark.parametrize(("start", "prior"), [(3.13, -3.13), (-3.13, 3.13)])
@@ -65,8 +65,8 @@ def test_headings_either_side_of_the_half_turn_are_neighbours(room, start, prior
         10.0,
         MAX_ITERATIONS,
     )
-    assert wrap_angle(found.tf_grid_scan.theta - math.pi) == pytest.approx(0.0, abs=5e-3)
-    assert -math.pi < found.tf_grid_scan.theta <= math.pi
+    assert wrap_angle(found.tf_submap_scan.theta - math.pi) == pytest.approx(0.0, abs=5e-3)
+    assert -math.pi < found.tf_submap_scan.theta <= math.pi
 
 
 @pytest.mark.parametrize(("start", "prior"), [(3.13, -3.13), (-3.13, 3.13)])
@@ -84,7 +84,7 @@ def test_the_residual_is_the_root_mean_square_of_what_the_points_lack(room):
     truth = Pose(0.2, 0.1, 0.3)
     points = scan_at(truth)
     found = match(room, points, truth, truth, WEAK, 10.0, MAX_ITERATIONS)
-    ends = transform_points(found.tf_grid_scan, points)
+    ends = transform_points(found.tf_submap_scan, points)
     lacks = [
         1.0
         - naive_smooth_probability(
@@ -122,7 +122,7 @@ def test_no_more_iterations_than_allowed_are_made(room):
     for limit in (1, 2, 5):
         found = match(room, scan_at(truth), start, start, WEAK, 10.0, limit)
         assert 1 <= found.iterations <= limit
-    assert match(room, scan_at(truth), start, start, WEAK, 10.0, 1).tf_grid_scan == start
+    assert match(room, scan_at(truth), start, start, WEAK, 10.0, 1).tf_submap_scan == start
 
 
 def test_the_same_match_twice_gives_the_same_bits(room):
@@ -130,5 +130,5 @@ def test_the_same_match_twice_gives_the_same_bits(room):
     first, second = (
         match(room, scan_at(truth), start, start, WEAK, 10.0, MAX_ITERATIONS) for _ in range(2)
     )
-    assert first.tf_grid_scan == second.tf_grid_scan
+    assert first.tf_submap_scan == second.tf_submap_scan
     assert np.array_equal(first.information, second.information)

@@ -11,10 +11,10 @@ import pytest
 from cartoloop.sensor.events import Imu
 from cartoloop.sensor.imu_track import MAX_GAP_S, MAX_REACH_S, MEMORY, ImuTrack
 from cartoloop.simulation import World, drive
+from cartoloop.simulation.drives import simulate_rig
 from cartoloop.simulation.gait import Gait
 from cartoloop.simulation.imu import ImuModel
 from cartoloop.simulation.motion import delayed
-from cartoloop.simulation.rig_recording import simulate_rig
 
 RATE = 100.0
 UP = (0.0, 0.0, 9.81)

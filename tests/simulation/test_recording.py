@@ -13,7 +13,7 @@ from cartoloop.readers import open_log
 from cartoloop.sensor.events import LaserScan, Odometry
 from cartoloop.sensor.pose import Pose, compose, relative
 from cartoloop.simulation import LIDARS, Lidar, OdometryModel, make_world, simulate
-from cartoloop.simulation.log_files import relation_pairs
+from cartoloop.simulation.truth_files import relation_pairs
 from tests.reference.naive_wall_ranges import naive_wall_ranges
 
 RING = make_world("ring")

@@ -14,11 +14,11 @@ from cartoloop.errors import ConfigError
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
 from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import PERFECT_ODOMETRY, Lidar, Motion, World, drive, simulate
+from cartoloop.simulation.drives import simulate_rig
 from cartoloop.simulation.gait import Gait, body_poses, turned, turned_back
 from cartoloop.simulation.imu import GRAVITY, ImuModel
 from cartoloop.simulation.motion import delayed
 from cartoloop.simulation.rig import FLOOR, MountedLidar, sweep_ranges
-from cartoloop.simulation.rig_recording import simulate_rig
 
 EXACT = Lidar(
     num_beams=91,

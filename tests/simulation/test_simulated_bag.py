@@ -15,10 +15,10 @@ from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.sweep_motion import rotation
 from cartoloop.simulation import Lidar, OdometryModel, World
 from cartoloop.simulation.bag_log import quaternion
+from cartoloop.simulation.drives import simulate_rig
 from cartoloop.simulation.gait import Gait
 from cartoloop.simulation.imu import ImuModel
 from cartoloop.simulation.rig import MountedLidar
-from cartoloop.simulation.rig_recording import simulate_rig
 
 WALLS = np.array([(5.0, -5.0, 5.0, 5.0), (-5.0, -5.0, -5.0, 5.0), (-5.0, 5.0, 5.0, 5.0)])
 YARD = World("yard", WALLS, np.array([(0.0, 0.0), (3.0, 0.0)]))

@@ -7,8 +7,8 @@ from contextlib import ExitStack
 
 import pytest
 
+from bench.browser import NoBrowserError, browser
 from cartoloop import Config
-from cartoloop.benchmarks.browser import NoBrowserError, browser
 from cartoloop.map_file.load import load_map
 from cartoloop.viewer.view import LiveView, serve_result
 

@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 
-from cartoloop.benchmarks.browser import BROWSERS, NoBrowserError, browser
+from bench.browser import BROWSERS, NoBrowserError, browser
 
 PIXEL = """() => {
     const gl = document.createElement("canvas").getContext("webgl2");

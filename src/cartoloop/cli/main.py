@@ -16,7 +16,6 @@ from typing import Annotated
 import typer
 
 import cartoloop
-from cartoloop.cli.bench_command import bench_app
 from cartoloop.cli.config_command import config_app
 from cartoloop.cli.demo_command import demo_command
 from cartoloop.cli.doctor_command import doctor_command
@@ -42,7 +41,6 @@ app.command("doctor")(doctor_command)
 app.command("simulate")(simulate_command)
 app.command("view")(view_command)
 app.add_typer(evaluate_app, name="evaluate")
-app.add_typer(bench_app, name="bench")
 app.add_typer(config_app, name="config")
 
 
@@ -65,14 +63,14 @@ def _options(
     pass
 
 
-def run(arguments: Sequence[str]) -> int:
-    """Run the command line and return its exit status.
+def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
+    """Run a command line, by default that of ``cartoloop``, and return its exit status.
 
     0: done, 1: failed, 2: wrong usage or configuration, 130: interrupted.
     """
     debug = "--debug" in arguments  # wherever it stands
     try:
-        app(args=[argument for argument in arguments if argument != "--debug"])
+        program(args=[argument for argument in arguments if argument != "--debug"])
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except Interrupted as interruption:

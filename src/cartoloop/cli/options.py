@@ -11,7 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from cartoloop.map_output.picture import Layer
-    from cartoloop.readers.options import ReadOptions
+    from cartoloop.readers.read_options import ReadOptions
     from cartoloop.sensor.pose import Pose
 
 SetOption = Annotated[
@@ -76,7 +76,7 @@ def read_options(
     typer.BadParameter
         An option has no such value.
     """
-    from cartoloop.readers.options import ReadOptions
+    from cartoloop.readers.read_options import ReadOptions
 
     if echo not in ("first", "strongest"):
         raise typer.BadParameter(

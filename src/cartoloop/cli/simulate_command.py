@@ -5,17 +5,11 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from cartoloop.errors import ConfigError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cartoloop.simulation.recording import Recording
-    from cartoloop.simulation.rig_recording import RigRecording
 
 
 def simulate_command(
@@ -75,18 +69,33 @@ def simulate_command(
     if twice := sorted(path for path in set(paths) if paths.count(path) > 1):
         raise ConfigError(f"{twice[0]}: cannot hold two outputs: give each a name of its own")
 
-    if (tilt_deg or distort) and out.suffix != ".bag":
-        raise ConfigError(
-            f"{out}: a CARMEN log holds no IMU and no time of beams: give --out a name on .bag"
-        )
+    from cartoloop.simulation import carry, make_lidar, make_world, simulate
+    from cartoloop.simulation.recording import log_format
 
-    recording, write_log = _recording(
-        world, seed, lidar, odometry, duration, out, tilt_deg, distort
-    )
+    file_format = log_format(out)
+    place = make_world(world, seed)
+    scanner = None if lidar is None else make_lidar(lidar)
+    if file_format == "bag":
+        recording = carry(
+            place,
+            scanner,
+            tilt=math.radians(tilt_deg),
+            distort=distort,
+            with_odometry=odometry,
+            seed=seed,
+            duration=duration,
+        )
+    else:
+        if tilt_deg or distort:
+            raise ConfigError(
+                f"{out}: a CARMEN log holds no IMU and no time of beams: give --out a name that "
+                "ends in .bag"
+            )
+        recording = simulate(place, scanner, with_odometry=odometry, seed=seed, duration=duration)
     written: list[Path] = []
     for path, write in (
         (lines, recording.write_tape_lines),  # first, as not every world has any
-        (out, write_log),
+        (out, recording.write_log),
         (truth, recording.write_truth),
         (relations, recording.write_relations),
     ):
@@ -95,36 +104,3 @@ def simulate_command(
             written.append(path)
     seconds = recording.stamps[-1] - recording.stamps[0]
     typer.echo(f"{len(recording.stamps)} scans, {seconds:.0f} s: {', '.join(map(str, written))}")
-
-
-def _recording(
-    world: str,
-    seed: int,
-    lidar: str | None,
-    odometry: bool | None,
-    duration: float | None,
-    out: Path,
-    tilt_deg: float,
-    distort: bool,
-) -> tuple[Recording | RigRecording, Callable[[Path], None]]:
-    """Return what is asked for, and what writes its log; bags hold an IMU as well."""
-    from cartoloop.simulation import make_lidar, make_world, simulate
-
-    place = make_world(world, seed)
-    scanner = None if lidar is None else make_lidar(lidar)
-    if out.suffix != ".bag":
-        drive = simulate(place, scanner, with_odometry=odometry, seed=seed, duration=duration)
-        return drive, drive.write_carmen
-
-    from cartoloop.simulation.rig_recording import carry
-
-    walk = carry(
-        place,
-        scanner,
-        tilt=math.radians(tilt_deg),
-        distort=distort,
-        with_odometry=odometry,
-        seed=seed,
-        duration=duration,
-    )
-    return walk, walk.write_bag

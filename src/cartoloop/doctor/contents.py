@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cartoloop.readers.carmen import CarmenLog
+from cartoloop.readers.carmen import CARMEN, ODOM_TAG
 from cartoloop.readers.line_log import LineLog
 from cartoloop.readers.log import Log
 from cartoloop.readers.ros.bag import BagLog
@@ -113,8 +113,8 @@ def contents_of(log: Log) -> Contents:
     """Return what is in a recording; of text, the times of its lines are not yet known."""
     if isinstance(log, BagLog):
         return contents_of_bag(log.inventory)
-    if isinstance(log, CarmenLog):
-        return Contents("CARMEN log", _carmen_streams(log))
+    if isinstance(log, LineLog) and log.format_name == CARMEN.name:
+        return Contents(CARMEN.name, _carmen_streams(log))
     kind = log.format_name if isinstance(log, LineLog) else "recording"
     scanner = next(iter(log.profiles)) if isinstance(log, LineLog) else "scans"
     streams = [Stream(scanner, "scan line", "scan", log.num_scans, True, "the only scanner")]
@@ -125,12 +125,13 @@ def contents_of(log: Log) -> Contents:
     return Contents(kind, tuple(streams))
 
 
-def _carmen_streams(log: CarmenLog) -> tuple[Stream, ...]:
+def _carmen_streams(log: LineLog) -> tuple[Stream, ...]:
     used, unused = [], []
-    for tag, count in log.line_counts.items():
-        if tag == "ODOM":
-            used.append(Stream(tag, "odometry line", "odometry", count, True, "wheel odometry"))
-        elif tag in log.profiles:
+    if count := log.num_odometry_lines:
+        tag = ODOM_TAG.decode()
+        used.append(Stream(tag, "odometry line", "odometry", count, True, "wheel odometry"))
+    for tag, count in log.scan_counts.items():
+        if tag in log.profiles:
             main = tag == next(iter(log.profiles))
             why = "the main scanner" if main else "the scanner that looks back"
             if tag.startswith("RAW"):

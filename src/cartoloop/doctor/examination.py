@@ -244,10 +244,10 @@ def _unusable(path: Path, options: ReadOptions, error: InputError) -> Examinatio
 
 def _contents_anyway(path: Path, options: ReadOptions) -> Contents:
     """Return the topics of a bag without scans, if it can be read at all."""
-    from cartoloop.readers.ros.chosen import Choice as TopicChoice
+    from cartoloop.readers.ros.choice import TopicChoice
     from cartoloop.readers.ros.index import index_recording
+    from cartoloop.readers.ros.inventory import take_inventory
     from cartoloop.readers.ros.opening import is_recording, open_containers
-    from cartoloop.readers.ros.summaries import take_inventory
 
     if not is_recording(path):
         return Contents("unknown", ())

@@ -7,13 +7,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from cartoloop.readers.log import Severity as LogSeverity
+from cartoloop.readers.log import ProblemSeverity
 
 Severity = Literal["error", "warning", "info"]
 
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "info")
 
-_OF_LOG: dict[LogSeverity, Severity] = {"error": "error", "warning": "warning", "note": "info"}
+_OF_LOG: dict[ProblemSeverity, Severity] = {"error": "error", "warning": "warning", "note": "info"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Finding:
     time: float | None = None
 
 
-def of_log(severity: LogSeverity) -> Severity:
+def of_log(severity: ProblemSeverity) -> Severity:
     """Return the doctor's word for a severity of the readers."""
     return _OF_LOG[severity]
 

@@ -74,8 +74,8 @@ def search(
     )
     closures = np.empty(len(hits), FOUND)
     closures["submap"], closures["node"] = met["submap"], met["node"]
-    closures["tf_submap_node"] = fine.tf_grid_scan
-    closures["tf_submap_node"][:, 2] = wrap_angles(fine.tf_grid_scan[:, 2])
+    closures["tf_submap_node"] = fine.tf_submap_scan
+    closures["tf_submap_node"][:, 2] = wrap_angles(fine.tf_submap_scan[:, 2])
     closures["information"] = match_informations(fine.information, fine.residual)
     closures["score"] = [match.score for _, match in hits]
     closures["runner_up"] = [match.runner_up for _, match in hits]

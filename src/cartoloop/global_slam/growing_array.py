@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+_FIRST_ROWS = 16
+"""Capacity to begin with."""
+
 
 class GrowingArray:
-    """Rows of one shape and dtype; capacity doubles, so that n appends cost O(n)."""
+    """Rows of one shape and dtype; capacity doubles, so n appends cost O(n)."""
 
     def __init__(self, row_shape: tuple[int, ...], dtype: DTypeLike) -> None:
-        self._buffer: NDArray[Any] = np.empty((16, *row_shape), dtype=dtype)
+        self._buffer: NDArray[Any] = np.empty((_FIRST_ROWS, *row_shape), dtype=dtype)
         self._size = 0
 
     def __len__(self) -> int:
@@ -43,17 +46,21 @@ class GrowingArray:
         self._size = end
 
     def grow(self, count: int) -> NDArray[Any]:
-        """Add rows with nothing in them yet at the end; return them, shape (count, ...)."""
+        """Add rows without content yet at the end; return them, shape (count, ...)."""
         first = self._size
         self._reserve(first + count)
         self._size = first + count
         return self._buffer[first : self._size]
 
+    def shorten(self, size: int) -> None:
+        """Keep the first rows only. Views of before keep what they show, but are detached."""
+        self._buffer = self._buffer[: min(size, self._size)].copy()
+        self._size = len(self._buffer)
+
     def _reserve(self, size: int) -> None:
         if size <= len(self._buffer):
             return
-        grown = np.empty(
-            (max(size, 2 * len(self._buffer)), *self._buffer.shape[1:]), self._buffer.dtype
-        )
+        capacity = max(size, 2 * len(self._buffer), _FIRST_ROWS)
+        grown = np.empty((capacity, *self._buffer.shape[1:]), self._buffer.dtype)
         grown[: self._size] = self._buffer[: self._size]
         self._buffer = grown

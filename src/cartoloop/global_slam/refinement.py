@@ -96,7 +96,7 @@ def match_again(
         config,
         config.max_start_residual,
     )
-    moved = matches.tf_grid_scan - estimates
+    moved = matches.tf_submap_scan - estimates
     # Where not even its own scans fit a submap well, no more is asked of others.
     sparse = max(config.min_score - config.min_score_ratio * submap.own_score, 0.0)
     max_residual = config.max_refined_residual + sparse
@@ -108,7 +108,7 @@ def match_again(
     fitting = np.flatnonzero(fits)
     closures = np.zeros(len(fitting), CLOSURE)
     closures["submap"], closures["node"] = submap.index, nodes[fitting]
-    closures["tf_submap_node"] = matches.tf_grid_scan[fitting]
+    closures["tf_submap_node"] = matches.tf_submap_scan[fitting]
     closures["information"] = match_informations(
         matches.information[fitting], matches.residual[fitting]
     )

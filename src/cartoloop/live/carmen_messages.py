@@ -1,106 +1,71 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lines of a CARMEN log, as they are written, into messages."""
+"""Lines of a CARMEN log, while it is being written, into messages.
+
+The lines are parsed as those of a finished log. The choices that need the whole log are made
+on-line instead: the first line of a scanner determines which lines of it are used and, if it
+states one, its mounting pose; of a parameter the latest value counts.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
-from cartoloop.live.messages import (
-    Message,
-    MessageError,
-    OdometryMessage,
-    ScanMessage,
-)
-from cartoloop.readers.carmen_index import REAR_TAGS
-from cartoloop.readers.carmen_lines import (
-    IGNORED_TAGS,
-    SCAN_TAGS,
-    LineError,
-    ScanLine,
-    beam_angles,
-    laser_offset_params,
-    odom_stamp_index,
-    parse_laser_offset,
-    parse_pose,
-    parse_ranges,
-    parse_stamp,
-    read_scan_line,
-)
-from cartoloop.sensor.events import ScanGeometry
+from cartoloop.live.messages import LiveMessage, MessageError
+from cartoloop.readers.carmen import CARMEN, REAR_TAGS, mounting
+from cartoloop.readers.line_format import LineError, Reading
+from cartoloop.sensor.events import LaserScan, Odometry
 from cartoloop.sensor.pose import Pose
 
 
-class CarmenParser:
-    """Reads lines one by one; where the scanners sit, the lines before have told."""
+class CarmenStream:
+    """Turns lines into messages one by one."""
 
     def __init__(self) -> None:
-        self._params: dict[str, float] = {}
-        self._tags: dict[bool, bytes] = {}  # of the scanner in front, and of the one behind
-        self._offsets: dict[bytes, Pose] = {}
+        self._parse = CARMEN.parser(())
+        self._settings: dict[str, float] = {}
+        self._tags: dict[bool, str] = {}  # by whether it is the rear scanner
+        self._mountings: dict[str, Pose] = {}
 
-    def parse(self, line: bytes) -> list[Message]:
+    def parse(self, line: bytes) -> list[LiveMessage]:
         """Return the messages in a line: odometry, a scan, both or neither.
 
         Raises
         ------
         MessageError
-            The line is damaged, or is none of a CARMEN log.
+            The line is damaged, or is not of a CARMEN log.
         """
-        words = line.split(None, 1)
-        if not words or words[0].startswith(b"#"):
-            return []
-        tag = words[0]
         try:
-            if tag == b"ODOM":
-                tokens = line.split()
-                stamp = parse_stamp(tokens, odom_stamp_index(len(tokens)))
-                return [OdometryMessage(stamp, parse_pose(tokens, 1))]
-            if tag == b"PARAM":
-                self._note_param(line.split())
-                return []
-            if tag in SCAN_TAGS:
-                return self._scan(tag, line)
+            reading = self._parse(line)
         except LineError as error:
-            raise MessageError(error.reason, str(error)) from None
-        if tag in IGNORED_TAGS:
+            if not error.detail:
+                return []
+            raise MessageError(error.reason, error.detail) from None
+        if reading is None:
             return []
-        shown = tag[:20].decode("ascii", "replace")
-        raise MessageError("unknown line", f"unknown line {shown!a}")
+        if reading.setting is not None:
+            name, value = reading.setting
+            self._settings[name] = value
+        messages: list[LiveMessage] = []
+        if reading.ranges is not None and reading.geometry is not None:
+            tag = reading.geometry.sensor
+            # FLASER and ROBOTLASER1 lines may be of the same scanner: the first to come is used.
+            if self._tags.setdefault(tag in REAR_TAGS, tag) != tag:
+                return []
+            geometry = replace(
+                reading.geometry,
+                tf_tracking_sensor=self._mounting(tag, reading),
+                sensor="rear" if tag in REAR_TAGS else "",
+            )
+            messages.append(LaserScan(reading.stamp, math.nan, reading.ranges, geometry))
+        if reading.tf_odom_tracking is not None:
+            messages.insert(0, Odometry(reading.stamp, math.nan, reading.tf_odom_tracking))
+        return messages
 
-    def _note_param(self, tokens: list[bytes]) -> None:
-        try:
-            value = float(tokens[2])
-        except (ValueError, IndexError):
-            return  # most parameters are names
-        if math.isfinite(value):
-            self._params[tokens[1].decode("ascii", "replace")] = value
-
-    def _scan(self, tag: bytes, line: bytes) -> list[Message]:
-        # FLASER and ROBOTLASER1 lines may tell of the same scanner: the first to come is taken.
-        if self._tags.setdefault(tag in REAR_TAGS, tag) != tag:
-            return []
-        scan = read_scan_line(line)
-        ranges, angles = parse_ranges(scan), beam_angles(scan)
-        stamp = parse_stamp(scan.tail, scan.stamp)
-        geometry = ScanGeometry(
-            angle_min=angles.angle_min,
-            angle_increment=angles.angle_increment,
-            num_beams=scan.num_beams,
-            range_min=0.0,
-            range_max=angles.range_max,
-            tf_tracking_sensor=self._offset(tag, scan),
-            sensor="rear" if tag in REAR_TAGS else "",
-        )
-        messages: list[Message] = []
-        if scan.robot_pose >= 0:
-            messages.append(OdometryMessage(stamp, parse_pose(scan.tail, scan.robot_pose)))
-        return [*messages, ScanMessage(stamp, ranges, geometry)]
-
-    def _offset(self, tag: bytes, scan: ScanLine) -> Pose:
-        """Return where the scanner sits, as its first scan or the parameters tell."""
-        if tag not in self._offsets:
-            if tag.startswith(b"ROBOTLASER"):
-                self._offsets[tag] = parse_laser_offset(scan)
-            else:
-                return laser_offset_params(self._params, rear=tag in REAR_TAGS)
-        return self._offsets[tag]
+    def _mounting(self, tag: str, reading: Reading) -> Pose:
+        """Return the mounting pose of a scanner by its first scan, else by the parameters."""
+        if tag not in self._mountings:
+            if reading.tf_tracking_sensor is None:
+                return mounting(tag, self._settings)
+            self._mountings[tag] = reading.tf_tracking_sensor
+        return self._mountings[tag]

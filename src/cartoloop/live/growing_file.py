@@ -9,8 +9,8 @@ from threading import Event
 from typing import BinaryIO
 
 from cartoloop.errors import InputError
-from cartoloop.live.carmen_messages import CarmenParser
-from cartoloop.live.messages import Message
+from cartoloop.live.carmen_messages import CarmenStream
+from cartoloop.live.messages import LiveMessage
 from cartoloop.live.notices import Notices
 from cartoloop.live.source import LineReceiver, Put, parse_json_line
 from cartoloop.readers.log import short_name
@@ -32,7 +32,7 @@ class GrowingFile:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.name = short_name(path)
-        self._carmen = CarmenParser()
+        self._carmen = CarmenStream()
 
     def open(self) -> str:
         """Make sure that it can be read."""
@@ -80,7 +80,7 @@ class GrowingFile:
             return False
         return now.st_ino != os.fstat(file.fileno()).st_ino or now.st_size < file.tell()
 
-    def _parse(self, line: bytes) -> list[Message]:
+    def _parse(self, line: bytes) -> list[LiveMessage]:
         if line.lstrip().startswith(b"{"):
             return list(parse_json_line(line))
         return self._carmen.parse(line)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where messages wait to be mapped: little room, and the newest win."""
+"""The queue of messages that wait to be mapped: it is short, and the newest messages win."""
 
 from __future__ import annotations
 
@@ -9,42 +9,44 @@ from collections.abc import Callable
 from threading import Condition
 from typing import NamedTuple
 
-from cartoloop.live.messages import CloudMessage, EndMessage, Message, ScanMessage
+from cartoloop.live.messages import EndMessage, LiveMessage
+from cartoloop.sensor.events import LaserScan, PointCloud
 
 MAX_SCANS = 16
-"""So many scans wait at the most: older ones are of no use to a robot that moves on."""
+"""Scans that may wait: older ones are of no use to a moving robot."""
 
 MAX_OTHERS = 20_000
-"""So many other messages: they take no time, and scans are worth more with them."""
+"""Other messages that may wait: they take little time, and scans are matched better with them."""
 
 ALL_OF_ONE_TAKE = 256
+"""Messages taken from the queue at once: bounds the time between two looks at the clock."""
 
 
 class Arrival(NamedTuple):
-    """A message, and when it arrived by a clock that never jumps [s]."""
+    """A message, and its time of arrival by a clock that never jumps [s]."""
 
-    message: Message
+    message: LiveMessage
     time: float
 
 
 def steady_clock() -> Callable[[], float]:
-    """Return a clock that now is the system's, and never jumps [s since 1970]."""
+    """Return a clock that agrees with the system's now and never jumps [s since 1970]."""
     offset = time.time() - time.monotonic()
     return lambda: time.monotonic() + offset
 
 
 class Inbox:
-    """A queue between sources and mapping that never holds up a source, nor grows.
+    """A bounded queue between sources and mapping that does not hold up a source.
 
     Parameters
     ----------
     max_scans : scans and clouds that may wait.
     waits : whether the source is held up instead of dropping anything.
-    clock : tells when a message arrives.
+    clock : the clock of arrivals [s]; `steady_clock` by default.
 
     Attributes
     ----------
-    dropped : how many messages were dropped, by kind; those that had waited longest.
+    dropped : number of messages dropped, by kind; the oldest are dropped first.
     """
 
     def __init__(
@@ -64,12 +66,12 @@ class Inbox:
         self._is_closed = False
 
     def now(self) -> float:
-        """Return the time by which arrivals are told [s]."""
+        """Return the present time by the clock of arrivals [s]."""
         return self._clock()
 
-    def put(self, message: Message) -> None:
-        """Add a message; where there is no room, the oldest of its sort goes."""
-        is_scan = isinstance(message, ScanMessage | CloudMessage)
+    def put(self, message: LiveMessage) -> None:
+        """Add a message; where the queue is full, the oldest of its kind is dropped."""
+        is_scan = isinstance(message, LaserScan | PointCloud)
         with self._changed:
             while self._waits and self._is_full(is_scan) and not self._is_closed:
                 self._changed.wait(0.1)
@@ -82,9 +84,9 @@ class Inbox:
             self._changed.notify_all()
 
     def take(self, timeout: float) -> list[Arrival]:
-        """Return what has arrived, in order, one scan at the most; wait for it if there is nothing.
+        """Return messages in order of arrival, at most one scan; wait if there are none.
 
-        One scan, so that those behind it give way to newer ones while it is being mapped.
+        At most one scan, so that newer scans can replace the waiting ones while it is mapped.
         """
         with self._changed:
             if not self._queue and timeout > 0.0:
@@ -92,7 +94,7 @@ class Inbox:
             taken: list[Arrival] = []
             while self._queue and len(taken) < ALL_OF_ONE_TAKE:
                 taken.append(self._queue.popleft())
-                if isinstance(taken[-1].message, ScanMessage | CloudMessage):
+                if isinstance(taken[-1].message, LaserScan | PointCloud):
                     self._num_scans -= 1
                     break
             if self._waits:
@@ -101,11 +103,11 @@ class Inbox:
 
     @property
     def num_waiting(self) -> int:
-        """How many messages wait."""
+        """Number of waiting messages."""
         return len(self._queue)
 
     def close(self) -> None:
-        """Take no more; sources that are held up go on."""
+        """Accept no more messages; sources that are held up continue."""
         with self._changed:
             self._is_closed = True
             self._changed.notify_all()
@@ -117,7 +119,7 @@ class Inbox:
 
     def _drop(self, is_scan: bool) -> None:
         for place, arrival in enumerate(self._queue):
-            if isinstance(arrival.message, ScanMessage | CloudMessage) == is_scan:
+            if isinstance(arrival.message, LaserScan | PointCloud) == is_scan:
                 del self._queue[place]
                 break
         self._num_scans -= is_scan

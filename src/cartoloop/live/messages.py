@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a robot sends, as it came: messages of newline-delimited JSON, and what they become.
+"""Messages of a live source, and the parser of those in newline-delimited JSON.
 
-docs/live.md tells what a robot has to send.
+docs/live.md describes the messages that a robot has to send.
 """
 
 from __future__ import annotations
@@ -13,19 +13,28 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cartoloop.sensor.events import CloudGeometry, ScanGeometry
+from cartoloop.arrays import FloatArray
+from cartoloop.sensor.events import (
+    CloudGeometry,
+    Imu,
+    LaserScan,
+    Odometry,
+    PointCloud,
+    ScanGeometry,
+    SensorEvent,
+)
 from cartoloop.sensor.pose import IDENTITY, Pose, wrap_angle
 
-FloatArray = NDArray[np.float64]
-
 MAX_BEAMS = 100_000
+"""Ranges of a scan: thirty times those of the finest scanners; longer lists are nonsense."""
+
 MAX_POINTS = 2_000_000
+"""Points of a cloud: ten times those of the finest scanners; longer lists are nonsense."""
 
 
 class MessageError(Exception):
-    """A message that cannot be used: the reason it is counted under, and what is wrong with it."""
+    """A message that cannot be used: the reason it is counted under, and a detail for the user."""
 
     def __init__(self, reason: str, detail: str = "") -> None:
         super().__init__(detail or reason)
@@ -33,52 +42,16 @@ class MessageError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class ScanMessage:
-    """A scan as sent. `stamp` [s] is NaN where it was not told; `ranges` float64 (n,) [m]."""
-
-    stamp: float
-    ranges: FloatArray
-    geometry: ScanGeometry
-
-
-@dataclass(frozen=True, slots=True)
-class CloudMessage:
-    """A cloud as sent: `points` float64 (n, 3) [m], `times` float64 (n,) [s] from `stamp` on."""
-
-    stamp: float
-    points: FloatArray
-    times: FloatArray | None
-    geometry: CloudGeometry
-
-
-@dataclass(frozen=True, slots=True)
-class OdometryMessage:
-    """A pose of the robot by its wheels."""
-
-    stamp: float
-    tf_odom_tracking: Pose
-
-
-@dataclass(frozen=True, slots=True)
-class ImuMessage:
-    """An inertial reading, tracking frame [m/s^2], [rad/s]."""
-
-    stamp: float
-    linear_acceleration: tuple[float, float, float]
-    angular_velocity: tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
 class EndMessage:
-    """The source says that this was all."""
+    """The source has no more messages."""
 
 
-SensorMessage = ScanMessage | CloudMessage | OdometryMessage | ImuMessage
-Message = SensorMessage | EndMessage
+LiveMessage = SensorEvent | EndMessage
+"""A message is an event whose `time` is not known yet (NaN); so is its `stamp` if none was sent."""
 
 
 class Mount(NamedTuple):
-    """Where a sensor sits on the robot: in the plane, and the rest of it [m], [rad]."""
+    """Mounting pose of a sensor: in the plane, and height [m], roll and pitch [rad]."""
 
     tf_tracking_sensor: Pose = IDENTITY
     height: float = 0.0
@@ -86,13 +59,13 @@ class Mount(NamedTuple):
     pitch: float = 0.0
 
 
-def parse_message(line: bytes | str) -> Message:
+def parse_message(line: bytes | str) -> LiveMessage:
     """Return the message in a line of JSON.
 
     Raises
     ------
     MessageError
-        It is none, or something in it cannot be used.
+        It is not a message, or a value in it cannot be used.
     """
     try:
         content = json.loads(line)
@@ -109,7 +82,7 @@ def parse_message(line: bytes | str) -> Message:
     return parse(content)
 
 
-def _scan(content: Mapping[str, Any]) -> ScanMessage:
+def _scan(content: Mapping[str, Any]) -> LaserScan:
     ranges = _numbers(content, "ranges", MAX_BEAMS)
     mount = _mount(content)
     increment = _number(content, "angle_increment")
@@ -125,7 +98,7 @@ def _scan(content: Mapping[str, Any]) -> ScanMessage:
         num_beams=len(ranges),
         range_min=range_min,
         range_max=range_max,
-        # REP 117: where an end is told, numbers beyond it say nothing.
+        # REP 117: where range_max is given, numbers beyond it are no measurements.
         no_return_is_free=math.isinf(range_max),
         tf_tracking_sensor=mount.tf_tracking_sensor,
         time_increment=_number(content, "time_increment", 0.0),
@@ -134,10 +107,10 @@ def _scan(content: Mapping[str, Any]) -> ScanMessage:
         roll=mount.roll,
         pitch=mount.pitch,
     )
-    return ScanMessage(_stamp(content), ranges, geometry)
+    return LaserScan(_stamp(content), math.nan, ranges, geometry)
 
 
-def _cloud(content: Mapping[str, Any]) -> CloudMessage:
+def _cloud(content: Mapping[str, Any]) -> PointCloud:
     points = _array(content, "points", MAX_POINTS)
     if points.ndim != 2 or points.shape[1] != 3:
         _refuse("points", "are not three numbers each")
@@ -145,8 +118,9 @@ def _cloud(content: Mapping[str, Any]) -> CloudMessage:
     if times is not None and len(times) != len(points):
         _refuse("times", "are not as many as the points")
     mount = _mount(content)
-    return CloudMessage(
+    return PointCloud(
         _stamp(content),
+        math.nan,
         points,
         times,
         CloudGeometry(
@@ -161,14 +135,16 @@ def _cloud(content: Mapping[str, Any]) -> CloudMessage:
     )
 
 
-def _odometry(content: Mapping[str, Any]) -> OdometryMessage:
+def _odometry(content: Mapping[str, Any]) -> Odometry:
     x, y = _number(content, "x"), _number(content, "y")
-    return OdometryMessage(_stamp(content), Pose(x, y, wrap_angle(_number(content, "theta"))))
+    pose = Pose(x, y, wrap_angle(_number(content, "theta")))
+    return Odometry(_stamp(content), math.nan, pose)
 
 
-def _imu(content: Mapping[str, Any]) -> ImuMessage:
-    return ImuMessage(
+def _imu(content: Mapping[str, Any]) -> Imu:
+    return Imu(
         _stamp(content),
+        math.nan,
         _three(content, "linear_acceleration"),
         _three(content, "angular_velocity"),
     )
@@ -178,7 +154,7 @@ def _end(_: Mapping[str, Any]) -> EndMessage:
     return EndMessage()
 
 
-_PARSERS: dict[str, Callable[[Mapping[str, Any]], Message]] = {
+_PARSERS: dict[str, Callable[[Mapping[str, Any]], LiveMessage]] = {
     "scan": _scan,
     "cloud": _cloud,
     "odometry": _odometry,
@@ -188,12 +164,12 @@ _PARSERS: dict[str, Callable[[Mapping[str, Any]], Message]] = {
 
 
 def _stamp(content: Mapping[str, Any]) -> float:
-    """Return the stamp [s], NaN where there is none: the time of arrival counts then."""
+    """Return the stamp [s]; NaN where there is none: the time of arrival is used then."""
     return _number(content, "stamp", math.nan)
 
 
 def _mount(content: Mapping[str, Any]) -> Mount:
-    """Return where the sensor sits: "pose": [x, y, yaw] or [x, y, z, roll, pitch, yaw]."""
+    """Return the mounting pose: "pose" is [x, y, yaw] or [x, y, z, roll, pitch, yaw]."""
     if content.get("pose") is None:
         return Mount()
     values = _numbers(content, "pose", 6)
@@ -267,5 +243,5 @@ def _refuse(key: str, what: str) -> NoReturn:
 
 
 def _shown(line: bytes | str) -> str:
-    """Return the beginning of a line in plain letters."""
+    """Return the beginning of a line in ASCII."""
     return ascii(bytes(line[:40]).decode("latin-1") if isinstance(line, bytes) else line[:40])

@@ -14,8 +14,8 @@ from cartoloop.live.messages import MessageError
 from cartoloop.live.notices import Notices
 from cartoloop.live.ros_messages import RosParser
 from cartoloop.live.source import POLL_S, Put
-from cartoloop.readers.options import NO_TOPIC
-from cartoloop.readers.ros import messages as ros
+from cartoloop.readers.read_options import NO_TOPIC
+from cartoloop.readers.ros import raw_messages as ros
 
 DEPTH = 16
 """So many messages of a topic wait at the most until they are taken."""

@@ -1,32 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS 2 messages, as their bytes arrive, into messages of a live source."""
+"""The bytes of ROS 2 messages into messages of a live source."""
 
 from __future__ import annotations
 
+import math
 from time import monotonic
 
-from cartoloop.live.messages import (
-    CloudMessage,
-    ImuMessage,
-    MessageError,
-    OdometryMessage,
-    ScanMessage,
-    SensorMessage,
-)
+from cartoloop.live.messages import MessageError
 from cartoloop.live.notices import Notices
-from cartoloop.readers.options import ReadOptions
-from cartoloop.readers.ros import messages as ros
-from cartoloop.readers.ros.choice import BASE_FRAMES
-from cartoloop.readers.ros.chosen import ImuChoice, OdometryChoice, ScannerChoice
+from cartoloop.readers.read_options import ReadOptions
+from cartoloop.readers.ros import raw_messages as ros
+from cartoloop.readers.ros.choice import BASE_FRAMES, OdometryChoice, ScannerChoice
 from cartoloop.readers.ros.decoders import CloudDecoder, ImuDecoder, OdometryDecoder, ScanDecoder
-from cartoloop.readers.ros.index import Stream
-from cartoloop.readers.ros.inventory import Role
+from cartoloop.readers.ros.imu_choice import ImuChoice
+from cartoloop.readers.ros.index import Role, TopicStream
 from cartoloop.readers.ros.transforms import Pose3, TransformTree
 from cartoloop.readers.ros.wire import NANO, DecodeError, frame_name, read_header
+from cartoloop.sensor.events import SensorEvent
 
 TRANSFORM_WAIT_S = 1.0
-"""So long a sensor's messages are left out until it is told where it sits [s]; later, it is taken
-to sit at the robot's centre."""
+"""A sensor's messages are left out this long while its mounting pose is not known [s]; afterwards
+it is assumed to be at the robot's centre. /tf_static arrives within some 0.1 s of joining."""
 
 _ROLES: dict[str, Role] = {
     ros.LASER_SCAN: "scan",
@@ -39,11 +33,11 @@ Decoder = ScanDecoder | CloudDecoder | OdometryDecoder | ImuDecoder
 
 
 class RosParser:
-    """Decodes messages, and keeps the transforms that tell where the sensors sit.
+    """Decodes messages, and keeps the transforms with the mounting poses of the sensors.
 
     Parameters
     ----------
-    notices : is told of sensors of which that is not known.
+    notices : receives a line for each sensor whose mounting pose is not known.
     """
 
     def __init__(self, notices: Notices) -> None:
@@ -67,10 +61,10 @@ class RosParser:
                     transform.parent, transform.child, transform.values, "tf_static"
                 )
         except (DecodeError, ValueError) as error:
-            raise MessageError("transform of no use", f"/tf_static: {error}") from None
+            raise MessageError("unusable transform", f"/tf_static: {error}") from None
 
-    def parse(self, topic: str, msgtype: str, raw: bytes) -> SensorMessage | None:
-        """Return what a message of a topic says; None as long as nobody knows where it was seen.
+    def parse(self, topic: str, msgtype: str, raw: bytes) -> SensorEvent | None:
+        """Return the event in a message of a topic; None while the sensor's pose is awaited.
 
         Raises
         ------
@@ -86,8 +80,7 @@ class RosParser:
             decoder = self._decoder(topic, msgtype, frame)
             if decoder is None:
                 return None
-            stamp = header.stamp / NANO
-            return _message(decoder, raw, stamp)
+            return decoder.decode(raw, header.stamp / NANO, math.nan)
         except DecodeError as error:
             raise MessageError(str(error), f"{topic}: {error}") from None
 
@@ -104,10 +97,10 @@ class RosParser:
             else:
                 pose = Pose3.identity()
                 self._notices.say(
-                    f"{topic}: /tf_static does not tell where {frame or 'its frame'} sits on the "
-                    "robot; taken to be at its centre, or give --laser-pose X,Y,YAW"
+                    f"{topic}: /tf_static has no pose of {frame or 'its frame'} on the robot; it "
+                    "is assumed to be at the robot's centre, or give --laser-pose X,Y,YAW"
                 )
-        stream = Stream(topic, msgtype, _ROLES[msgtype], is_ros1=False)
+        stream = TopicStream(topic, msgtype, _ROLES[msgtype], is_ros1=False)
         match msgtype:
             case ros.LASER_SCAN:
                 decoder = ScanDecoder(ScannerChoice(stream, pose), ReadOptions())
@@ -121,7 +114,7 @@ class RosParser:
         return decoder
 
     def _pose_of(self, frame: str) -> Pose3 | None:
-        """Return a frame's pose in the robot's, None if that is not told."""
+        """Return a frame's pose in the robot's frame, None if it is not known."""
         bases = [base for base in BASE_FRAMES if base in self._tree.frames]
         for base in [*bases, self._odometry_child]:
             if base and (found := self._tree.lookup(base, frame)) is not None:
@@ -129,19 +122,3 @@ class RosParser:
             if base == frame:
                 return Pose3.identity()
         return None
-
-
-def _message(decoder: Decoder, raw: bytes, stamp: float) -> SensorMessage:
-    """Return a decoded message; raises `DecodeError`."""
-    match decoder:
-        case ScanDecoder():
-            scan = decoder.decode(raw, stamp, stamp)
-            return ScanMessage(stamp, scan.ranges, scan.geometry)
-        case CloudDecoder():
-            cloud = decoder.decode(raw, stamp, stamp)
-            return CloudMessage(stamp, cloud.points, cloud.times, cloud.geometry)
-        case OdometryDecoder():
-            return OdometryMessage(stamp, decoder.decode(raw, stamp, stamp).tf_odom_tracking)
-        case _:
-            imu = decoder.decode(raw, stamp, stamp)
-            return ImuMessage(stamp, imu.linear_acceleration, imu.angular_velocity)

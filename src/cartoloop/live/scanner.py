@@ -24,7 +24,7 @@ GROUP = 3  # successive scans tell the noise
 _MAX_GEOMETRIES = 256  # of scanners whose beams are never the same twice
 
 
-class Scanner:
+class LiveScanner:
     """One scanner: its profile, and the geometry of its scans.
 
     Parameters

@@ -12,15 +12,9 @@ from itertools import count
 import numpy as np
 
 from cartoloop.live.inbox import Arrival
-from cartoloop.live.messages import (
-    CloudMessage,
-    EndMessage,
-    ImuMessage,
-    OdometryMessage,
-    ScanMessage,
-)
+from cartoloop.live.messages import EndMessage
 from cartoloop.live.notices import Notices
-from cartoloop.live.scanner import FIRST_S, FIRST_SCANS, Scanner
+from cartoloop.live.scanner import FIRST_S, FIRST_SCANS, LiveScanner
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
 from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.stream_clock import ABSURD_S, SensorTimes, StreamClock
@@ -53,7 +47,7 @@ class _Stream:
     arrival: float = -math.inf
     misses: int = 0
     times: SensorTimes = field(default_factory=SensorTimes)
-    last_scan: ScanMessage | None = None
+    last_scan: LaserScan | None = None
 
 
 @dataclass(order=True, slots=True)
@@ -93,7 +87,7 @@ class Sequencer:
         self._laser_pose = laser_pose
         self._clock = StreamClock()
         self._streams: dict[str, _Stream] = {}
-        self._scanners: dict[str, Scanner] = {}
+        self._scanners: dict[str, LiveScanner] = {}
         self._first_arrival = math.nan
         self._held: list[_Held] = []
         self._passed: list[tuple[SensorEvent, float]] = []
@@ -114,7 +108,7 @@ class Sequencer:
         )
 
     @property
-    def scanners(self) -> dict[str, Scanner]:
+    def scanners(self) -> dict[str, LiveScanner]:
         """The scanners by their name."""
         return self._scanners
 
@@ -133,15 +127,15 @@ class Sequencer:
             )
         stamp = message.stamp if abs(message.stamp) < ABSURD_S else time
         match message:
-            case OdometryMessage():
+            case Odometry():
                 event = Odometry(stamp, time, message.tf_odom_tracking)
                 self._pass("odometry", event, arrival.time)
-            case ImuMessage():
+            case Imu():
                 imu = Imu(stamp, time, message.linear_acceleration, message.angular_velocity)
                 self._pass("IMU", imu, arrival.time)
-            case ScanMessage():
+            case LaserScan():
                 self._add_scan(message, stamp, time, arrival.time)
-            case CloudMessage():
+            case PointCloud():
                 self._add_cloud(message, stamp, time, arrival.time)
 
     def ready(self, now: float) -> Iterator[tuple[SensorEvent, float]]:
@@ -176,7 +170,7 @@ class Sequencer:
         self._note_time(stream, event.time, arrival)
         self._passed.append((event, arrival))
 
-    def _add_scan(self, message: ScanMessage, stamp: float, time: float, arrival: float) -> None:
+    def _add_scan(self, message: LaserScan, stamp: float, time: float, arrival: float) -> None:
         name = message.geometry.sensor
         if (stream := self._scan_stream(name)) is None:
             return
@@ -196,7 +190,7 @@ class Sequencer:
             scanner.read_profile()  # one that came later cannot hold up the others
         self._hold(scan, stream, arrival)
 
-    def _add_cloud(self, message: CloudMessage, stamp: float, time: float, arrival: float) -> None:
+    def _add_cloud(self, message: PointCloud, stamp: float, time: float, arrival: float) -> None:
         if (stream := self._scan_stream(message.geometry.sensor)) is None:
             return
         time = self._increasing(stream, time, arrival)
@@ -273,9 +267,9 @@ class Sequencer:
             return None
         return self._stream(key)
 
-    def _scanner(self, name: str) -> Scanner:
+    def _scanner(self, name: str) -> LiveScanner:
         scanner = self._scanners.get(name)
         if scanner is None:
             laser_pose = None if self._scanners else self._laser_pose
-            scanner = self._scanners[name] = Scanner(name, self._notices.say, laser_pose)
+            scanner = self._scanners[name] = LiveScanner(name, self._notices.say, laser_pose)
         return scanner

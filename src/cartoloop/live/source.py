@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from threading import Event
 from typing import Protocol
 
-from cartoloop.live.messages import Message, MessageError, parse_message
+from cartoloop.live.messages import LiveMessage, MessageError, parse_message
 from cartoloop.live.notices import Notices
 
 MAX_LINE_BYTES = 2**24
@@ -16,8 +16,8 @@ MAX_LINE_BYTES = 2**24
 POLL_S = 0.2
 """Sources look so often whether they are to end [s]."""
 
-Put = Callable[[Message], None]
-ParseLine = Callable[[bytes], Iterable[Message]]
+Put = Callable[[LiveMessage], None]
+ParseLine = Callable[[bytes], Iterable[LiveMessage]]
 
 
 class Source(Protocol):
@@ -43,7 +43,7 @@ class Source(Protocol):
         """
 
 
-def parse_json_line(line: bytes) -> tuple[Message, ...]:
+def parse_json_line(line: bytes) -> tuple[LiveMessage, ...]:
     """Return the message in a line of JSON, none in an empty one; see `parse_message`."""
     return (parse_message(line),) if line.strip() else ()
 

@@ -101,8 +101,8 @@ class ScanMatcher:
         if not is_lost:
             noise = _pixel_information(prediction, pull, submap)
             held = hold_open_direction(best, prior, pull, weight, self._config.prediction, noise)
-            best = best._replace(tf_grid_scan=held)
-        return MatchedScan(compose(submap.tf_local_submap, best.tf_grid_scan), best)
+            best = best._replace(tf_submap_scan=held)
+        return MatchedScan(compose(submap.tf_local_submap, best.tf_submap_scan), best)
 
     def _search_as_lost(
         self, submap: Submap, points: FloatArray, guesses: Iterable[Pose], best: LeastSquaresMatch
@@ -120,7 +120,7 @@ class ScanMatcher:
     def _search(
         self, submap: Submap, points: FloatArray, centre: Pose, window: CorrelativeMatcherConfig
     ) -> Pose:
-        return correlative.match(submap.grid, points, centre, window, self._scratch).tf_grid_scan
+        return correlative.match(submap.grid, points, centre, window, self._scratch).tf_submap_scan
 
     def _refine(
         self, submap: Submap, points: FloatArray, start: Pose, prior: Pose, pull: FloatArray
@@ -208,14 +208,14 @@ def hold_open_direction(
     """
     ratio, direction = degenerate_direction(match)
     if not 0.0 < ratio < 1.0:
-        return match.tf_grid_scan
+        return match.tf_submap_scan
     (xx, xy), (_, yy) = match.information[:2, :2].tolist()
     strong = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
     seeming = point_weight * ratio * strong
     true = point_weight * max(ratio - config.spurious_information, 0.0) * strong
     true = min(seeming, true + pixel_information)
     cos, sin = math.cos(direction), math.sin(direction)
-    pose = match.tf_grid_scan
+    pose = match.tf_submap_scan
     along = cos * (pose.x - prior.x) + sin * (pose.y - prior.y)
     trust = float(pull[0]) / (1.0 + along * along * float(pull[0]) / config.failure_scale**2)
     kept = true / (true + trust) * (seeming + trust) / seeming

@@ -11,7 +11,7 @@
     ODOM x y theta tv rv accel                                               [stamp host logger]
     PARAM name value
 
-Whether the optional parts are there is told by counting tokens from the end.
+Which optional parts a line has follows from the number of tokens, counted from the end.
 """
 
 from __future__ import annotations
@@ -20,12 +20,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.kernels.decimal_text import POWERS_OF_TEN, parse_decimals
-from cartoloop.sensor.pose import IDENTITY, Pose, relative
-
-FloatArray = NDArray[np.float64]
+from cartoloop.readers.line_format import LineError
+from cartoloop.sensor.pose import Pose, relative
 
 SCAN_TAGS = (
     b"FLASER",
@@ -35,7 +34,7 @@ SCAN_TAGS = (
     b"RAWLASER1",
     b"RAWLASER2",
 )
-# Messages that a CARMEN log may hold and from which nothing can be mapped.
+# Messages of CARMEN that hold nothing to map with.
 IGNORED_TAGS = frozenset(
     b"SYNC TRUEPOS NMEA NMEAGGA NMEARMC GPS IMU LASER3 LASER4 LASER5 RAWLASER3 RAWLASER4 "
     b"RAWLASER5 ROBOTLASER0 REMISSIONFLASER REMISSIONRLASER POSITIONLASER BASEODOMETRY FRONTLASER "
@@ -49,25 +48,16 @@ _HEADER_TOKENS = 7  # type start fov step max accuracy remission
 _ROBOTLASER_TAILS = (10, 11)
 
 
-class LineError(Exception):
-    """A line that cannot be used: the reason it is counted under, and what is wrong with it."""
-
-    def __init__(self, reason: str, detail: str) -> None:
-        super().__init__(detail)
-        self.reason = reason
-        self.detail = detail
-
-
 class ScanLine(NamedTuple):
-    """A scan line, its ranges read already if they are plain decimal numbers, as they mostly are.
+    """A scan line; its ranges are parsed already if they are plain decimal numbers, as mostly.
 
     Attributes
     ----------
     head : the tokens up to the count of ranges.
     num_beams : that count.
-    ranges : float64, shape (num_beams,) [m], or None where they must be made of `words`.
-    words : the tokens of the ranges, or nothing where `ranges` are known: to cut a line into a
-        thousand pieces takes longer than to read its numbers.
+    ranges : float64, shape (num_beams,) [m], or None where `words` must be parsed.
+    words : the tokens of the ranges; empty where `ranges` are known, because splitting a line
+        into a thousand tokens takes longer than parsing its numbers.
     tail : the tokens after the ranges.
     robot_pose, laser_pose, stamp : where these stand in `tail`; -1 where they are missing.
     """
@@ -83,12 +73,12 @@ class ScanLine(NamedTuple):
 
 
 def read_scan_line(line: bytes) -> ScanLine:
-    """Return the parts of a line whose tag is in `SCAN_TAGS`.
+    """Split a line whose tag is in `SCAN_TAGS` into its parts.
 
     Raises
     ------
     LineError
-        If the number of tokens fits no form of the line.
+        If no form of the line has this number of tokens.
     """
     is_flaser = line.lstrip().startswith(_FLASER_TAGS)
     num_head = 2 if is_flaser else _HEADER_TOKENS + 2
@@ -129,7 +119,7 @@ def _robotlaser_tail(tag: bytes, tail: list[bytes], num_beams: int) -> tuple[int
     """Return the same for ROBOTLASERn and RAWLASERn."""
     has_pose = tag.startswith(b"ROBOT")
     wanted = _ROBOTLASER_TAILS if has_pose else (0,)
-    # A host name is no number, so it tells a stamp from further values; failing that, try both.
+    # A host name is no number, so it identifies a stamp; if it is a number, try both.
     has_host = len(tail) >= _STAMP_TOKENS and not _is_number(tail[-2])
     for num_stamp in (_STAMP_TOKENS,) if has_host else (0, _STAMP_TOKENS):
         start = _pose_start(tail, len(tail) - num_stamp, wanted)
@@ -140,7 +130,7 @@ def _robotlaser_tail(tag: bytes, tail: list[bytes], num_beams: int) -> tuple[int
 
 
 def _pose_start(tail: list[bytes], end: int, wanted: tuple[int, ...]) -> int:
-    """Return where the laser's pose begins, after the remissions if there are any, or -1."""
+    """Return where the laser's pose begins, after any remissions, or -1."""
     plain = end in wanted
     blocked = -1
     if end > 0 and tail[0].isdigit():
@@ -149,7 +139,7 @@ def _pose_start(tail: list[bytes], end: int, wanted: tuple[int, ...]) -> int:
             blocked = after
     if plain and blocked >= 0:
         # "0" may be an empty remission block or the laser's x. Beside coordinates with decimals it
-        # is a count; otherwise, the laser sits near the robot.
+        # is a count; otherwise the form with the laser nearer to the robot is right.
         if any(b"." in token for token in tail[1:7]):
             return blocked
         return min((blocked, 0), key=lambda start: _laser_offset(tail, start))
@@ -157,7 +147,7 @@ def _pose_start(tail: list[bytes], end: int, wanted: tuple[int, ...]) -> int:
 
 
 def _laser_offset(tokens: list[bytes], start: int) -> float:
-    """Return how far the laser is off the robot, metres plus radians, if poses begin at `start`."""
+    """Return the distance from robot to laser [m] plus turn [rad] if poses begin at `start`."""
     try:
         offset = relative(parse_pose(tokens, start + 3), parse_pose(tokens, start))
     except LineError:
@@ -182,12 +172,12 @@ def _wrong_count(num_beams: int, extra: int, wanted: str) -> LineError:
 
 
 def odom_stamp_index(num_tokens: int) -> int:
-    """Return which token of an ODOM line is the stamp, or -1 if it has none.
+    """Return the index of the stamp among the tokens of an ODOM line, -1 if it has none.
 
     Raises
     ------
     LineError
-        If the number of tokens fits no form of the line.
+        If no form of the line has this number of tokens.
     """
     if num_tokens == 7 + _STAMP_TOKENS:
         return 7
@@ -197,7 +187,7 @@ def odom_stamp_index(num_tokens: int) -> int:
 
 
 def parse_stamp(tokens: list[bytes], index: int) -> float:
-    """Return the stamp [s], NaN where it is missing (`index` -1) or not finite.
+    """Return the stamp [s]; NaN if it is missing (`index` -1) or not finite.
 
     Raises
     ------
@@ -211,7 +201,7 @@ def parse_stamp(tokens: list[bytes], index: int) -> float:
 
 
 def parse_pose(tokens: list[bytes], index: int) -> Pose:
-    """Return the pose whose x, y [m] and theta [rad] stand from token `index` on.
+    """Return the pose x, y [m], theta [rad] in the three tokens from `index` on.
 
     Raises
     ------
@@ -225,7 +215,7 @@ def parse_pose(tokens: list[bytes], index: int) -> Pose:
 
 
 def parse_ranges(scan: ScanLine) -> FloatArray:
-    """Return the ranges of a scan line [m]; NaN, infinite and negative ones stay as they are.
+    """Return the ranges of a scan line [m], including NaN, infinite and negative ones.
 
     Raises
     ------
@@ -242,7 +232,7 @@ def parse_ranges(scan: ScanLine) -> FloatArray:
         raise
 
 
-def parse_laser_offset(scan: ScanLine) -> Pose:
+def parse_mounting(scan: ScanLine) -> Pose:
     """Return tf_tracking_sensor; the poses of laser and robot are both in the odometry frame."""
     robot = parse_pose(scan.tail, scan.robot_pose)
     return relative(robot, parse_pose(scan.tail, scan.laser_pose))
@@ -257,16 +247,16 @@ class BeamAngles(NamedTuple):
 
 
 def beam_angles(scan: ScanLine) -> BeamAngles:
-    """Return where the beams of a scan line look.
+    """Return the beam angles of a scan line.
 
-    FLASER and RLASER carry no angles: by custom the beams span 180 degrees counter-clockwise from
-    -90 degrees, an odd number with both ends (181: 1.0 degree), an even one without the last
-    (180: 1.0 degree too). The other lines tell in their header.
+    FLASER and RLASER lines have no angles: by convention the beams span 180 degrees
+    counter-clockwise from -90 degrees, an odd number with both ends (181: 1.0 degree), an even one
+    without the last (180: 1.0 degree too). The other lines have them in their header.
 
     Raises
     ------
     LineError
-        If a number of the header is none.
+        If a token of the header is not a number, or an angle is not finite.
     """
     num_beams = scan.num_beams
     if scan.head[0] in _FLASER_TAGS:
@@ -279,20 +269,6 @@ def beam_angles(scan: ScanLine) -> BeamAngles:
         step = field_of_view / max(num_beams - 1, 1)
     usable = math.isfinite(longest) and longest > 0.0
     return BeamAngles(start, step, longest if usable else math.inf)
-
-
-def laser_offset_params(params: dict[str, float], *, rear: bool) -> Pose:
-    """Return tf_tracking_sensor of the front or the rear laser as PARAM lines tell it.
-
-    Without such lines the scanner sits on the robot's centre; the rear one looks backwards.
-    """
-    prefix = "robot_rearlaser" if rear else "robot_frontlaser"
-    facing = math.pi if rear else IDENTITY.theta
-    return Pose(
-        params.get(f"{prefix}_offset", 0.0),
-        params.get(f"{prefix}_side_offset", 0.0),
-        params.get(f"{prefix}_angular_offset", facing),
-    )
 
 
 def _number(token: bytes) -> float:

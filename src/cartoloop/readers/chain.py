@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from cartoloop.readers.log import Log, Problem
+from cartoloop.readers.log import Log, LogPass, LogProblem
 from cartoloop.sensor.events import SensorEvent
 from cartoloop.sensor.sensor_profile import SensorProfile
 from cartoloop.sensor.time_repair import TimeReport
@@ -21,6 +21,11 @@ class LogChain:
     Parameters
     ----------
     logs : in the order of time, at least one.
+
+    Raises
+    ------
+    ValueError
+        There are no logs.
     """
 
     def __init__(self, logs: Sequence[Log]) -> None:
@@ -30,15 +35,16 @@ class LogChain:
         self.name = " + ".join(log.name for log in logs)
         self.num_scans = sum(log.num_scans for log in logs)
         self.duration = sum(log.duration for log in logs)
+        self._latest = _ChainProblems(logs)
 
     @property
     def description(self) -> str:
-        """What is in the first recording."""
+        """Contents of the first recording: some lines for the user."""
         return self._logs[0].description
 
     @property
     def profile(self) -> SensorProfile:
-        """What the first recording says of its scanner; scans carry the geometry of their own."""
+        """Properties of the first recording's scanner; each scan carries its own geometry."""
         return self._logs[0].profile
 
     @property
@@ -58,34 +64,61 @@ class LogChain:
 
     @property
     def skipped(self) -> dict[str, int]:
-        """How many lines were skipped, by reason; grows while iterating."""
+        """Number of skipped lines or messages by reason, of the pass begun last."""
+        return self._latest.skipped
+
+    @property
+    def problems(self) -> list[LogProblem]:
+        """The first problems of each recording: of opening, and of the pass begun last."""
+        return self._latest.kept
+
+    @property
+    def num_problems(self) -> int:
+        """Number of problems, including those not kept in `problems`."""
+        return self._latest.count
+
+    def __iter__(self) -> LogPass:
+        """Begin a pass: one recording after the other, times never running backwards."""
+        passes = [iter(log) for log in self._logs]
+        self._latest = _ChainProblems(passes)
+        return LogPass(self, _in_a_row(passes), self._latest)
+
+
+class _ChainProblems:
+    """The problems of several recordings, or of one pass over each."""
+
+    def __init__(self, parts: Sequence[Log | LogPass]) -> None:
+        self._parts = tuple(parts)
+
+    @property
+    def skipped(self) -> dict[str, int]:
+        """Number of skipped lines or messages by reason."""
         total: dict[str, int] = {}
-        for log in self._logs:
-            for reason, count in log.skipped.items():
+        for part in self._parts:
+            for reason, count in part.skipped.items():
                 total[reason] = total.get(reason, 0) + count
         return total
 
     @property
-    def problems(self) -> list[Problem]:
-        """The first problems of each recording; grows while iterating."""
-        return [problem for log in self._logs for problem in log.problems]
+    def kept(self) -> list[LogProblem]:
+        """The first problems of each recording."""
+        return [problem for part in self._parts for problem in part.problems]
 
     @property
-    def num_problems(self) -> int:
-        """How many problems were found, including those not kept in `problems`."""
-        return sum(log.num_problems for log in self._logs)
+    def count(self) -> int:
+        """Number of problems, including those not kept."""
+        return sum(part.num_problems for part in self._parts)
 
-    def __iter__(self) -> Iterator[SensorEvent]:
-        """Yield the events of one recording after the other, times never running backwards."""
-        end = None
-        for log in self._logs:
-            shift = None
-            for event in log:
-                if shift is None:
-                    late = end is None or event.time > end
-                    shift = (
-                        0.0 if end is None or late else end + log.time_report.period - event.time
-                    )
-                shifted = replace(event, time=event.time + shift) if shift else event
-                end = shifted.time
-                yield shifted
+
+def _in_a_row(passes: Sequence[LogPass]) -> Iterator[SensorEvent]:
+    end = None
+    for events in passes:
+        shift = None
+        for event in events:
+            if shift is None:
+                late = end is None or event.time > end
+                period = events.log.time_report.period
+                shift = 0.0 if end is None or late else end + period - event.time
+            shifted = replace(event, time=event.time + shift) if shift else event
+            end = shifted.time
+            yield shifted

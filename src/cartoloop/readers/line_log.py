@@ -1,102 +1,81 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Any text recording that tells one thing a line: three functions say how, the rest is done here.
+"""A text recording of any format that has one message on each line.
 
-The three are a `LineFormat`; docs/readers.md shows how to write them.
+A `LineFormat` describes the format. The rest is common to all of them and done here: compression,
+times, skipped lines, mounting poses and profiles of the scanners.
 """
 
 from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.errors import InputError
-from cartoloop.readers.carmen_index import ScanSample
-from cartoloop.readers.carmen_lines import LineError
+from cartoloop.readers.line_format import LineError, LineFormat, Reading
 from cartoloop.readers.line_times import line_times, note_damage, note_times
-from cartoloop.readers.log import Problems, TellsProblems
-from cartoloop.readers.source import Source
+from cartoloop.readers.log import LogBase, ProblemLog
+from cartoloop.readers.scan_sample import ScanSample
+from cartoloop.readers.text_file import TextFile
 from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry, SensorEvent
-from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.sensor_profile import SensorProfile, profile_sensor
 from cartoloop.sensor.time_repair import TimeReport
 
-__all__ = ["LineError", "LineFormat", "LineLog", "Reading", "head_of"]
-
-FloatArray = NDArray[np.float64]
-
 _HEAD_LINES = 32
-_SILENT, _ODOMETRY, _SCAN = range(3)
+"""Lines of the head, blank lines and comments not counted: enough to see each kind of line."""
+
+_MAX_HEAD_LINES = 4096
+"""Lines of the head in all: a file of comments is not read whole."""
+
+_MAX_SHIFT_M, _MAX_TURN_RAD = 0.02, 0.02
+"""A scanner that moves against the robot by more than this in a tenth of its scans is not where
+its lines state: they hold poses corrected by scan matching. Coarser than the 1 cm and 0.01 rad to
+which some logs round their poses."""
+
+_MAX_GEOMETRIES = 256
+"""Geometries kept of scanners whose beam angles change from scan to scan: bounds the memory."""
+
+# What a line holds. Scans: _FIRST_SCANNER + the number of the scanner, by first appearance.
+_SILENT, _ODOMETRY, _CUT_OFF, _FIRST_SCANNER = range(4)
 
 
-class Reading(NamedTuple):
-    """What a line says.
-
-    Attributes
-    ----------
-    stamp : when it was measured [s]; NaN if the line does not tell.
-    tf_odom_tracking : pose of the robot by its odometry, or None.
-    ranges : float64, shape (num_beams,) [m], or None; NaN, inf, 0 and overlong ones may stay as
-        they are.
-    geometry : of these ranges, where it is not the recording's.
-    """
-
-    stamp: float = math.nan
-    tf_odom_tracking: Pose | None = None
-    ranges: FloatArray | None = None
-    geometry: ScanGeometry | None = None
-
-
-Parse = Callable[[bytes], Reading | None]
-Head = Sequence[bytes]
-
-
-@dataclass(frozen=True, slots=True)
-class LineFormat:
-    """How to read a text format. All functions get the first lines of the file.
-
-    Attributes
-    ----------
-    name : of the format, for the user.
-    recognise : tells whether a file is of this format.
-    geometry : tells where the beams look and where the scanner sits; a scan with another number
-        of beams is taken to begin at the same angle. Raises `LineError` if that cannot be told.
-    parser : returns the function that reads a line: a `Reading`, or None where the line says
-        nothing; it raises `LineError` if the line is damaged. It is called anew for each pass, so
-        that the function may remember what lines before have told.
-    """
-
-    name: str
-    recognise: Callable[[Head], bool]
-    geometry: Callable[[Head], ScanGeometry]
-    parser: Callable[[Head], Parse]
-
-
-def head_of(source: Source) -> list[bytes]:
+def head_of(text: TextFile) -> list[bytes]:
     """Return the first lines of a text, by which formats are recognised."""
-    return list(islice(source.lines(), _HEAD_LINES))
+    head: list[bytes] = []
+    num_filled = 0
+    for line in islice(text.lines(), _MAX_HEAD_LINES):
+        head.append(line)
+        start = line.lstrip()[:1]
+        num_filled += start not in (b"", b"#")
+        if num_filled == _HEAD_LINES:
+            break
+    return head
 
 
-class LineLog(TellsProblems):
+class LineLog(LogBase):
     """A text recording; see `cartoloop.readers.log.Log` for what it offers.
 
     Parameters
     ----------
-    source : the file, plain or gzip, or its path.
+    text : the file, plain or gzip, or its path.
     line_format : how to read it.
-    laser_pose : where the scanner sits on the robot, if the log is not to be asked.
+    laser_pose : mounting pose of the main scanner, instead of the recorded one.
 
     Attributes
     ----------
-    format_name : what kind of recording it is.
-    num_odometry : how many readings of the odometry there are.
+    format_name : name of its format.
+    profiles : the profile of each scanner in use, by name; the main scanner first.
+    scan_counts : number of scans by scanner, in use or not.
+    num_odometry : number of odometry poses, including those of scan lines.
+    num_odometry_lines : number of lines that hold odometry and no scan.
 
     Raises
     ------
@@ -106,44 +85,43 @@ class LineLog(TellsProblems):
 
     def __init__(
         self,
-        source: Source | str | Path,
+        text: TextFile | str | Path,
         line_format: LineFormat,
         *,
         laser_pose: Pose | None = None,
     ) -> None:
-        self._source = source if isinstance(source, Source) else Source(source)
-        self.name = self._source.name
+        super().__init__()
+        self._text = text if isinstance(text, TextFile) else TextFile(text)
+        self.name = self._text.name
         self.format_name = line_format.name
         self._format = line_format
-        self._head = head_of(self._source)
-        self._found = Problems()  # while opening; does not change any more
-        try:
-            geometry = line_format.geometry(self._head)
-        except LineError as error:
-            raise InputError(f"{self._source.path}: {error}") from None
-        if laser_pose is not None:
-            geometry = replace(geometry, tf_tracking_sensor=laser_pose)
-        self._geometry = geometry
+        self._head = head_of(self._text)
+        self._geometry = self._default_geometry()
         self._geometries: dict[tuple[ScanGeometry, int], ScanGeometry] = {}
-        self._profile: SensorProfile | None = None
-        self.num_scans = self.num_odometry = 0
-        self._index()
-        self.profile: SensorProfile = self._read_profile()
-        self._profile = self.profile
-        self._geometries.clear()  # those without the profile
-        note_damage(self._found, self._source, len(self._kinds))
-        note_times(self._found, self.name, self.time_report)
-        self._current = self._found
+        self._index_lines()
+        scans = [self._lines_of(scanner) for scanner in self._used]
+        odometry = np.flatnonzero(self._kinds == _ODOMETRY)
+        self.time_report: TimeReport
+        self._times, self.time_report = line_times(self._stamps, scans, odometry)
+        self.num_scans = sum(map(len, scans))
+        self._mountings = {scanner: self._find_mounting(scanner) for scanner in self._used}
+        if laser_pose is not None:
+            self._mountings[self._used[0]] = laser_pose
+        self.profiles: dict[str, SensorProfile] = {}
+        self.profiles = {scanner: self._profile(scanner) for scanner in self._used}
+        self._geometries.clear()  # those without the profiles
+        del self._samples, self._stamps
+        self._note_what_was_found()
 
     @property
     def description(self) -> str:
-        """What is in it: some lines for the user."""
+        """Beams, ranges and rate of the main scanner: some lines for the user."""
         return self.profile.describe()
 
     @property
-    def profiles(self) -> dict[str, SensorProfile]:
-        """The profile of the one scanner, by its name."""
-        return {self._geometry.sensor: self.profile}
+    def profile(self) -> SensorProfile:
+        """Properties of the main scanner, estimated from its scans."""
+        return self.profiles[self._used[0]]
 
     @property
     def duration(self) -> float:
@@ -151,92 +129,202 @@ class LineLog(TellsProblems):
         finite = self._times[np.isfinite(self._times)]
         return float(finite[-1] - finite[0])
 
-    def __iter__(self) -> Iterator[SensorEvent]:
-        """Yield the events in file order; bad lines are skipped and counted."""
-        current = self._current = self._found.copy()
-        times = self._times.tolist()
-        for number, reading in self._readings(current):
-            time = times[number]
-            stamp = time if math.isnan(reading.stamp) else reading.stamp
-            if reading.tf_odom_tracking is not None:
-                yield Odometry(stamp, time, reading.tf_odom_tracking)
-            if reading.ranges is not None:
-                yield self._scan(reading, stamp, time)
-
-    def _scan(self, reading: Reading, stamp: float, time: float) -> LaserScan:
-        ranges = np.zeros(0) if reading.ranges is None else reading.ranges
-        own = self._geometry if reading.geometry is None else reading.geometry
-        geometry = self._geometries.get((own, len(ranges)))
-        if geometry is None:
-            # Where the scanner sits, the log as a whole tells.
-            geometry = replace(
-                own,
-                num_beams=len(ranges),
-                tf_tracking_sensor=self._geometry.tf_tracking_sensor,
-                sensor=self._geometry.sensor,
-            )
-            geometry = self._profile.apply(geometry) if self._profile else geometry
-            self._geometries[own, len(ranges)] = geometry
-        return LaserScan(stamp, time, ranges, geometry)
-
-    def _readings(self, problems: Problems) -> Iterator[tuple[int, Reading]]:
-        """Yield the index of each line that says something, and what."""
+    def _events(self, problems: ProblemLog) -> Iterator[SensorEvent]:
         parse = self._format.parser(self._head)
-        for number, line in enumerate(self._source.lines()):
+        unused = self._unused_scanners()
+        kinds, times = self._kinds.tolist(), self._times.tolist()
+        last_odometry = None
+        for number, (line, kind) in enumerate(zip(self._text.lines(), kinds, strict=False)):
+            if kind in unused:
+                problems.skip(unused[kind])
+                continue
             try:
+                if kind == _CUT_OFF:
+                    raise LineError("line cut off", "the last line is cut off")
                 reading = parse(line)
                 if reading is None:
                     continue
                 _check(reading)
             except LineError as error:
-                problems.skip(error.reason, f"{self.name}:{number + 1}: {error}")
+                place = f"{self.name}:{number + 1}: {error.detail}"
+                problems.skip(error.reason, place if error.detail else "")
                 continue
-            yield number, reading
+            time = times[number]
+            stamp = time if math.isnan(reading.stamp) else reading.stamp
+            if reading.tf_odom_tracking is not None:
+                odometry = (reading.tf_odom_tracking, stamp)
+                if not (self._format.repeats_odometry and odometry == last_odometry):
+                    yield Odometry(stamp, time, reading.tf_odom_tracking)
+                last_odometry = odometry
+            if reading.ranges is not None:
+                yield self._scan(reading, reading.ranges, stamp, time)
 
-    def _index(self) -> None:
-        """Read the file through: the time of each line, and some scans."""
-        kinds, stamps = bytearray(), array("d")
-        self._sample: ScanSample[Reading] = ScanSample()
-        for number, reading in self._readings(Problems()):
-            silent = number - len(kinds)
-            kinds.extend(bytes([_SILENT]) * silent)
-            stamps.extend([math.nan] * silent)
-            is_scan = reading.ranges is not None
-            kinds.append(_SCAN if is_scan else _ODOMETRY)
-            stamps.append(reading.stamp if math.isfinite(reading.stamp) else math.nan)
-            self.num_odometry += reading.tf_odom_tracking is not None
-            if is_scan:
-                self._sample.offer(number, reading)
-        self._kinds = np.frombuffer(bytes(kinds), np.uint8)
-        scans = np.flatnonzero(self._kinds == _SCAN)
-        if not len(scans):
-            raise InputError(self._why_no_scans())
-        self.num_scans = len(scans)
-        odometry = np.flatnonzero(self._kinds == _ODOMETRY)
-        self.time_report: TimeReport
-        self._times, self.time_report = line_times(np.array(stamps), [scans], odometry)
+    def _unused_scanners(self) -> dict[int, str]:
+        """Return the reason for skipping the scans of each scanner that is not in use, by kind."""
+        return {
+            self._kind_of(scanner): f"{scanner} (the same scanner as {self._used[0]})"
+            for scanner in self.scan_counts
+            if scanner not in self._used
+        }
 
-    def _read_profile(self) -> SensorProfile:
+    def _scan(self, reading: Reading, ranges: FloatArray, stamp: float, time: float) -> LaserScan:
+        own = self._geometry if reading.geometry is None else reading.geometry
+        assert own is not None  # checked while indexing
+        geometry = self._geometries.get((own, len(ranges)))
+        if geometry is None:
+            mounting = self._mountings[own.sensor]
+            geometry = replace(own, num_beams=len(ranges), tf_tracking_sensor=mounting)
+            profile = self.profiles.get(own.sensor)
+            geometry = profile.apply(geometry) if profile else geometry
+            if len(self._geometries) >= _MAX_GEOMETRIES:
+                self._geometries.clear()
+            self._geometries[own, len(ranges)] = geometry
+        return LaserScan(stamp, time, ranges, geometry)
+
+    def _default_geometry(self) -> ScanGeometry | None:
+        try:
+            return self._format.geometry(self._head) if self._format.geometry else None
+        except LineError as error:
+            raise InputError(f"{self._text.path}: {error}") from None
+
+    def _index_lines(self) -> None:
+        """Read the file once: the kind and the stamp of each line, and a sample of the scans."""
+        parse = self._format.parser(self._head)
+        kinds, stamps = array("H"), array("d")
+        self._scanners: list[str] = []
+        self._samples: dict[str, ScanSample[Reading]] = {}
+        self._settings: dict[str, float] = {}
+        num_poses: Counter[int] = Counter()
+        first_fault = ""
+        for number, line in enumerate(self._text.lines()):
+            kind, stamp = _SILENT, math.nan
+            try:
+                reading = parse(line)
+                if reading is not None:
+                    _check(reading)
+                    kind, stamp = self._index_reading(number, reading), reading.stamp
+                    num_poses[kind] += reading.tf_odom_tracking is not None
+            except LineError as error:
+                if error.detail and not first_fault:
+                    first_fault = f"{self._text.path}:{number + 1}: {error.detail}"
+            kinds.append(kind)
+            stamps.append(stamp if math.isfinite(stamp) else math.nan)
+        self._kinds = np.array(kinds, dtype=np.uint16)
+        self._stamps: FloatArray = np.array(stamps)
+        self._mark_cut_line()
+        counts = {name: len(self._lines_of(name)) for name in self._scanners}
+        self.scan_counts = {name: count for name, count in counts.items() if count}
+        self._used = list(self._format.select_scanners(self.scan_counts))
+        if not self._used:
+            raise InputError(self._no_scans_message(first_fault))
+        self.num_odometry_lines = int((self._kinds == _ODOMETRY).sum())
+        self.num_odometry = num_poses[_ODOMETRY]
+        self.num_odometry += sum(num_poses[self._kind_of(name)] for name in self._used)
+
+    def _index_reading(self, number: int, reading: Reading) -> int:
+        """Add a line to the settings or the samples; return its kind."""
+        if reading.setting is not None:
+            self._settings.setdefault(*reading.setting)
+        if reading.ranges is None:
+            return _SILENT if reading.tf_odom_tracking is None else _ODOMETRY
+        geometry = reading.geometry or self._geometry
+        if geometry is None:
+            raise LineError("scan without angles", "the beam angles of the scan are not known")
+        if geometry.sensor not in self._samples:
+            self._scanners.append(geometry.sensor)
+            self._samples[geometry.sensor] = ScanSample()
+        self._samples[geometry.sensor].offer(number, reading)
+        return self._kind_of(geometry.sensor)
+
+    def _kind_of(self, scanner: str) -> int:
+        return _FIRST_SCANNER + self._scanners.index(scanner)
+
+    def _lines_of(self, scanner: str) -> IntArray:
+        """Return the indices of the lines with a scan of a scanner."""
+        return np.flatnonzero(self._kinds == self._kind_of(scanner))
+
+    def _mark_cut_line(self) -> None:
+        """Mark a last line that lost its stamp where others have one: its numbers are cut too."""
+        if not (self._format.stamp_ends_line and self._text.ends_mid_line):
+            return
+        if self._kinds[-1] != _SILENT and np.isnan(self._stamps[-1]):
+            if not np.isfinite(self._stamps[:-1]).any():
+                return
+            self._kinds[-1] = _CUT_OFF
+            for sample in self._samples.values():
+                sample.drop(len(self._kinds) - 1)
+
+    def _find_mounting(self, scanner: str) -> Pose:
+        """Return tf_tracking_sensor: as the scans state it, else the settings or the geometry."""
+        first = self._samples[scanner].scans[0][1].geometry or self._geometry
+        assert first is not None
+        mounting = first.tf_tracking_sensor
+        if self._format.mounting is not None:
+            mounting = self._format.mounting(scanner, self._settings)
+        readings = (reading for _, reading in self._samples[scanner].scans)
+        stated = [r.tf_tracking_sensor for r in readings if r.tf_tracking_sensor is not None]
+        if not stated:
+            return mounting
+        common = _rigid_mounting(stated)
+        if common is not None:
+            return common
+        self._found.add(
+            "warning",
+            f"{self.name}: the laser moves against the robot in {scanner} lines (corrected "
+            "poses?), so the mounting pose in the log's parameters is used, or else the robot's "
+            "centre",
+        )
+        return mounting
+
+    def _profile(self, scanner: str) -> SensorProfile:
+        """Return a scanner's profile, estimated from the sample of its scans."""
         scans = []
-        for number, reading in self._sample.lines:
-            time = float(self._times[number])
-            scans.append(self._scan(reading, time, time))
+        for number, reading in self._samples[scanner].scans:
+            if reading.ranges is not None:
+                time = float(self._times[number])
+                scans.append(self._scan(reading, reading.ranges, time, time))
         profile = profile_sensor(scans, has_odometry=self.num_odometry > 0)
-        del self._sample
-        return replace(profile, rate=1.0 / self.time_report.period) if len(scans) > 1 else profile
+        if len(self._lines_of(scanner)) < 2:
+            return profile
+        return replace(profile, rate=1.0 / self.time_report.period)
 
-    def _why_no_scans(self) -> str:
+    def _note_what_was_found(self) -> None:
+        note_damage(self._found, self._text, len(self._kinds))
+        note_times(self._found, self.name, self.time_report)
+        if self._format.remark is not None:
+            remark = self._format.remark(self._used[0], self.profile.num_beams)
+            if remark:
+                self._found.add("note", f"{self.name}: {remark}")
+
+    def _no_scans_message(self, fault: str) -> str:
         """Return the message for a file without a single usable scan."""
-        faults = Problems()
-        for _ in self._readings(faults):
-            pass
-        what = f"no scan of this {self.format_name} can be used"
-        if faults.kept:
-            return f"{faults.kept[0].message}; {what}, check how it was written"
-        return f"{self._source.path}: holds no scan; {what}, check how it was written"
+        if fault:
+            return (
+                f"{fault}; no scan of this {self.format_name} can be used, check how it was written"
+            )
+        return (
+            f"{self._text.path}: holds no laser scans, though it is a {self.format_name}; "
+            "check how it was recorded"
+        )
+
+
+def _rigid_mounting(stated: Sequence[Pose]) -> Pose | None:
+    """Return the median of the mounting poses that scans state, None if they differ too much."""
+    columns = np.array(stated)
+    # Angles near pi must not be averaged across the seam.
+    turns = np.array([wrap_angle(theta - stated[0].theta) for theta in columns[:, 2]])
+    x, y = (float(value) for value in np.median(columns[:, :2], axis=0))
+    turn = float(np.median(turns))
+    shifts = np.hypot(columns[:, 0] - x, columns[:, 1] - y)
+    if np.quantile(shifts, 0.9) > _MAX_SHIFT_M:
+        return None
+    if np.quantile(np.abs(turns - turn), 0.9) > _MAX_TURN_RAD:
+        return None
+    return Pose(x, y, wrap_angle(stated[0].theta + turn))
 
 
 def _check(reading: Reading) -> None:
+    """Raise `LineError` if a reading cannot be used."""
     pose, ranges = reading.tf_odom_tracking, reading.ranges
     if pose is not None and not all(map(math.isfinite, pose)):
         raise LineError("pose not finite", "a number of the pose is NaN or infinite")

@@ -1,22 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every recording offers, whatever its format, and the troubles found while reading it."""
+"""What every recording offers, whatever its format, and the problems found while reading it."""
 
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol, cast
 
 from cartoloop.sensor.events import SensorEvent
 from cartoloop.sensor.sensor_profile import SensorProfile
 from cartoloop.sensor.time_repair import TimeReport
 
-Severity = Literal["error", "warning", "note"]
+ProblemSeverity = Literal["error", "warning", "note"]
 
-# A log with a fault on each line must not fill the memory, nor the user's screen.
 MAX_PROBLEMS = 50
+"""Problems kept of one recording: one with a fault on each line must not fill the memory."""
+
 MAX_PROBLEMS_PER_KIND = 5
+"""Problems kept of one kind, so that a frequent kind does not hide the others."""
 
 
 def short_name(path: Path) -> str:
@@ -24,44 +27,53 @@ def short_name(path: Path) -> str:
     return os.fsencode(path.name).decode("utf-8", "replace")
 
 
-class Problem(NamedTuple):
-    """Something wrong with a recording: how bad, one line that says what and where, what kind."""
+class LogProblem(NamedTuple):
+    """A problem of a recording: its severity, one line with what and where, and its kind."""
 
-    severity: Severity
+    severity: ProblemSeverity
     message: str
     kind: str = ""
 
 
-class Problems:
-    """The problems and the skipped lines of one pass: all are counted, the first are kept.
+class Problems(Protocol):
+    """The problems and the skipped lines of one pass, to be read."""
+
+    @property
+    def kept(self) -> list[LogProblem]:
+        """The first problems, in the order they were found."""
+
+    @property
+    def count(self) -> int:
+        """Number of problems, including those not kept."""
+
+    @property
+    def skipped(self) -> dict[str, int]:
+        """Number of skipped lines or messages by reason."""
+
+
+class ProblemLog:
+    """Collects the problems and the skipped lines of one pass: counts all, keeps the first.
 
     Attributes
     ----------
     kept : the problems that are kept, in the order they were found.
-    count : how many there were in all.
-    skipped : how many lines were skipped, by reason.
+    count : number of problems, including those not kept.
+    skipped : number of skipped lines or messages by reason.
     """
 
     def __init__(self) -> None:
-        self.kept: list[Problem] = []
+        self.kept: list[LogProblem] = []
         self.count = 0
         self.skipped: dict[str, int] = {}
         self._kinds: dict[str, int] = {}
 
-    def add(self, severity: Severity, message: str, kind: str = "") -> None:
-        """Note a problem; of those of one `kind` only the first few are kept."""
+    def add(self, severity: ProblemSeverity, message: str, kind: str = "") -> None:
+        """Add a problem; only the first few of one `kind` are kept."""
         self.count += 1
         number = self._kinds[kind] = self._kinds.get(kind, 0) + 1
         rare = not kind or number <= MAX_PROBLEMS_PER_KIND
         if rare and len(self.kept) < MAX_PROBLEMS:
-            self.kept.append(Problem(severity, message, kind))
-
-    def copy(self) -> Problems:
-        """Return a copy that is counted on independently."""
-        other = Problems()
-        other.kept, other.count = list(self.kept), self.count
-        other.skipped, other._kinds = dict(self.skipped), dict(self._kinds)
-        return other
+            self.kept.append(LogProblem(severity, message, kind))
 
     def skip(self, reason: str, message: str = "") -> None:
         """Count a skipped line under `reason`; with a `message` it is a problem as well."""
@@ -69,30 +81,51 @@ class Problems:
         if message:
             self.add("warning", message, reason)
 
+    def copy(self) -> ProblemLog:
+        """Return a copy that is independent of this one."""
+        other = ProblemLog()
+        other.kept, other.count = list(self.kept), self.count
+        other.skipped, other._kinds = dict(self.skipped), dict(self._kinds)
+        return other
 
-class TellsProblems:
-    """The part of a :class:`Log` that tells what was wrong: in opening it, and in the last pass."""
 
-    _current: Problems
+class LogPass(Iterator[SensorEvent]):
+    """One pass over a recording: yields its events and has the problems found so far.
+
+    Several passes over one recording are independent of each other.
+
+    Attributes
+    ----------
+    log : the recording.
+    """
+
+    def __init__(self, log: Log, events: Iterator[SensorEvent], problems: Problems) -> None:
+        self.log = log
+        self._events = events
+        self._found = problems
+
+    def __next__(self) -> SensorEvent:
+        """Return the next event."""
+        return next(self._events)
 
     @property
     def skipped(self) -> dict[str, int]:
-        """How many lines or messages were skipped, by reason; grows while iterating."""
-        return self._current.skipped
+        """Number of skipped lines or messages by reason, so far."""
+        return self._found.skipped
 
     @property
-    def problems(self) -> list[Problem]:
-        """The first problems found, each one line with its place; grows while iterating."""
-        return self._current.kept
+    def problems(self) -> list[LogProblem]:
+        """The first problems, each one line with its place: of opening, and so far."""
+        return self._found.kept
 
     @property
     def num_problems(self) -> int:
-        """How many problems were found, including those not kept in `problems`."""
-        return self._current.count
+        """Number of problems, including those not kept in `problems`."""
+        return self._found.count
 
 
 class Log(Protocol):
-    """A recording: iterate over it, as often as wanted, for its events in their true order."""
+    """A recording: iterate over it, any number of times, for its events in their true order."""
 
     @property
     def name(self) -> str:
@@ -100,11 +133,11 @@ class Log(Protocol):
 
     @property
     def description(self) -> str:
-        """What is in it, and what is used of it: some lines for the user."""
+        """What the recording holds and what is used of it: some lines for the user."""
 
     @property
     def num_scans(self) -> int:
-        """How many scans there are; a few may prove unusable while iterating."""
+        """Number of scans; a few may prove unusable while iterating."""
 
     @property
     def duration(self) -> float:
@@ -112,7 +145,7 @@ class Log(Protocol):
 
     @property
     def profile(self) -> SensorProfile:
-        """What the recording says of its (first) scanner."""
+        """Properties of the (first) scanner, estimated from its scans."""
 
     @property
     def time_report(self) -> TimeReport:
@@ -120,15 +153,51 @@ class Log(Protocol):
 
     @property
     def skipped(self) -> dict[str, int]:
-        """How many lines or messages were skipped, by reason; grows while iterating."""
+        """Number of skipped lines or messages by reason, of the pass begun last."""
 
     @property
-    def problems(self) -> list[Problem]:
-        """The first problems found, each one line with its place; grows while iterating."""
+    def problems(self) -> list[LogProblem]:
+        """The first problems: of opening, and of the pass begun last."""
 
     @property
     def num_problems(self) -> int:
-        """How many problems were found, including those not kept in `problems`."""
+        """Number of problems, including those not kept in `problems`."""
 
-    def __iter__(self) -> Iterator[SensorEvent]:
-        """Yield the events in file order, times never running backwards."""
+    def __iter__(self) -> LogPass:
+        """Begin a pass: its events are in file order, their times never run backwards."""
+
+
+class LogBase(ABC):
+    """Common part of the recordings: passes and their problems.
+
+    A subclass has the other members of :class:`Log` and calls ``super().__init__()`` first.
+    """
+
+    def __init__(self) -> None:
+        self._found = ProblemLog()  # while opening; does not change afterwards
+        self._latest: Problems = self._found
+
+    @abstractmethod
+    def _events(self, problems: ProblemLog) -> Iterator[SensorEvent]:
+        """Yield the events of one pass; add what is wrong to `problems`."""
+
+    def __iter__(self) -> LogPass:
+        """Begin a pass; bad lines and messages are skipped and counted."""
+        problems = self._found.copy()
+        self._latest = problems
+        return LogPass(cast(Log, self), self._events(problems), problems)
+
+    @property
+    def skipped(self) -> dict[str, int]:
+        """Number of skipped lines or messages by reason, of the pass begun last."""
+        return self._latest.skipped
+
+    @property
+    def problems(self) -> list[LogProblem]:
+        """The first problems, each one line with its place: of opening, of the last pass."""
+        return self._latest.kept
+
+    @property
+    def num_problems(self) -> int:
+        """Number of problems, including those not kept in `problems`."""
+        return self._latest.count

@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from cartoloop.kernels.decimal_text import POWERS_OF_TEN, parse_decimals
-from cartoloop.readers.line_log import Head, LineError, LineFormat, Parse, Reading
+from cartoloop.readers.line_format import Head, LineError, LineFormat, Parse, Reading
 from cartoloop.sensor.events import ScanGeometry
 from cartoloop.sensor.pose import Pose, compose
 

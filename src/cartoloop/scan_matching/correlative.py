@@ -22,7 +22,7 @@ REACH = 10.0
 class CorrelativeMatch(NamedTuple):
     """The best pose of the window and the mean probability of the points there, in [0, 1]."""
 
-    tf_grid_scan: Pose
+    tf_submap_scan: Pose
     score: float
 
 
@@ -56,7 +56,7 @@ def rotation_step(points: FloatArray, resolution: float) -> float:
 def match(
     grid: ProbabilityGrid,
     points: FloatArray,
-    tf_grid_scan: Pose,
+    tf_submap_scan: Pose,
     config: CorrelativeMatcherConfig,
     scratch: Scratch | None = None,
 ) -> CorrelativeMatch:
@@ -65,7 +65,7 @@ def match(
     Parameters
     ----------
     points : float64, shape (n, 2), scan frame [m]; n > 0.
-    tf_grid_scan : the estimate in the window's centre.
+    tf_submap_scan : the estimate in the window's centre.
     scratch : of the caller, for its matches in turn.
     """
     step = rotation_step(points, grid.resolution)
@@ -82,7 +82,7 @@ def match(
         grid.origin_y,
         grid.resolution,
         points,
-        np.array(tf_grid_scan),
+        np.array(tf_submap_scan),
         half_width,
         half_num_rotations,
         step,

@@ -33,7 +33,7 @@ class LeastSquaresMatch(NamedTuple):
 
     Attributes
     ----------
-    tf_grid_scan : the pose found.
+    tf_submap_scan : the pose found.
     information : float64, shape (3, 3): J^T J of the points' residuals at it, per unit of variance
         of a residual, in the grid's axes: [1/m^2, 1/(m rad), 1/rad^2].
     residual : root mean square of 1 - M_smooth at the points.
@@ -41,7 +41,7 @@ class LeastSquaresMatch(NamedTuple):
     iterations : evaluations of the residuals.
     """
 
-    tf_grid_scan: Pose
+    tf_submap_scan: Pose
     information: FloatArray
     residual: float
     cost: float
@@ -63,7 +63,7 @@ def match(
     Parameters
     ----------
     points : float64, shape (n, 2), scan frame [m]; n > 0.
-    start, prior : tf_grid_scan to start from, and as predicted.
+    start, prior : tf_submap_scan to start from, and as predicted.
     prior_information : float64, shape (6,), upper triangle of the prediction's information matrix
         (xx, xy, xt, yy, yt, tt), in the grid's axes.
     prior_scale : from so many standard deviations on the pull towards the prediction wanes.
@@ -102,12 +102,12 @@ class LeastSquaresMatches(NamedTuple):
 
     Attributes
     ----------
-    tf_grid_scan : float64, shape (n, 3), angles not wrapped.
+    tf_submap_scan : float64, shape (n, 3), angles not wrapped.
     information : float64, shape (n, 3, 3), as in :class:`LeastSquaresMatch`.
     residual : float64, shape (n,), root mean square of 1 - M_smooth at the points.
     """
 
-    tf_grid_scan: FloatArray
+    tf_submap_scan: FloatArray
     information: FloatArray
     residual: FloatArray
 
@@ -129,7 +129,7 @@ def match_all(
     Parameters
     ----------
     scans : n of them, none without points.
-    starts : float64, shape (n, 3), tf_grid_scan of each.
+    starts : float64, shape (n, 3), tf_submap_scan of each.
     prior_information : float64, shape (6,), of the pull towards the start.
     max_start_residual : scans that fit worse than this where they start are not matched; their
         residual is infinite.

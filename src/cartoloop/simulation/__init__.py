@@ -3,17 +3,19 @@
 
 >>> from cartoloop.simulation import make_world, simulate
 >>> recording = simulate(make_world("office"), seed=7)
->>> recording.write_carmen("office.log.gz")
+>>> recording.write_log("office.log.gz")
 >>> recording.write_truth("office.truth.tum")
 """
 
+from cartoloop.simulation.drives import carry, simulate, simulate_rig
 from cartoloop.simulation.flat import flat
 from cartoloop.simulation.floor_plan import FloorPlan, Opening, World
 from cartoloop.simulation.lidar import LIDARS, Lidar, make_lidar
 from cartoloop.simulation.motion import Motion, Pace, drive
 from cartoloop.simulation.museum import large_museum, museum, museum_again
 from cartoloop.simulation.odometry import PERFECT_ODOMETRY, OdometryModel
-from cartoloop.simulation.recording import Recording, simulate
+from cartoloop.simulation.recording import Recording
+from cartoloop.simulation.rig import MountedLidar
 from cartoloop.simulation.worlds import WORLDS, corridor, make_world, office, ring
 
 __all__ = [
@@ -23,11 +25,13 @@ __all__ = [
     "FloorPlan",
     "Lidar",
     "Motion",
+    "MountedLidar",
     "OdometryModel",
     "Opening",
     "Pace",
     "Recording",
     "World",
+    "carry",
     "corridor",
     "drive",
     "flat",
@@ -39,4 +43,5 @@ __all__ = [
     "office",
     "ring",
     "simulate",
+    "simulate_rig",
 ]

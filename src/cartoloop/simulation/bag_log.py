@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated recordings as ROS 1 bags: scans, clouds, IMU, odometry and where the scanners sit."""
+"""Simulated recordings as ROS 1 bags: scans, clouds, IMU, odometry and the mounting of scanners."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cartoloop.errors import OutputError
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
+from cartoloop.simulation.rig import MountedLidar
 
-if TYPE_CHECKING:
-    from cartoloop.simulation.rig import MountedLidar
-    from cartoloop.simulation.rig_recording import RigRecording
-
-Untyped = Any  # messages are classes that rosbags makes at run time
+Untyped = Any
+"""Type of messages: rosbags makes their classes at run time."""
 
 BASE_FRAME = "base_link"
 _TF_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
@@ -29,12 +28,24 @@ _TYPES = {
 _TF = "tf2_msgs/msg/TFMessage"
 
 
-def write_bag(recording: RigRecording, path: Path) -> None:
+def write_bag(
+    path: Path,
+    scanners: Sequence[MountedLidar],
+    start_stamp: float,
+    events: Iterable[SensorEvent],
+) -> None:
     """Write a ROS 1 bag.
 
-    Scanners publish on a topic of their name, in a frame of their name whose place is told on
-    /tf_static; the IMU sits in the body's frame, ``base_link``. Messages are recorded when the last
+    Scanners publish on a topic of their name, in a frame of their name whose pose is on
+    /tf_static; the IMU is in the body's frame, ``base_link``. Messages are recorded when the last
     beam has been measured, as those of real drivers are.
+
+    Parameters
+    ----------
+    path : of the bag.
+    scanners : on the robot.
+    start_stamp : time stamp of the transforms [s].
+    events : of all sensors.
 
     Raises
     ------
@@ -51,8 +62,8 @@ def write_bag(recording: RigRecording, path: Path) -> None:
         partial.unlink(missing_ok=True)
         with Writer(partial) as bag:
             write = _MessageWriter(bag, store)
-            write.transforms(recording)
-            for event in sorted(recording.events(), key=_recorded_at):
+            write.transforms(scanners, start_stamp)
+            for event in sorted(events, key=_recorded_at):
                 write.event(event)
         partial.replace(path)
     except (OSError, WriterError) as error:
@@ -63,8 +74,13 @@ def write_bag(recording: RigRecording, path: Path) -> None:
 
 
 def _recorded_at(event: SensorEvent) -> float:
-    """Return when a driver has all of an event."""
+    """Return the time [s] when a driver has received all beams of an event."""
     return event.time + (event.sweep[1] if isinstance(event, LaserScan | PointCloud) else 0.0)
+
+
+def _frame(sensor: str) -> str:
+    """Return the frame of a scanner, which is also its topic: its name, if it has one."""
+    return sensor or "scan"
 
 
 class _MessageWriter:
@@ -79,23 +95,18 @@ class _MessageWriter:
         """Write one event."""
         match event:
             case LaserScan():
-                self._write(f"/{event.geometry.sensor}", event, self._scan(event))
+                self._write(f"/{_frame(event.geometry.sensor)}", event, self._scan(event))
             case PointCloud():
-                self._write(f"/{event.geometry.sensor}", event, self._cloud(event))
+                self._write(f"/{_frame(event.geometry.sensor)}", event, self._cloud(event))
             case Imu():
                 self._write("/imu", event, self._imu(event))
             case Odometry():
                 self._write("/odom", event, self._odometry(event))
 
-    def transforms(self, recording: RigRecording) -> None:
-        """Write where the scanners sit."""
-        message = self._make(
-            _TF,
-            transforms=[
-                self._mounting(scanner, recording.start_stamp) for scanner in recording.scanners
-            ],
-        )
-        self._send("/tf_static", _TF, recording.start_stamp, message)
+    def transforms(self, scanners: Sequence[MountedLidar], stamp: float) -> None:
+        """Write the mounting of the scanners."""
+        transforms = [self._mounting(scanner, stamp) for scanner in scanners]
+        self._send("/tf_static", _TF, stamp, self._make(_TF, transforms=transforms))
 
     def _write(self, topic: str, event: SensorEvent, message: Untyped) -> None:
         self._send(topic, _TYPES[type(event)], _recorded_at(event), message)
@@ -127,7 +138,7 @@ class _MessageWriter:
         return self._make(
             "geometry_msgs/msg/TransformStamped",
             header=self._header(stamp, BASE_FRAME),
-            child_frame_id=scanner.name,
+            child_frame_id=_frame(scanner.name),
             transform=self._make(
                 "geometry_msgs/msg/Transform",
                 translation=self._vector(x, y, scanner.height),
@@ -140,7 +151,7 @@ class _MessageWriter:
         sweep = geometry.angle_increment * (geometry.num_beams - 1)
         return self._make(
             _TYPES[LaserScan],
-            header=self._header(scan.stamp, geometry.sensor),
+            header=self._header(scan.stamp, _frame(geometry.sensor)),
             angle_min=geometry.angle_min,
             angle_max=geometry.angle_min + sweep,
             angle_increment=geometry.angle_increment,
@@ -148,7 +159,7 @@ class _MessageWriter:
             scan_time=scan.sweep[1],
             range_min=geometry.range_min,
             range_max=geometry.range_max,
-            # What met nothing is infinitely far, by the conventions of ROS.
+            # By REP 117, a beam without a return has an infinite range.
             ranges=np.where(scan.ranges >= geometry.range_max, np.inf, scan.ranges).astype("<f4"),
             intensities=np.empty(0, dtype=np.float32),
         )
@@ -163,7 +174,7 @@ class _MessageWriter:
         step = 4 * len(names)
         return self._make(
             _TYPES[PointCloud],
-            header=self._header(cloud.stamp, cloud.geometry.sensor),
+            header=self._header(cloud.stamp, _frame(cloud.geometry.sensor)),
             height=1,
             width=len(rows),
             fields=[

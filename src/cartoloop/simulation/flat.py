@@ -78,7 +78,7 @@ class _Layout:
 
 
 def flat(seed: int = 0) -> World:
-    """Return a flat of 15 m x 10 m, a trolley's way of some 105 m through it, and tape lines.
+    """Return a flat of 15 m x 10 m, a trolley's route of about 105 m through it, and tape lines.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def flat(seed: int = 0) -> World:
     lines = _tape_lines(layout)
     furniture = Furniture(plan, route)
     for line in lines:
-        furniture.keep_way_clear(line.reshape(2, 2))
+        furniture.keep_clear(line.reshape(2, 2))
     _furnish(furniture, rng, layout)
     return World(
         name="flat",
@@ -158,7 +158,7 @@ def _tape_lines(layout: _Layout) -> FloatArray:
 
 
 def _route() -> list[Point]:
-    """Return the way: round by living room and kitchen, into three rooms, and round again."""
+    """Return the route: around by living room and kitchen, into three rooms, and around again."""
     return [
         (13.8, LANE - 0.1),
         (WEST_DOORS, LANE),

@@ -30,10 +30,10 @@ class World:
     ----------
     name : what the recording is called.
     walls : float64, shape (num_walls, 4), segments x1, y1, x2, y2 [m], map frame.
-    route : float64, shape (num_waypoints, 2), the corners of the suggested way [m], map frame.
-    pace : how fast the way is gone.
+    route : float64, shape (num_waypoints, 2), the corners of the suggested path [m], map frame.
+    pace : speed and accelerations on the route.
     lidar : the scanner that is carried along unless another one is chosen.
-    has_odometry : whether wheels tell the way unless it is chosen otherwise.
+    has_odometry : whether recordings have wheel odometry by default.
     tape_lines : float64, shape (num_lines, 4), x1, y1, x2, y2 [m], map frame: where a laser tape
         measures from wall to wall, with nothing in between.
     """
@@ -177,7 +177,7 @@ class Room:
         return (min(x1, x2), min(y1, y2), max(x1, x2), max(y1, y2))
 
     def visit(self, *spots: Point) -> list[Point]:
-        """Return the way in from the corridor, by `spots` (u, v) [m] in the room, and out again."""
+        """Return the path from the corridor through `spots` (u, v) [m] in the room and back out."""
         threshold = [self.point(self.door.middle, v) for v in (-1.0, 0.0, 1.4)]
         return [*threshold, *(self.point(u, v) for u, v in spots), *threshold[::-1]]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Furniture for simulated floors: placed at random, never in the way of the route or of a door."""
+"""Furniture for simulated floors: placed at random, never on the route or in front of a door."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ class Furniture:
     Parameters
     ----------
     plan : gets the furniture.
-    route : float64, shape (k, 2), corners of the way that stays clear [m].
+    route : float64, shape (k, 2), corners of a path that stays clear [m].
     """
 
     def __init__(self, plan: FloorPlan, route: FloatArray) -> None:
         self.plan = plan
-        self._way = _dense(route, spacing=0.1)
+        self._path = _dense(route, spacing=0.1)
         self._taken: list[Box] = []
 
-    def keep_way_clear(self, way: FloatArray) -> None:
-        """Keep furniture as far from another way as from the route, shape (k, 2) [m]."""
-        self._way = np.vstack((self._way, _dense(way, spacing=0.1)))
+    def keep_clear(self, path: FloatArray) -> None:
+        """Keep furniture as far from another path as from the route, shape (k, 2) [m]."""
+        self._path = np.vstack((self._path, _dense(path, spacing=0.1)))
 
     def keep_door_clear(self, room: Room) -> None:
         """Reserve the space that a room's door needs on both sides."""
@@ -46,7 +46,7 @@ class Furniture:
     def place(
         self, bounds: Box, clearance: float = 0.6, gap: float = 0.0, visible: bool = True
     ) -> bool:
-        """Add a box unless it is in the way; return whether it was added.
+        """Add a box unless it blocks a path; return whether it was added.
 
         Parameters
         ----------
@@ -56,8 +56,8 @@ class Furniture:
         visible : False only reserves the space.
         """
         x_min, y_min, x_max, y_max = bounds
-        away_x = np.maximum(np.maximum(x_min - self._way[:, 0], self._way[:, 0] - x_max), 0.0)
-        away_y = np.maximum(np.maximum(y_min - self._way[:, 1], self._way[:, 1] - y_max), 0.0)
+        away_x = np.maximum(np.maximum(x_min - self._path[:, 0], self._path[:, 0] - x_max), 0.0)
+        away_y = np.maximum(np.maximum(y_min - self._path[:, 1], self._path[:, 1] - y_max), 0.0)
         if float(np.hypot(away_x, away_y).min()) < clearance:
             return False
         for x1, y1, x2, y2 in self._taken:

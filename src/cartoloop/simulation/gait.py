@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How somebody who carries the scanners sways and leans while walking."""
+"""Roll and pitch of a person who carries the scanners while walking."""
 
 from __future__ import annotations
 
@@ -13,10 +13,13 @@ from cartoloop.simulation.motion import Motion
 
 FloatArray = NDArray[np.float64]
 
-# Shares of the largest tilt, frequency [Hz] and phase: swaying with each stride (two steps) and
-# with each step, and leaning slowly.
-_ROLL_PARTS = ((0.55, 0.9, 0.0), (0.1, 1.8, 1.1), (0.35, 0.11, 0.4))
-_PITCH_PARTS = ((0.1, 0.9, 2.0), (0.35, 1.8, 0.3), (0.55, 0.083, 1.3))
+STEP_RATE = 1.8
+"""Steps per second of a walking person [Hz]; a stride is two steps."""
+
+_ROLL_PARTS = ((0.55, STEP_RATE / 2, 0.0), (0.1, STEP_RATE, 1.1), (0.35, 0.11, 0.4))
+_PITCH_PARTS = ((0.1, STEP_RATE / 2, 2.0), (0.35, STEP_RATE, 0.3), (0.55, 0.083, 1.3))
+"""Parts of roll and pitch: share of the tilt, frequency [Hz], phase [rad]. They sway with each
+stride and each step, and lean slowly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +29,7 @@ class Gait:
     Attributes
     ----------
     tilt : the largest roll and pitch [rad]; 0: a robot that stays level.
-    bounce : how far the body rises and sinks with each step [m]; it shows in the acceleration.
+    bounce : amplitude of the vertical motion of each step [m]; it affects the acceleration.
     start : when walking starts [s]; until then the body stands still and level.
     """
 
@@ -44,15 +47,15 @@ class Gait:
             for parts in (_ROLL_PARTS, _PITCH_PARTS)
         ]
         swing: FloatArray = np.column_stack(columns)
-        return self.tilt * self._vigour(times)[:, None] * swing
+        return self.tilt * self._activity(times)[:, None] * swing
 
     def rise_at(self, times: FloatArray) -> FloatArray:
         """Return the height above the mean at `times` [s], shape (n,) [m]."""
-        swing: FloatArray = np.sin(math.tau * 1.8 * times)
-        return self.bounce * self._vigour(times) * swing
+        swing: FloatArray = np.sin(math.tau * STEP_RATE * times)
+        return self.bounce * self._activity(times) * swing
 
-    def _vigour(self, times: FloatArray) -> FloatArray:
-        """Return 0 while standing, 1 while walking, and what is between in the first second."""
+    def _activity(self, times: FloatArray) -> FloatArray:
+        """Return 0 while standing, 1 while walking, with a smooth transition of one second."""
         if self.start <= 0.0:
             return np.ones(len(times))
         share = np.clip(times - self.start, 0.0, 1.0)
@@ -65,7 +68,7 @@ def body_poses(motion: Motion, gait: Gait, times: FloatArray) -> FloatArray:
 
 
 def turned(attitudes: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Return vectors of the body's frame in that of the map.
+    """Rotate vectors from the body frame to the map frame.
 
     Parameters
     ----------
@@ -81,7 +84,7 @@ def turned(attitudes: FloatArray, vectors: FloatArray) -> FloatArray:
 
 
 def turned_back(attitudes: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Return vectors of the map's frame in that of the body; parameters as `turned`."""
+    """Rotate vectors from the map frame to the body frame; parameters as `turned`."""
     roll, pitch, theta = attitudes.T
     x, y, z = vectors.T
     x, y = np.cos(theta) * x + np.sin(theta) * y, np.cos(theta) * y - np.sin(theta) * x

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated IMU: what the body feels, with noise and bias."""
+"""A simulated IMU: specific force and angular velocity of the body, with noise and bias."""
 
 from __future__ import annotations
 
@@ -14,13 +14,17 @@ from cartoloop.simulation.motion import Motion
 
 FloatArray = NDArray[np.float64]
 
-GRAVITY = 9.81  # [m/s^2]
-SMOOTHING_S = 0.1  # bodies do not change their speed at once, as motions along a route do
+GRAVITY = 9.81
+"""Gravity [m/s^2]."""
+
+SMOOTHING_S = 0.1
+"""Standard deviation of the smoothing of velocities [s]: a body's speed does not jump, as that of
+motions along a route does."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImuModel:
-    """How an IMU errs; by default as a cheap one does.
+    """Errors of an IMU; by default those of a cheap one.
 
     Attributes
     ----------
@@ -29,7 +33,7 @@ class ImuModel:
     gyro_bias : x, y, z [rad/s].
     acceleration_noise : standard deviation of an acceleration [m/s^2].
     acceleration_bias : x, y, z [m/s^2].
-    time_offset : a reading of a stamp shows the body so much later than a scan of it [s].
+    time_offset : time from the stamp of a reading to when it was measured [s].
     """
 
     rate: float = 200.0

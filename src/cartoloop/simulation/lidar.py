@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated laser scanner: exact ranges to the walls, then what a real scanner makes of them."""
+"""A simulated laser scanner: exact ranges to the walls, then the errors of a real scanner."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Lidar:
     dropout : probability that a beam does not come back.
     range_quantum : ranges are multiples of this [m]; 0 for any range.
     no_return : the range reported when nothing comes back [m], at least the maximum or 0.
-    tf_tracking_sensor : where the scanner sits on the robot.
+    tf_tracking_sensor : pose of the scanner on the robot.
     """
 
     num_beams: int = 361
@@ -80,7 +80,7 @@ class Lidar:
 
     @property
     def geometry(self) -> ScanGeometry:
-        """What a reader would say of this scanner's scans."""
+        """The geometry that a reader reports of this scanner's scans."""
         return ScanGeometry(
             angle_min=self.angle_min,
             angle_increment=self.angle_increment,
@@ -176,7 +176,7 @@ def true_ranges(walls: FloatArray, robot_poses: FloatArray, lidar: Lidar) -> Flo
 
 
 def walls_within(walls: FloatArray, places: FloatArray, reach: float) -> FloatArray:
-    """Return the walls that may be nearer than `reach` [m] to one of some places.
+    """Return the walls that may be nearer than `reach` [m] to any of the given places.
 
     Parameters
     ----------
@@ -195,17 +195,17 @@ def walls_within(walls: FloatArray, places: FloatArray, reach: float) -> FloatAr
 
 
 class RangeNoise:
-    """Makes exact ranges what a scanner reports: with noise, dropouts, limits and steps.
+    """Turns exact ranges into measured ones: noise, dropouts, limits, quantization.
 
     A recording's noise does not depend on how many scans are taken at a time: all deviations are
-    drawn from one source before all dropouts, so the dropouts' source is one that has been wound
-    forward over the deviations.
+    drawn from one source before all dropouts, so the source of dropouts is a copy that skips the
+    deviations.
 
     Parameters
     ----------
     lidar : the scanner.
     rng : the source of noise.
-    num_ranges : how many ranges there will be in all.
+    num_ranges : total number of ranges of the recording.
     """
 
     def __init__(self, lidar: Lidar, rng: np.random.Generator, num_ranges: int) -> None:
@@ -221,7 +221,7 @@ class RangeNoise:
 
         Parameters
         ----------
-        ranges : float64, shape (n, num_beams) [m], exact, inf where there is nothing to see.
+        ranges : float64, shape (n, num_beams) [m], exact, inf where no wall is in range.
         """
         lidar = self._lidar
         deviation: float | FloatArray = lidar.range_noise

@@ -15,14 +15,16 @@ from cartoloop.sensor.pose import wrap_angle, wrap_angles
 
 FloatArray = NDArray[np.float64]
 
-# A corner sharper than this is turned on the spot, a gentler one driven as an arc.
 SHARPEST_ARC = math.radians(110.0)
+"""Turn [rad] from which on a corner is turned on the spot; below, it is driven as an arc."""
+
 SHORTEST_ARC_RADIUS = 0.05
+"""Radius below which a corner is turned on the spot [m], as poses are 0.02 m apart."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Where the robot is at every moment: poses joined by straight interpolation.
+    """The pose of the robot over time, linearly interpolated.
 
     Attributes
     ----------
@@ -35,22 +37,22 @@ class Motion:
 
     @property
     def duration(self) -> float:
-        """The time until the robot has come to the end of its way [s]."""
+        """The time until the robot arrives at the end of its route [s]."""
         return float(self.times[-1])
 
     @property
     def path_length(self) -> float:
-        """The length of the way [m]."""
+        """The path length [m]."""
         return float(np.hypot(*np.diff(self.poses[:, :2], axis=0).T).sum())
 
     def poses_at(self, times: FloatArray) -> FloatArray:
-        """Return the poses at `times` [s], shape (n, 3); before and after the motion it stands."""
+        """Return the poses at `times` [s], shape (n, 3); outside the motion it stands still."""
         x, y, theta = (np.interp(times, self.times, self.poses[:, axis]) for axis in range(3))
         return np.column_stack((x, y, wrap_angles(theta)))
 
 
 def delayed(motion: Motion, seconds: float) -> Motion:
-    """Return the motion after a while of standing [s]."""
+    """Return the motion delayed by a time of standing still [s]."""
     if seconds <= 0.0:
         return motion
     return Motion(
@@ -59,13 +61,13 @@ def delayed(motion: Motion, seconds: float) -> Motion:
 
 
 class Pace(NamedTuple):
-    """How fast a way is gone, and how closely its corners.
+    """Limits of speed and acceleration, and the radius of corners.
 
     Attributes
     ----------
     speed : largest speed [m/s].
     turn_rate : largest angular rate [rad/s].
-    acceleration : largest acceleration along the way [m/s^2].
+    acceleration : largest acceleration along the path [m/s^2].
     corner_radius : of the arcs that round off corners, where the legs are long enough [m].
     """
 
@@ -86,10 +88,10 @@ def drive(
 
     Parameters
     ----------
-    route : float64, shape (k, 2), the corners of the way [m]; k = 1 stands still.
+    route : float64, shape (k, 2), the corners of the path [m]; k = 1 stands still.
     speed : largest speed [m/s].
     turn_rate : largest angular rate [rad/s].
-    acceleration : largest acceleration along the way [m/s^2].
+    acceleration : largest acceleration along the path [m/s^2].
     corner_radius : of the arcs that round off corners, where the legs are long enough [m].
 
     Raises

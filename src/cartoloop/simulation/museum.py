@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A simulated museum in the class of the paper's section VI-A, and larger and longer ones.
 
-One floor of some 22,000 m^2 with about a hundred rooms, through which somebody carries a scanner
-for 2,250 m. To see how a mapper grows, either the building grows with the way (`large_museum`) or
+One floor of about 22,000 m^2 with about a hundred rooms, through which a person carries a scanner
+for 2,250 m. To see how a mapper grows, either the building grows with the path (`large_museum`) or
 the same floor is walked again and again (`museum_again`).
 """
 
@@ -36,7 +36,7 @@ _BUILDING, _WALKS = 0, 1
 
 
 def museum(seed: int = 0) -> World:
-    """Return a museum floor of some 22,000 m^2 and a walk of 2,250 m with many loops.
+    """Return a museum floor of about 22,000 m^2 and a walk of 2,250 m with many loops.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def large_museum(seed: int = 0, wings: int = 10) -> World:
 
 
 def museum_again(seed: int = 0, walks: int = 10) -> World:
-    """Return the museum and a walk `walks` times as long: the area stays, the way grows.
+    """Return the museum and a walk `walks` times as long: the area stays, the path grows.
 
     Parameters
     ----------

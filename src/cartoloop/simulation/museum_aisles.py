@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where one walks in the rooms of a simulated museum, and where therefore nothing stands.
+"""Paths in the rooms of a simulated museum, which are kept free of exhibits.
 
 Each room has an aisle, a rectangle at some distance from the walls, and from each of its doors a
 spur leads there.
@@ -26,7 +26,7 @@ def aisle(room: MuseumRoom) -> Box:
 
 
 def spur(room: MuseumRoom, door: Door) -> list[Point]:
-    """Return the way from the middle of a door to the aisle of a room, ends included."""
+    """Return the path from the middle of a door to the aisle of a room, ends included."""
     x_min, y_min, x_max, y_max = aisle(room)
     inwards = math.copysign(THRESHOLD, room.centre[door.axis] - door.place[door.axis])
     threshold = list(door.place)
@@ -72,8 +72,8 @@ def _leg(corners: list[Point], point: Point) -> int:
     )
 
 
-def way_along(box: Box, begin: Point, end: Point, turn: int) -> list[Point]:
-    """Return the way on the outline of a box from one place on it to another, without `begin`."""
+def path_along(box: Box, begin: Point, end: Point, turn: int) -> list[Point]:
+    """Return the path on the outline of a box from one place on it to another, without `begin`."""
     corners = corners_of(box, turn)
     first, last = _leg(corners, begin), _leg(corners, end)
     num_legs = (last - first) % 4
@@ -85,6 +85,6 @@ def way_along(box: Box, begin: Point, end: Point, turn: int) -> list[Point]:
     return [*passed, end]
 
 
-def length_of(way: list[Point]) -> float:
-    """Return the length of a way over some points [m]."""
-    return sum(math.dist(*leg) for leg in pairwise(way))
+def length_of(path: list[Point]) -> float:
+    """Return the length of a path through some points [m]."""
+    return sum(math.dist(*leg) for leg in pairwise(path))

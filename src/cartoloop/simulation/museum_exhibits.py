@@ -41,7 +41,7 @@ def furnish_museum_room(
     ring = corners_of(aisle(room), 1)
     furniture = Furniture(plan, np.array([*ring, ring[0]]))
     for door in doors:
-        furniture.keep_way_clear(np.array(spur(room, door)))
+        furniture.keep_clear(np.array(spur(room, door)))
     if room.kind == "stairs":
         _stairs(furniture, room)
     elif room.kind == "corridor":

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Walks through a simulated museum: along the aisles of its rooms, coming back again and again.
+"""Walks through a simulated museum: along the aisles of its rooms, with many loops.
 
-Whoever visits a room follows its aisle all the way round, whoever passes takes the shorter side.
-As nothing stands in the aisles, any number of walks fits the same museum.
+A visit of a room follows its whole aisle, passing through takes the shorter side. The aisles are
+free, so any number of walks fits the same museum.
 """
 
 from __future__ import annotations
@@ -13,32 +13,41 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from cartoloop.simulation.floor_plan import Point
 from cartoloop.simulation.museum_aisles import (
     aisle,
     length_of,
     nearest_on,
+    path_along,
     spur,
-    way_along,
 )
 from cartoloop.simulation.museum_floor import MuseumRoom
 from cartoloop.simulation.museum_walls import Door
 
 FloatArray = NDArray[np.float64]
 
-NARROW = 2.1  # an aisle narrower than this is crossed anywhere, as in corridors [m]
-WANDERING = 0.18  # nobody walks on rails: the largest deviation from an aisle's middle line [m]
-RETURN_AFTER = (120.0, 260.0)  # way walked until an earlier place is sought again [m]
-SHARE_VISITED = 0.14  # of the rooms, in one walk
-DETOUR = 1.1  # way along aisles over the way from door to door by the rooms' middles
-FORGOTTEN_AFTER = 90.0  # way since a place was left, for coming back to close a loop [m]
+NARROW_M = 2.1
+"""Width of an aisle below which it is crossed anywhere, as corridors are [m]."""
+
+WANDERING_M = 0.18
+"""Largest deviation of a walker from an aisle's middle line [m]."""
+
+RETURN_AFTER_M = (120.0, 260.0)
+"""Path length until the walker returns to an earlier place [m]."""
+
+SHARE_VISITED = 0.14
+"""Share of the rooms that one walk visits, so that a walk has the length of the paper's."""
+
+DETOUR = 1.1
+"""Path length along aisles over that from door to door through the middles of rooms."""
+
+LOOP_AFTER_M = 90.0
+"""Path length since a place was left, from which on returning there closes a loop [m]."""
 
 
 class Museum:
-    """Rooms and doors as a walker knows them.
+    """Rooms, doors and shortest paths between rooms.
 
     Parameters
     ----------
@@ -46,6 +55,9 @@ class Museum:
     """
 
     def __init__(self, rooms: Sequence[MuseumRoom], doors: Sequence[Door]) -> None:
+        from scipy.sparse import coo_array  # slow to import, and only museums need it
+        from scipy.sparse.csgraph import dijkstra
+
         self.rooms = rooms
         self.doors = {frozenset(door.rooms): door for door in doors}
         ends = np.array([door.rooms for door in doors])
@@ -55,12 +67,12 @@ class Museum:
         graph = coo_array((lengths, (ends[:, 0], ends[:, 1])), shape=(len(rooms), len(rooms)))
         self.distances, self._before = dijkstra(graph, directed=False, return_predecessors=True)
 
-    def way(self, start: int, end: int) -> list[int]:
-        """Return the rooms on the shortest way from one room to another, both included."""
-        way = [end]
-        while way[-1] != start:
-            way.append(int(self._before[start, way[-1]]))
-        return way[::-1]
+    def path(self, start: int, end: int) -> list[int]:
+        """Return the rooms on the shortest path from one room to another, both included."""
+        path = [end]
+        while path[-1] != start:
+            path.append(int(self._before[start, path[-1]]))
+        return path[::-1]
 
     def door(self, room: int, other: int) -> Door:
         """Return the door between two rooms."""
@@ -68,7 +80,7 @@ class Museum:
 
 
 class Walker:
-    """Walks from room to room and remembers the way.
+    """A walker from room to room, with the path so far.
 
     Parameters
     ----------
@@ -87,9 +99,8 @@ class Walker:
         self.points: list[Point] = [(x_min, y_min)]
 
     def go(self, target: int, visits: bool) -> None:
-        """Walk to another room and onto its aisle; `visits` tells to walk round it as well."""
-        way = self.museum.way(self.room, target)
-        for here, there in pairwise(way):
+        """Walk to another room and onto its aisle; if `visits`, walk around it as well."""
+        for here, there in pairwise(self.museum.path(self.room, target)):
             door = self.museum.door(here, there)
             out = spur(self.museum.rooms[here], door)
             into = spur(self.museum.rooms[there], door)
@@ -107,32 +118,32 @@ class Walker:
         x_min, y_min, *_ = aisle(self.museum.rooms[self.room])
         self._follow_aisle(self.room, (x_min, y_min))
 
-    def length_round(self, room: int) -> float:
-        """Return how long it is round the aisle of a room [m]."""
+    def lap_length(self, room: int) -> float:
+        """Return the length of a lap on the aisle of a room [m]."""
         x_min, y_min, x_max, y_max = aisle(self.museum.rooms[room])
         return float(2.0 * (x_max - x_min + y_max - y_min))
 
     def _follow_aisle(self, room: int, end: Point) -> None:
-        """Walk along the aisle of a room to a place on it, the shorter way."""
+        """Walk along the aisle of a room to a place on it, in the shorter direction."""
         box = aisle(self.museum.rooms[room])
         begin = nearest_on(box, self.points[-1])
-        if min(box[2] - box[0], box[3] - box[1]) < NARROW:
-            self._append([end], WANDERING)
+        if min(box[2] - box[0], box[3] - box[1]) < NARROW_M:
+            self._append([end], WANDERING_M)
             return
-        ways = [way_along(box, begin, end, turn) for turn in (1, -1)]
-        self._append(min(ways, key=lambda way: length_of([begin, *way])), WANDERING)
+        paths = [path_along(box, begin, end, turn) for turn in (1, -1)]
+        self._append(min(paths, key=lambda path: length_of([begin, *path])), WANDERING_M)
 
     def _round(self, room: int) -> None:
-        """Walk once round the aisle of a room, in either direction."""
+        """Walk once around the aisle of a room, in either direction."""
         box = aisle(self.museum.rooms[room])
         begin = nearest_on(box, self.points[-1])
         turn = 1 if self._rng.random() < 0.5 else -1
         opposite = ((box[0] + box[2] - begin[0]), (box[1] + box[3] - begin[1]))
         there, back = (
-            way_along(box, begin, opposite, turn),
-            way_along(box, opposite, begin, turn),
+            path_along(box, begin, opposite, turn),
+            path_along(box, opposite, begin, turn),
         )
-        self._append([*there[:-1], *back[:-1]], WANDERING)
+        self._append([*there[:-1], *back[:-1]], WANDERING_M)
 
     def _append(self, points: list[Point], wandering: float) -> None:
         for x, y in points:
@@ -165,7 +176,7 @@ def walk(
     walker = Walker(museum, rng, start)
     open_rooms = [room for room in rooms if museum.rooms[room].kind not in ("stairs", "passage")]
     chosen = _round_trip(museum, rng, open_rooms, start)
-    return_at = float(rng.uniform(*RETURN_AFTER))
+    return_at = float(rng.uniform(*RETURN_AFTER_M))
     while True:
         distances = museum.distances[walker.room]
         left = length - walker.travelled - DETOUR * (distances + museum.distances[end])
@@ -178,18 +189,18 @@ def walk(
             for room in chosen
             if room in affordable
             and room not in walker.left_at
-            and left[room] > walker.length_round(room)
+            and left[room] > walker.lap_length(room)
         ]
         earlier = [
             room
             for room in affordable
-            if walker.travelled - walker.left_at.get(room, math.inf) > FORGOTTEN_AFTER
+            if walker.travelled - walker.left_at.get(room, math.inf) > LOOP_AFTER_M
         ]
         if unseen and (walker.travelled < return_at or not earlier):
             walker.go(unseen[0], visits=museum.rooms[unseen[0]].kind != "corridor")
         elif earlier:
             walker.go(earlier[int(rng.integers(min(4, len(earlier))))], visits=False)
-            return_at = walker.travelled + float(rng.uniform(*RETURN_AFTER))
+            return_at = walker.travelled + float(rng.uniform(*RETURN_AFTER_M))
         else:
             walker.go(affordable[0], visits=False)
     walker.go(end, visits=False)
@@ -200,7 +211,7 @@ def walk(
 def _round_trip(
     museum: Museum, rng: np.random.Generator, rooms: Sequence[int], start: int
 ) -> list[int]:
-    """Return some of the rooms in the order of a trip round their common middle."""
+    """Return some of the rooms in the order of a round trip about their common centre."""
     chosen = rng.choice(rooms, round(SHARE_VISITED * len(rooms)), replace=False).tolist()
     x, y = np.mean([museum.rooms[room].centre for room in rooms], axis=0).tolist()
     turn = 1.0 if rng.random() < 0.5 else -1.0

@@ -63,7 +63,7 @@ def museum_doors(rng: np.random.Generator, rooms: Sequence[MuseumRoom]) -> list[
         return room
 
     doors: list[Door] = []
-    closed = {room: False for room, told in enumerate(rooms) if told.kind == "stairs"}
+    closed = {number: False for number, room in enumerate(rooms) if room.kind == "stairs"}
     for choice in np.argsort(-wanted, kind="stable").tolist():
         side = sides[choice]
         if any(closed.get(room, False) for room in side.rooms):

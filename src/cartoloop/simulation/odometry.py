@@ -17,18 +17,18 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class OdometryModel:
-    """How wheel odometry errs. Noise is a random walk: its variance grows with the motion.
+    """Errors of wheel odometry. Noise is a random walk: its variance grows with the motion.
 
     Attributes
     ----------
-    translation_scale, rotation_scale : measured over true motion; 1.05 tells 5% too much.
+    translation_scale, rotation_scale : measured over true motion; 1.05 measures 5% too much.
     translation_noise : of the distance, for each square root of a metre driven [m / sqrt(m)].
     rotation_noise : of the heading, for each square root of a radian turned [rad / sqrt(rad)].
     drift_noise : of the heading, for each square root of a metre driven [rad / sqrt(m)].
     slips_per_metre : how often a wheel slips [1/m].
     slip_angle : standard deviation of the heading's jump when it does [rad].
-    skids_per_metre : how often both wheels slip, and the way is told too long [1/m].
-    skid_length : how much of it, in the mean [m].
+    skids_per_metre : how often both wheels slip, and the measured path is too long [1/m].
+    skid_length : mean excess length of a skid [m].
     time_offset : the odometry pose stored with a scan is this much newer than the scan [s].
     """
 
@@ -66,7 +66,7 @@ PERFECT_ODOMETRY = OdometryModel(
 def odometry_poses(
     motion: Motion, times: FloatArray, model: OdometryModel, rng: np.random.Generator
 ) -> FloatArray:
-    """Return what the odometry tells at each time.
+    """Return the poses that the odometry measures.
 
     Parameters
     ----------

@@ -147,18 +147,18 @@ def _rooms(plan: FloorPlan, rng: np.random.Generator) -> _Rooms:
     plan.wall((WEST[1], SOUTH[1]), (WEST[1], NORTH[0]))
     plan.wall((MIDDLE[0], SOUTH[1]), (MIDDLE[0], NORTH[0]))
 
-    entrance, way_out = float(rng.uniform(3.0, 6.0)), float(rng.uniform(3.5, 6.0))
+    entrance, exit_at = float(rng.uniform(3.0, 6.0)), float(rng.uniform(3.5, 6.0))
     plan.wall((MIDDLE[1], SOUTH[1]), (EAST[0], SOUTH[1]))
     plan.wall((MIDDLE[1], NORTH[0]), (EAST[0], NORTH[0]), [Opening(3.4, 0.95)])
     plan.wall((MIDDLE[1], SOUTH[1]), (MIDDLE[1], NORTH[0]), [Opening(entrance, 1.8)])
-    plan.wall((EAST[0], SOUTH[1]), (EAST[0], NORTH[0]), [Opening(way_out, 1.8)])
+    plan.wall((EAST[0], SOUTH[1]), (EAST[0], NORTH[0]), [Opening(exit_at, 1.8)])
     hall = Room(
         (MIDDLE[1], SOUTH[1]), up, right, NORTH[0] - SOUTH[1], EAST[0] - MIDDLE[1],
         Opening(entrance, 1.8),
     )  # fmt: skip
     return _Rooms(
         south, north_west, north, west, east, core_south, core_north,
-        passage=(WEST[1] + passage, divide), hall=hall, hall_exit=(EAST[0], SOUTH[1] + way_out),
+        passage=(WEST[1] + passage, divide), hall=hall, hall_exit=(EAST[0], SOUTH[1] + exit_at),
     )  # fmt: skip
 
 
@@ -202,7 +202,7 @@ def _hall(plan: FloorPlan, rng: np.random.Generator, furniture: Furniture, hall:
 
 
 def _route(rng: np.random.Generator, rooms: _Rooms) -> list[Point]:
-    """Return the way of the robot: lobby, west loop, east loop, hall, through the core, lobby."""
+    """Return the route of the robot: lobby, west loop, east loop, hall, through the core, lobby."""
 
     def crossing(along_y: Point, along_x: Point) -> Point:
         """Return a place near the middle of where two corridors cross: nobody drives on rails."""

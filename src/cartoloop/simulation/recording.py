@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated recording: scans and odometry as a robot logs them, and the truth beside them."""
+"""A simulated recording: what all sensors measure along a motion, and the true poses."""
 
 from __future__ import annotations
 
@@ -7,202 +7,281 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from heapq import merge
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.errors import ConfigError
-from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
+from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
 from cartoloop.sensor.pose import Pose
+from cartoloop.simulation import bag_log, carmen_log, truth_files
 from cartoloop.simulation.floor_plan import World
+from cartoloop.simulation.gait import Gait, body_poses
+from cartoloop.simulation.imu import ImuModel, imu_readings
 from cartoloop.simulation.lidar import Lidar, RangeNoise, true_ranges, walls_within
-from cartoloop.simulation.motion import Motion, drive
+from cartoloop.simulation.motion import Motion
 from cartoloop.simulation.odometry import OdometryModel, odometry_poses
+from cartoloop.simulation.rig import MountedLidar, sweep_ranges
+from cartoloop.simulation.text_writer import write_text
 
 FloatArray = NDArray[np.float64]
 
-# A time stamp of many digits, as real logs have: whoever keeps it in too few bits is found out.
-START_STAMP = 1_000_000_000.0
+SCANS_PER_BLOCK = 128
+"""Scans simulated at a time: about 13 m of path, 1 MB of ranges."""
 
-SCANS_PER_BLOCK = 128  # simulated at a time: some 13 m of way, a megabyte of ranges
+
+def log_format(path: Path) -> Literal["carmen", "bag"]:
+    """Return the format that the ending of a log's file name stands for.
+
+    Raises
+    ------
+    ConfigError
+        No format has this ending.
+    """
+    name = path.name.lower()
+    if name.endswith(".bag"):
+        return "bag"
+    if name.removesuffix(".gz").endswith((".log", ".clf")):
+        return "carmen"
+    raise ConfigError(
+        f"{path}: no simulated recording has this format; give a name that ends in .log, .clf, "
+        ".log.gz or .clf.gz (CARMEN log) or .bag (ROS 1 bag)"
+    )
+
+
+class NoiseSeeds(NamedTuple):
+    """Independent sources of noise, one for each sensor, so that no sensor changes another's."""
+
+    imu: np.random.SeedSequence | None
+    odometry: np.random.SeedSequence
+    scanners: tuple[np.random.SeedSequence, ...]
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What a simulated drive gives. Its ranges are made when they are asked for.
+    """Scanners, an IMU and wheels on a body that moves through a world.
+
+    Measurements are simulated when they are asked for, a block at a time.
 
     Attributes
     ----------
     world : driven through.
-    lidar : the scanner.
-    has_odometry : whether the odometry is part of the recording.
-    stamps : float64, shape (n,) [s], whole microseconds, one a scan.
-    true_poses : float64, shape (n, 3), the robot's x [m], y [m], theta [rad] in the map frame,
-        exactly where each scan was taken.
-    odometry_poses : float64, shape (n, 3), what the odometry tells with each scan, odometry frame.
-    noise_seed : of what the scanner measures.
+    motion, gait : of the body.
+    scanners : on the body, each with a name of its own; the first is the main one.
+    imu : its errors, or None without an IMU.
+    odometry : its errors.
+    has_odometry : whether odometry is part of the recording.
+    odometry_rate : odometry readings per second [Hz]; None: one with each scan.
+    duration : of the recording [s].
+    start_stamp : time stamp of its beginning [s].
+    seeds : of the noise of each sensor.
     """
 
     world: World
-    lidar: Lidar
+    motion: Motion
+    gait: Gait
+    scanners: tuple[MountedLidar, ...]
+    imu: ImuModel | None
+    odometry: OdometryModel
     has_odometry: bool
-    stamps: FloatArray
-    true_poses: FloatArray
-    odometry_poses: FloatArray
-    noise_seed: np.random.SeedSequence
+    odometry_rate: float | None
+    duration: float
+    start_stamp: float
+    seeds: NoiseSeeds
 
     @property
     def name(self) -> str:
-        """Of the world driven through."""
+        """Name of the world."""
         return self.world.name
 
     @property
     def tape_lines(self) -> FloatArray:
-        """Of the world, float64, shape (num_lines, 4) [m], map frame."""
+        """Tape lines of the world, float64, shape (num_lines, 4) [m], map frame."""
         return self.world.tape_lines
+
+    @property
+    def lidar(self) -> Lidar:
+        """The main scanner."""
+        return self.scanners[0].lidar
+
+    @cached_property
+    def stamps(self) -> FloatArray:
+        """Time stamps of all scans, increasing, float64, shape (n,) [s]."""
+        return np.array(self._stamps_at(self._scan_times()))
+
+    @cached_property
+    def true_poses(self) -> FloatArray:
+        """The body's x [m], y [m], theta [rad] at each scan, map frame, float64, shape (n, 3)."""
+        return self.motion.poses_at(self._scan_times())
+
+    @cached_property
+    def odometry_poses(self) -> FloatArray:
+        """Poses that the odometry measures, odometry frame, float64, shape (m, 3) [m, rad]."""
+        rng = np.random.default_rng(self.seeds.odometry)
+        return odometry_poses(self.motion, self._odometry_times(), self.odometry, rng)
 
     @cached_property
     def ranges(self) -> FloatArray:
-        """All ranges as measured, float64, shape (n, num_beams) [m]; kept from then on."""
+        """All ranges of the main scanner, float64, shape (n, num_beams) [m]; kept in memory."""
         return np.concatenate([block for _, block in self.range_blocks()])
 
     def range_blocks(
         self, scans_per_block: int = SCANS_PER_BLOCK
     ) -> Iterator[tuple[int, FloatArray]]:
-        """Yield the ranges as measured, some scans at a time, each block with its first scan.
+        """Yield the ranges of the main scanner in blocks, each with the index of its first scan.
 
-        The ranges are the same, whatever the size of the blocks.
+        The ranges do not depend on the size of the blocks.
         """
-        num_scans, lidar = len(self.stamps), self.lidar
-        noise = RangeNoise(
-            lidar, np.random.default_rng(self.noise_seed), num_scans * lidar.num_beams
-        )
-        # The scanner may sit beside the robot's place.
-        reach = lidar.range_max + math.hypot(*lidar.tf_tracking_sensor[:2])
-        for first in range(0, num_scans, scans_per_block):
-            poses = self.true_poses[first : first + scans_per_block]
-            walls = walls_within(self.world.walls, poses, reach)
-            yield first, noise.apply(true_ranges(walls, poses, lidar))
+        yield from self._range_blocks(0, scans_per_block)
 
     def events(self, with_odometry: bool | None = None) -> Iterator[SensorEvent]:
-        """Yield odometry and scan in turn, in order of time, as a reader of the log would.
-
-        Ranges are simulated on the way: however long the recording is, few are in memory.
+        """Yield the events of all sensors, in order of time, as a reader of the log would.
 
         Parameters
         ----------
-        with_odometry : whether to tell it; by default if the recording has it.
+        with_odometry : whether odometry is included; by default if the recording has it.
         """
         if with_odometry is None:
             with_odometry = self.has_odometry
-        geometry = self.lidar.geometry
-        for first, block in self.range_blocks():
-            own = slice(first, first + len(block))
-            for stamp, ranges, odometry in zip(
-                self.stamps[own].tolist(), block, self.odometry_poses[own].tolist(), strict=True
-            ):
-                if with_odometry:
-                    yield Odometry(stamp, stamp, Pose(*odometry))
-                yield LaserScan(stamp, stamp, ranges, geometry)
+        streams: list[Iterator[SensorEvent]] = [self._imu_events()]
+        if with_odometry:
+            streams.append(self._odometry_events())
+        streams += [self._scans_of(index) for index in range(len(self.scanners))]
+        return merge(*streams, key=lambda event: event.time)
 
-    def write_carmen(
-        self, path: Path | str, range_decimals: int = 3, with_odometry: bool | None = None
-    ) -> None:
-        """Write scans and odometry, not the truth, as a CARMEN log; compressed if it ends in .gz.
+    def write_log(self, path: Path | str) -> None:
+        """Write the recording in the format that the ending of the file name stands for.
 
-        See :func:`cartoloop.simulation.carmen_log.write_carmen`.
+        Raises
+        ------
+        ConfigError
+            No format has this ending, or the format cannot hold the recording; see `log_format`.
+        OutputError
+            The file cannot be written.
         """
-        from cartoloop.simulation.carmen_log import write_carmen
+        if log_format(Path(path)) == "bag":
+            self.write_bag(path)
+        else:
+            self.write_carmen(path)
 
-        write_carmen(self, Path(path), range_decimals, with_odometry)
+    def write_carmen(self, path: Path | str, range_decimals: int = 3) -> None:
+        """Write a CARMEN log; gzip-compressed if its name ends in ``.gz``.
+
+        Raises
+        ------
+        ConfigError
+            When a CARMEN log cannot hold the recording: it has no IMU, no time of beams, and
+            odometry only with each scan of one level scanner.
+        """
+        if (
+            len(self.scanners) > 1
+            or not self._is_planar(self.scanners[0])
+            or self.imu is not None
+            or (self.has_odometry and self.odometry_rate is not None)
+        ):
+            raise ConfigError(
+                f"{path}: a CARMEN log holds one level scanner, no IMU and no time of beams; "
+                "choose a name that ends in .bag"
+            )
+        text = carmen_log.lines(
+            self.name, self.lidar, self.events(), self.has_odometry, range_decimals
+        )
+        write_text(Path(path), text)
+
+    def write_bag(self, path: Path | str) -> None:
+        """Write a ROS 1 bag; see :func:`cartoloop.simulation.bag_log.write_bag`."""
+        bag_log.write_bag(Path(path), self.scanners, self.start_stamp, self.events())
 
     def write_truth(self, path: Path | str) -> None:
-        """Write the true pose of each scan as a TUM trajectory.
-
-        See :func:`cartoloop.simulation.log_files.write_truth`.
-        """
-        from cartoloop.simulation.log_files import write_truth
-
-        write_truth(self, Path(path))
+        """Write the true pose of each scan as a TUM trajectory."""
+        truth_files.write_truth(Path(path), self.stamps, self.true_poses)
 
     def write_relations(self, path: Path | str, num_relations: int = 1000, seed: int = 0) -> None:
-        """Write true relative poses of neighbouring scans and across loops as a relations file.
-
-        See :func:`cartoloop.simulation.log_files.write_relations`.
-        """
-        from cartoloop.simulation.log_files import write_relations
-
-        write_relations(self, Path(path), num_relations, seed)
+        """Write true relative poses of neighbouring scans and across loops as a relations file."""
+        truth_files.write_relations(Path(path), self.stamps, self.true_poses, num_relations, seed)
 
     def write_tape_lines(self, path: Path | str) -> None:
         """Write where the world's tape lines are in the map of this recording, and their lengths.
 
-        See :func:`cartoloop.simulation.log_files.write_tape_lines`.
+        Raises
+        ------
+        ConfigError
+            When the world has no tape lines.
         """
-        from cartoloop.simulation.log_files import write_tape_lines
+        if len(self.tape_lines) == 0:
+            raise ConfigError(f"the simulated world {self.name!r} has no tape lines: take 'flat'")
+        truth_files.write_tape_lines(Path(path), self.tape_lines, self.true_poses[0])
 
-        write_tape_lines(self, Path(path))
+    def _is_planar(self, scanner: MountedLidar) -> bool:
+        """Return whether all beams of a scan are level and measured at once."""
+        return self.gait.tilt == 0.0 and scanner.is_level and scanner.sweep == 0.0
 
+    def _stamps_at(self, times: FloatArray) -> list[float]:
+        """Return time stamps [s] of times since the beginning, as read back from text."""
+        return [float(f"{self.start_stamp + time:.6f}") for time in times.tolist()]
 
-def simulate(
-    world: World,
-    lidar: Lidar | None = None,
-    odometry: OdometryModel | None = None,
-    seed: int = 0,
-    *,
-    with_odometry: bool | None = None,
-    motion: Motion | None = None,
-    duration: float | None = None,
-    start_stamp: float = START_STAMP,
-) -> Recording:
-    """Return the recording of a drive through a world.
+    def _times_of(self, scanner: MountedLidar) -> FloatArray:
+        last = self.duration - scanner.delay - scanner.sweep
+        count = int(np.floor(max(last, 0.0) * scanner.lidar.rate + 1e-9)) + 1
+        return np.round(scanner.delay + np.arange(count) / scanner.lidar.rate, 6)
 
-    Parameters
-    ----------
-    world : its walls, and the route.
-    lidar : the scanner; by default the world's, in most a SICK-like one of 361 beams over 180
-        degrees at 5 Hz.
-    odometry : how the odometry errs; by default moderately.
-    seed : of all noise; the same seed gives the same recording.
-    with_odometry : whether the odometry is part of the recording; by default as the world has it.
-    motion : how the robot moves; by default it drives along the world's route at the world's pace.
-    duration : how long to record [s]; the robot stands still when its way is over. By default
-        until then.
-    start_stamp : the time stamp of the first scan [s].
+    def _scan_times(self) -> FloatArray:
+        return np.sort(np.concatenate([self._times_of(scanner) for scanner in self.scanners]))
 
-    Raises
-    ------
-    ConfigError
-        When `duration` is negative or not finite.
+    def _odometry_times(self) -> FloatArray:
+        if self.odometry_rate is None:
+            return self._scan_times()
+        return np.arange(int(self.duration * self.odometry_rate) + 1) / self.odometry_rate
 
-    Notes
-    -----
-    Scanner and odometry draw from separate sources: another scanner leaves the odometry's noise
-    alone as long as its rate is the same, and the other way round.
-    """
-    odometry = odometry or OdometryModel()
-    motion = motion or drive(world.route, *world.pace)
-    if duration is None:
-        duration = motion.duration
-    if not 0.0 <= duration < math.inf:
-        raise ConfigError(
-            f"simulation of {duration:g} s: the duration must be finite and not negative"
-        )
-    lidar = lidar or world.lidar
-    num_scans = int(np.floor(duration * lidar.rate + 1e-9)) + 1
-    times = np.round(np.arange(num_scans) / lidar.rate, 6)
-    # As read back from the text of a log, to the last bit.
-    stamps = np.array([float(f"{start_stamp + time:.6f}") for time in times.tolist()])
-    noise_seed, odometry_seed = np.random.SeedSequence(seed).spawn(2)
-    return Recording(
-        world=world,
-        lidar=lidar,
-        has_odometry=world.has_odometry if with_odometry is None else with_odometry,
-        stamps=stamps,
-        true_poses=motion.poses_at(times),
-        odometry_poses=odometry_poses(
-            motion, times, odometry, np.random.default_rng(odometry_seed)
-        ),
-        noise_seed=noise_seed,
-    )
+    def _range_blocks(self, index: int, scans_per_block: int) -> Iterator[tuple[int, FloatArray]]:
+        """Yield ranges of a scanner, shape (scans, rings * beams), and the first scan of each."""
+        scanner = self.scanners[index]
+        lidar, times = scanner.lidar, self._times_of(scanner)
+        beam_times = scanner.beam_times()
+        rng = np.random.default_rng(self.seeds.scanners[index])
+        noise = RangeNoise(lidar, rng, len(times) * len(beam_times))
+        if self._is_planar(scanner):
+            # The scanner may be mounted beside the origin of the tracking frame.
+            reach = lidar.range_max + math.hypot(*lidar.tf_tracking_sensor[:2])
+            for first in range(0, len(times), scans_per_block):
+                poses = self.motion.poses_at(times[first : first + scans_per_block])
+                walls = walls_within(self.world.walls, poses, reach)
+                yield first, noise.apply(true_ranges(walls, poses, lidar))
+            return
+        for scan, time in enumerate(times.tolist()):
+            bodies = body_poses(self.motion, self.gait, time + beam_times)
+            yield scan, noise.apply(sweep_ranges(self.world.walls, bodies, scanner)[None])
+
+    def _scans_of(self, index: int) -> Iterator[LaserScan | PointCloud]:
+        scanner = self.scanners[index]
+        stamps = self._stamps_at(self._times_of(scanner))
+        geometry, cloud_geometry = scanner.geometry, scanner.cloud_geometry
+        directions, beam_times = scanner.directions(), scanner.beam_times()
+        for first, block in self._range_blocks(index, SCANS_PER_BLOCK):
+            for stamp, ranges in zip(stamps[first : first + len(block)], block, strict=True):
+                if not scanner.is_cloud:
+                    yield LaserScan(stamp, stamp, ranges, geometry)
+                    continue
+                seen = (ranges > 0.0) & (ranges < scanner.lidar.range_max)
+                points = directions[seen] * ranges[seen, None]
+                times = beam_times[seen] if scanner.sweep else None
+                yield PointCloud(stamp, stamp, points, times, cloud_geometry)
+
+    def _imu_events(self) -> Iterator[Imu]:
+        if self.imu is None:
+            return
+        times = np.arange(int(self.duration * self.imu.rate) + 1) / self.imu.rate
+        rng = np.random.default_rng(self.seeds.imu)
+        linear, angular = imu_readings(self.motion, self.gait, times, self.imu, rng)
+        for stamp, (ax, ay, az), (wx, wy, wz) in zip(
+            self._stamps_at(times), linear.tolist(), angular.tolist(), strict=True
+        ):
+            yield Imu(stamp, stamp, (ax, ay, az), (wx, wy, wz))
+
+    def _odometry_events(self) -> Iterator[Odometry]:
+        stamps = self._stamps_at(self._odometry_times())
+        for stamp, pose in zip(stamps, self.odometry_poses.tolist(), strict=True):
+            yield Odometry(stamp, stamp, Pose(*pose))

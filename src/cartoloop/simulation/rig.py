@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated scanners that are mounted tilted, move while they sweep, or see in space."""
+"""Simulated scanners that are mounted tilted, move during a sweep, or measure 3D clouds."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from numpy.typing import NDArray
 
 from cartoloop.errors import ConfigError
 from cartoloop.sensor.events import CloudGeometry, ScanGeometry
-from cartoloop.sensor.sweep_motion import rotation
 from cartoloop.simulation.gait import turned
 from cartoloop.simulation.lidar import Lidar, walls_within
 
 FloatArray = NDArray[np.float64]
 
 FLOOR, CEILING = -1.1, 1.7
-"""Below and above the body's origin [m]."""
+"""Heights of floor and ceiling relative to the body's origin [m]: a scanner carried at the hip in
+a room of 2.8 m."""
 
 
 @dataclass(frozen=True, slots=True)
 class MountedLidar:
-    """A scanner on a body that may tilt and move while it sweeps.
+    """A scanner on a body that may tilt and move during a sweep.
 
     Attributes
     ----------
-    lidar : its beams, rate and noise, and where it sits, seen from above.
+    lidar : its beams, rate and noise, and its planar mounting.
     name : of the scanner.
-    height, roll, pitch : the rest of where it sits [m], [rad].
-    sweep : time from the first to the last beam [s]; 0 measures all at once.
+    height, roll, pitch : the rest of its mounting [m], [rad].
+    sweep : time from the first to the last beam [s]; 0: all beams at once.
     delay : of the first scan [s].
     elevations : of the rings of beams [rad]; more than one makes clouds of points.
     """
@@ -48,13 +48,18 @@ class MountedLidar:
         if not 0.0 <= self.sweep <= 1.0 / self.lidar.rate or self.delay < 0.0:
             raise ConfigError(
                 f"simulated scanner {self.name!r}: a sweep must fit between two scans, "
-                "the delay not be negative"
+                "and the delay must not be negative"
             )
 
     @property
     def is_cloud(self) -> bool:
-        """Whether it sees in space."""
+        """Whether it measures 3D point clouds."""
         return len(self.elevations) > 1
+
+    @property
+    def is_level(self) -> bool:
+        """Whether all beams lie in a level plane while the body is level."""
+        return self.elevations == (0.0,) and self.roll == 0.0 and self.pitch == 0.0
 
     @property
     def time_increment(self) -> float:
@@ -63,7 +68,7 @@ class MountedLidar:
 
     @property
     def geometry(self) -> ScanGeometry:
-        """What a reader would say of its scans."""
+        """The geometry that a reader reports of its scans."""
         lidar = self.lidar
         return ScanGeometry(
             lidar.angle_min,
@@ -82,7 +87,7 @@ class MountedLidar:
 
     @property
     def cloud_geometry(self) -> CloudGeometry:
-        """What a reader would say of its clouds."""
+        """The geometry that a reader reports of its clouds."""
         lidar = self.lidar
         return CloudGeometry(
             self.name,
@@ -110,7 +115,7 @@ class MountedLidar:
         return np.vstack(rings)
 
     def beam_times(self) -> FloatArray:
-        """Return when each beam is measured, from the first on, (num_rings * num_beams,) [s]."""
+        """Return the times of all beams since the first, shape (num_rings * num_beams,) [s]."""
         return np.tile(np.arange(self.lidar.num_beams) * self.time_increment, len(self.elevations))
 
 
@@ -129,6 +134,7 @@ def sweep_ranges(walls: FloatArray, bodies: FloatArray, scanner: MountedLidar) -
     float64, shape (num_rings * num_beams,) [m]; inf where nothing is nearer than the maximum range.
     """
     from cartoloop.kernels.ray_ranges import ray_ranges
+    from cartoloop.sensor.sweep_motion import rotation
 
     lidar = scanner.lidar
     x, y, yaw = lidar.tf_tracking_sensor

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Text files of any length, written bit by bit, yet whole or not at all."""
+"""Text files of any length, written line by line, whole or not at all."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pathlib import Path
 from cartoloop.errors import OutputError
 
 COMPRESS_LEVEL = 6
+"""Level of gzip compression: its default, a good trade between size and time."""
 
 
 def write_text(path: Path, lines: Iterable[bytes]) -> None:
@@ -20,12 +21,12 @@ def write_text(path: Path, lines: Iterable[bytes]) -> None:
     Parameters
     ----------
     path : of the file; gzip-compressed if it ends in ``.gz``.
-    lines : ASCII, each with its end of line; taken one by one, so that few are in memory.
+    lines : ASCII, each with its end of line; written one by one, so that few are in memory.
 
     Raises
     ------
     OutputError
-        When the file cannot be written; what was there before is kept.
+        When the file cannot be written; a file that was there before is kept.
     """
     unfinished = path.with_name(f"{path.name}.part")
     try:

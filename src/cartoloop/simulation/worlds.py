@@ -18,7 +18,7 @@ __all__ = ["WORLDS", "World", "corridor", "flat", "make_world", "museum", "offic
 
 
 def corridor(seed: int = 0, length: float = 80.0, width: float = 2.4) -> World:
-    """Return a long corridor with few features, and the way there and back.
+    """Return a long corridor with few features, and a route from end to end and back.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def corridor(seed: int = 0, length: float = 80.0, width: float = 2.4) -> World:
 
 
 def ring(seed: int = 0, side: float = 24.0, width: float = 2.2) -> World:
-    """Return four corridors in a square, and the way round it twice.
+    """Return four corridors in a square, and a route of two laps.
 
     Parameters
     ----------

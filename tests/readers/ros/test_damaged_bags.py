@@ -80,7 +80,7 @@ def test_a_recording_cut_off_is_used_as_far_as_it_goes(files, form, compression,
     log = open_log(path)
     assert 3 < num_scans(log) <= 30
     assert "error" in severities(log)
-    assert "what can be read before is used" in log.problems[0].message
+    assert "the part before is used" in log.problems[0].message
 
 
 @pytest.mark.parametrize(("form", "compression"), KINDS)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cartoloop.readers.ros import messages as ros
+from cartoloop.readers.ros import raw_messages as ros
 from cartoloop.readers.ros.wire import DecodeError, frame_name, read_header
 from tests.readers.ros.bag_files import START, Messages
 

@@ -8,24 +8,23 @@ from dataclasses import replace
 from pathlib import Path
 
 from cartoloop.errors import InputError
-from cartoloop.readers.log import Problems, TellsProblems, short_name
-from cartoloop.readers.options import ReadOptions
-from cartoloop.readers.ros.choice import choose_topics
-from cartoloop.readers.ros.chosen import Choice
-from cartoloop.readers.ros.container import Container
+from cartoloop.readers.log import LogBase, ProblemLog, short_name
+from cartoloop.readers.read_options import ReadOptions
+from cartoloop.readers.ros.choice import TopicChoice, choose_topics
+from cartoloop.readers.ros.container import BagFinding, Container
 from cartoloop.readers.ros.decoders import CloudDecoder, ImuDecoder, OdometryDecoder, ScanDecoder
 from cartoloop.readers.ros.index import RecordingIndex, index_recording
-from cartoloop.readers.ros.inventory import BagFinding, Inventory
-from cartoloop.readers.ros.merging import MergedMessages
-from cartoloop.readers.ros.opening import open_containers
-from cartoloop.readers.ros.profiles import beam_findings, cloud_profile, scan_profile
-from cartoloop.readers.ros.summaries import (
+from cartoloop.readers.ros.inventory import (
+    Inventory,
     container_findings,
     describe,
     stream_findings,
     take_inventory,
 )
-from cartoloop.readers.ros.times import common_times
+from cartoloop.readers.ros.merging import MergedMessages
+from cartoloop.readers.ros.opening import open_containers
+from cartoloop.readers.ros.profiles import beam_findings, cloud_profile, scan_profile
+from cartoloop.readers.ros.stream_times import common_times
 from cartoloop.readers.ros.wire import DecodeError
 from cartoloop.sensor.events import SensorEvent
 from cartoloop.sensor.sensor_profile import SensorProfile
@@ -36,7 +35,7 @@ _SEVERITY = {"error": 0, "warning": 1, "note": 2}
 Decode = Callable[[bytes, float, float], SensorEvent]
 
 
-class BagLog(TellsProblems):
+class BagLog(LogBase):
     """A ROS 1 bag or a ROS 2 recording; see `cartoloop.readers.log.Log` for what it offers.
 
     Parameters
@@ -56,6 +55,7 @@ class BagLog(TellsProblems):
     """
 
     def __init__(self, path: str | Path, options: ReadOptions | None = None) -> None:
+        super().__init__()
         self._path = Path(path)
         self._options = options or ReadOptions()
         self.name = short_name(self._path) or str(self._path)
@@ -78,10 +78,8 @@ class BagLog(TellsProblems):
         ]
         findings.sort(key=lambda finding: _SEVERITY[finding.severity])
         self.inventory: Inventory = take_inventory(index, self._choice, findings)
-        self._found = Problems()
         for finding in findings:
             self._found.add(finding.severity, f"{self.name}: {finding.line}", finding.code)
-        self._current = self._found
         num_scanners = len(self._choice.scanners)
         self.num_scans = sum(len(stream.stamps) for stream in self._streams[:num_scanners])
 
@@ -101,7 +99,7 @@ class BagLog(TellsProblems):
         first = min(float(times.times[0]) for times in self._times)
         return max(float(times.times[-1]) for times in self._times) - first
 
-    def __iter__(self) -> Iterator[SensorEvent]:
+    def _events(self, problems: ProblemLog) -> Iterator[SensorEvent]:
         """Yield the events in the order of their times; bad messages are skipped and counted.
 
         Raises
@@ -109,23 +107,22 @@ class BagLog(TellsProblems):
         InputError
             No scan at all can be used.
         """
-        current = self._current = self._found.copy()
         num_scans = 0
         is_scanner = [stream.role in ("scan", "cloud") for stream in self._streams]
         decoders = self._decoders
-        for owner, (raw, stamp, time) in self._messages.in_order(current):
+        for owner, (raw, stamp, time) in self._messages.in_order(problems):
             try:
                 event = decoders[owner](raw, stamp, time)
             except DecodeError as error:
                 topic = self._streams[owner].topic
-                current.skip(str(error), f"{self.name}: {topic}: stamp {stamp:.6f}: {error}")
+                problems.skip(str(error), f"{self.name}: {topic}: stamp {stamp:.6f}: {error}")
                 continue
             num_scans += is_scanner[owner]
             yield event
         if self._container.damage and self._container.damage != self._damage:
-            current.add("error", f"{self.name}: {self._container.damage}; the rest is missing")
+            problems.add("error", f"{self.name}: {self._container.damage}; the rest is missing")
         if num_scans == 0:
-            why = ", ".join(sorted(current.skipped)) or "none can be read"
+            why = ", ".join(sorted(problems.skipped)) or "none can be read"
             raise InputError(
                 f"{self._path}: no scan of {self._streams[0].topic} can be used ({why}); "
                 "check how it was recorded"
@@ -200,7 +197,7 @@ def inspect_recording(
             *index.findings,
             *stream_findings(index),
         ]
-        return take_inventory(index, Choice(), findings), None
+        return take_inventory(index, TopicChoice(), findings), None
     return log.inventory, log
 
 

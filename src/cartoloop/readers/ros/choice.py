@@ -1,36 +1,92 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which topics of a recording are used, where their sensors sit, and why."""
+"""Which scanners, odometry and IMU of a recording are used, where they are mounted, and why."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from cartoloop.errors import InputError
-from cartoloop.readers.options import ReadOptions
-from cartoloop.readers.ros.choice_of_motion import choose_imu, choose_odometry
-from cartoloop.readers.ros.chosen import ODOMETRY_NAMES, Choice, ScannerChoice, asked_for, rank
-from cartoloop.readers.ros.index import RecordingIndex, Stream
-from cartoloop.readers.ros.inventory import BagFinding
-from cartoloop.readers.ros.transforms import Pose3, Transform
+from cartoloop.readers.read_options import NO_TOPIC, ReadOptions
+from cartoloop.readers.ros.container import BagFinding
+from cartoloop.readers.ros.imu_choice import ImuChoice, choose_imu
+from cartoloop.readers.ros.index import RecordingIndex, TopicStream
+from cartoloop.readers.ros.raw_messages import RawOdometry
+from cartoloop.readers.ros.transforms import FrameTransform, Pose3
 
 MAX_TILT = math.radians(15.0)
-"""Scanners that look farther up or down than this do not see the walls that a map is made of."""
+"""Scanners tilted by more than this see floor or ceiling in place of walls [rad]: at 15 degrees
+and 0.3 m above the floor, from 1.2 m on."""
 
 BASE_FRAMES = ("base_footprint", "base_link", "base", "base_frame", "robot_base", "chassis")
-_WORLD_FRAMES = frozenset(("map", "odom", "world", "earth", "odom_combined"))
-_SAME_SWEEPS = 0.5  # share of equal stamps at which two topics are one scanner
+"""Usual names of the tracking frame, the most common first."""
 
-# Parts of names, and how welcome the topic is: the smaller the better.
-_SCAN_NAMES = {
+_WORLD_FRAMES = frozenset(("map", "odom", "world", "earth", "odom_combined"))
+
+_SAME_SWEEPS = 0.5
+"""Share of equal stamps from which on two topics are taken for one scanner: copies that drop some
+messages reach it, two scanners never have more than chance coincidences."""
+
+# Parts of names with their penalties; topics with low penalties are preferred.
+_SCAN_PENALTIES = {
     "vertical": 8, "down": 6, "cliff": 6, "back": 3, "rear": 3, "merged": 2, "throttle": 2,
     "filtered": 2, "camera": 2, "depth": 2, "right": 1, "left": 1, "horizontal": -1, "front": -1,
 }  # fmt: skip
+_ODOMETRY_PENALTIES = {
+    "truth": 9, "gt": 9, "map": 6, "slam": 6, "amcl": 6, "gps": 5, "icp": 4, "vio": 4,
+    "visual": 4, "lidar": 4, "laser": 4, "filtered": 2, "ekf": 2, "fused": 2, "wheel": -1,
+}  # fmt: skip
 
 
-def choose_topics(index: RecordingIndex, options: ReadOptions, name: str) -> Choice:
-    """Choose what to map with.
+@dataclass(frozen=True, eq=False)
+class ScannerChoice:
+    """A scanner in use, and its pose in the base frame."""
+
+    stream: TopicStream
+    tf_base_sensor: Pose3
+
+
+@dataclass(frozen=True, eq=False)
+class OdometryChoice:
+    """The odometry in use, and the pose of the base in the frame whose pose it estimates."""
+
+    stream: TopicStream
+    tf_child_base: Pose3
+
+
+@dataclass(eq=False)
+class TopicChoice:
+    """The topics of a recording that are used.
+
+    Attributes
+    ----------
+    base_frame : the tracking frame.
+    scanners : at least one, the main one first; all scanners or all clouds.
+    odometry, imu : or None.
+    reasons : why each topic is used or not.
+    findings : missing transforms and other doubts.
+    """
+
+    base_frame: str = ""
+    scanners: list[ScannerChoice] = field(default_factory=list)
+    odometry: OdometryChoice | None = None
+    imu: ImuChoice | None = None
+    reasons: dict[str, str] = field(default_factory=dict)
+    findings: list[BagFinding] = field(default_factory=list)
+
+    @property
+    def streams(self) -> list[TopicStream]:
+        """All streams in use, the main scanner first."""
+        used = [scanner.stream for scanner in self.scanners]
+        used += [self.odometry.stream] if self.odometry else []
+        used += [self.imu.stream] if self.imu else []
+        return used
+
+
+def choose_topics(index: RecordingIndex, options: ReadOptions, name: str) -> TopicChoice:
+    """Choose the topics to map with.
 
     Parameters
     ----------
@@ -41,21 +97,24 @@ def choose_topics(index: RecordingIndex, options: ReadOptions, name: str) -> Cho
     InputError
         A topic is asked for that the recording does not hold, or it holds no scans.
     """
-    choice = Choice()
+    choice = TopicChoice()
     candidates = _scan_candidates(index, options, choice, name)
     _choose_base(index, candidates, options, choice)
     _choose_scanners(index, candidates, options, choice)
-    choose_odometry(index, options, choice, name)
-    choose_imu(index, options, choice, name)
+    _choose_odometry(index, options, choice, name)
+    imu = choose_imu(index, options, choice.base_frame, name)
+    choice.imu = imu.imu
+    choice.reasons.update(imu.reasons)
+    choice.findings += imu.findings
     return choice
 
 
 def _scan_candidates(
-    index: RecordingIndex, options: ReadOptions, choice: Choice, name: str
-) -> list[Stream]:
+    index: RecordingIndex, options: ReadOptions, choice: TopicChoice, name: str
+) -> list[TopicStream]:
     """Return the streams that may be mapped, best first."""
     if options.scan_topics:
-        asked = [asked_for(index, topic, "scan", name) for topic in options.scan_topics]
+        asked = [index.named(topic, "scan", name) for topic in options.scan_topics]
         if len({stream.role for stream in asked}) > 1:
             raise InputError(
                 f"{name}: --scan-topic names scans and point clouds; name one kind of them"
@@ -63,8 +122,8 @@ def _scan_candidates(
         for stream in index.with_role("scan") + index.with_role("cloud"):
             choice.reasons[stream.topic] = "asked for" if stream in asked else "not asked for"
         return list(dict.fromkeys(asked))
-    scans = sorted(index.with_role("scan"), key=lambda s: rank(s, _SCAN_NAMES))
-    clouds = sorted(index.with_role("cloud"), key=lambda s: rank(s, _SCAN_NAMES))
+    scans = sorted(index.with_role("scan"), key=lambda s: s.rank(_SCAN_PENALTIES))
+    clouds = sorted(index.with_role("cloud"), key=lambda s: s.rank(_SCAN_PENALTIES))
     if scans:
         for stream in clouds:
             choice.reasons[stream.topic] = "the laser scans are used"
@@ -72,13 +131,13 @@ def _scan_candidates(
     for stream in clouds[1:]:
         choice.reasons[stream.topic] = f"{clouds[0].topic} is used; --scan-topic for this one"
     if not clouds:
-        raise InputError(_why_no_scans(index, name))
+        raise InputError(_no_scans_message(index, name))
     return clouds[:1]
 
 
-def _without_copies(scans: list[Stream], choice: Choice) -> list[Stream]:
+def _without_copies(scans: list[TopicStream], choice: TopicChoice) -> list[TopicStream]:
     """Return the streams without those that send another's sweeps once more (filtered ones)."""
-    kept: list[Stream] = []
+    kept: list[TopicStream] = []
     for stream in scans:
         original = next((k for k in kept if _same_scanner(k, stream)), None)
         if original is None:
@@ -88,7 +147,7 @@ def _without_copies(scans: list[Stream], choice: Choice) -> list[Stream]:
     return kept
 
 
-def _same_scanner(a: Stream, b: Stream) -> bool:
+def _same_scanner(a: TopicStream, b: TopicStream) -> bool:
     if a.frame != b.frame:
         return False
     shared = np.intersect1d(np.array(a.stamps), np.array(b.stamps))
@@ -96,12 +155,12 @@ def _same_scanner(a: Stream, b: Stream) -> bool:
     return len(shared) > _SAME_SWEEPS * min(len(a.stamps), len(b.stamps))
 
 
-def _why_no_scans(index: RecordingIndex, name: str) -> str:
-    there = sorted({s.topic for s in index.streams if s.stamps} | {c.topic for c in index.others})
+def _no_scans_message(index: RecordingIndex, name: str) -> str:
+    topics = sorted({s.topic for s in index.streams if s.stamps} | {c.topic for c in index.others})
     damage = f" ({index.container.damage})" if index.container.damage else ""
-    if not there:
+    if not topics:
         return f"{name}: holds no messages{damage}; record again"
-    listed = ", ".join(there[:6]) + (", ..." if len(there) > 6 else "")
+    listed = ", ".join(topics[:6]) + (", ..." if len(topics) > 6 else "")
     return (
         f"{name}: holds no laser scans and no point clouds{damage}, only {listed}; "
         "record a topic of type LaserScan, MultiEchoLaserScan or PointCloud2"
@@ -109,11 +168,11 @@ def _why_no_scans(index: RecordingIndex, name: str) -> str:
 
 
 def _choose_base(
-    index: RecordingIndex, candidates: list[Stream], options: ReadOptions, choice: Choice
+    index: RecordingIndex, candidates: list[TopicStream], options: ReadOptions, choice: TopicChoice
 ) -> None:
-    """Set the frame whose way is sought: one of the usual names, or what holds the scanner."""
+    """Set the tracking frame: one of the usual names, or a frame above the scanner's."""
     tree, main = index.tree, candidates[0]
-    odometry = sorted(index.with_role("odometry"), key=lambda s: rank(s, ODOMETRY_NAMES))
+    odometry = sorted(index.with_role("odometry"), key=lambda s: s.rank(_ODOMETRY_PENALTIES))
     children = [s.child_frame for s in [*odometry, *index.edges] if s.child_frame]
     roots = [frame for frame in reversed(tree.above(main.frame)) if frame not in _WORLD_FRAMES]
     known = tree.frames | set(children)
@@ -138,22 +197,22 @@ def _choose_base(
         choice.findings.append(_missing(wanted, main, "it is mapped in the scanner's own frame"))
 
 
-def _missing(base: str, stream: Stream, meanwhile: str) -> BagFinding:
+def _missing(base: str, stream: TopicStream, consequence: str) -> BagFinding:
     return BagFinding(
         "warning",
         "missing_transform",
         f"no transform from {base} to {stream.frame or 'the scanner, whose frame has no name'} "
-        f"({stream.topic}): {meanwhile}",
+        f"({stream.topic}): {consequence}",
         "record /tf_static, or give --urdf FILE or --laser-pose X,Y,YAW",
         stream.topic,
     )
 
 
 def _choose_scanners(
-    index: RecordingIndex, candidates: list[Stream], options: ReadOptions, choice: Choice
+    index: RecordingIndex, candidates: list[TopicStream], options: ReadOptions, choice: TopicChoice
 ) -> None:
     asked = bool(options.scan_topics)
-    tilted: list[tuple[Stream, float]] = []
+    tilted: list[tuple[TopicStream, float]] = []
     for number, stream in enumerate(candidates):
         if number == 0 and options.laser_pose is not None:
             _use(choice, stream, Pose3.from_plane(options.laser_pose), "pose as given")
@@ -162,47 +221,47 @@ def _choose_scanners(
         if found is None:
             _leave_out(choice, stream)
             continue
-        pose, way = found
+        pose, transforms = found
         tilt = math.acos(min(1.0, abs(float(pose.rotation[2, 2]))))
         if stream.role == "scan" and tilt > MAX_TILT and not asked:
             tilted.append((stream, tilt))
             continue
-        choice.findings += _moving(way, stream)
+        choice.findings += _moving(transforms, stream)
         _use(choice, stream, pose, _where(choice, stream, pose))
     for stream, tilt in tilted:
-        told = f"its plane is tilted by {math.degrees(tilt):.0f} deg"
+        tilted_by = f"its plane is tilted by {math.degrees(tilt):.0f} deg"
         if choice.scanners:
-            choice.reasons[stream.topic] = f"{told}; --scan-topic to use it all the same"
+            choice.reasons[stream.topic] = f"{tilted_by}; --scan-topic to use it nevertheless"
             continue
         choice.base_frame = stream.frame
         choice.findings.append(
             BagFinding(
                 "warning",
                 "tilted_scanner",
-                f"{stream.topic}: {told}, says the transform; it is mapped in its own frame, "
+                f"{stream.topic}: {tilted_by} by its transform; it is mapped in its own frame, "
                 "as if it were level",
                 "correct the transform, or give --laser-pose X,Y,YAW",
                 stream.topic,
             )
         )
-        _use(choice, stream, Pose3.identity(), f"the only scanner, though {told}")
+        _use(choice, stream, Pose3.identity(), f"the only scanner, though {tilted_by}")
 
 
-def _use(choice: Choice, stream: Stream, pose: Pose3, why: str) -> None:
+def _use(choice: TopicChoice, stream: TopicStream, pose: Pose3, why: str) -> None:
     choice.scanners.append(ScannerChoice(stream, pose))
     before = choice.reasons.get(stream.topic)
     choice.reasons[stream.topic] = f"{before}, {why}" if before else why
 
 
-def _leave_out(choice: Choice, stream: Stream) -> None:
+def _leave_out(choice: TopicChoice, stream: TopicStream) -> None:
     choice.findings.append(_missing(choice.base_frame, stream, "it is left out"))
     choice.reasons[stream.topic] = f"no transform from {choice.base_frame} to {stream.frame}"
 
 
-def _where(choice: Choice, stream: Stream, pose: Pose3) -> str:
+def _where(choice: TopicChoice, stream: TopicStream, pose: Pose3) -> str:
     if stream.frame == choice.base_frame:
         return "in its own frame"
-    # Adding 0 turns -0.0, as which small negative numbers are shown, into 0.0.
+    # Adding 0 turns -0.0, the rounded value of small negative numbers, into 0.0.
     x, y, z = (round(float(value), 2) + 0.0 for value in pose.translation)
     roll, pitch, yaw = (round(math.degrees(angle), 1) + 0.0 for angle in pose.rpy)
     upside_down = ", upside down" if pose.rotation[2, 2] < 0.0 else ""
@@ -212,17 +271,81 @@ def _where(choice: Choice, stream: Stream, pose: Pose3) -> str:
     )
 
 
-def _moving(way: list[Transform], stream: Stream) -> list[BagFinding]:
+def _moving(transforms: list[FrameTransform], stream: TopicStream) -> list[BagFinding]:
     return [
         BagFinding(
             "warning",
             "moving_mounting",
             f"the transform from {t.parent} to {t.child} moves (by up to {t.moved_m:.3f} m, "
-            f"{math.degrees(t.moved_rad):.1f} deg), and {stream.topic} hangs on it; "
-            "the first one is taken for all the time",
-            "fix the scanner, or give its place with --laser-pose X,Y,YAW",
+            f"{math.degrees(t.moved_rad):.1f} deg), and {stream.topic} is mounted below it; "
+            "its first pose is used for the whole recording",
+            "fix the scanner, or give its mounting pose with --laser-pose X,Y,YAW",
             stream.topic,
         )
-        for t in way
+        for t in transforms
         if t.moves
     ]
+
+
+def _choose_odometry(
+    index: RecordingIndex, options: ReadOptions, choice: TopicChoice, name: str
+) -> None:
+    """Add the odometry to a choice whose base frame is known: a topic, else a moving transform.
+
+    Raises
+    ------
+    InputError
+        The topic asked for holds none.
+    """
+    streams = sorted(index.with_role("odometry"), key=lambda s: s.rank(_ODOMETRY_PENALTIES))
+    if options.odom_topic == NO_TOPIC:
+        choice.reasons.update({s.topic: "no odometry is asked for" for s in streams})
+        return
+    moving = [stream for stream in streams if not _stands_still(stream)]
+    if options.odom_topic is not None:
+        chosen: TopicStream | None = index.named(options.odom_topic, "odometry", name)
+        why = "asked for"
+    elif moving:
+        chosen = moving[0]
+        why = "the only odometry" if len(streams) == 1 else "the most likely wheel odometry"
+    else:
+        chosen = _edge_of(index, choice)
+        edge = " -> ".join(chosen.edge or ()) if chosen is not None else ""
+        why = f"{edge} serves as odometry: no topic holds any"
+    for stream in streams:
+        other = f"{chosen.topic} is used; --odom-topic for this one" if chosen else ""
+        choice.reasons[stream.topic] = other if stream in moving else "its pose never changes"
+    if chosen is None:
+        return
+    choice.reasons[chosen.topic] = why
+    child = chosen.child_frame or choice.base_frame
+    found = index.tree.lookup(child, choice.base_frame)
+    if found is None:
+        choice.findings.append(
+            BagFinding(
+                "warning",
+                "missing_transform",
+                f"no transform from {child} to {choice.base_frame}: the poses of {chosen.topic} "
+                f"are taken for those of {choice.base_frame}",
+                "record /tf_static, or give --urdf FILE",
+                chosen.topic,
+            )
+        )
+    choice.odometry = OdometryChoice(chosen, found[0] if found else Pose3.identity())
+
+
+def _stands_still(stream: TopicStream) -> bool:
+    poses = {s.values for s in stream.samples if isinstance(s, RawOdometry)}
+    return len(stream.samples) > 3 and len(poses) == 1
+
+
+def _edge_of(index: RecordingIndex, choice: TopicChoice) -> TopicStream | None:
+    """Return the poses on ``/tf`` of the base below an odometry frame, if they move."""
+    above = index.tree.above(choice.base_frame)
+    for edge in index.edges:
+        parent, child = edge.edge or ("", "")
+        transform = index.tree.transforms.get(child)
+        moves = transform is not None and transform.parent == parent and transform.moves
+        if moves and (child in above or len(index.edges) == 1):
+            return edge
+    return None

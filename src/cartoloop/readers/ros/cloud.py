@@ -8,7 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.readers.ros.wire import NANO, Cursor, DecodeError, Header, aligned, read_header
+from cartoloop.readers.ros.wire import (
+    NANO,
+    Cursor,
+    DecodeError,
+    MessageHeader,
+    aligned,
+    read_header,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -24,7 +31,7 @@ _LONGEST_SWEEP = 2.0
 _EPOCH = 1e6  # a time since an epoch, not since the sweep began [s]
 
 
-class CloudMessage(NamedTuple):
+class RawCloud(NamedTuple):
     """A cloud as sent.
 
     Attributes
@@ -35,12 +42,12 @@ class CloudMessage(NamedTuple):
     times : float64, shape (n,) [s] from the stamp on; None if the cloud tells none.
     """
 
-    header: Header
+    header: MessageHeader
     points: FloatArray
     times: FloatArray | None
 
 
-def decode_cloud(raw: bytes, is_ros1: bool) -> CloudMessage:
+def decode_cloud(raw: bytes, is_ros1: bool) -> RawCloud:
     """Return a sensor_msgs/PointCloud2.
 
     Raises
@@ -74,7 +81,7 @@ def decode_cloud(raw: bytes, is_ros1: bool) -> CloudMessage:
         if name in fields:
             times = relative_times(table.column(*fields[name])[kept], header.stamp)
             break
-    return CloudMessage(header, points[kept], times)
+    return RawCloud(header, points[kept], times)
 
 
 class _Table:

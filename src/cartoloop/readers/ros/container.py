@@ -5,12 +5,42 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from cartoloop.readers.ros.inventory import BagFinding
+from cartoloop.readers.log import ProblemSeverity
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
+
+
+@dataclass(frozen=True, slots=True)
+class BagFinding:
+    """A problem of a recording or a remark, and what to do about it.
+
+    Attributes
+    ----------
+    severity : ``error`` (part of the recording is lost), ``warning`` or ``note``.
+    code : short name of the kind of finding, the same in all recordings.
+    message : what is wrong, where; one line.
+    remedy : what to do, or "".
+    topic : the topic concerned, or "".
+    count : number of occurrences.
+    stamp : of the first occurrence, as recorded [s]; None if it does not concern one moment.
+    """
+
+    severity: ProblemSeverity
+    code: str
+    message: str
+    remedy: str = ""
+    topic: str = ""
+    count: int = 1
+    stamp: float | None = None
+
+    @property
+    def line(self) -> str:
+        """Message and remedy."""
+        return f"{self.message}; {self.remedy}" if self.remedy else self.message
 
 
 class Channel(NamedTuple):

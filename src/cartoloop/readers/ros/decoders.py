@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.readers.options import ReadOptions
-from cartoloop.readers.ros import messages as ros
-from cartoloop.readers.ros.chosen import ImuChoice, OdometryChoice, ScannerChoice
+from cartoloop.readers.read_options import ReadOptions
+from cartoloop.readers.ros import raw_messages as ros
+from cartoloop.readers.ros.choice import OdometryChoice, ScannerChoice
 from cartoloop.readers.ros.cloud import decode_cloud
+from cartoloop.readers.ros.imu_choice import ABSURD_READING, ImuChoice
 from cartoloop.readers.ros.transforms import Pose3
 from cartoloop.readers.ros.wire import DecodeError
 from cartoloop.sensor.events import (
@@ -27,7 +28,6 @@ from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.sensor_profile import SensorProfile
 
 _MAX_GEOMETRIES = 256
-_ABSURD = 1e6  # rad/s or m/s^2
 _NEAREST_OF_CLOUDS = 0.3  # nearer points are mostly the robot itself [m]
 
 
@@ -71,7 +71,7 @@ class ScanDecoder:
             message = ros.decode_scan(raw, self._is_ros1)
         return self.event(message, stamp, time)
 
-    def event(self, message: ros.ScanMessage, stamp: float, time: float) -> LaserScan:
+    def event(self, message: ros.RawScan, stamp: float, time: float) -> LaserScan:
         """Return the event of a decoded message; raises as `decode`."""
         key = (message.beams, len(message.ranges))
         geometry = self._geometries.get(key)
@@ -81,7 +81,7 @@ class ScanDecoder:
             geometry = self._geometries[key] = self._geometry(message)
         return LaserScan(stamp, time, message.ranges, geometry)
 
-    def _geometry(self, message: ros.ScanMessage) -> ScanGeometry:
+    def _geometry(self, message: ros.RawScan) -> ScanGeometry:
         first, last, step, time_increment, _, range_min, range_max = message.beam_numbers
         count = len(message.ranges)
         if count == 0:
@@ -210,7 +210,7 @@ class ImuDecoder:
             raise DecodeError("IMU reading without acceleration or angular velocity")
         acceleration = self._in_base(message.linear_acceleration)
         velocity = self._in_base(message.angular_velocity)
-        if not all(abs(value) < _ABSURD for value in (*acceleration, *velocity)):
+        if not all(abs(value) < ABSURD_READING for value in (*acceleration, *velocity)):
             raise DecodeError("IMU reading is not finite")
         return Imu(
             stamp,

@@ -5,18 +5,20 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 from cartoloop.errors import InputError
-from cartoloop.readers.options import ReadOptions
-from cartoloop.readers.ros import messages as ros
-from cartoloop.readers.ros.cloud import CloudMessage, decode_cloud
-from cartoloop.readers.ros.container import Channel, Container
-from cartoloop.readers.ros.inventory import BagFinding, Role
+from cartoloop.readers.read_options import ReadOptions
+from cartoloop.readers.ros import raw_messages as ros
+from cartoloop.readers.ros.cloud import RawCloud, decode_cloud
+from cartoloop.readers.ros.container import BagFinding, Channel, Container
 from cartoloop.readers.ros.transforms import TransformTree
 from cartoloop.readers.ros.urdf import parse_urdf, read_urdf
 from cartoloop.readers.ros.wire import DecodeError, frame_name, read_header
+
+Role = Literal["scan", "cloud", "odometry", "imu", "tf", "other"]
 
 ROLES: dict[str, Role] = {
     ros.LASER_SCAN: "scan",
@@ -33,11 +35,11 @@ NO_STAMP = -1
 _LATEST = 2**63 - 1
 _SAMPLES: dict[Role, int] = {"scan": 300, "cloud": 6, "imu": 600, "odometry": 300}
 
-Sample = ros.ScanMessage | ros.ImuMessage | ros.OdometryMessage | CloudMessage
+Sample = ros.RawScan | ros.RawImu | ros.RawOdometry | RawCloud
 
 
 @dataclass(eq=False)
-class Stream:
+class TopicStream:
     """The messages of one topic, or the poses of one frame in another on ``/tf``.
 
     Attributes
@@ -87,6 +89,12 @@ class Stream:
         """How many messages have a header."""
         return len(self.stamps) - self.stamps.count(NO_STAMP)
 
+    def rank(self, penalties: Mapping[str, int]) -> tuple[int, int, str]:
+        """Return a sort key: low penalties of the parts of its names, then many messages."""
+        names = f"{self.topic} {self.frame}".lower()
+        penalty = sum(value for part, value in penalties.items() if part in names)
+        return (penalty, -len(self.stamps), self.topic)
+
 
 @dataclass(eq=False)
 class RecordingIndex:
@@ -102,7 +110,7 @@ class RecordingIndex:
     """
 
     container: Container
-    streams: list[Stream]
+    streams: list[TopicStream]
     others: list[Channel]
     tree: TransformTree
     findings: list[BagFinding]
@@ -112,12 +120,34 @@ class RecordingIndex:
         """How many messages were looked at."""
         return sum(len(stream.stamps) for stream in self.streams)
 
-    def with_role(self, role: Role) -> list[Stream]:
+    def with_role(self, role: Role) -> list[TopicStream]:
         """Return the streams of a role that hold something, without those on ``/tf``."""
         return [s for s in self.streams if s.role == role and s.edge is None and s.num_readable > 0]
 
+    def named(self, topic: str, role: Role, name: str) -> TopicStream:
+        """Return the stream of a topic that the user named.
+
+        Parameters
+        ----------
+        role : ``scan`` includes point clouds.
+        name : of the recording, for messages.
+
+        Raises
+        ------
+        InputError
+            There is no such topic of this role.
+        """
+        roles: tuple[Role, ...] = ("scan", "cloud") if role == "scan" else (role,)
+        possible = [stream for r in roles for stream in self.with_role(r)]
+        for stream in possible:
+            if stream.topic.strip("/") == topic.strip("/"):
+                return stream
+        known = ", ".join(stream.topic for stream in possible) or "no such topic"
+        what = {"scan": "scans", "odometry": "odometry", "imu": "IMU readings"}[role]
+        raise InputError(f"{name}: topic {topic} holds no {what}; there is {known}")
+
     @property
-    def edges(self) -> list[Stream]:
+    def edges(self) -> list[TopicStream]:
         """The poses on ``/tf`` that may serve as odometry."""
         return [stream for stream in self.streams if stream.edge is not None]
 
@@ -135,8 +165,8 @@ def index_recording(container: Container, options: ReadOptions) -> RecordingInde
     if options.urdf is not None:
         for joint in read_urdf(options.urdf):
             tree.add(joint.parent, joint.child, joint.pose, "urdf")
-    streams: dict[tuple[str, str], Stream] = {}
-    by_key: dict[int, Stream] = {}
+    streams: dict[tuple[str, str], TopicStream] = {}
+    by_key: dict[int, TopicStream] = {}
     others = []
     described: set[int] = set()
     for channel in container.channels:
@@ -148,13 +178,13 @@ def index_recording(container: Container, options: ReadOptions) -> RecordingInde
             continue
         stream = streams.setdefault(
             (channel.topic, channel.msgtype),
-            Stream(channel.topic, channel.msgtype, role, channel.is_ros1),
+            TopicStream(channel.topic, channel.msgtype, role, channel.is_ros1),
         )
         stream.keys.append(channel.key)
         stream.expected += channel.num_messages
         by_key[channel.key] = stream
     is_ros1 = {channel.key: channel.is_ros1 for channel in container.channels}
-    edges: dict[tuple[str, str], Stream] = {}
+    edges: dict[tuple[str, str], TopicStream] = {}
     for key, recorded, raw in container.messages(by_key.keys() | described):
         record = min(recorded, _LATEST)
         if key in described:
@@ -169,7 +199,7 @@ def index_recording(container: Container, options: ReadOptions) -> RecordingInde
     return RecordingIndex(container, [*streams.values(), *edges.values()], others, tree, findings)
 
 
-def _add_message(stream: Stream, record: int, raw: bytes) -> None:
+def _add_message(stream: TopicStream, record: int, raw: bytes) -> None:
     number = len(stream.stamps)
     stream.records.append(record)
     try:
@@ -187,13 +217,13 @@ def _add_message(stream: Stream, record: int, raw: bytes) -> None:
             stream.undecodable[str(error)] += 1
 
 
-def _is_sampled(stream: Stream, number: int) -> bool:
+def _is_sampled(stream: TopicStream, number: int) -> bool:
     groups = _SAMPLES[stream.role] // 3
     every = max(stream.expected // groups, 3)
     return number % every < 3 and len(stream.samples) < 2 * _SAMPLES[stream.role]
 
 
-def _decode(stream: Stream, raw: bytes) -> Sample:
+def _decode(stream: TopicStream, raw: bytes) -> Sample:
     if stream.msgtype == ros.LASER_SCAN:
         return ros.decode_scan(raw, stream.is_ros1)
     if stream.msgtype == ros.MULTI_ECHO:
@@ -209,8 +239,8 @@ def _decode(stream: Stream, raw: bytes) -> Sample:
 
 def _add_transforms(
     tree: TransformTree,
-    stream: Stream,
-    edges: dict[tuple[str, str], Stream],
+    stream: TopicStream,
+    edges: dict[tuple[str, str], TopicStream],
     record: int,
     raw: bytes,
 ) -> None:
@@ -237,7 +267,7 @@ def _add_transforms(
     ):
         edge = edges.get((parent, child))
         if edge is None:
-            edge = Stream(stream.topic, stream.msgtype, "odometry", stream.is_ros1)
+            edge = TopicStream(stream.topic, stream.msgtype, "odometry", stream.is_ros1)
             edge.edge = (parent, child)
             edge.child_frames[child] = 1
             edge.keys = stream.keys
@@ -249,8 +279,8 @@ def _add_transforms(
 
 
 def new_poses(
-    sent: list[ros.TransformMessage], edge: tuple[str, str], last_stamp: int
-) -> Iterator[ros.TransformMessage]:
+    sent: list[ros.RawTransform], edge: tuple[str, str], last_stamp: int
+) -> Iterator[ros.RawTransform]:
     """Yield the poses of an edge, each once: ``/tf`` repeats them with their old stamp."""
     for transform in sent:
         if (transform.parent, transform.child) == edge and transform.stamp != last_stamp:

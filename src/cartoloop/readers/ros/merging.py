@@ -8,11 +8,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cartoloop.readers.log import Problems
-from cartoloop.readers.ros import messages as ros
+from cartoloop.readers.log import ProblemLog
+from cartoloop.readers.ros import raw_messages as ros
 from cartoloop.readers.ros.container import Container
-from cartoloop.readers.ros.index import NO_STAMP, Stream, new_poses
-from cartoloop.readers.ros.times import StreamTimes, merged_order
+from cartoloop.readers.ros.index import NO_STAMP, TopicStream, new_poses
+from cartoloop.readers.ros.stream_times import StreamTimes, merged_order
 from cartoloop.readers.ros.wire import DecodeError
 
 MAX_WAITING = 50_000
@@ -22,7 +22,7 @@ MAX_WAITING_BYTES = 256 << 20
 
 _PRIORITY = {"imu": 0, "odometry": 1, "scan": 2, "cloud": 2}
 
-Message = tuple[bytes, float, float]
+TimedBytes = tuple[bytes, float, float]
 """Bytes, stamp and time of a message [s]."""
 
 
@@ -37,20 +37,20 @@ class MergedMessages:
     """
 
     def __init__(
-        self, container: Container, streams: list[Stream], times: list[StreamTimes]
+        self, container: Container, streams: list[TopicStream], times: list[StreamTimes]
     ) -> None:
         self._container = container
         self._streams = streams
         self._times = times
         self._order = merged_order(times, [_PRIORITY[stream.role] for stream in streams])
 
-    def in_order(self, problems: Problems) -> Iterator[tuple[int, Message]]:
+    def in_order(self, problems: ProblemLog) -> Iterator[tuple[int, TimedBytes]]:
         """Yield the index of a stream and its next message, in the order of time.
 
         A message waits until those before it have been read. Where too many wait, those that are
         missing are given up; they are skipped, and counted in `problems`, when they come.
         """
-        waiting: list[deque[Message]] = [deque() for _ in self._streams]
+        waiting: list[deque[TimedBytes]] = [deque() for _ in self._streams]
         given_up = [0] * len(self._streams)
         num_waiting = num_bytes = place = 0
         order = self._order.tolist()
@@ -81,7 +81,7 @@ class MergedMessages:
             if waiting[turn]:
                 yield turn, waiting[turn].popleft()
 
-    def _as_recorded(self) -> Iterator[tuple[int, Message]]:
+    def _as_recorded(self) -> Iterator[tuple[int, TimedBytes]]:
         """Yield the messages in the order of the recording; each pose on ``/tf`` is one."""
         times = [stream.times.tolist() for stream in self._times]
         stamps = [np.where(np.isnan(s.stamps), s.times, s.stamps).tolist() for s in self._times]
@@ -104,7 +104,7 @@ class MergedMessages:
 class _EdgePoses:
     """The poses of one frame in another out of ``/tf`` messages, as in the first pass."""
 
-    def __init__(self, stream: Stream) -> None:
+    def __init__(self, stream: TopicStream) -> None:
         self._is_ros1 = stream.is_ros1
         self._edge = stream.edge or ("", "")
         self._last_stamp = NO_STAMP

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 from cartoloop.errors import InputError
 from cartoloop.readers.ros.container import (
+    BagFinding,
     ChainedContainer,
     Container,
     LibraryContainer,
     one_line,
 )
-from cartoloop.readers.ros.inventory import BagFinding
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection

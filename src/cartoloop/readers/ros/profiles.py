@@ -8,11 +8,11 @@ import math
 import numpy as np
 
 from cartoloop.errors import InputError
-from cartoloop.readers.ros.cloud import CloudMessage
+from cartoloop.readers.ros.cloud import RawCloud
+from cartoloop.readers.ros.container import BagFinding
 from cartoloop.readers.ros.decoders import ScanDecoder
-from cartoloop.readers.ros.index import Stream
-from cartoloop.readers.ros.inventory import BagFinding
-from cartoloop.readers.ros.messages import ScanMessage
+from cartoloop.readers.ros.index import TopicStream
+from cartoloop.readers.ros.raw_messages import RawScan
 from cartoloop.readers.ros.wire import DecodeError
 from cartoloop.sensor.events import LaserScan
 from cartoloop.sensor.sensor_profile import SensorProfile, profile_sensor
@@ -20,7 +20,7 @@ from cartoloop.sensor.sensor_profile import SensorProfile, profile_sensor
 _MISFIT_BEAMS = 1.5
 
 
-def scan_profile(decoder: ScanDecoder, stream: Stream, name: str) -> SensorProfile:
+def scan_profile(decoder: ScanDecoder, stream: TopicStream, name: str) -> SensorProfile:
     """Return the profile of a laser scanner.
 
     Parameters
@@ -37,7 +37,7 @@ def scan_profile(decoder: ScanDecoder, stream: Stream, name: str) -> SensorProfi
     reasons = set(stream.undecodable)
     for number, message in enumerate(stream.samples):
         try:
-            if isinstance(message, ScanMessage):
+            if isinstance(message, RawScan):
                 scans.append(decoder.event(message, float(number), float(number)))
         except DecodeError as error:
             reasons.add(str(error))
@@ -49,9 +49,9 @@ def scan_profile(decoder: ScanDecoder, stream: Stream, name: str) -> SensorProfi
     return profile_sensor(scans)
 
 
-def cloud_profile(stream: Stream) -> SensorProfile:
+def cloud_profile(stream: TopicStream) -> SensorProfile:
     """Return the profile of a scanner of points in space, of which less needs to be known."""
-    clouds = [s.points for s in stream.samples if isinstance(s, CloudMessage) and len(s.points)]
+    clouds = [s.points for s in stream.samples if isinstance(s, RawCloud) and len(s.points)]
     if not clouds:
         clouds = [np.ones((1, 3))]
     bearings = [np.unique(np.round(np.degrees(np.arctan2(p[:, 1], p[:, 0])))) for p in clouds]
@@ -72,9 +72,9 @@ def cloud_profile(stream: Stream) -> SensorProfile:
     )
 
 
-def beam_findings(stream: Stream, decoder: ScanDecoder) -> list[BagFinding]:
+def beam_findings(stream: TopicStream, decoder: ScanDecoder) -> list[BagFinding]:
     """Return what does not fit in what a scanner says of its beams."""
-    message = next((s for s in stream.samples if isinstance(s, ScanMessage)), None)
+    message = next((s for s in stream.samples if isinstance(s, RawScan)), None)
     if message is None or len(message.ranges) < 2:
         return []
     first, last, step, increment, _, low, high = message.beam_numbers

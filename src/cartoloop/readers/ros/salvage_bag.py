@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-import bz2
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
@@ -15,10 +14,9 @@ from cartoloop.readers.ros.container import Channel
 from cartoloop.readers.ros.salvage import (
     LARGEST_RECORD,
     CutError,
-    Record,
-    Scanned,
+    RecordedMessage,
+    SalvageContainer,
     exactly,
-    unpack_as_far,
 )
 from cartoloop.readers.ros.wire import NANO
 
@@ -26,13 +24,13 @@ _U32 = struct.Struct("<I")
 _MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7
 
 
-class BagSalvage(Scanned):
+class BagSalvage(SalvageContainer):
     """A ROS 1 bag from front to back; needs no index."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "ROS 1 bag")
 
-    def _records(self, keys: frozenset[int] | None) -> Iterator[Record]:
+    def _records(self, keys: frozenset[int] | None) -> Iterator[RecordedMessage]:
         with self.path.open("rb") as file:
             if not file.readline().startswith(b"#ROSBAG V2.0"):
                 raise InputError(
@@ -46,7 +44,8 @@ class BagSalvage(Scanned):
                         yield from self._record(header, data, keys)
                         continue
                     packed = file.read(min(size, LARGEST_RECORD))
-                    plain = self._unpacked(header.get(b"compression", b""), packed)
+                    compression = header.get(b"compression", b"").decode("ascii", "replace")
+                    plain = self._unpack(compression, packed)
                     yield from self._chunk(plain, keys)
                     if len(packed) < size:
                         raise CutError("the file is cut off")
@@ -56,7 +55,7 @@ class BagSalvage(Scanned):
                 self.damage = str(cut)
 
     def _record_head(self, file: BinaryIO) -> tuple[dict[bytes, bytes], int]:
-        """Return the fields of a record's header, and how long its data are."""
+        """Return the fields of a record's header, and the length of its data [bytes]."""
         first = file.read(4)
         if not first:
             raise EOFError
@@ -68,12 +67,12 @@ class BagSalvage(Scanned):
             size = _U32.unpack_from(fields, place)[0]
             name, separator, value = fields[place + 4 : place + 4 + size].partition(b"=")
             if not separator:
-                raise CutError("a record makes no sense")
+                raise CutError("a record is not valid")
             header[name] = value
             place += 4 + size
         return header, _U32.unpack(exactly(file, 4))[0]
 
-    def _chunk(self, plain: bytes, keys: frozenset[int] | None) -> Iterator[Record]:
+    def _chunk(self, plain: bytes, keys: frozenset[int] | None) -> Iterator[RecordedMessage]:
         file = BytesIO(plain)
         try:
             while True:
@@ -84,26 +83,9 @@ class BagSalvage(Scanned):
         except CutError:
             self.damage = "a chunk is damaged"
 
-    def _unpacked(self, compression: bytes, packed: bytes) -> bytes:
-        """Return as much of a chunk as can be unpacked."""
-        if compression == b"none":
-            return packed
-        if compression == b"bz2":
-            unpack: Callable[[bytes], bytes] = bz2.BZ2Decompressor().decompress
-        elif compression == b"lz4":
-            from lz4.frame import LZ4FrameDecompressor
-
-            unpack = LZ4FrameDecompressor().decompress
-        else:
-            raise CutError(f"a chunk has an unknown compression {compression!r}")
-        plain, damaged = unpack_as_far(unpack, packed)
-        if damaged:
-            self.damage = "a chunk is damaged"
-        return plain
-
     def _record(
         self, header: dict[bytes, bytes], data: bytes, keys: frozenset[int] | None
-    ) -> Iterator[Record]:
+    ) -> Iterator[RecordedMessage]:
         try:
             kind = header[b"op"][0]
             if kind == _CONNECTION and keys is None:
@@ -114,14 +96,14 @@ class BagSalvage(Scanned):
                     seconds, nanos = struct.unpack("<II", header[b"time"])
                     yield key, seconds * NANO + nanos, b"" if keys is None else data
         except (KeyError, IndexError, struct.error):
-            raise CutError("a record makes no sense") from None
+            raise CutError("a record is not valid") from None
 
     def _note_connection(self, header: dict[bytes, bytes], data: bytes) -> None:
         from rosbags.typesys.msg import normalize_msgtype
 
         fields = BytesIO(_U32.pack(len(data)) + data + _U32.pack(0))
-        told, _ = self._record_head(fields)
+        fields_of_type, _ = self._record_head(fields)
         key = _U32.unpack(header[b"conn"])[0]
         topic = header[b"topic"].decode("utf-8", "replace")
-        msgtype = told[b"type"].decode("utf-8", "replace")
+        msgtype = fields_of_type[b"type"].decode("utf-8", "replace")
         self._found[key] = Channel(key, topic, normalize_msgtype(msgtype), True, 0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sqlite3
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, suppress
 from io import BytesIO
 from pathlib import Path
@@ -18,26 +18,25 @@ from cartoloop.readers.ros.container import Channel, one_line
 from cartoloop.readers.ros.salvage import (
     LARGEST_RECORD,
     CutError,
-    Record,
-    Scanned,
+    RecordedMessage,
+    SalvageContainer,
     exactly,
-    unpack_as_far,
 )
 
 _U32 = struct.Struct("<I")
 _U64 = struct.Struct("<Q")
 _MCAP_SCHEMA, _MCAP_CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK = 3, 4, 5, 6
-_MCAP_ENDS = (0x0F, 0x02)  # the data are over: what follows is the summary
+_MCAP_ENDS = (0x0F, 0x02)  # end of data: the summary follows
 
 
-class McapSalvage(Scanned):
+class McapSalvage(SalvageContainer):
     """An MCAP file from front to back; needs no index, and reads ROS 1 messages as well."""
 
     def __init__(self, path: Path) -> None:
         self._schemas: dict[int, str] = {}
         super().__init__(path, "MCAP file")
 
-    def _records(self, keys: frozenset[int] | None) -> Iterator[Record]:
+    def _records(self, keys: frozenset[int] | None) -> Iterator[RecordedMessage]:
         with self.path.open("rb") as file:
             file.seek(8)
             try:
@@ -47,7 +46,7 @@ class McapSalvage(Scanned):
             except CutError as cut:
                 self.damage = str(cut)
 
-    def _all(self, file: BinaryIO, keys: frozenset[int] | None) -> Iterator[Record]:
+    def _all(self, file: BinaryIO, keys: frozenset[int] | None) -> Iterator[RecordedMessage]:
         while True:
             code = file.read(1)
             if not code:
@@ -67,39 +66,24 @@ class McapSalvage(Scanned):
             if not whole:
                 raise CutError("the file is cut off")
 
-    def _chunk(self, plain: bytes, keys: frozenset[int] | None) -> Iterator[Record]:
+    def _chunk(self, plain: bytes, keys: frozenset[int] | None) -> Iterator[RecordedMessage]:
         try:
             yield from self._all(BytesIO(plain), keys)
         except CutError:
             self.damage = "a chunk is damaged"
 
     def _unpacked(self, data: bytes) -> bytes:
-        """Return as much of a chunk as can be unpacked."""
+        """Return the part of a chunk that can be unpacked."""
         try:
             name_size = _U32.unpack_from(data, 28)[0]
-            compression = data[32 : 32 + name_size]
-            packed = data[40 + name_size :]
         except struct.error:
             return b""
-        if compression == b"":
-            return packed
-        unpack: Callable[[bytes], bytes]
-        if compression == b"lz4":
-            from lz4.frame import LZ4FrameDecompressor
+        compression = data[32 : 32 + name_size].decode("ascii", "replace")
+        return self._unpack(compression, data[40 + name_size :])
 
-            unpack = LZ4FrameDecompressor().decompress
-        elif compression == b"zstd":
-            from cartoloop.readers.ros.zstd import zstd
-
-            unpack = zstd.ZstdDecompressor().decompress
-        else:
-            raise CutError(f"a chunk has an unknown compression {compression!r}")
-        plain, damaged = unpack_as_far(unpack, packed)
-        if damaged:
-            self.damage = "a chunk is damaged"
-        return plain
-
-    def _record(self, code: int, data: bytes, keys: frozenset[int] | None) -> Iterator[Record]:
+    def _record(
+        self, code: int, data: bytes, keys: frozenset[int] | None
+    ) -> Iterator[RecordedMessage]:
         try:
             if code == _MCAP_MESSAGE:
                 key = struct.unpack_from("<H", data)[0]
@@ -110,7 +94,7 @@ class McapSalvage(Scanned):
             elif code == _MCAP_CHANNEL and keys is None:
                 self._note_channel(data)
         except (struct.error, IndexError):
-            raise CutError("a record makes no sense") from None
+            raise CutError("a record is not valid") from None
 
     def _note_channel(self, data: bytes) -> None:
         from rosbags.typesys.msg import normalize_msgtype
@@ -132,13 +116,13 @@ def _text(data: bytes, place: int) -> tuple[str, int]:
     return data[place + 4 : end].decode("utf-8", "replace"), end
 
 
-class DatabaseSalvage(Scanned):
+class DatabaseSalvage(SalvageContainer):
     """A damaged database of ROS 2, row by row until it breaks off."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "ROS 2 database")
 
-    def _records(self, keys: frozenset[int] | None) -> Iterator[Record]:
+    def _records(self, keys: frozenset[int] | None) -> Iterator[RecordedMessage]:
         try:
             with closing(self._connect()) as connection:
                 if keys is None:

@@ -114,7 +114,7 @@ class Pose3:
 
 
 @dataclass(eq=False)
-class Transform:
+class FrameTransform:
     """What a recording says of the pose of one frame in another.
 
     Attributes
@@ -151,10 +151,10 @@ class TransformTree:
     """
 
     def __init__(self) -> None:
-        self.transforms: dict[str, Transform] = {}
+        self.transforms: dict[str, FrameTransform] = {}
         self.conflicts: dict[str, set[str]] = {}
 
-    def add(self, parent: str, child: str, pose: Pose3, origin: Origin) -> Transform | None:
+    def add(self, parent: str, child: str, pose: Pose3, origin: Origin) -> FrameTransform | None:
         """Take in a transform; return it if it is the first of this child, and so believed."""
         if child in self.transforms:
             known = self.transforms[child]
@@ -168,7 +168,7 @@ class TransformTree:
         # A loop would leave frames without a root.
         if child == parent or parent in self.below(child):
             return None
-        self.transforms[child] = Transform(parent, child, origin, pose)
+        self.transforms[child] = FrameTransform(parent, child, origin, pose)
         return self.transforms[child]
 
     def add_sent(self, parent: str, child: str, values: tuple[float, ...], origin: Origin) -> None:
@@ -212,13 +212,13 @@ class TransformTree:
             grown = bool(more)
         return found
 
-    def lookup(self, target: str, source: str) -> tuple[Pose3, list[Transform]] | None:
+    def lookup(self, target: str, source: str) -> tuple[Pose3, list[FrameTransform]] | None:
         """Return tf_target_source and the transforms on the way, or None if there is no way."""
         up_target, up_source = self.above(target), self.above(source)
         common = next((frame for frame in up_source if frame in up_target), None)
         if common is None:
             return None
-        way: list[Transform] = []
+        way: list[FrameTransform] = []
         poses = []
         for chain in (up_target, up_source):
             pose = Pose3.identity()

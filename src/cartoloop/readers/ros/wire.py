@@ -19,7 +19,7 @@ class DecodeError(Exception):
     """A message that is not what its type says; the text is the reason under which it counts."""
 
 
-class Header(NamedTuple):
+class MessageHeader(NamedTuple):
     """Stamp [ns], name of the frame, where the header ends, and the byte order of the message."""
 
     stamp: int
@@ -43,7 +43,7 @@ def byte_order(raw: bytes, is_ros1: bool) -> str:
     return "<" if raw[1] else ">"
 
 
-def read_header(raw: bytes, is_ros1: bool) -> Header:
+def read_header(raw: bytes, is_ros1: bool) -> MessageHeader:
     """Return the header that a message begins with.
 
     Raises
@@ -62,7 +62,7 @@ def read_header(raw: bytes, is_ros1: bool) -> Header:
     frame = raw[16:end] if is_ros1 else raw[16 : end - 1]
     if is_ros1 and seconds < 0:
         seconds += 1 << 32
-    return Header(seconds * NANO + nanos, frame, end, order)
+    return MessageHeader(seconds * NANO + nanos, frame, end, order)
 
 
 def aligned(offset: int, size: int, is_ros1: bool) -> int:
@@ -113,10 +113,10 @@ class Cursor:
             raise DecodeError("cut off")
         return self._raw[start : self.offset]
 
-    def header(self) -> Header:
+    def header(self) -> MessageHeader:
         """Return a header that stands within the message."""
         if self._is_ros1:
             self.u32()
         seconds, nanos = self.numbers("I", 4, 2)
         frame = self.text()
-        return Header(int(seconds) * NANO + int(nanos), frame, self.offset, self.order)
+        return MessageHeader(int(seconds) * NANO + int(nanos), frame, self.offset, self.order)

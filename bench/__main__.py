@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``python -m bench``: the command line of the benchmarks."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from bench.record import Record
+
+app = typer.Typer(
+    help="Measure accuracy and speed.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+DataOption = Annotated[
+    Path | None,
+    typer.Option("--data", metavar="DIR", help="Folder with the recordings; else $CARTOLOOP_DATA."),
+]
+OutOption = Annotated[
+    Path, typer.Option("-o", "--out", metavar="DIR", help="Folder for figures and reports.")
+]
+RepeatOption = Annotated[
+    int, typer.Option("--repeat", min=1, help="Number of repeats of each measurement.")
+]
+AgainstOption = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="An earlier JSON to compare with."),
+]
+StrictOption = Annotated[
+    bool, typer.Option("--strict", help="Fail where data is missing or a figure got worse.")
+]
+
+
+@app.command("paper")
+def bench_paper(
+    data: DataOption = None,
+    out: OutOption = Path("bench-results"),
+    repeat: RepeatOption = 3,
+    only: Annotated[
+        str, typer.Option(help="Experiments: radish, museum, flat, office, variants.")
+    ] = "",
+    logs: Annotated[
+        str, typer.Option("--logs", help="Recordings of tables II to V, such as intel,fr079.")
+    ] = "",
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Run the experiments of the paper: its tables, our figures, maps and histograms."""
+    from bench.document import to_markdown
+    from bench.page_text import page_text
+    from bench.paper import experiments
+    from bench.paper.report import sections
+    from cartoloop.map_output.save import prepare_folder, write_file
+
+    prepare_folder(out)
+    before = _earlier(against, "paper")
+    options = experiments.PaperOptions(
+        data=_data_folder(data),
+        out=out,
+        repeats=repeat,
+        experiments=_names(only) or experiments.EXPERIMENTS,
+        logs=_names(logs),
+    )
+    record = experiments.run(options, lambda line: typer.echo(line, err=True))
+    parts = sections(record, out / "paper")
+    title = page_text()["paper"]["title"]
+    write_file(out / "paper.md", to_markdown(title, parts))
+    typer.echo(to_markdown(title, sections(record)))
+    _conclude(record, out, before, strict)
+
+
+@app.command("kernels")
+def bench_kernels(
+    out: OutOption = Path("bench-results"),
+    repeat: RepeatOption = 20,
+    only: Annotated[str, typer.Option(help="Names of kernels, such as insert,match.")] = "",
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Time each compiled kernel against the size of its problem."""
+    from bench import kernels
+
+    before = _earlier(against, "kernels")
+    record = kernels.run(repeat, _names(only))
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
+@app.command("matching")
+def bench_matching(
+    data: DataOption = None,
+    out: OutOption = Path("bench-results"),
+    repeat: RepeatOption = 5,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Time branch and bound against exhaustive search and against looser bounds."""
+    from bench.matching import benchmark
+
+    before = _earlier(against, "matching")
+    record = benchmark.run(repeat, _data_folder(data))
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
+@app.command("adjustment")
+def bench_adjustment(
+    data: DataOption = None,
+    out: OutOption = Path("bench-results"),
+    repeat: RepeatOption = 7,
+    largest: Annotated[int, typer.Option(min=1000, help="Nodes of the largest graph.")] = 100_000,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Time the pose adjustment against GTSAM, Ceres and g2o on the same graphs."""
+    from bench.adjustment import benchmark
+
+    before = _earlier(against, "adjustment")
+    record = benchmark.run(repeat, _data_folder(data), largest)
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
+@app.command("scaling")
+def bench_scaling(
+    out: OutOption = Path("bench-results"),
+    times: Annotated[int, typer.Option(min=1, help="Length of the run, in museums.")] = 10,
+    again: Annotated[
+        bool, typer.Option("--again", help="Walk through one museum again and again.")
+    ] = False,
+    repeat: RepeatOption = 1,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Measure time per node and memory as a run grows to many times the museum."""
+    from bench import scaling
+
+    before = _earlier(against, scaling.name_of(again))
+    record = scaling.run(
+        times, again=again, repeats=repeat, progress=lambda line: typer.echo(line, err=True)
+    )
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
+@app.command("live")
+def bench_live(
+    log: Annotated[
+        Path | None, typer.Argument(metavar="LOG", help="A recording instead of the museum.")
+    ] = None,
+    out: OutOption = Path("bench-results"),
+    paces: Annotated[str, typer.Option(help="Multiples of real time, in turn.")] = "1,4",
+    seconds: Annotated[float, typer.Option(min=1.0, help="Duration of each [s].")] = 60.0,
+    repeat: RepeatOption = 1,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Measure the latency of each pose when scans arrive as from a robot."""
+    from bench import live
+
+    try:
+        numbers = [float(pace) for pace in _names(paces)]
+    except ValueError:
+        raise typer.BadParameter("give numbers such as 1,4", param_hint="--paces") from None
+    if not numbers or min(numbers) <= 0.0:
+        raise typer.BadParameter("give numbers above 0", param_hint="--paces")
+    before = _earlier(against, "live")
+    record = live.run(
+        numbers, seconds, log=log, progress=lambda line: typer.echo(line, err=True), repeats=repeat
+    )
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
+@app.command("viewer")
+def bench_viewer(
+    log: Annotated[
+        Path | None, typer.Argument(metavar="LOG", help="A recording instead of the museum.")
+    ] = None,
+    out: OutOption = Path("bench-results"),
+    scans: Annotated[
+        int, typer.Option(min=0, help="Number of scans to map; 0: the whole recording.")
+    ] = 0,
+    watched_scans: Annotated[
+        int, typer.Option(min=1, help="Number of scans during which loop closures are watched for.")
+    ] = 5000,
+    pace: Annotated[
+        float, typer.Option(min=0.1, max=1000.0, help="Multiple of real time of these scans.")
+    ] = 8.0,
+    repeat: RepeatOption = 3,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Measure the cost of the live view, its latency and its frame rate.
+
+    With --strict it also fails where a figure misses its target.
+    """
+    from bench.view import benchmark
+
+    before = _earlier(against, "viewer")
+    options = benchmark.ViewOptions(log, scans, pace, watched_scans, repeat)
+    record = benchmark.run(options, lambda line: typer.echo(line, err=True))
+    _print_table(record)
+    missed = benchmark.misses(record)
+    for line in missed:
+        typer.echo(f"missed         {line}")
+    _conclude(record, out, before, strict)
+    if strict and missed:
+        raise typer.Exit(1)
+
+
+@app.command("page")
+def bench_page(
+    records: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder that the benchmarks wrote into.")
+    ] = Path("bench-results"),
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="FILE", help="The page, in Markdown.")
+    ] = Path("docs/results.md"),
+) -> None:
+    """Write one page of all figures, with pictures of the maps."""
+    from bench.results_page import write_results_page
+
+    write_results_page(records, out)
+    typer.echo(f"{out}")
+
+
+def _data_folder(given: Path | None) -> Path:
+    return given or Path(os.environ.get("CARTOLOOP_DATA", "../shared/data"))
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _earlier(path: Path | None, benchmark: str) -> Record | None:
+    """Return the record to compare with; read first, because the new one may replace it."""
+    if path is None:
+        return None
+    from bench.record import read_record
+    from cartoloop.errors import InputError
+
+    found = read_record(path)
+    if found.benchmark != benchmark:
+        raise InputError(
+            f"{path}: is a record of '{found.benchmark}', which '{benchmark}' cannot be compared "
+            "with; give one of the same benchmark"
+        )
+    return found
+
+
+def _print_table(record: Record) -> None:
+    typer.echo(", ".join(f"{name} {value}" for name, value in record.environment.items()))
+    typer.echo(f"\n{record.to_table()}\n")
+
+
+def _conclude(record: Record, out: Path, before: Record | None, strict: bool) -> None:
+    """Write the record, report what changed, and fail if `strict` is set and a figure got worse."""
+    from bench.comparison import changes_table, compare, gone
+    from cartoloop.map_output.save import prepare_folder, write_file
+
+    path = prepare_folder(out) / f"{record.benchmark}.json"
+    write_file(path, record.to_json())
+    typer.echo(f"figures        {path}")
+    changes = [] if before is None else compare(record, before)
+    lost = [] if before is None else gone(record, before)
+    if before is not None:
+        machines = [found.environment.get("processor", "unknown") for found in (before, record)]
+        if machines[0] != machines[1]:
+            typer.echo(f"measured on another machine: {machines[0]}, now {machines[1]}", err=True)
+        typer.echo(f"\n{changes_table(changes)}" if changes else "nothing changed beyond the noise")
+    for case in lost:
+        typer.echo(f"no figures any more: {case}", err=True)
+    is_worse = bool(lost) or any(change.is_worse for change in changes)
+    if strict and (is_worse or not record.is_complete):
+        raise typer.Exit(1)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run a benchmark and return its exit status, as :func:`cartoloop.cli.main.run` does."""
+    from cartoloop.cli import main
+
+    return main.run(arguments, app)
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:]))

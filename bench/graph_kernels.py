@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Workloads of the pose adjustment and of the choice of pairs, on synthetic pose graphs."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from bench.adjustment.chordal_initialization import initialize_from_constraints
+from bench.adjustment.problem import OwnProgram, Problem
+from bench.adjustment.synthetic_graphs import bipartite_graph
+from bench.record import Case
+from bench.workload import Workload
+from cartoloop.config import Config
+from cartoloop.global_slam.pair_selection import PairSelection
+from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, constraint_residuals
+from cartoloop.kernels.due_pairs import due_pairs
+
+GRAPHS = ((1_000, 12, 3_000), (11_456, 128, 35_300))
+"""Nodes, submaps and constraints of the graphs; the second is of the paper's museum's size."""
+
+GRAPH_KERNELS = (
+    "adjust",
+    "adjust, one step",
+    "residuals",
+    "check",
+    "chordal start",
+    "shortest paths",
+    "pairs",
+)
+
+
+def graph_workloads() -> Iterator[Workload]:
+    """Yield the adjustment of pose graphs from a drifted start, its parts, and the pair choice."""
+    for nodes, submaps, edges in GRAPHS:
+        graph = bipartite_graph(nodes, submaps, edges).graph
+        case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
+        size = len(graph.kinds)
+        adjusting = (
+            "pose_residuals", "node_packing", "node_linearization", "node_elimination",
+            "node_steps", "kept_constraints", "schur_structure", "block_cholesky",
+            "cholesky_ordering", "cholesky_structure",
+        )  # fmt: skip
+        for name, iterations in (("adjust", 50), ("adjust, one step", 1)):
+            problem = Problem.of(graph, AdjustmentOptions(max_iterations=iterations))
+            yield Workload(
+                name, adjusting, case, OwnProgram(problem).solve, size, "constraints"
+            )  # fmt: skip
+        yield Workload(
+            "residuals", ("pose_residuals",), case,
+            partial(constraint_residuals, graph), size, "constraints",
+        )  # fmt: skip
+        yield Workload(
+            "check", ("constraint_faults",), case,
+            partial(graph.without, np.zeros(size, dtype=bool)), size, "constraints",
+        )  # fmt: skip
+        yield Workload(
+            "chordal start", (), case,
+            partial(initialize_from_constraints, copy.deepcopy(graph)), size, "constraints",
+        )  # fmt: skip
+    yield _shortest_paths_workload()
+    yield _pairs_workload()
+
+
+def _shortest_paths_workload() -> Workload:
+    """Return the search for the shortest paths from the newest submap of the larger graph."""
+    _, submaps, _ = GRAPHS[-1]
+    again = np.arange(submaps // 2)
+    closures = np.column_stack((again, again + submaps // 2))  # all of it was walked twice
+    travelled = np.arange(0.0, 17.0 * submaps, 17.0)
+    selection = PairSelection(Config().global_slam.constraint_search)
+
+    def find() -> None:
+        selection.update(travelled, closures)
+        selection.ways_from(submaps - 1)
+
+    return Workload(
+        "shortest paths",
+        ("shortest_ways",),
+        {"input": f"{submaps} submaps"},
+        find,
+        submaps,
+        "submaps",
+    )
+
+
+def _pairs_workload() -> Workload:
+    """Return the choice of the submaps to search for a node of the larger graph."""
+    nodes, submaps, _ = GRAPHS[-1]
+    graph = bipartite_graph(*GRAPHS[-1]).graph
+    selection = Config().global_slam.constraint_search
+    begun = np.arange(submaps) * nodes // submaps
+    node_submaps = np.repeat((np.arange(nodes) * submaps // nodes)[:, np.newaxis], 2, axis=1)
+    travelled = np.linspace(0.0, 0.2 * nodes, nodes)
+    find = partial(
+        due_pairs, 0, submaps, nodes - 1, nodes, graph.submap_poses, graph.node_poses, math.inf,
+        np.ones(nodes, dtype=bool), travelled, node_submaps, travelled[begun],
+        np.empty((2, 0), dtype=np.int64), 0.5, np.full(submaps, np.inf), False,
+        selection.bound_length, selection.every_nth_node, selection.every_nth_bound_node,
+        np.empty((submaps, 3), dtype=np.int64), np.empty(submaps), np.empty((submaps, 3)),
+    )  # fmt: skip
+    case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
+    return Workload("pairs", ("due_pairs",), case, find, submaps, "submaps")

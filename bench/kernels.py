@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``python -m bench kernels``: time of each kernel, called by the mapper's own functions."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
+from functools import partial
+
+import numpy as np
+
+from bench.drives import DRIVES, Drive, drive, replay
+from bench.environment import environment
+from bench.graph_kernels import GRAPH_KERNELS, graph_workloads
+from bench.input_kernels import INPUT_KERNELS, input_workloads
+from bench.measuring import alternate
+from bench.record import Case, Figure, Record, Row
+from bench.workload import Workload
+from cartoloop.config import CorrelativeMatcherConfig
+from cartoloop.errors import ConfigError
+from cartoloop.global_slam import refinement
+from cartoloop.global_slam.closure_search import refine_all
+from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
+from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.scan_matching import correlative
+from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
+from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
+from cartoloop.sensor.pose import Pose, compose, relative, transform_points
+from cartoloop.sensor.range_filter import RangeFilter, thin
+from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
+from cartoloop.submaps.submap import Submap
+
+DRIVE_KERNELS = (
+    "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
+    "finish", "precompute", "mean score", "branch and bound", "match again", "compose map",
+)  # fmt: skip
+KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
+"""The names of the kernels, grouped by the input that they are measured on."""
+
+
+def run(repeats: int, only: Sequence[str] = ()) -> Record:
+    """Return the time of a call of each kernel, of several sizes.
+
+    Parameters
+    ----------
+    repeats : samples of each.
+    only : names of kernels; all where empty.
+
+    Raises
+    ------
+    ConfigError
+        There is no kernel of a name.
+    """
+    for name in only:
+        if name not in KERNELS:
+            nearest = get_close_matches(name, KERNELS, n=1, cutoff=0.0)[0]
+            raise ConfigError(f"no kernel '{name}' to measure; the nearest is '{nearest}'")
+    chosen = tuple(only) or KERNELS
+    rows = [_row(workload, repeats) for workload in workloads(chosen) if workload.kernel in chosen]
+    return Record("kernels", tuple(rows), environment())
+
+
+def workloads(only: Sequence[str] = KERNELS) -> Iterator[Workload]:
+    """Yield the workloads of kernels, and of those that share their inputs.
+
+    Parameters
+    ----------
+    only : names of kernels.
+    """
+    if set(only) & set(DRIVE_KERNELS):
+        for name in DRIVES:
+            driven = drive(name)
+            yield from _scan_workloads(driven)
+            yield from _match_workloads(driven)
+            yield from _submap_workloads(driven)
+    if set(only) & set(GRAPH_KERNELS):
+        yield from graph_workloads()
+    if set(only) & set(INPUT_KERNELS):
+        yield from input_workloads()
+
+
+def _row(workload: Workload, repeats: int) -> Row:
+    samples = alternate({workload.kernel: workload.call}, repeats)[workload.kernel]
+    each = [1e9 * sample / workload.items for sample in samples]
+    return Row(
+        {
+            "kernel": workload.kernel,
+            **workload.case,
+            "items": f"{workload.items:,} {workload.item}",
+        },
+        {
+            "call": Figure.of_samples([1e3 * sample for sample in samples], "ms"),
+            "item": Figure.of_samples(each, "ns"),
+        },
+    )
+
+
+def _scan_workloads(driven: Drive) -> Iterator[Workload]:
+    """Yield local SLAM as a whole, and the steps for every scan and for every inserted scan."""
+    config = driven.config
+    case: Case = {"input": driven.name}
+    scan, tf_local_tracking = driven.scans[-1], driven.poses[-1]
+    yield Workload(
+        "local SLAM", (), case, partial(replay, driven.events), driven.num_replayed, "scans"
+    )
+    beams = scan.geometry.num_beams
+    range_filter = RangeFilter(config.sensor)
+    data = range_filter.apply(scan)
+    yield Workload(
+        "filter", ("range_projection", "voxel_filter"), case,
+        partial(range_filter.apply, scan), beams, "beams",
+    )  # fmt: skip
+    thinning = config.local_slam.adaptive_voxel_filter
+    yield Workload(
+        "thin", ("voxel_filter",), case,
+        partial(thin, data.returns, thinning), len(data.returns), "points",
+    )  # fmt: skip
+    sensor = compose(tf_local_tracking, data.tf_tracking_sensor)
+    returns = transform_points(tf_local_tracking, data.returns)
+    misses = transform_points(tf_local_tracking, data.misses)
+    resolution = config.local_slam.submaps.resolution
+    rays = len(returns) + len(misses)
+    yield Workload(
+        "cast rays", ("ray_casting", "ray_fan", "pixel_rows"), case,
+        partial(scan_cells, sensor, returns, misses, resolution), rays, "rays",
+    )  # fmt: skip
+    submap = copy.deepcopy(_growing(driven))
+    cells = scan_cells(sensor, returns, misses, resolution)
+    origin = (
+        round(submap.tf_local_submap.x / resolution), round(submap.tf_local_submap.y / resolution),
+    )  # fmt: skip
+    update = partial(insert_cells, submap.grid, cells, config.local_slam.submaps, origin)
+    num_cells = len(cells.hits) + int((cells.free[:, 2] - cells.free[:, 1]).sum())
+    yield Workload("update cells", ("grid_update",), case, update, num_cells, "cells")
+
+    def insert() -> None:
+        insert_cells(
+            submap.grid,
+            scan_cells(sensor, returns, misses, resolution),
+            config.local_slam.submaps,
+            origin,
+        )
+
+    yield Workload("insert", ("ray_casting", "grid_update"), case, insert, rays, "rays")
+
+
+def _match_workloads(driven: Drive) -> Iterator[Workload]:
+    """Yield the matching of a scan against the submap that grows."""
+    case: Case = {"input": driven.name}
+    config, submap = driven.config.local_slam, _growing(driven)
+    search = driven.config.global_slam.constraint_search
+    data = RangeFilter(driven.config.sensor).apply(driven.scans[-1])
+    points = thin(data.returns, config.adaptive_voxel_filter)
+    in_submap = relative(submap.tf_local_submap, driven.poses[-1])
+    start = compose(in_submap, Pose(0.03, -0.02, 0.01))
+    finished = FinishedSubmap(0, submap.grid.finish(), 1.0)
+    yield Workload(
+        "match", ("match_batch", "scan_residuals", "smooth_map"), case,
+        partial(
+            refine_all, finished.smooth_map, ScanPoints.of([points]), np.array((start,)), search,
+            math.inf,
+        ),
+        len(points), "points",
+    )  # fmt: skip
+    wide = CorrelativeMatcherConfig(linear_search_window=0.1, angular_search_window_deg=20.0)
+    yield Workload(
+        "correlative", ("correlative", "window_bounds"), {**case, "window": "±0.1 m, ±20°"},
+        partial(correlative.match, submap.grid, points, start, wide, correlative.Scratch()),
+        len(points), "points",
+    )  # fmt: skip
+
+
+def _submap_workloads(driven: Drive) -> Iterator[Workload]:
+    """Yield the steps that finish a submap, and the search for a scan in it."""
+    grid = driven.grids[0]
+    case: Case = {"input": driven.name}
+    search = driven.config.global_slam.constraint_search
+    submap = driven.finished[0]
+    yield Workload("finish", ("cell_values",), case, submap.grid.finish, grid.size, "pixels")
+    yield Workload(
+        "precompute", ("precomputation_grid",), case,
+        partial(PrecomputationGrids, grid.cells), grid.size, "pixels",
+    )  # fmt: skip
+    own = [node for node in driven.nodes if submap in node.submaps]
+    in_submap = [relative(submap.tf_local_submap, node.tf_local_tracking) for node in own]
+    points = [node.points for node in own]
+    yield Workload(
+        "mean score", ("sum_at_points",), case,
+        partial(mean_score, grid, ScanPoints.of(points), np.array(in_submap)),
+        sum(map(len, points)), "points",
+    )  # fmt: skip
+    matcher = SubmapMatcher(grid)
+    middle = len(own) // 2
+    search_for = partial(
+        matcher.match,
+        linear_window=7.0, angular_window=math.radians(30.0), min_score=search.min_score,
+    )  # fmt: skip
+    off = compose(in_submap[middle], Pose(2.0, -1.5, 0.2))
+    for name, estimate, cloud in (("hit", off, own[middle].points), ("miss", off, driven.points)):
+        yield Workload(
+            "branch and bound",
+            ("branch_and_bound", "node_bounds", "search_batch", "search_tree"),
+            {**case, "window": f"±7 m, ±30°, {name}"},
+            partial(search_for, cloud, estimate), len(cloud), "points",
+        )  # fmt: skip
+    finished = FinishedSubmap(0, grid, 1.0)
+    yield Workload(
+        "match again", ("match_batch", "match_covariance", "scan_residuals", "smooth_map"), case,
+        partial(
+            refinement.match_again, finished, np.zeros(3), np.arange(len(own)), np.array(in_submap),
+            ScanPoints.of(points), search,
+        ),
+        len(own), "scans",
+    )  # fmt: skip
+    poses = np.array([submap.tf_local_submap for submap in driven.finished])
+    yield Workload(
+        "compose map", ("map_composition",), case,
+        partial(compose_map, driven.grids, poses, driven.config.local_slam.submaps),
+        sum(grid.size for grid in driven.grids), "pixels",
+    )  # fmt: skip
+
+
+def _growing(driven: Drive) -> Submap:
+    assert driven.growing is not None
+    return driven.growing

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Types of NumPy arrays, named by what they hold; shapes and units stand where they are used."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+ByteArray = NDArray[np.uint8]
+"""Bytes: quantized values, pixels or enumerations."""
+
+CellArray = NDArray[np.int32]
+"""Indices of grid cells."""

@@ -1,2 +1,0 @@
-# SPDX-License-Identifier: Apache-2.0
-"""``cartoloop bench paper``: the experiments of section VI, and the report of them."""
