@@ -208,7 +208,7 @@ class Mapper:
         def hand_over() -> None:
             result = self._result(num_scans, active)
             graph = result.graph
-            receive(replace(result, graph=graph.without(np.zeros(graph.num_constraints, bool))))
+            receive(replace(result, graph=graph.copy(), closures=result.closures.copy()))
 
         self.look(hand_over)
 
@@ -234,8 +234,7 @@ class Mapper:
             self._submap_grids(graph, active),
             self._config,
             self._report(graph, trajectory),
-            found=self._global_slam.found.copy(),
-            rejected=self._global_slam.rejected,
+            closures=self._global_slam.closures,
             node_points=self._global_slam.node_points,
         )
 
@@ -307,12 +306,7 @@ class Mapper:
             ),
             nodes=graph.num_nodes,
             submaps=graph.num_submaps,
-            constraints=summarize_constraints(
-                graph,
-                self._global_slam.search.num_searched,
-                self._global_slam.found,
-                len(self._global_slam.rejected),
-            ),
+            constraints=summarize_constraints(graph, self._global_slam.closures),
             adjustment=AdjustmentSummary.of_runs(self._global_slam.adjustments),
             stages=self._timer.summary(),
             skipped=dict(sorted(self._skipped.items())),
@@ -321,7 +315,7 @@ class Mapper:
 
     def _what_was_dropped(self) -> dict[str, Any]:
         """Return how many searches were dropped, for the report, where any were."""
-        num_dropped = self._global_slam.search.num_dropped
+        num_dropped = self._global_slam.closures.num_dropped
         return {"searches_dropped": num_dropped} if num_dropped else {}
 
     def _what_sensors_told(self) -> dict[str, Any]:

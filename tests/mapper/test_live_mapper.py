@@ -47,7 +47,7 @@ def test_poses_are_those_of_a_recording_and_so_is_the_map(drive):
     assert np.array_equal(live.local_trajectory, recorded.local_trajectory)
     assert live.graph.num_nodes == recorded.graph.num_nodes
     assert live.graph.num_submaps == recorded.graph.num_submaps > 4
-    assert len(live.found) > 0
+    assert live.closures.num_found > 0
     assert np.abs(live.trajectory - recorded.trajectory)[:, :2].max() < 0.1
 
 
@@ -73,7 +73,11 @@ def test_a_map_that_is_handed_over_grows_no_more(drive):
     handed_over, contents, times = [], [], []
 
     def content(result):
-        return result.found.tobytes(), [scan.tobytes() for scan in result.node_points]
+        return (
+            result.closures.status.tobytes(),
+            result.closures.found.tf_submap_node.tobytes(),
+            [scan.tobytes() for scan in result.node_points],
+        )
 
     def take(result):
         handed_over.append(result)
@@ -159,6 +163,7 @@ def test_closures_join_long_before_the_next_adjustment(drive):
         nodes % period for (nodes, now), (_, before) in pairwise(reversed(joined)) if now > before
     }
     assert len(came_at) > 1
-    assert len(slam.found_after) == len(slam.found) > 0
-    assert max(slam.found_after) <= 2 * (period // SEARCHES_A_LIVE_PERIOD) + 1
+    waited = slam.closures.num_nodes_to_join()
+    assert len(waited) == slam.closures.num_found > 0
+    assert waited.max() <= 2 * (period // SEARCHES_A_LIVE_PERIOD) + 1
     assert slam.num_put_off == 0

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from cartoloop import Mapper
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.simulation import office, simulate
 from cartoloop.simulation.floor_plan import FloorPlan, World
@@ -25,7 +26,7 @@ UPDATE = Update(
     node_stamps=np.zeros(0),
     adjusted=False,
     first_constraint=0,
-    constraints=ConstraintColumns.of(PoseGraph()),
+    constraints=ConstraintColumns.of(PoseGraph(), Closures()),
     finished={},
     num_scans=7,
     skipped={"too dark": 2},

@@ -25,7 +25,6 @@ from cartoloop.viewer.parts import (
     Part,
     Table,
     constraint_rows,
-    rejected_rows,
 )
 from cartoloop.viewer.pictures import Drawing
 from cartoloop.viewer.protocol import MessageType
@@ -78,6 +77,7 @@ class LiveState:
         self._times = Table(MessageType.NODE_TIMES, np.zeros(0))
         self._constraints = Constraints()
         self._latest = {kind: Latest() for kind in _LATEST}
+        self._closure_rows = np.zeros(0, dtype=np.int32)
         self.parts: dict[Key, Part] = {
             key_of(MessageType.SUBMAP_POSES): self._poses,
             key_of(MessageType.NODES): self._nodes,
@@ -110,8 +110,13 @@ class LiveState:
         if self._times.set(first_time, update.node_stamps):
             self.subscriptions.note(MessageType.NODE_TIMES)
         rows = [constraint_rows(update.constraints)]
-        if len(update.rejected):
-            rows.append(rejected_rows(update.rejected))
+        closure_rows = [update.constraints.closure_rows]
+        if update.rejected is not None:
+            rows.append(constraint_rows(update.rejected))
+            closure_rows.append(update.rejected.closure_rows)
+        self._closure_rows = np.concatenate(
+            (self._closure_rows[: update.first_constraint], *closure_rows)
+        )
         revision = self._constraints.revision
         if self._constraints.set(update.first_constraint, rows):
             self.subscriptions.note(MessageType.CONSTRAINTS)
@@ -119,8 +124,8 @@ class LiveState:
         scan = protocol.scan_message(update.num_scans, update.stamp, update.pose, update.returns)
         if update.num_scans:
             self._show(MessageType.SCAN, scan)
-        if len(update.found) != self._num_found or self._constraints.revision != revision:
-            self._num_found = len(update.found)
+        if update.num_found != self._num_found or self._constraints.revision != revision:
+            self._num_found = update.num_found
             self._show_latest_closure()
 
     def refresh(self) -> None:
@@ -154,14 +159,14 @@ class LiveState:
             There is no such closure.
         """
         points = self.last.node_points if self.last is not None else ()
-        found = self._found_at(constraint)
+        window = self._window_of(constraint)
         return closure_details(
             constraint,
             self._constraints.rows,
             self._poses.values,
             self._nodes.values,
             points,
-            found,
+            window,
         )
 
     def node_scan(self, node: int) -> bytes:
@@ -237,25 +242,18 @@ class LiveState:
             return
         self._show_json(MessageType.LATEST_CLOSURE, self.closure(int(closures[-1])))
 
-    def _found_at(self, constraint: int) -> np.void | None:
-        """Return the closure of this row as the search found it.
-
-        The graph holds the closures in the order in which they were found, until they are matched
-        again in the end.
-        """
-        kinds = self._constraints.rows.kinds
-        is_closure = kinds == ConstraintKind.LOOP_CLOSURE
-        num_closures = int(np.count_nonzero(is_closure))
-        if self.last is None or num_closures != len(self.last.found):
+    def _window_of(self, constraint: int) -> dict[str, Any] | None:
+        """Return the search window of a constraint, None where it was not requested."""
+        if self.last is None or constraint >= len(self._closure_rows):
             return None
-        if constraint >= len(kinds) or not is_closure[constraint]:
+        closures, row = self.last.closures, int(self._closure_rows[constraint])
+        if not 0 <= row < closures.num_requested:
             return None
-        found = self.last.found[int(np.count_nonzero(is_closure[:constraint]))]
-        ends = (
-            int(self._constraints.rows.index_a[constraint]),
-            int(self._constraints.rows.index_b[constraint]),
-        )
-        return found if (found["submap"], found["node"]) == ends else None
+        return {
+            "tf_submap_node": closures.predicted[row].tolist(),
+            "linear_m": float(closures.linear_window[row]),
+            "angular_rad": float(closures.angular_window[row]),
+        }
 
     def _set_mode(self, mode: Mode) -> None:
         """Set what pages that join from now on are shown."""
