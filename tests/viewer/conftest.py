@@ -11,6 +11,7 @@ from bench.browser import NoBrowserError, browser
 from cartoloop import Config
 from cartoloop.map_file.load import load_map
 from cartoloop.viewer.view import LiveView, serve_result
+from tests.limits import LIMIT_S
 
 
 @pytest.fixture(scope="module")
@@ -22,6 +23,14 @@ def chromium():
         except NoBrowserError as none:
             pytest.skip(str(none))
         yield started
+
+
+@pytest.fixture(scope="session", autouse=True)
+def patient_server():
+    """On a busy machine a page may answer pings late."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("cartoloop.viewer.server.PING_TIMEOUT_S", LIMIT_S)
+        yield
 
 
 @pytest.fixture(scope="session")

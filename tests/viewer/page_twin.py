@@ -127,11 +127,9 @@ class Page:
                 np.frombuffer(payload, "<u4", count, 16),
                 np.frombuffer(payload, "<u4", count, 16 + 4 * count),
                 np.frombuffer(payload, "<f4", 3 * count, 16 + 8 * count).reshape(-1, 3),
-                np.frombuffer(payload, "<f4", count, 16 + 20 * count),
-                np.frombuffer(payload, "<f4", count, 16 + 24 * count),
-                np.frombuffer(payload, "u1", count, 16 + 28 * count),
+                np.frombuffer(payload, "u1", count, 16 + 20 * count),
             )
-            assert len(payload) == 16 + 29 * count
+            assert len(payload) == 16 + 21 * count
             return np.column_stack(columns).astype(np.float64)
 
         self._rows("constraints", payload, read)
@@ -191,6 +189,7 @@ def join(url, **options):
     place, _, query = url.partition("?")
     options.setdefault("origin", place.rstrip("/"))
     options.setdefault("open_timeout", LIMIT_S)
+    options.setdefault("max_queue", None)
     options.setdefault("ping_interval", None)  # a machine may be too busy to answer in time
     socket = place.replace("http:", "ws:") + "socket" + (f"?{query}" if query else "")
     return connect(socket, max_size=None, compression=None, **options)

@@ -130,7 +130,7 @@ def test_the_map_is_shown_as_it_is_while_it_is_finished(view, events):
     assert late_page.hello["session"] == page.hello["session"]
     closure = late_page.json[MessageType.LATEST_CLOSURE]
     row = late_page.tables["constraints"][closure["constraint"]]
-    assert row[[0, 1, 7]].tolist() == [closure["submap"], closure["node"], 1]
+    assert row[[0, 1, 5]].tolist() == [closure["submap"], closure["node"], 1]
 
 
 def test_latest_closure_has_its_search_window(view, events):

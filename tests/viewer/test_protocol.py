@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.viewer import protocol
-from cartoloop.viewer.protocol import ConstraintRows, MessageType, Texture, WireConstraint
+from cartoloop.viewer.protocol import ConstraintRows, MessageType, Texture
 
 REFERENCE = Path(__file__).parents[2] / "docs/viewer-protocol.md"
 
@@ -87,18 +88,16 @@ def test_constraints():
         np.array([1, 2], np.uint32),
         np.array([3, 4], np.uint32),
         np.arange(6, dtype=np.float32).reshape(2, 3),
-        np.array([0.5, np.nan], np.float32),
-        np.array([0.25, np.nan], np.float32),
-        np.array([WireConstraint.LOOP_CLOSURE, WireConstraint.INTRA_SUBMAP], np.uint8),
+        np.array([ConstraintKind.LOOP_CLOSURE, ConstraintKind.INTRA_SUBMAP]),
+        np.array([7, -1], np.int32),
     )
 
     payload = only(protocol.constraints_message(2, 10, 12, rows))
 
-    values = struct.unpack("<4I2I2I6f2f2f2B", payload)
+    values = struct.unpack("<4I2I2I6f2B", payload)
     assert values[:8] == (10, 2, 12, 2, 1, 2, 3, 4)
     assert values[8:14] == tuple(range(6))
-    assert (values[14], values[16], values[18:]) == (0.5, 0.25, (1, 0))
-    assert math.isnan(values[15])
+    assert values[14:] == (1, 0)
 
 
 def test_scan():

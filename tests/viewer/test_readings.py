@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from cartoloop import Mapper
-from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.simulation import office, simulate
 from cartoloop.simulation.floor_plan import FloorPlan, World
-from cartoloop.viewer.feed import ConstraintColumns, Feed, Update
+from cartoloop.viewer.feed import Feed, Update, constraints_of
 from cartoloop.viewer.readings import Readings, RealTimeFactor, largest_deviation
 
 NOW = 1000.0
@@ -26,7 +25,7 @@ UPDATE = Update(
     node_stamps=np.zeros(0),
     adjusted=False,
     first_constraint=0,
-    constraints=ConstraintColumns.of(PoseGraph(), Closures()),
+    constraints=constraints_of(PoseGraph()),
     finished={},
     num_scans=7,
     skipped={"too dark": 2},

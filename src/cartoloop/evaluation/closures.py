@@ -131,7 +131,7 @@ def evaluate_closures(
     run : what was mapped.
     truth : the true pose of each scan; without it only the paper's figures are given.
     log : the recording that was mapped; without it no recall is given.
-    config : with which it was mapped, None for the defaults; gives the voxel filter of recall's points.
+    config : with which it was mapped, None for the defaults; its voxel filter is that of recall.
     min_share : of a node's points that a submap must have seen as well, for recall, in (0, 1].
 
     Raises

@@ -7,6 +7,7 @@ It lives in the viewer's thread alone.
 from __future__ import annotations
 
 import secrets
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -24,7 +25,6 @@ from cartoloop.viewer.parts import (
     Latest,
     Part,
     Table,
-    constraint_rows,
 )
 from cartoloop.viewer.pictures import Drawing
 from cartoloop.viewer.protocol import MessageType
@@ -77,7 +77,6 @@ class LiveState:
         self._times = Table(MessageType.NODE_TIMES, np.zeros(0))
         self._constraints = Constraints()
         self._latest = {kind: Latest() for kind in _LATEST}
-        self._closure_rows = np.zeros(0, dtype=np.int32)
         self.parts: dict[Key, Part] = {
             key_of(MessageType.SUBMAP_POSES): self._poses,
             key_of(MessageType.NODES): self._nodes,
@@ -109,14 +108,9 @@ class LiveState:
         first_time = len(self._nodes) - len(update.node_stamps)
         if self._times.set(first_time, update.node_stamps):
             self.subscriptions.note(MessageType.NODE_TIMES)
-        rows = [constraint_rows(update.constraints)]
-        closure_rows = [update.constraints.closure_rows]
+        rows = [update.constraints]
         if update.rejected is not None:
-            rows.append(constraint_rows(update.rejected))
-            closure_rows.append(update.rejected.closure_rows)
-        self._closure_rows = np.concatenate(
-            (self._closure_rows[: update.first_constraint], *closure_rows)
-        )
+            rows.append(update.rejected)
         revision = self._constraints.revision
         if self._constraints.set(update.first_constraint, rows):
             self.subscriptions.note(MessageType.CONSTRAINTS)
@@ -158,15 +152,15 @@ class LiveState:
         LookupError
             There is no such closure.
         """
-        points = self.last.node_points if self.last is not None else ()
-        window = self._window_of(constraint)
+        if self.last is None:
+            raise LookupError("there is no map yet")
         return closure_details(
             constraint,
             self._constraints.rows,
             self._poses.values,
             self._nodes.values,
-            points,
-            window,
+            self.last.node_points,
+            self.last.closures,
         )
 
     def node_scan(self, node: int) -> bytes:
@@ -240,20 +234,8 @@ class LiveState:
         closures = np.flatnonzero(kinds == ConstraintKind.LOOP_CLOSURE)
         if len(closures) == 0:
             return
-        self._show_json(MessageType.LATEST_CLOSURE, self.closure(int(closures[-1])))
-
-    def _window_of(self, constraint: int) -> dict[str, Any] | None:
-        """Return the search window of a constraint, None where it was not requested."""
-        if self.last is None or constraint >= len(self._closure_rows):
-            return None
-        closures, row = self.last.closures, int(self._closure_rows[constraint])
-        if not 0 <= row < closures.num_requested:
-            return None
-        return {
-            "tf_submap_node": closures.predicted[row].tolist(),
-            "linear_m": float(closures.linear_window[row]),
-            "angular_rad": float(closures.angular_window[row]),
-        }
+        with suppress(LookupError):  # the last pass is changing the record: with the next update
+            self._show_json(MessageType.LATEST_CLOSURE, self.closure(int(closures[-1])))
 
     def _set_mode(self, mode: Mode) -> None:
         """Set what pages that join from now on are shown."""

@@ -9,12 +9,11 @@ one page is kept for the others until the part changes.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from cartoloop.sensor.pose import FloatArray
-from cartoloop.viewer.feed import ConstraintColumns
 from cartoloop.viewer.protocol import (
     ConstraintRows,
     MessageType,
@@ -140,8 +139,8 @@ class Constraints(_Rows):
     def rows(self) -> ConstraintRows:
         """All constraints."""
         if len(self._blocks) != 1:
-            columns: Any = zip(*self._blocks, strict=True) if self._blocks else _NO_COLUMNS
-            self._blocks = [ConstraintRows(*map(np.concatenate, columns))]
+            columns = zip(*(self._blocks or [_NO_ROWS]), strict=True)
+            self._blocks = [ConstraintRows._make(map(np.concatenate, columns))]
         return self._blocks[0]
 
     def set(self, first: int, added: list[ConstraintRows]) -> bool:
@@ -151,7 +150,9 @@ class Constraints(_Rows):
             return False
         if replaced:
             self._blocks, self._size = [], 0
-        self._blocks += added
+        self._blocks += [
+            rows._replace(relative_poses=rows.relative_poses.astype(np.float32)) for rows in added
+        ]
         self._size += sum(len(rows.kinds) for rows in added)
         self.changed(all_rows=replaced)
         return True
@@ -159,32 +160,14 @@ class Constraints(_Rows):
     def message(self, first: int) -> bytes:
         """Return the rows from `first` on."""
         rows = self.rows
-        tail = ConstraintRows(
-            rows.index_a[first:],
-            rows.index_b[first:],
-            rows.relative_poses[first:],
-            rows.scores[first:],
-            rows.runner_ups[first:],
-            rows.kinds[first:],
-        )
+        tail = ConstraintRows._make(column[first:] for column in rows)
         return constraints_message(self.revision, first, self._size, tail)
 
 
-_NO_COLUMNS = [[np.zeros(0, np.uint32)]] * 2 + [
-    [np.zeros((0, 3), np.float32)],
-    [np.zeros(0, np.float32)],
-    [np.zeros(0, np.float32)],
-    [np.zeros(0, np.uint8)],
-]
-
-
-def constraint_rows(columns: ConstraintColumns) -> ConstraintRows:
-    """Return constraints of the pose graph as they are sent."""
-    return ConstraintRows(
-        columns.index_a.astype(np.uint32),
-        columns.index_b.astype(np.uint32),
-        columns.relative_poses.astype(np.float32),
-        columns.scores.astype(np.float32),
-        columns.runner_ups.astype(np.float32),
-        columns.kinds.astype(np.uint8),
-    )
+_NO_ROWS = ConstraintRows(
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int64),
+    np.zeros((0, 3), np.float32),
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int32),
+)

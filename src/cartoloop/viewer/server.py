@@ -31,6 +31,9 @@ READINGS_PERIOD_S = 0.25
 SEND_BUFFER_BYTES = 2**18
 """Size of the send buffer of a connection: little, or a slow page gets old updates [bytes]."""
 
+PING_TIMEOUT_S = 20.0
+"""A page that does not answer a ping within this time is disconnected [s]."""
+
 _PORTS_TRIED = 20
 """Number of consecutive ports to try."""
 
@@ -85,6 +88,7 @@ class ViewServer:
             ws="websockets-sansio",
             ws_max_size=MAX_REQUEST_BYTES,
             ws_per_message_deflate=False,
+            ws_ping_timeout=PING_TIMEOUT_S,
             lifespan="off",
             log_config=None,
             log_level="critical",

@@ -133,7 +133,7 @@ export class ClosureCard {
     setText(byId("closure-other"), details.other_node === null ? "no other scan"
       : `node ${details.other_node}, of the submap`);
     const verdict = byId("closure-verdict");
-    setText(verdict, verdictOf(isRejected, isViolated));
+    setText(verdict, verdictOf(details, isRejected, isViolated));
     verdict.classList.toggle("bad", isRejected || isViolated);
     byId("closure-score-bar").value = details.score ?? 0;
     byId("closure-runner-bar").value = details.runner_up ?? 0;
@@ -141,10 +141,12 @@ export class ClosureCard {
     byId("closure-runner").parentElement.parentElement.hidden = details.runner_up === null;
     setText(byId("closure-score"), score(details.score));
     setText(byId("closure-runner"), details.runner_up === 0 ? "none" : score(details.runner_up));
+    setText(byId("closure-threshold"), details.min_score === null ? "not searched" : score(details.min_score));
+    setText(byId("closure-fit"), score(details.fit_residual));
     setText(byId("closure-residual"), `${length(details.residual_m)}, ${details.residual_deg.toFixed(2)}°`);
     setText(byId("closure-window"), details.window
       ? `±${details.window.linear_m.toFixed(1)} m, ±${((details.window.angular_rad * 180) / Math.PI).toFixed(0)}°`
-      : "refined at the end");
+      : "matched at the end only");
     this.drawScans();
   }
 
@@ -168,8 +170,17 @@ export class ClosureCard {
   }
 }
 
-function verdictOf(isRejected, isViolated) {
-  if (isRejected) return "Rejected in the end: the rest of the map contradicted it.";
+/** Why the last pass rejected a closure, by its reason in the record. */
+const REASONS = {
+  start_residual: "the node did not fit the submap at the adjusted poses",
+  residual: "the match fitted poorly",
+  translation: "the match was too far from the adjusted pose",
+  rotation: "the match was turned too far from the adjusted pose",
+  disagrees: "the other constraints contradicted it",
+};
+
+function verdictOf(details, isRejected, isViolated) {
+  if (isRejected) return `Rejected at the end: ${REASONS[details.reason] ?? details.status.replaceAll("_", " ")}.`;
   if (isViolated) return "The map disagrees with it.";
   return "The map agrees with it.";
 }

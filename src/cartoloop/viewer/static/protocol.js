@@ -6,7 +6,7 @@
  */
 
 /** The protocol that this page speaks. */
-export const PROTOCOL_VERSION = 1;
+export const PROTOCOL_VERSION = 2;
 
 /** @enum {number} */
 export const Type = Object.freeze({
@@ -145,9 +145,7 @@ function readConstraints(buffer, at) {
     a: new Uint32Array(buffer, start, n),
     b: new Uint32Array(buffer, start + 4 * n, n),
     poses: new Float32Array(buffer, start + 8 * n, 3 * n),
-    scores: new Float32Array(buffer, start + 20 * n, n),
-    runnerUps: new Float32Array(buffer, start + 24 * n, n),
-    kinds: new Uint8Array(buffer, start + 28 * n, n),
+    kinds: new Uint8Array(buffer, start + 20 * n, n),
   };
 }
 
