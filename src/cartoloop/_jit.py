@@ -57,6 +57,14 @@ def kernel_cache_folder() -> Path:
     return user_cache_folder() / "kernels" / (digest.hexdigest()[:16] + bounds_check)
 
 
+def inlined_kernel(function: F) -> F:
+    """Compile `function` into each kernel that calls it, as if it were written there.
+
+    Numba counts references to arrays around a call that the compiler does not inline by itself.
+    """
+    return _compiled(function, inline="always")
+
+
 def kernel(function: F) -> F:
     """Compile `function` on its first call, without the GIL, cached on disk.
 
@@ -64,10 +72,15 @@ def kernel(function: F) -> F:
     compiler's mood), no parallel loops (threads belong to the caller), no way in for C, which
     nobody takes and which takes an eighth of the time to compile.
     """
+    return _compiled(function)
+
+
+def _compiled(function: F, **options: str) -> F:
     previous = _config.CACHE_DIR
     _config.CACHE_DIR = str(kernel_cache_folder())
     try:
-        compiled = _njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function)
+        compile_with = _njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)
+        compiled = compile_with(function)
         if not _config.DISABLE_JIT:
             compiled.get_call_template = _without_literals(compiled.get_call_template)
         if not _config.DISABLE_JIT and (kept := _cache_of(function)) is not None:

@@ -61,6 +61,9 @@ class CorrelativeMatcherConfig(Section):
     rotation_delta_cost_weight: float = Field(
         0.1, ge=0, description="damping of the score with rotation from the prediction [1/rad]"
     )
+    max_rotation_step_range: float = Field(
+        10.0, gt=0, description="points farther away do not make the rotation step finer [m]"
+    )
     poor_residual_ratio: float = Field(
         1.05, ge=0, description="matches this much worse than usual are sought again; 0: all are"
     )
@@ -80,7 +83,10 @@ class LeastSquaresMatcherConfig(Section):
     occupied_space_weight: float = Field(
         0.3, gt=0, description="share of the points' information believed: neighbours err alike"
     )
-    max_num_iterations: int = Field(20, ge=1, description="steps at the most")
+    max_num_iterations: int = Field(20, ge=1, description="maximum number of iterations")
+    tolerance: float = Field(
+        1e-5, gt=0, description="relative decrease of the cost below which the iteration ends"
+    )
 
 
 class PredictionConfig(Section):

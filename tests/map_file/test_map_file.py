@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
@@ -37,10 +36,10 @@ def full_record():
     closures.note_dropped(rows[:1])
     closures.note_searched(rows[1:], 0.625)
     own = closure(0, 1, (1.0, 0.5, 0.1))
-    poor = closure(0, 0, residual=math.inf)
+    poor = closure(0, 0, residual=0.75)
     [_, last] = closures.note_last_pass(
         np.array([Reason.NO_OVERLAP], dtype=np.int8),
-        [final_matches([poor], [Reason.START_RESIDUAL]), final_matches([own])],
+        [final_matches([poor], [Reason.RESIDUAL]), final_matches([own])],
     )
     assert closures.status[last[0]] == Status.FINAL
     return closures

@@ -86,7 +86,7 @@ class Reason(IntEnum):
     NEARER_SUBMAPS = 9
     """REPLACED: ``final_max_submaps_of_node`` other submaps were nearer to the node."""
     START_RESIDUAL = 10
-    """POOR_FIT: residual at the adjusted pose above ``max_start_residual``; not matched."""
+    """POOR_FIT: residual at the adjusted pose above ``max_start_residual``; not matched again."""
     RESIDUAL = 11
     """POOR_FIT: residual of the match above ``max_refined_residual``."""
     TRANSLATION = 12
@@ -103,13 +103,16 @@ class Reason(IntEnum):
 
 
 STATUS_OF_REASON = {
+    Reason.EVERY_NTH_NODE: Status.REPLACED,
+    Reason.NO_OVERLAP: Status.REPLACED,
+    Reason.NEARER_SUBMAPS: Status.REPLACED,
     Reason.FITS: Status.FINAL,
     Reason.START_RESIDUAL: Status.POOR_FIT,
     Reason.RESIDUAL: Status.POOR_FIT,
     Reason.TRANSLATION: Status.MOVED_TOO_FAR,
     Reason.ROTATION: Status.MOVED_TOO_FAR,
 }
-"""What a match of the last pass leads to."""
+"""What the last pass leads to."""
 
 
 class Requests(NamedTuple):
@@ -168,7 +171,7 @@ class FinalMatches(NamedTuple):
     submap, node : int, shape (n,).
     tf_submap_node : float64, shape (n, 3), as measured [m, m, rad].
     information : float64, shape (n, 3, 3), inverse covariance, submap axes.
-    residual : float64, shape (n,), as of :class:`SearchMatches`; infinite with START_RESIDUAL.
+    residual : float64, shape (n,), as of :class:`SearchMatches`.
     moved_m, moved_rad : float64, shape (n,), from the adjusted pose to the match.
     reason : int8, shape (n,), FITS or why not.
     """
@@ -495,13 +498,15 @@ class Closures:
         # Last: the viewer's thread may read the record, and must not find a match without a score.
         self._found_match.view[matches.row] = numbers
 
-    def note_last_pass(self, replaced: CodeArray, passes: Iterable[FinalMatches]) -> list[IntArray]:
+    def note_last_pass(
+        self, not_matched: CodeArray, passes: Iterable[FinalMatches]
+    ) -> list[IntArray]:
         """Note what a pass over the finished map came to; an earlier pass is forgotten.
 
         Parameters
         ----------
-        replaced : int8, shape (num_found,), of each closure of :attr:`found` the reason why it
-            was not matched again; not used where it was.
+        not_matched : int8, shape (num_found,), of each closure of :attr:`found` the reason why
+            it was not matched again; not used where it was.
         passes : matches; each pair once.
 
         Returns
@@ -510,7 +515,7 @@ class Closures:
         """
         self._forget_last_pass()
         found = self.found.row
-        self.status[found], self.reason[found] = Status.REPLACED, replaced
+        self.status[found], self.reason[found] = _STATUS_OF_REASON[not_matched], not_matched
         keys = self._keys(self.submap, self.node)
         order = np.argsort(keys, kind="stable")
         keys = keys[order]
@@ -666,7 +671,7 @@ class Closures:
         rows[~is_new] = order[place[~is_new]]
         rows[is_new] = np.arange(np.count_nonzero(is_new)) + len(self)
         self._add_rows(matches.submap[is_new], matches.node[is_new], Status.NOT_REQUESTED)
-        self.status[rows] = _STATUS_OF_FINAL[matches.reason]
+        self.status[rows] = _STATUS_OF_REASON[matches.reason]
         self.reason[rows] = matches.reason
         self._final_match.view[rows] = self._add_matches(
             matches.tf_submap_node,
@@ -687,6 +692,6 @@ _REASON_OF_SEARCH[Status.DROPPED] = Reason.BACKLOG_FULL
 _REASON_OF_SEARCH[Status.NOT_SEARCHED] = Reason.ENOUGH_CLOSURES
 _REASON_OF_SEARCH[Status.NOT_FOUND] = Reason.BELOW_THRESHOLD
 _REASON_OF_SEARCH[Status.FOUND] = Reason.REACHED_THRESHOLD
-_STATUS_OF_FINAL = np.zeros(len(Reason), dtype=np.int8)
+_STATUS_OF_REASON = np.zeros(len(Reason), dtype=np.int8)
 for _reason, _status in STATUS_OF_REASON.items():
-    _STATUS_OF_FINAL[_reason] = _status
+    _STATUS_OF_REASON[_reason] = _status

@@ -332,7 +332,7 @@ class GlobalSlam:
         # All matches first: a run that is stopped meanwhile keeps what was found before.
         passes = list(self.search.map(match_submap, numbers))
         not_matched = refinement.why_not_matched(
-            self.closures.found, overlapping, config.final_every_nth_node
+            self.closures.found, overlapping, nodes, config.final_every_nth_node
         )
         rows = self.closures.note_last_pass(not_matched, passes)
         graph.replace_loop_closures(map(_accepted, passes, rows))

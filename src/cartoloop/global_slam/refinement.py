@@ -97,7 +97,7 @@ def in_nearest_submaps(
 
 
 def why_not_matched(
-    found: Matched, overlapping: Sequence[IntArray], every: int
+    found: Matched, overlapping: Sequence[IntArray], selected: Sequence[IntArray], every: int
 ) -> NDArray[np.int8]:
     """Return why closures that searches found were not matched again, if they were not.
 
@@ -105,6 +105,7 @@ def why_not_matched(
     ----------
     found : n closures.
     overlapping : of each submap, the nodes that overlap it.
+    selected : those of them that were to be matched: of the others, nearer submaps were.
     every : one in so many nodes is matched, ``final_every_nth_node``.
 
     Returns
@@ -115,6 +116,7 @@ def why_not_matched(
     for submap in np.unique(found.submap).tolist():
         own = np.flatnonzero(found.submap == submap)
         reasons[own[np.isin(found.node[own], overlapping[submap])]] = Reason.NEARER_SUBMAPS
+        reasons[own[np.isin(found.node[own], selected[submap])]] = Reason.START_RESIDUAL
     reasons[(found.node.astype(np.int64) + found.submap) % every != 0] = Reason.EVERY_NTH_NODE
     return reasons
 
@@ -127,7 +129,10 @@ def match_again(
     node_points: ScanPoints,
     config: ConstraintSearchConfig,
 ) -> FinalMatches:
-    """Match nodes to a submap near their adjusted poses; nodes with few returns are left out.
+    """Match nodes to a submap near their adjusted poses.
+
+    Nodes with few returns are left out, and nodes that do not see the same as the submap: those
+    with a residual above ``max_start_residual`` at the adjusted pose.
 
     Parameters
     ----------
@@ -139,25 +144,27 @@ def match_again(
     nodes = nodes[node_points.take(nodes).counts >= config.min_num_points]
     if len(nodes) == 0:
         return NO_FINAL_MATCHES
-    estimates = relative_all(tf_map_submap, node_poses[nodes])
+    starts = relative_all(tf_map_submap, node_poses[nodes])
     matches = refine_all(
-        submap.smooth_map, node_points.take(nodes), estimates, config, config.max_start_residual
+        submap.smooth_map, node_points.take(nodes), starts, config, config.max_start_residual
     )
-    moved = matches.tf_submap_scan - estimates
+    tried = np.flatnonzero(np.isfinite(matches.residual))
+    poses, residual = matches.tf_submap_scan[tried], matches.residual[tried]
+    moved = poses - starts[tried]
     moved_m, moved_rad = np.hypot(moved[:, 0], moved[:, 1]), np.abs(moved[:, 2])
-    reasons = _reasons(matches.residual, moved_m, moved_rad, final_limits(config, submap.own_score))
+    reasons = _reasons(residual, moved_m, moved_rad, final_limits(config, submap.own_score))
     fitting = reasons == Reason.FITS
-    informations = np.zeros((len(nodes), 3, 3))
+    informations = np.zeros((len(tried), 3, 3))
     if fitting.any():
         informations[fitting] = match_informations(
-            matches.information[fitting], matches.residual[fitting]
+            matches.information[tried[fitting]], residual[fitting]
         )
     return FinalMatches(
-        submap=np.full(len(nodes), submap.index),
-        node=nodes,
-        tf_submap_node=matches.tf_submap_scan.copy(),
+        submap=np.full(len(tried), submap.index),
+        node=nodes[tried],
+        tf_submap_node=poses,
         information=informations,
-        residual=matches.residual,
+        residual=residual,
         moved_m=moved_m,
         moved_rad=moved_rad,
         reason=reasons,
@@ -172,7 +179,6 @@ def _reasons(
     reasons[~(moved_rad <= limits.rotation)] = Reason.ROTATION
     reasons[~(moved_m <= limits.translation)] = Reason.TRANSLATION
     reasons[~(residual <= limits.residual)] = Reason.RESIDUAL
-    reasons[np.isinf(residual)] = Reason.START_RESIDUAL
     return reasons
 
 

@@ -132,8 +132,11 @@ class ScanMatcher:
             start,
             prior,
             pull,
-            config.occupied_space_weight / self._usual_residual**2,
-            config.max_num_iterations,
+            least_squares.MatchOptions(
+                config.occupied_space_weight / self._usual_residual**2,
+                config.max_num_iterations,
+                config.tolerance,
+            ),
             self._config.prediction.failure_scale,
         )
 

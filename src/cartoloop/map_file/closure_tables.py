@@ -79,13 +79,11 @@ def _matches(database: sqlite3.Connection, num_closures: int) -> MatchTable:
     table = numbers_of(_all(database, "matches"), 17)
     finite(table[:, 1:11], "a match")
     num_found = int(np.count_nonzero(~np.isnan(table[:, 14])))
-    residual = table[:, 11]
-    residual[num_found:][np.isnan(residual[num_found:])] = np.inf  # not matched at all
     return MatchTable(
         indices(table[:, 1], "the closure of a match", num_closures),
         table[:, 2:5],
         table[:, 5:11],
-        residual,
+        table[:, 11],
         table[:, 12:14].astype(np.float32),
         table[:num_found, 14],
         table[:num_found, 15],

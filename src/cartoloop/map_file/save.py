@@ -159,7 +159,7 @@ def _matches(closures: Closures) -> Iterator[Row]:
         table.row,
         *table.tf_submap_node.T,
         *table.information.T,
-        np.where(np.isinf(table.residual), np.nan, table.residual),
+        table.residual,
         *table.moved.T,
     )
     of_searches = (table.score, table.runner_up, table.joined_at)

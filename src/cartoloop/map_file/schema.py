@@ -58,9 +58,8 @@ CREATE TABLE closures (
 
 -- What searches found, in the order in which it joined the graph, then the matches of the last
 -- pass, which supersede them. x, y, theta: tf_submap_node as measured; i...: as of constraints;
--- residual: root mean square of 1 - M at the returns, NULL: too large to be matched; moved_m,
--- moved_rad: by the refinement. Of searches only: score, runner_up: in [0, 1]; joined_at: number of
--- nodes then
+-- residual: root mean square of 1 - M at the returns; moved_m, moved_rad: by the refinement. Of
+-- searches only: score, runner_up: in [0, 1]; joined_at: number of nodes then
 CREATE TABLE matches (
   match INTEGER PRIMARY KEY, closure INTEGER, x REAL, y REAL, theta REAL,
   ixx REAL, ixy REAL, ixt REAL, iyy REAL, iyt REAL, itt REAL, residual REAL, moved_m REAL,
