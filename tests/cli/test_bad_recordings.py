@@ -17,6 +17,8 @@ from cartoloop.cli.main import run
 from cartoloop.global_slam import constraint_search, global_slam
 from cartoloop.simulation import ring, simulate
 
+pytestmark = pytest.mark.slow
+
 NUM_SCANS = 120
 FILES = {
     "map.pgm",

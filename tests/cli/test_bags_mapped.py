@@ -13,6 +13,8 @@ from cartoloop.sensor.events import LaserScan
 from cartoloop.simulation import ring, simulate
 from tests.readers.ros.bag_files import FORMATS, START, BagMaker
 
+pytestmark = pytest.mark.slow
+
 DURATION = 12.0
 
 

@@ -11,15 +11,16 @@ import pytest
 from cartoloop.cli.main import run
 from cartoloop.simulation import ring, simulate
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
-def mapped(tmp_path_factory):
-    """Twice round a ring: folder with log, truth and the map in ``out``."""
+def mapped(tmp_path_factory, two_rounds, two_rounds_result):
+    """Twice around a ring: folder with log, truth and the map in ``out``."""
     folder = tmp_path_factory.mktemp("ring")
-    recording = simulate(ring(), seed=1)
-    recording.write_carmen(folder / "ring.log")
-    recording.write_truth(folder / "ring.tum")
-    assert run(["map", str(folder / "ring.log"), "-o", str(folder / "out")]) == 0
+    two_rounds.write_carmen(folder / "ring.log")
+    two_rounds.write_truth(folder / "ring.tum")
+    two_rounds_result.save(folder / "out")
     return folder
 
 

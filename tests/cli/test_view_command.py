@@ -13,7 +13,10 @@ import pytest
 
 from cartoloop.cli.main import run
 from cartoloop.simulation import ring, simulate
+from tests.limits import LIMIT_S
 from tests.viewer.page_twin import join, look
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +64,7 @@ def test_a_growing_map_is_served_until_ctrl_c(log, tmp_path):
         with join(url) as connection:
             assert look(connection).readings["state"] == "finished"
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=20.0)
+        process.communicate(timeout=LIMIT_S)
         assert process.returncode == 0
     assert (tmp_path / "out/map.png").exists()
 
@@ -74,7 +77,7 @@ def test_a_view_changes_nothing_in_the_map(log, tmp_path):
     ):
         look(connection, None, lambda page: page.json and page.readings["state"] == "finished")
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=20.0)
+        process.communicate(timeout=LIMIT_S)
     for path in (tmp_path / "a").iterdir():
         if path.name != "report.json":
             assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path.name
@@ -88,7 +91,7 @@ def test_a_finished_map_is_served_until_ctrl_c(log, tmp_path):
             page = look(connection)
         assert (page.hello["mode"], page.hello["name"]) == ("finished", log.name)
         process.send_signal(signal.SIGTERM)
-        _, errors = process.communicate(timeout=20.0)
+        _, errors = process.communicate(timeout=LIMIT_S)
         assert process.returncode == 0
         assert errors == ""
 
@@ -101,7 +104,7 @@ def test_ctrl_c_while_paused_stops_and_saves(log, tmp_path):
             connection.send('{"type": "pause"}')
             look(connection, page, lambda page: page.readings["state"] == "paused")
             process.send_signal(signal.SIGINT)
-            _, errors = process.communicate(timeout=60.0)
+            _, errors = process.communicate(timeout=LIMIT_S)
         assert process.returncode == 130
         assert "the map of these is in" in errors
         assert "Traceback" not in errors

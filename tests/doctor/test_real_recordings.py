@@ -8,6 +8,8 @@ import pytest
 
 from cartoloop.doctor import examine
 
+pytestmark = pytest.mark.data
+
 DATA = Path(os.environ.get("CARTOLOOP_DATA", Path(__file__).parents[2] / "../shared/data"))
 
 # path: scans, duration [s], way of the odometry [m], its offset [s], findings and their counts

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bench.g2o import read_g2o
 from cartoloop.evaluation.trajectories import read_tum
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.map_output.text_files import format_stamp, g2o_text, tum_text
-from cartoloop.readers.g2o import read_g2o
 from cartoloop.sensor.pose import Pose, relative, wrap_angle
 
 

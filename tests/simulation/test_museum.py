@@ -13,6 +13,8 @@ from cartoloop.simulation.museum_floor import museum_rooms
 from cartoloop.simulation.museum_walls import museum_doors
 from tests.simulation.wall_clearance import clearance_of_route
 
+pytestmark = pytest.mark.slow
+
 SEEDS = range(4)
 museum_of = lru_cache(museum)
 

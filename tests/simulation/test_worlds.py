@@ -7,6 +7,8 @@ from cartoloop.simulation import WORLDS, FloorPlan, Opening, drive, make_world
 from cartoloop.simulation.floor_plan import outline_of_boxes
 from tests.simulation.wall_clearance import clearance_of_route
 
+pytestmark = pytest.mark.slow
+
 ROBOT_RADIUS = 0.25
 
 

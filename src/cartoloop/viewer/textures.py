@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from cartoloop.viewer.parts import Token
 
 ABSTAINS = 128
-"""The cell whose evidence is nought: observed, but neither a wall nor free."""
+"""Value of a cell with zero evidence: observed, but neither a wall nor free."""
 
 MAX_PATCHES = 32
-"""A page that missed more changes than this of a growing submap gets the whole of it."""
+"""Changes of a growing submap that are kept as patches; a page that missed more gets all cells."""
 
 Box = tuple[int, int, int, int]
 """First row, end row, first column, end column."""
@@ -115,7 +115,7 @@ class GrowingTexture:
     def _draw(self, changed: Box) -> Box:
         """Draw what a change touches, one cell more on each side; return that box.
 
-        What a cell does to its neighbours depends on its own neighbours in no way.
+        A cell's effect on its neighbours does not depend on its own neighbours.
         """
         num_rows, num_cols = self._values.shape
         touched = _grown(changed, 1, num_rows, num_cols)
