@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cartoloop.config import Config
 from cartoloop.errors import InputError
-from cartoloop.evaluation.finished_run import Closures, FinishedRun, Stage
+from cartoloop.evaluation.finished_run import FinishedRun, Stage, StageClosures
 from cartoloop.evaluation.overlap import MIN_SHARE, closable_pairs, place_scans
 from cartoloop.evaluation.trajectories import Trajectory
 from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
@@ -153,7 +153,7 @@ def evaluate_closures(
     if log is not None:
         pairs = _closable_pairs(run, true_nodes, log, config or Config(), min_share)
 
-    def judged(closures: Closures, num_rejected: int = 0) -> StageScore:
+    def judged(closures: StageClosures, num_rejected: int = 0) -> StageScore:
         true = is_true(closures, true_submaps, true_nodes)
         return replace(
             _agreement(closures, num_rejected),
@@ -167,7 +167,7 @@ def evaluate_closures(
     )
 
 
-def _agreement(closures: Closures, rejected: int = 0) -> StageScore:
+def _agreement(closures: StageClosures, rejected: int = 0) -> StageScore:
     """Return what can be said without the truth."""
     agreeing = is_within(closures.residual_m, np.radians(closures.residual_deg))
     return StageScore(len(closures), _count(agreeing), rejected)
@@ -194,7 +194,7 @@ def is_within(translation_error: FloatArray, rotation_error: FloatArray) -> Bool
     return within
 
 
-def is_true(closures: Closures, true_submaps: FloatArray, true_nodes: FloatArray) -> BoolArray:
+def is_true(closures: StageClosures, true_submaps: FloatArray, true_nodes: FloatArray) -> BoolArray:
     """Return which closures' measured poses are within 20 cm and 1 degree of the truth.
 
     Parameters
@@ -246,7 +246,7 @@ def true_submap_poses(run: FinishedRun, true_nodes: FloatArray) -> FloatArray:
     return poses
 
 
-def recall(run: FinishedRun, closures: Closures, true: BoolArray, pairs: IntArray) -> Recall:
+def recall(run: FinishedRun, closures: StageClosures, true: BoolArray, pairs: IntArray) -> Recall:
     """Return how many of the pairs (submap, node), shape (k, 2), have a true closure.
 
     Parameters
