@@ -14,6 +14,7 @@ from cartoloop.global_slam.pose_adjustment import constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.picture import palette
+from cartoloop.viewer.feed import rejected_closures
 from cartoloop.viewer.view import serve_result
 from tests.viewer.real_page import SIZE, opened
 
@@ -53,7 +54,8 @@ def test_it_loads_without_a_complaint_under_its_own_policy(chromium, server, res
 
 def test_all_submaps_appear(page, result):
     assert page.state["counts"]["submaps"] == result.graph.num_submaps
-    assert page.state["counts"]["constraints"] == result.graph.num_constraints
+    num_rejected = len(rejected_closures(result.closures).kinds)
+    assert page.state["counts"]["constraints"] == result.graph.num_constraints + num_rejected
     pixels = page.pixels()
     assert np.count_nonzero(pixels.min(axis=2) > 245) > 5_000  # floor
     assert np.count_nonzero(pixels.max(axis=2) < 90) > 500  # walls
@@ -161,6 +163,9 @@ def test_click_on_a_closure_opens_its_card(page, result):
     assert unit * number(card["residual"]) == pytest.approx(metres[0], rel=0.1, abs=2e-4)
     assert number(card["residual"].split(",")[1]) == pytest.approx(
         np.degrees(radians[0]), abs=0.006
+    )
+    assert number(page.page.text_content("#closure-fit")) == pytest.approx(
+        closures.residual[place], abs=0.006
     )
     assert scans_drawn(page) > 200
     page.keep("closure")

@@ -13,6 +13,8 @@ import { length, score } from "./words.js";
 const PICK_PX = 12;
 /** Of closures at one place, that whose node is nearer. */
 const NODE_SHARE = 0.05;
+/** Of closures at one place, one in the graph rather than a rejected one [px]. */
+const REJECTED_PX = 1;
 
 /**
  * Return the row of the closure that was clicked on, null if there is none: of the lines, the
@@ -34,6 +36,7 @@ export function pickClosure({ state, motion }, rows, view, px, py) {
     const to = 3 * b.numbers[row];
     const [toX, toY] = [nodes[to], nodes[to + 1]];
     const far = distanceToLine(x, y, submaps[from], submaps[from + 1], toX, toY)
+      + (kind === Kind.REJECTED ? REJECTED_PX / view.scale : 0)
       + (NODE_SHARE * Math.hypot(x - toX, y - toY)) / (1 + view.scale);
     if (far < least) [best, least] = [row, far];
   }
@@ -97,19 +100,22 @@ export class ClosureCard {
     if (this.details) this.openNext(this.details.constraint, by);
   }
 
-  /** Open the newest closure. */
+  /** Open the newest closure in the graph, or the last rejected one if there is none. */
   openLatest() {
-    this.openNext(this.hooks.state.constraints.length, -1);
+    const { constraints } = this.hooks.state;
+    if (!this.openNext(constraints.length, -1, [Kind.CLOSURE])) this.openNext(constraints.length, -1);
   }
 
-  openNext(from, by) {
+  /** Open the next closure of some kinds; return whether there is one. */
+  openNext(from, by, wanted = [Kind.CLOSURE, Kind.REJECTED]) {
     const { kinds } = this.hooks.state.constraints;
     for (let row = from + by; row >= 0 && row < kinds.length; row += by) {
-      if (kinds.numbers[row] === Kind.CLOSURE || kinds.numbers[row] === Kind.REJECTED) {
+      if (wanted.includes(kinds.numbers[row])) {
         this.open(row).then(() => this.bringIntoSight());
-        return;
+        return true;
       }
     }
+    return false;
   }
 
   bringIntoSight() {
