@@ -64,7 +64,9 @@ def compile_ahead() -> None:
 def _close_loops(every_nth_node: int) -> GlobalSlam:
     """Return what became of the small room, in which one node in so many is searched for."""
     search = ConstraintSearchConfig(
-        every_nth_node=every_nth_node, every_nth_bound_node=every_nth_node, final_every_nth_node=1
+        every_nth_node=every_nth_node,
+        every_nth_well_constrained_node=every_nth_node,
+        final_every_nth_node=1,
     )
     config = GlobalSlamConfig(
         optimize_every_n_nodes=_NODES // 2, constraint_search=search, num_threads=1

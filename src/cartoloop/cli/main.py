@@ -20,6 +20,7 @@ from cartoloop.cli.config_command import config_app
 from cartoloop.cli.demo_command import demo_command
 from cartoloop.cli.doctor_command import doctor_command
 from cartoloop.cli.evaluate_command import evaluate_app
+from cartoloop.cli.explain_command import explain_command
 from cartoloop.cli.live_command import live_command
 from cartoloop.cli.map_command import map_command
 from cartoloop.cli.simulate_command import simulate_command
@@ -40,6 +41,7 @@ app.command("live")(live_command)
 app.command("doctor")(doctor_command)
 app.command("simulate")(simulate_command)
 app.command("view")(view_command)
+app.command("explain")(explain_command)
 app.add_typer(evaluate_app, name="evaluate")
 app.add_typer(config_app, name="config")
 
