@@ -253,43 +253,20 @@ class Explainer:
         )
 
     def _last_pass_sentences(self, row: int, values: dict[str, float]) -> list[str]:
+        reason = Reason(int(self._closures.reason[row]))
+        if self._closures.has_final_match[row] and reason in (Reason.FITS, Reason.DISAGREES):
+            sentence = "matched from the adjusted pose, {fit}: accepted."
+        elif reason in _LAST_PASS:
+            sentence = _LAST_PASS[reason]
+        else:
+            return []
         config = self._result.config.global_slam.constraint_search
-        moved = f"{values.get('moved_m', math.nan):.3f} m, {values.get('moved_deg', math.nan):.2f}"
-        fit = f"residual {values.get('residual', math.nan):.3f}, moved by {moved} deg"
-        limit = config.max_refined_residual
-        match Reason(int(self._closures.reason[row])):
-            case Reason.FITS | Reason.DISAGREES if self._closures.has_final_match[row]:
-                return [f"Last pass: matched from the adjusted pose, {fit}: accepted."]
-            case Reason.RESIDUAL:
-                return [
-                    f"Last pass: {fit}. Residual above the limit of {limit:g} "
-                    "(max_refined_residual, more where the submap's own scans fit poorly)."
-                ]
-            case Reason.TRANSLATION:
-                return [
-                    f"Last pass: {fit}. Shift above {config.max_refinement:g} m (max_refinement)."
-                ]
-            case Reason.ROTATION:
-                degrees = math.degrees(config.max_refinement / config.lever)
-                return [f"Last pass: {fit}. Rotation above {degrees:.1f} deg (max_refinement)."]
-            case Reason.START_RESIDUAL:
-                return [
-                    "Last pass: at the adjusted pose the residual was above "
-                    f"{config.max_start_residual:g} (max_start_residual); not matched again."
-                ]
-            case Reason.EVERY_NTH_NODE:
-                return [
-                    "Last pass: not matched again, one in "
-                    f"{config.final_every_nth_node} nodes is (final_every_nth_node)."
-                ]
-            case Reason.NO_OVERLAP:
-                return ["Last pass: at the adjusted poses the node is outside the submap's grid."]
-            case Reason.NEARER_SUBMAPS:
-                return [
-                    f"Last pass: {config.final_max_submaps_of_node} other submaps were nearer "
-                    "to the node (final_max_submaps_of_node)."
-                ]
-        return []
+        fit = (
+            f"residual {values.get('residual', math.nan):.3f}, moved by "
+            f"{values.get('moved_m', math.nan):.3f} m, {values.get('moved_deg', math.nan):.2f} deg"
+        )
+        degrees = math.degrees(config.max_refinement / config.lever)
+        return ["Last pass: " + sentence.format(fit=fit, config=config, degrees=degrees)]
 
     def _residual_sentences(self, status: Status, values: dict[str, float]) -> list[str]:
         if "residual_m" not in values:
@@ -353,3 +330,26 @@ def _found_sentence(values: dict[str, float]) -> str:
         f"Found: score {values.get('score', math.nan):.3f}, {other}. It joined the graph when that "
         f"had {values.get('found_at', math.nan):.0f} nodes."
     )
+
+
+_LAST_PASS = {
+    Reason.RESIDUAL: (
+        "{fit}. Residual above the limit of {config.max_refined_residual:g} (max_refined_residual, "
+        "more where the submap's own scans fit poorly)."
+    ),
+    Reason.TRANSLATION: "{fit}. Shift above {config.max_refinement:g} m (max_refinement).",
+    Reason.ROTATION: "{fit}. Rotation above {degrees:.1f} deg (max_refinement).",
+    Reason.START_RESIDUAL: (
+        "at the adjusted pose the residual was above {config.max_start_residual:g} "
+        "(max_start_residual); not matched again."
+    ),
+    Reason.EVERY_NTH_NODE: (
+        "not matched again, one in {config.final_every_nth_node} nodes is (final_every_nth_node)."
+    ),
+    Reason.NO_OVERLAP: "at the adjusted poses the node is outside the submap's grid.",
+    Reason.NEARER_SUBMAPS: (
+        "{config.final_max_submaps_of_node} other submaps were nearer to the node "
+        "(final_max_submaps_of_node)."
+    ),
+}
+"""What the last pass came to, by the reason of a pair's status."""
