@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from cartoloop._jit import kernel
 from cartoloop.arrays import ByteArray, FloatArray, IntArray
 from cartoloop.kernels.branch_and_bound import comes_first, node_key
-from cartoloop.kernels.node_bounds import COL, KEY, ROTATION, ROW, STEP, THETA, place_candidate
+from cartoloop.kernels.node_bounds import COL, KEY, ROTATION, ROW, Places, place_candidate
+from cartoloop.kernels.search_window import SearchFrame, SearchWindow
 
 SUM, BEST_COL, BEST_ROW, BEST_ROTATION = range(4)
 """Entries of `out_best`."""
@@ -24,7 +25,7 @@ _SHORT_SUM = 257
 
 @kernel
 def take_if_first(
-    total: int, col: int, row: int, rotation: int, window: IntArray, best: IntArray
+    total: int, col: int, row: int, rotation: int, window: SearchWindow, best: IntArray
 ) -> None:
     """Make a candidate the best one, (key, column, row, rotation), if it beats that one."""
     key = node_key(total, col, row, rotation, 1, 1, window)
@@ -34,7 +35,11 @@ def take_if_first(
 
 @kernel
 def search_as_written(
-    cells: ByteArray, points: FloatArray, frame: FloatArray, window: IntArray, out_best: IntArray
+    cells: ByteArray,
+    points: FloatArray,
+    frame: SearchFrame,
+    window: SearchWindow,
+    out_best: IntArray,
 ) -> None:
     """Write the best candidate of a window into `out_best`: one candidate after the other.
 
@@ -52,14 +57,14 @@ def search_as_written(
     num_rows, num_cols = cells.shape
     best = np.full(4, -1, dtype=np.int64)
     largest = -1
-    for rotation in range(2 * window[2] + 1):
-        theta = frame[THETA] + (rotation - window[2]) * frame[STEP]
-        place_candidate(points, frame, theta, 0, 0, cols, rows, unused)
-        for row in range(2 * window[1] + 1):
-            for col in range(2 * window[0] + 1):
+    for rotation in range(2 * window.half_rotations + 1):
+        theta = frame.theta + (rotation - window.half_rotations) * frame.step
+        place_candidate(points, frame, theta, 0, 0, Places(cols, rows, unused))
+        for row in range(2 * window.half_rows + 1):
+            for col in range(2 * window.half_cols + 1):
                 total = np.int64(0)
                 for k in range(num_points):
-                    x, y = cols[k] + col - window[0], rows[k] + row - window[1]
+                    x, y = cols[k] + col - window.half_cols, rows[k] + row - window.half_rows
                     if x >= 0 and y >= 0 and x < num_cols and y < num_rows:
                         total += np.int64(cells[y, x])
                 if total >= largest:
@@ -86,7 +91,11 @@ def add_row(cells: ByteArray, row: int, col: int, sums: NDArray[np.uint16]) -> N
 
 @kernel
 def search_by_rows(
-    cells: ByteArray, points: FloatArray, frame: FloatArray, window: IntArray, out_best: IntArray
+    cells: ByteArray,
+    points: FloatArray,
+    frame: SearchFrame,
+    window: SearchWindow,
+    out_best: IntArray,
 ) -> None:
     """Write the best candidate of a window into `out_best`: a row of candidates at once.
 
@@ -98,19 +107,24 @@ def search_by_rows(
     num_points = points.shape[0]
     cols, rows = np.empty(num_points, dtype=np.int32), np.empty(num_points, dtype=np.int32)
     unused = np.empty(num_points, dtype=np.int32)
-    width = 2 * window[0] + 1
+    width = 2 * window.half_cols + 1
     sums, short_sums = np.empty(width, dtype=np.int32), np.empty(width, dtype=np.uint16)
     best = np.full(4, -1, dtype=np.int64)
     largest = -1
-    for rotation in range(2 * window[2] + 1):
-        theta = frame[THETA] + (rotation - window[2]) * frame[STEP]
-        place_candidate(points, frame, theta, 0, 0, cols, rows, unused)
-        for row in range(2 * window[1] + 1):
+    for rotation in range(2 * window.half_rotations + 1):
+        theta = frame.theta + (rotation - window.half_rotations) * frame.step
+        place_candidate(points, frame, theta, 0, 0, Places(cols, rows, unused))
+        for row in range(2 * window.half_rows + 1):
             sums[:] = 0
             for begin in range(0, num_points, _SHORT_SUM):
                 short_sums[:] = 0
                 for k in range(begin, min(begin + _SHORT_SUM, num_points)):
-                    add_row(cells, rows[k] + row - window[1], cols[k] - window[0], short_sums)
+                    add_row(
+                        cells,
+                        rows[k] + row - window.half_rows,
+                        cols[k] - window.half_cols,
+                        short_sums,
+                    )
                 for col in range(width):
                     sums[col] += short_sums[col]
             for col in range(width):

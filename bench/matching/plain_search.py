@@ -14,7 +14,8 @@ import numpy as np
 from cartoloop._jit import kernel
 from cartoloop.arrays import ByteArray, CellArray, FloatArray, IntArray
 from cartoloop.kernels.branch_and_bound import comes_first, node_key, order_by_key
-from cartoloop.kernels.node_bounds import COL, KEY, ROTATION, ROW, STEP, THETA, place_candidate
+from cartoloop.kernels.node_bounds import COL, KEY, ROTATION, ROW, Places, place_candidate
+from cartoloop.kernels.search_window import SearchFrame, SearchWindow
 
 FIRST, ROW_LENGTH, NUM_ROWS, BEFORE, SHIFT, READS_FOUR = range(6)
 """Columns of `levels`, see :func:`search_plainly`."""
@@ -71,8 +72,8 @@ def bound_of(
 @kernel
 def place_rotations(
     points: FloatArray,
-    frame: FloatArray,
-    window: IntArray,
+    frame: SearchFrame,
+    window: SearchWindow,
     out_cols: CellArray,
     out_rows: CellArray,
 ) -> None:
@@ -85,8 +86,9 @@ def place_rotations(
     """
     unused = np.empty(points.shape[0], dtype=np.int32)
     for rotation in range(out_cols.shape[0]):
-        theta = frame[THETA] + (rotation - window[2]) * frame[STEP]
-        place_candidate(points, frame, theta, 0, 0, out_cols[rotation], out_rows[rotation], unused)
+        theta = frame.theta + (rotation - window.half_rotations) * frame.step
+        places = Places(out_cols[rotation], out_rows[rotation], unused)
+        place_candidate(points, frame, theta, 0, 0, places)
 
 
 @kernel
@@ -95,7 +97,7 @@ def score_top(
     levels: IntArray,
     cols: CellArray,
     rows: CellArray,
-    window: IntArray,
+    window: SearchWindow,
     min_sum: int,
     out_nodes: IntArray,
 ) -> int:
@@ -107,10 +109,17 @@ def score_top(
     top = levels.shape[0] - 1
     block, count = 1 << top, 0
     for rotation in range(cols.shape[0]):
-        for row in range(0, 2 * window[1] + 1, block):
-            for col in range(0, 2 * window[0] + 1, block):
+        for row in range(0, 2 * window.half_rows + 1, block):
+            for col in range(0, 2 * window.half_cols + 1, block):
                 bound = bound_of(
-                    grids, levels, top, cols, rows, rotation, col - window[0], row - window[1]
+                    grids,
+                    levels,
+                    top,
+                    cols,
+                    rows,
+                    rotation,
+                    col - window.half_cols,
+                    row - window.half_rows,
                 )
                 if bound >= min_sum:
                     key = node_key(bound, col, row, rotation, block, 1, window)
@@ -126,7 +135,7 @@ def push_children(
     levels: IntArray,
     cols: CellArray,
     rows: CellArray,
-    window: IntArray,
+    window: SearchWindow,
     node: IntArray,
     min_sum: int,
     least_key: int,
@@ -143,12 +152,19 @@ def push_children(
     block = 1 << height
     for child in range(4):
         col, row = node[COL] + block * (child & 1), node[ROW] + block * (child >> 1)
-        if col > 2 * window[0] or row > 2 * window[1]:
+        if col > 2 * window.half_cols or row > 2 * window.half_rows:
             continue
         out_counts[height] += 1
         rotation = node[ROTATION]
         bound = bound_of(
-            grids, levels, height, cols, rows, rotation, col - window[0], row - window[1]
+            grids,
+            levels,
+            height,
+            cols,
+            rows,
+            rotation,
+            col - window.half_cols,
+            row - window.half_rows,
         )
         key = node_key(bound, col, row, rotation, block, 1, window)
         if bound < min_sum or key < least_key:
@@ -168,8 +184,8 @@ def search_plainly(
     grids: ByteArray,
     levels: IntArray,
     points: FloatArray,
-    frame: FloatArray,
-    window: IntArray,
+    frame: SearchFrame,
+    window: SearchWindow,
     min_sum: int,
     out_best: IntArray,
     out_counts: IntArray,
@@ -189,11 +205,11 @@ def search_plainly(
         the sum is -1 where there is none.
     out_counts : int64, shape (h_0 + 1,): nodes scored at each height.
     """
-    num_rotations, top = 2 * window[2] + 1, levels.shape[0] - 1
+    num_rotations, top = 2 * window.half_rotations + 1, levels.shape[0] - 1
     cols = np.empty((num_rotations, points.shape[0]), dtype=np.int32)
     rows = np.empty((num_rotations, points.shape[0]), dtype=np.int32)
     place_rotations(points, frame, window, cols, rows)
-    num_tiles = ((2 * window[0] >> top) + 1) * ((2 * window[1] >> top) + 1)
+    num_tiles = ((2 * window.half_cols >> top) + 1) * ((2 * window.half_rows >> top) + 1)
     nodes = np.empty((num_rotations * num_tiles, 4), dtype=np.int64)
     count = score_top(grids, levels, cols, rows, window, min_sum, nodes)
     out_counts[:] = 0

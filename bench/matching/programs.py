@@ -22,8 +22,14 @@ from cartoloop.arrays import ByteArray, FloatArray, IntArray
 from cartoloop.errors import CartoloopError
 from cartoloop.kernels import branch_and_bound as kernels
 from cartoloop.kernels import search_batch
-from cartoloop.kernels.node_bounds import scan_range, score_children
-from cartoloop.kernels.search_batch import ROUNDING, rotation_step
+from cartoloop.kernels.node_bounds import Children, Records, score_children
+from cartoloop.kernels.search_window import (
+    ROUNDING,
+    SearchFrame,
+    SearchWindow,
+    rotation_step,
+    scan_extent,
+)
 from cartoloop.scan_matching.branch_and_bound import (
     NO_RUNNER_UP,
     BranchAndBoundMatch,
@@ -73,18 +79,19 @@ class Problem:
     window: Window
 
     @property
-    def half_widths(self) -> IntArray:
-        """(w_x, w_y, w_theta) of eq. (8), int64."""
+    def half_widths(self) -> SearchWindow:
+        """(w_x, w_y, w_theta) of eq. (8)."""
         num_rows, num_cols = self.grid.shape
         half_size = (num_cols // 2, num_rows // 2)
         if math.isfinite(self.window.linear):
             half_size = 2 * (math.ceil(self.window.linear / self.grid.resolution - ROUNDING),)
-        return np.array((*half_size, math.ceil(self.window.angular / self.step - ROUNDING)))
+        return SearchWindow(*half_size, math.ceil(self.window.angular / self.step - ROUNDING))
 
     @property
     def step(self) -> float:
         """delta_theta of eq. (7) [rad]."""
-        return rotation_step(scan_range(self.points)[1], self.grid.resolution)
+        resolution = self.grid.resolution
+        return rotation_step(scan_extent(self.points).farthest, resolution, 0.5 * resolution)
 
     @property
     def min_sum(self) -> int:
@@ -93,14 +100,14 @@ class Problem:
 
     @property
     def num_candidates(self) -> int:
-        """How many poses the window holds, eq. (9)."""
-        return int(np.prod(2 * self.half_widths + 1))
+        """Number of poses in the window, eq. (9)."""
+        return int(np.prod(2 * np.array(self.half_widths) + 1))
 
     @property
-    def frame(self) -> FloatArray:
+    def frame(self) -> SearchFrame:
         """`frame` of :func:`cartoloop.kernels.branch_and_bound.search`."""
         grid = self.grid
-        return np.array((*self.estimate, grid.origin_x, grid.origin_y, grid.resolution, self.step))
+        return SearchFrame(*self.estimate, grid.origin_x, grid.origin_y, grid.resolution, self.step)
 
 
 def global_problem(problem: Problem) -> Problem:
@@ -203,18 +210,22 @@ def count_nodes(problem: Problem) -> tuple[int, int]:
     """
     top, below = 0, 0
 
-    def counting_score(cells: ByteArray, heights: IntArray, height: int, *rest: object) -> bool:
+    def counting_score(cells: ByteArray, heights: Records, *rest: object) -> bool:
         nonlocal top, below
-        step = cast(int, rest[7])
-        count = 4 if step > 0 else 1
-        if height == len(heights) - 1:
+        children = cast(Children, rest[5])
+        count = 4 if children.step > 0 else 1
+        if children.height == len(heights) - 1:
             top += count
         else:
             below += count
-        return score_children(cells, heights, height, *cast(Any, rest))
+        return score_children(cells, heights, *cast(Any, rest))
 
-    explore = _rebound(kernels.explore, score_children=counting_score)
-    counting_search = _rebound(kernels.search, explore=explore)
+    push = _rebound(kernels.push_children, score_children=counting_score)
+    counting_search = _rebound(
+        kernels.search,
+        cover_window=_rebound(kernels.cover_window, push_children=push),
+        find_best=_rebound(kernels.find_best, push_children=push),
+    )
     counting_scans = _rebound(search_batch.search_scans, search=counting_search)
     matcher_search = _rebound(SubmapMatcher._search, search_scans=counting_scans)
     counting_matcher = type("CountingMatcher", (SubmapMatcher,), {"_search": matcher_search})
@@ -235,7 +246,7 @@ def _found(problem: Problem, best: IntArray) -> Found | None:
     total, *steps = best.tolist()
     if total < problem.min_sum:
         return None
-    half_widths = problem.half_widths.tolist()
+    half_widths = problem.half_widths
     col, row, rotation = (at - half for at, half in zip(steps, half_widths, strict=True))
     resolution, step = problem.grid.resolution, problem.step
     return Found(

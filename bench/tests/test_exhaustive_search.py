@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bench.matching.exhaustive_search import search_as_written, search_by_rows
+from cartoloop.kernels.search_window import SearchFrame, SearchWindow
 from tests.reference.naive_branch_and_bound import naive_best, naive_sums
 
 SEARCHES = pytest.mark.parametrize("search", [search_as_written, search_by_rows])
@@ -15,7 +16,7 @@ RESOLUTION = 0.05
 
 def found(search, cells, points, frame, half_widths):
     best = np.zeros(4, dtype=np.int64)
-    search(cells, points, np.array(frame), np.array(half_widths), best)
+    search(cells, points, SearchFrame(*map(float, frame)), SearchWindow(*half_widths), best)
     total, *at = best.tolist()
     return total, tuple(i - half for i, half in zip(at, half_widths, strict=True))
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from bench.matching.bounding_grids import halved, halved_and_joined, precomputed
 from bench.matching.plain_search import bound_of, place_rotations, search_plainly
+from cartoloop.kernels.search_window import SearchFrame, SearchWindow
 from tests.reference.naive_bounds import naive_bound, naive_box, naive_halved, naive_joined
 from tests.reference.naive_branch_and_bound import naive_best, naive_sums
 
@@ -23,7 +24,8 @@ def random_case(seed, largest=255):
     cells = rng.integers(0, largest + 1, rng.integers(1, 40, 2)).astype(np.uint8)
     cells[rng.random(cells.shape) < 0.6] = 0
     points = rng.normal(0.0, 0.6, (int(rng.integers(1, 25)), 2))
-    frame = np.array((*rng.uniform(-0.5, 2.0, 2), rng.uniform(-3, 3), 0.1, -0.2, RESOLUTION, 0.03))
+    position, theta = rng.uniform(-0.5, 2.0, 2).tolist(), float(rng.uniform(-3, 3))
+    frame = SearchFrame(*position, theta, 0.1, -0.2, RESOLUTION, 0.03)
     return rng, cells, points, frame
 
 
@@ -34,7 +36,7 @@ def test_bounds_equal_the_naive_ones_and_are_bounds(make_grids, naive_value, see
     rng, cells, points, frame = random_case(seed)
     grids = make_grids(cells, top)
     cols, rows = (np.empty((1, len(points)), dtype=np.int32) for _ in range(2))
-    place_rotations(points, frame, np.array((0, 0, 0)), cols, rows)
+    place_rotations(points, frame, SearchWindow(0, 0, 0), cols, rows)
     for height in range(top + 1):
         col, row = (int(value) for value in rng.integers(-50, 50, 2))
         bound = bound_of(grids.cells, grids.levels, height, cols, rows, 0, col, row)
@@ -59,7 +61,7 @@ def test_equals_exhaustive_search(make_grids, naive_value, seed, half_widths, to
     grids, min_sum = make_grids(cells, top), int(share * largest * len(points))
     found, counts = np.empty(4, dtype=np.int64), np.empty(top + 1, dtype=np.int64)
     search_plainly(
-        grids.cells, grids.levels, points, frame, np.array(half_widths), min_sum, found, counts
+        grids.cells, grids.levels, points, frame, SearchWindow(*half_widths), min_sum, found, counts
     )
     sums = naive_sums(
         cells, (frame[3], frame[4]), RESOLUTION, points, frame[:3], *half_widths, frame[6]
@@ -78,7 +80,7 @@ def test_equals_exhaustive_search(make_grids, naive_value, seed, half_widths, to
 def test_bounds_of_the_paper_are_the_tightest():
     _, cells, points, frame = random_case(5)
     cols, rows = (np.empty((1, len(points)), dtype=np.int32) for _ in range(2))
-    place_rotations(points, frame, np.array((0, 0, 0)), cols, rows)
+    place_rotations(points, frame, SearchWindow(0, 0, 0), cols, rows)
     exact, met, joined = (make(cells, 3) for make in (precomputed, halved, halved_and_joined))
 
     def bounds(grids):

@@ -11,8 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.kernels.correlative import match_correlative
-from cartoloop.kernels.window_bounds import box_sizes, index_points, quantize_cells
+from cartoloop.kernels.correlative import (
+    CorrelativeScratch,
+    CorrelativeWindow,
+    match_correlative,
+)
+from cartoloop.kernels.smooth_map import SmoothMap
+from cartoloop.kernels.window_bounds import GridPart, box_sizes, index_points, quantize_cells
 from tests.reference.naive_correlative import exhaustive_match, naive_scores, nearest_probability
 
 UNKNOWN, RESOLUTION = 0.1, 0.05
@@ -32,18 +37,15 @@ def match(grid, points, estimate, half_width, half_turns, step, weights=(0.0, 0.
     width = 2 * half_width + 1
     num_cells = (grid.shape[0] + 2 * width) * (grid.shape[1] + 2 * width)
     score = match_correlative(
-        grid,
+        SmoothMap(grid, *ORIGIN, RESOLUTION),
         UNKNOWN,
-        *ORIGIN,
-        RESOLUTION,
         np.array(points, dtype=np.float64),
         np.array(estimate, dtype=np.float64),
-        half_width,
-        half_turns,
-        step,
-        *weights,
-        np.empty(3 * len(points) * (2 * half_turns + 1), dtype=np.int32),
-        np.empty(len(box_sizes(width)) * num_cells, dtype=np.uint8),
+        CorrelativeWindow(half_width, half_turns, step, *weights),
+        CorrelativeScratch(
+            np.empty(3 * len(points) * (2 * half_turns + 1), dtype=np.int32),
+            np.empty(len(box_sizes(width)) * num_cells, dtype=np.uint8),
+        ),
         pose,
     )
     return pose, score
@@ -136,7 +138,7 @@ def test_what_is_found_is_the_first_best_candidate_to_the_last_bit(
 def test_bytes_are_probabilities_rounded_up(seed, first_col, first_row, shape):
     grid = random_grid(np.random.default_rng(seed))
     cells = np.zeros(shape[0] * shape[1], dtype=np.uint8)
-    quantize_cells(grid, UNKNOWN, first_col, first_row, shape[1], cells)
+    quantize_cells(grid, UNKNOWN, GridPart(first_col, first_row, shape[1], shape[0]), cells)
     exact = np.array(
         [
             [
@@ -170,9 +172,9 @@ def test_the_part_of_the_grid_that_is_looked_at_holds_all_windows_that_touch_the
     num_cols, num_rows, width = 17, 14, 2 * half_width + 1
     cols, rows = np.array(cells, dtype=np.int32).T.copy()
     index = np.full(len(cells), -1, dtype=np.int32)
-    part = np.full(4, -1, dtype=np.int64)
-    index_points(cols, rows, half_width, num_cols, num_rows, index, part)
-    first_col, first_row, row_length, height = part.tolist()
+    first_col, first_row, row_length, height = index_points(
+        cols, rows, half_width, num_cols, num_rows, index
+    )
     for (col, row), at in zip(cells, index.tolist(), strict=True):
         in_row, in_col = divmod(at, row_length)
         assert 0 <= in_col <= row_length - width

@@ -6,7 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from cartoloop.kernels.match_batch import match_all_least_squares
-from cartoloop.kernels.scan_residuals import match_least_squares
+from cartoloop.kernels.scan_batch import ScanBatch
+from cartoloop.kernels.scan_residuals import MatchOptions, MotionPrior, match_least_squares
+from cartoloop.kernels.smooth_map import SmoothMap
 from tests.reference.naive_scan_residuals import naive_smooth_probability
 
 UNKNOWN = 0.1
@@ -39,10 +41,11 @@ def test_each_scan_is_matched_as_if_it_were_alone_or_left():
     ]
     limit = float(np.median(residuals)) + 1e-6
     found = np.empty((3, 11))
+    smooth_map, options = SmoothMap(grid, 0.0, 0.0, 0.05), MatchOptions(10.0, 20, 1e-5)
+    batch = ScanBatch(np.concatenate(scans), np.array((0, 5, 17)), np.array((5, 17, 47)))
     match_all_least_squares(
-        grid, UNKNOWN, 0.0, 0.0, 0.05, np.concatenate(scans), np.array((0, 5, 17)),
-        np.array((5, 17, 47)), starts, information, 1e6, 10.0, 20, limit, found,
-    )  # fmt: skip
+        smooth_map, UNKNOWN, batch, starts, information, 1e6, options, limit, found
+    )
     assert sum(np.isinf(found[:, 9])) == 1
     for scan, start, residual, row in zip(scans, starts, residuals, found, strict=True):
         if residual > limit:
@@ -51,18 +54,12 @@ def test_each_scan_is_matched_as_if_it_were_alone_or_left():
             continue
         alone = np.empty(11)
         match_least_squares(
-            grid,
+            smooth_map,
             UNKNOWN,
-            0.0,
-            0.0,
-            0.05,
             scan,
             start,
-            start,
-            information,
-            1e6,
-            10.0,
-            20,
+            MotionPrior(start, information, 1e6),
+            options,
             np.inf,
             alone,
         )

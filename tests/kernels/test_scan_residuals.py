@@ -12,11 +12,13 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares, minimize
 
 from cartoloop.kernels.scan_residuals import (
+    MatchOptions,
+    MotionPrior,
     accumulate_match,
     match_least_squares,
     solve_3x3,
 )
-from cartoloop.kernels.smooth_map import NUM_ROWS, PATCH_CELLS
+from cartoloop.kernels.smooth_map import SmoothMap, point_scratch
 from tests.reference.naive_scan_residuals import central_differences, naive_errors
 
 UNKNOWN = 0.1
@@ -30,15 +32,6 @@ def random_grid(seed, shape):
     grid = rng.uniform(0.1, 0.9, shape)
     grid[rng.random(shape) < 0.3] = 0.0
     return grid.astype(np.float32)
-
-
-def scratch(num_points):
-    """What the kernel works in: cells, patches, samples."""
-    return (
-        np.empty((2, num_points), dtype=np.int64),
-        np.empty((PATCH_CELLS, num_points), dtype=np.float32),
-        np.empty((NUM_ROWS, num_points)),
-    )
 
 
 @settings(deadline=None, max_examples=40)
@@ -58,7 +51,14 @@ def test_the_normal_equations_equal_finite_differences(seed, num_points, x, y, t
 
     system = np.empty(9)
     total = accumulate_match(
-        grid, UNKNOWN, *origin, resolution, points, x, y, theta, *scratch(num_points), system
+        SmoothMap(grid, *origin, resolution),
+        UNKNOWN,
+        points,
+        x,
+        y,
+        theta,
+        point_scratch(num_points),
+        system,
     )
 
     at = errors((x, y, theta))
@@ -98,6 +98,7 @@ def test_equations_without_a_solution_are_refused(system):
 RESOLUTION, WALL_BLUR = 0.05, 0.1
 ROOM = (3.0, 2.0)  # half its length and width [m]
 TRUSTED = 1e6
+TOLERANCE = 1e-5
 NO_PRIOR = np.array([1e-6, 0.0, 0.0, 1e-6, 0.0, 1e-6])
 
 
@@ -151,18 +152,16 @@ def run(
     grid, origin_x, origin_y = map_and_origin
     found = np.full(11, np.nan)
     count = match_least_squares(
-        grid,
+        SmoothMap(grid, origin_x, origin_y, RESOLUTION),
         UNKNOWN,
-        origin_x,
-        origin_y,
-        RESOLUTION,
         points,
         np.array(start, dtype=np.float64),
-        np.array(prior, dtype=np.float64),
-        np.array(information),
-        prior_scale,
-        weight,
-        iterations,
+        MotionPrior(
+            np.array(prior, dtype=np.float64),
+            np.array(information, dtype=np.float64),
+            prior_scale,
+        ),
+        MatchOptions(weight, iterations, TOLERANCE),
         max_start_squares,
         found,
     )
@@ -305,13 +304,11 @@ def test_the_match_tells_the_curvature_and_the_sum_of_squares_at_the_pose_found(
     found, _ = run(grid, walls, (0.03, 0.02, 0.01), (0.0, 0.0, 0.0), weight=5.0)
     system = np.empty(9)
     total = accumulate_match(
-        grid[0],
+        SmoothMap(*grid, RESOLUTION),
         UNKNOWN,
-        *grid[1:],
-        RESOLUTION,
         walls,
         *found[:3].tolist(),
-        *scratch(len(walls)),
+        point_scratch(len(walls)),
         system,
     )
     assert found[3:9].tolist() == system[:6].tolist()

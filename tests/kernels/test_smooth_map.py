@@ -15,6 +15,8 @@ from cartoloop.kernels.smooth_map import (
     NUM_ROWS,
     PATCH_CELLS,
     VALUE,
+    PointScratch,
+    SmoothMap,
     sample_smooth_map,
 )
 from tests.reference.naive_scan_residuals import central_differences, naive_smooth_probability
@@ -36,14 +38,13 @@ def random_grid(seed, shape=(ROWS, COLS)):
 def sample(grid, points, pose=(0.0, 0.0, 0.0), origin=(0.0, 0.0), resolution=1.0):
     """Value and derivatives along columns and rows at each point, shape (n, 3)."""
     points = np.array(points, dtype=np.float64).reshape(-1, 2)
-    samples = np.full((NUM_ROWS, len(points)), np.nan)
-    sample_smooth_map(
-        grid, UNKNOWN, *origin, resolution, points, *pose,
+    scratch = PointScratch(
         np.empty((2, len(points)), dtype=np.int64),
         np.full((PATCH_CELLS, len(points)), np.nan, dtype=np.float32),
-        samples,
-    )  # fmt: skip
-    return samples[VALUE : D_ROW + 1].T
+        np.full((NUM_ROWS, len(points)), np.nan),
+    )
+    sample_smooth_map(SmoothMap(grid, *origin, resolution), UNKNOWN, points, *pose, scratch)
+    return scratch.samples[VALUE : D_ROW + 1].T
 
 
 def smooth_probability(grid, col, row):

@@ -9,9 +9,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.kernels.node_bounds import place_points, scan_range, score_children
-from cartoloop.kernels.search_batch import rotation_step
+from cartoloop.kernels.node_bounds import (
+    HEIGHT,
+    LEVEL,
+    Children,
+    PlacedScan,
+    Places,
+    place_points,
+    score_children,
+)
 from cartoloop.kernels.search_tree import grow_tree
+from cartoloop.kernels.search_window import (
+    ScanExtent,
+    SearchFrame,
+    SearchWindow,
+    rotation_step,
+    scan_extent,
+)
 from cartoloop.scan_matching.branch_and_bound import (
     NO_RUNNER_UP,
     RunnerUp,
@@ -67,25 +81,26 @@ def scan_from(walls, pose):
     return centred @ np.array(((cos, -sin), (sin, cos)))
 
 
-def tree_for(grids, half_widths, step, mean_cells, farthest_cells):
-    """What nodes stand for at each height, and which grids bound them."""
-    heights = np.zeros((len(STRIDES) + 1, 8), dtype=np.int64)
+def step_of(max_range):
+    return rotation_step(max_range, RESOLUTION, 0.5 * RESOLUTION)
+
+
+def in_cells(extent):
+    return ScanExtent(extent.mean / RESOLUTION, extent.farthest / RESOLUTION)
+
+
+def tree_for(grids, window, step, extent):
+    """The properties of the nodes of each height, and which grids bound them."""
+    heights = np.zeros(len(STRIDES) + 1, dtype=HEIGHT)
     boxes = np.zeros((len(STRIDES) + 1, grids.boxes.shape[1]), dtype=np.int32)
     num_heights = grow_tree(
-        grids.heights,
-        grids.boxes,
-        np.array(half_widths),
-        step,
-        np.array((mean_cells, farthest_cells, MAX_MOVE)),
-        heights,
-        boxes,
+        grids.levels, grids.boxes, window, step, extent, MAX_MOVE, heights, boxes
     )
     return heights[:num_heights], boxes[:num_heights]
 
 
 def naive_window(grid, points, estimate, linear_window, angular_window, max_range=math.inf):
-    _, farthest = scan_range(points)
-    step = rotation_step(min(farthest, max_range), RESOLUTION)
+    step = step_of(min(scan_extent(points).farthest, max_range))
     half_width = num_steps(linear_window, RESOLUTION)
     half_turns = num_steps(angular_window, step)
     origin = (grid.origin_x, grid.origin_y)
@@ -184,31 +199,29 @@ def test_scans_hardly_larger_than_a_pixel_are_matched_at_all_rotations(spread):
 def test_every_node_bounds_its_leaves(seed, half_turns):
     rng = np.random.default_rng(seed)
     grid, points = random_grid(rng), random_scan(rng)
-    mean_distance, farthest = scan_range(points)
-    step = rotation_step(farthest, RESOLUTION)
+    extent = scan_extent(points)
+    step = step_of(extent.farthest)
     estimate = Pose(grid.origin_x + rng.uniform(-1, 3), grid.origin_y + rng.uniform(-1, 3), 0.7)
     grids = PrecomputationGrids(grid.cells)
-    half_widths = np.array((40, 40, half_turns))
-    heights, boxes = tree_for(
-        grids, half_widths, step, mean_distance / RESOLUTION, farthest / RESOLUTION
-    )
-    frame = np.array((*estimate, grid.origin_x, grid.origin_y, RESOLUTION, step))
-    places = [np.zeros(64, dtype=np.int32) for _ in range(3)]
+    window = SearchWindow(40, 40, half_turns)
+    heights, boxes = tree_for(grids, window, step, in_cells(extent))
+    frame = SearchFrame(*estimate, grid.origin_x, grid.origin_y, RESOLUTION, step)
+    places = Places(*np.zeros((3, 64), dtype=np.int32))
+    scan = PlacedScan(points, frame, boxes, places)
 
     def sums_of(height, group, col, row):
-        place_points(heights, boxes, points, frame, half_widths, height, group, 0, *places)
+        place_points(heights, scan, window, height, group, 0)
         sums = np.zeros((1, 4), dtype=np.int64)
-        index = np.zeros(64, dtype=np.int32)
+        indices = np.zeros(64, dtype=np.int32)
         nodes = np.zeros((1, 16), dtype=np.int64)
-        size = int(heights[height, 0])
+        children = Children(0, height, col, row, int(heights[height]["block"]))
         score_children(
-            grids.cells, heights, height, *places, 0, len(points), col, row, size,
-            nodes, 0, -1, index, sums,
-        )  # fmt: skip
+            grids.cells, heights, *places, 0, len(points), children, -1, nodes, indices, sums
+        )
         return sums[0]
 
     for height in range(1, len(heights)):
-        block, size = (int(value) for value in heights[height, :2])
+        block, size = int(heights[height]["block"]), int(heights[height]["group"])
         group = int(rng.integers(0, 2 * half_turns // size + 1))
         col, row = (int(value) for value in rng.integers(-40, 40, 2))
         bounds = sums_of(height, group, col, row)
@@ -222,11 +235,9 @@ def test_every_node_bounds_its_leaves(seed, half_turns):
 
 def test_the_rotation_step_is_that_of_the_paper():
     points = np.array(((3.0, 4.0), (0.1, 0.0)))
-    assert rotation_step(5.0, RESOLUTION) == pytest.approx(
-        angular_step(points, RESOLUTION), rel=1e-12
-    )
-    # A point at the maximum range moves by a pixel.
-    assert 2.0 * 5.0 * math.sin(rotation_step(5.0, RESOLUTION) / 2.0) == pytest.approx(RESOLUTION)
+    assert step_of(5.0) == pytest.approx(angular_step(points, RESOLUTION), rel=1e-12)
+    # A point at the maximum range moves by a cell.
+    assert 2.0 * 5.0 * math.sin(step_of(5.0) / 2.0) == pytest.approx(RESOLUTION)
 
 
 @settings(deadline=None, max_examples=60)
@@ -240,24 +251,23 @@ def test_no_point_leaves_its_box_while_a_group_turns(seed, half_turns, far):
     points = random_scan(rng) * far
     # Points along the axes, too: there arcs bulge beyond both of their ends.
     points = np.concatenate((points, far * np.array(((1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)))))
-    mean_distance, farthest = scan_range(points)
-    step = rotation_step(farthest, RESOLUTION)
+    extent = scan_extent(points)
+    step = step_of(extent.farthest)
     grids = PrecomputationGrids(np.zeros((5, 7), dtype=np.uint8))
-    half_widths = np.array((40, 40, half_turns))
-    heights, boxes = tree_for(
-        grids, half_widths, step, mean_distance / RESOLUTION, farthest / RESOLUTION
-    )
+    window = SearchWindow(40, 40, half_turns)
+    heights, boxes = tree_for(grids, window, step, in_cells(extent))
     # Tells how far points move, where the matcher has the grid that is large enough for it.
     moves = np.tile(np.arange(boxes.shape[1], dtype=np.int32), (len(heights), 1))
-    frame = np.array((*rng.uniform(-3, 3, 3), *rng.uniform(-3, 3, 2), RESOLUTION, step))
+    frame = SearchFrame(*rng.uniform(-3, 3, 5).tolist(), RESOLUTION, step)
 
     def place(height, group):
         places = np.zeros((3, len(points)), dtype=np.int32)
-        place_points(heights, moves, points, frame, half_widths, height, group, 0, *places)
+        scan = PlacedScan(points, frame, moves, Places(*places))
+        place_points(heights, scan, window, height, group, 0)
         return places
 
     for height in range(1, len(heights)):
-        block, size = (int(value) for value in heights[height, :2])
+        block, size = int(heights[height]["block"]), int(heights[height]["group"])
         group = int(rng.integers(0, 2 * half_turns // size + 1))
         first_cols, first_rows, moved = place(height, group)
         assert moved.max() <= MAX_MOVE * block + 2
@@ -279,14 +289,16 @@ def test_probabilities_are_the_same_with_precomputed_grids_and_without():
 
 def test_tree_grows_with_the_window():
     grids = PrecomputationGrids(np.zeros((5, 7), dtype=np.uint8))
-    small, _ = tree_for(grids, (10, 10, 40), 0.003, 120.0, 300.0)
-    large, boxes = tree_for(grids, (140, 140, 200), 0.003, 120.0, 300.0)
+    extent = ScanExtent(120.0, 300.0)
+    small, _ = tree_for(grids, SearchWindow(10, 10, 40), 0.003, extent)
+    large, boxes = tree_for(grids, SearchWindow(140, 140, 200), 0.003, extent)
     assert len(small) < len(large)
-    assert large[0, :2].tolist() == [1, 1]
-    assert (np.diff(large[:, :2], axis=0) >= 0).all()
+    assert (large[0]["block"], large[0]["group"]) == (1, 1)
+    assert (np.diff(large["block"]) >= 0).all()
+    assert (np.diff(large["group"]) >= 0).all()
     # The top is of the largest blocks, bounded by the grids made for them.
-    assert large[-1, 0] == 1 << (len(STRIDES) - 1)
-    assert large[-1, 2:7].tolist() == grids.heights[-1].tolist()
+    assert large[-1]["block"] == 1 << (len(STRIDES) - 1)
+    assert [large[-1][name] for name in LEVEL.names] == list(grids.levels[-1].tolist())
     assert boxes[-1].tolist() == grids.boxes[-1].tolist()
 
 
@@ -461,7 +473,7 @@ def test_many_scans_at_once_are_found_where_each_is_found_alone(seed, min_score)
         min_score=min_score, groups=np.arange(6), max_of_group=1,
     )  # fmt: skip
 
-    assert found.was_sought.all()
+    assert found.was_searched.all()
     for i, points in enumerate(clouds):
         alone = matcher.match(
             points, Pose(*estimates[i].tolist()), linear_window=float(linear[i]),
@@ -482,8 +494,8 @@ def test_of_a_group_no_more_are_sought_once_enough_are_found(max_of_group):
 
     for group, size in ((0, 5), (1, 4)):
         expected = [True] * min(max_of_group, size) + [False] * max(size - max_of_group, 0)
-        assert found.was_sought[groups == group].tolist() == expected
-    assert [match is not None for match in found.matches] == found.was_sought.tolist()
+        assert found.was_searched[groups == group].tolist() == expected
+    assert [match is not None for match in found.matches] == found.was_searched.tolist()
 
 
 def test_nothing_is_found_for_no_scans():
@@ -494,4 +506,4 @@ def test_nothing_is_found_for_no_scans():
         min_score=0.5, groups=np.zeros(0, dtype=np.int64), max_of_group=1,
     )  # fmt: skip
     assert found.matches == []
-    assert len(found.was_sought) == 0
+    assert len(found.was_searched) == 0

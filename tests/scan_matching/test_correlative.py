@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 
 from cartoloop.config import CorrelativeMatcherConfig, SubmapConfig
 from cartoloop.kernels.window_bounds import box_sizes
-from cartoloop.scan_matching.correlative import REACH, Scratch, match, rotation_step
+from cartoloop.scan_matching.correlative import Scratch, match, step_of_points
 from cartoloop.sensor.pose import Pose, inverse, transform_points, wrap_angle
 from cartoloop.submaps.probability_grid import ProbabilityGrid
 from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
 
 RESOLUTION = 0.05
+MAX_RANGE = CorrelativeMatcherConfig().max_rotation_step_range
 WINDOW = CorrelativeMatcherConfig(linear_search_window=0.2, angular_search_window_deg=10.0)
 
 
@@ -42,10 +43,10 @@ def grid():
 
 
 @settings(deadline=None, max_examples=60)
-@given(farthest=st.floats(0.01, REACH), resolution=st.sampled_from((0.05, 0.1, 0.25)))
+@given(farthest=st.floats(0.01, MAX_RANGE), resolution=st.sampled_from((0.05, 0.1, 0.25)))
 def test_the_farthest_point_moves_by_no_more_than_a_pixel(farthest, resolution):
     points = np.array([(0.0, -farthest), (0.1 * farthest, 0.0)])
-    step = rotation_step(points, resolution)
+    step = step_of_points(points, resolution, MAX_RANGE)
     assert 0.0 < step <= math.radians(60.0) + 1e-12
     assert 2.0 * farthest * math.sin(0.5 * step) <= resolution * (1.0 + 1e-9)
     if farthest > resolution:
@@ -53,7 +54,10 @@ def test_the_farthest_point_moves_by_no_more_than_a_pixel(farthest, resolution):
 
 
 def test_points_out_of_reach_make_the_rotation_step_no_finer():
-    steps = [rotation_step(np.array([(far, 0.0)]), RESOLUTION) for far in (REACH, 30.0, 80.0)]
+    steps = [
+        step_of_points(np.array([(far, 0.0)]), RESOLUTION, MAX_RANGE)
+        for far in (MAX_RANGE, 30.0, 80.0)
+    ]
     assert steps == [steps[0]] * 3
 
 
@@ -86,7 +90,7 @@ def test_a_displaced_scan_is_found_within_a_pixel(grid, off):
 )
 def test_the_match_is_within_the_window_and_its_score_a_probability(grid, x, y, theta):
     found = match(grid, l_shaped_walls()[::16], Pose(x, y, theta), WINDOW)
-    step = rotation_step(l_shaped_walls()[::16], RESOLUTION)
+    step = step_of_points(l_shaped_walls()[::16], RESOLUTION, MAX_RANGE)
     assert abs(found.tf_submap_scan.x - x) <= WINDOW.linear_search_window + RESOLUTION
     assert abs(found.tf_submap_scan.y - y) <= WINDOW.linear_search_window + RESOLUTION
     turned = abs(wrap_angle(found.tf_submap_scan.theta - theta))

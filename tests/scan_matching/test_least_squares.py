@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.config import SubmapConfig
-from cartoloop.scan_matching.least_squares import SmoothMap, match
+from cartoloop.scan_matching.least_squares import MatchOptions, SmoothMap, match
 from cartoloop.sensor.pose import Pose, inverse, transform_points, wrap_angle
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 from cartoloop.submaps.probability_grid import ProbabilityGrid
@@ -19,6 +19,7 @@ from tests.reference.naive_scan_residuals import naive_smooth_probability
 RESOLUTION = 0.05
 WEAK = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 STRONG = 1e10 * WEAK
+TOLERANCE = 1e-5
 MAX_ITERATIONS = 60
 
 
@@ -48,7 +49,9 @@ def scan_at(truth, seed=1):
 @pytest.mark.parametrize("off", [(0.06, 0.05, 0.02), (-0.07, 0.04, -0.03)])
 def test_a_scan_is_found_to_a_fraction_of_a_pixel(room, truth, off):
     start = Pose(*(a + b for a, b in zip(truth, off, strict=True)))
-    found = match(room, scan_at(truth), start, start, WEAK, 10.0, MAX_ITERATIONS)
+    found = match(
+        room, scan_at(truth), start, start, WEAK, MatchOptions(10.0, MAX_ITERATIONS, TOLERANCE)
+    )
     assert found.tf_submap_scan[:2] == pytest.approx(truth[:2], abs=0.01)
     assert wrap_angle(found.tf_submap_scan.theta - truth.theta) == pytest.approx(0.0, abs=5e-3)
 
@@ -62,8 +65,7 @@ def test_headings_either_side_of_the_half_turn_are_neighbours(room, start, prior
         Pose(0.1, 0.0, start),
         Pose(0.1, 0.0, prior),
         WEAK,
-        10.0,
-        MAX_ITERATIONS,
+        MatchOptions(10.0, MAX_ITERATIONS, TOLERANCE),
     )
     assert wrap_angle(found.tf_submap_scan.theta - math.pi) == pytest.approx(0.0, abs=5e-3)
     assert -math.pi < found.tf_submap_scan.theta <= math.pi
@@ -73,7 +75,14 @@ def test_headings_either_side_of_the_half_turn_are_neighbours(room, start, prior
 def test_the_pull_across_the_half_turn_is_that_of_the_shorter_way(room, start, prior):
     points, pull = scan_at(Pose(0, 0, math.pi)), 1e4 * WEAK
     apart, together = (
-        match(room, points, Pose(0, 0, start), Pose(0, 0, held_to), pull, 1.0, 1)
+        match(
+            room,
+            points,
+            Pose(0, 0, start),
+            Pose(0, 0, held_to),
+            pull,
+            MatchOptions(1.0, 1, TOLERANCE),
+        )
         for held_to in (prior, start)
     )
     turn = wrap_angle(start - prior)
@@ -83,7 +92,7 @@ def test_the_pull_across_the_half_turn_is_that_of_the_shorter_way(room, start, p
 def test_the_residual_is_the_root_mean_square_of_what_the_points_lack(room):
     truth = Pose(0.2, 0.1, 0.3)
     points = scan_at(truth)
-    found = match(room, points, truth, truth, WEAK, 10.0, MAX_ITERATIONS)
+    found = match(room, points, truth, truth, WEAK, MatchOptions(10.0, MAX_ITERATIONS, TOLERANCE))
     ends = transform_points(found.tf_submap_scan, points)
     lacks = [
         1.0
@@ -100,17 +109,28 @@ def test_the_residual_is_the_root_mean_square_of_what_the_points_lack(room):
 
 def test_a_scan_in_its_place_fits_better_than_one_that_is_not(room):
     truth = Pose(0.2, 0.1, 0.3)
-    right = match(room, scan_at(truth), truth, truth, WEAK, 10.0, MAX_ITERATIONS)
+    right = match(
+        room, scan_at(truth), truth, truth, WEAK, MatchOptions(10.0, MAX_ITERATIONS, TOLERANCE)
+    )
     wrong = Pose(0.5, -0.3, 0.5)
-    held = match(room, scan_at(truth), wrong, wrong, STRONG, 1.0, MAX_ITERATIONS)
+    held = match(
+        room, scan_at(truth), wrong, wrong, STRONG, MatchOptions(1.0, MAX_ITERATIONS, TOLERANCE)
+    )
     assert right.residual < 0.5 * held.residual
 
 
 def test_the_information_is_a_symmetric_matrix_that_grows_with_the_points(room):
     truth = Pose(0.2, 0.1, 0.3)
     points = scan_at(truth)
-    once = match(room, points, truth, truth, WEAK, 10.0, MAX_ITERATIONS)
-    twice = match(room, np.vstack((points, points)), truth, truth, WEAK, 5.0, MAX_ITERATIONS)
+    once = match(room, points, truth, truth, WEAK, MatchOptions(10.0, MAX_ITERATIONS, TOLERANCE))
+    twice = match(
+        room,
+        np.vstack((points, points)),
+        truth,
+        truth,
+        WEAK,
+        MatchOptions(5.0, MAX_ITERATIONS, TOLERANCE),
+    )
     assert np.array_equal(once.information, once.information.T)
     assert np.linalg.eigvalsh(once.information).min() > 0.0
     assert twice.information == pytest.approx(2.0 * once.information, rel=0.05, abs=1.0)
@@ -120,15 +140,25 @@ def test_no_more_iterations_than_allowed_are_made(room):
     truth = Pose(0.2, 0.1, 0.3)
     start = Pose(0.27, 0.04, 0.33)
     for limit in (1, 2, 5):
-        found = match(room, scan_at(truth), start, start, WEAK, 10.0, limit)
+        found = match(
+            room, scan_at(truth), start, start, WEAK, MatchOptions(10.0, limit, TOLERANCE)
+        )
         assert 1 <= found.iterations <= limit
-    assert match(room, scan_at(truth), start, start, WEAK, 10.0, 1).tf_submap_scan == start
+    assert (
+        match(
+            room, scan_at(truth), start, start, WEAK, MatchOptions(10.0, 1, TOLERANCE)
+        ).tf_submap_scan
+        == start
+    )
 
 
 def test_the_same_match_twice_gives_the_same_bits(room):
     truth, start = Pose(0.2, 0.1, 0.3), Pose(0.25, 0.05, 0.32)
     first, second = (
-        match(room, scan_at(truth), start, start, WEAK, 10.0, MAX_ITERATIONS) for _ in range(2)
+        match(
+            room, scan_at(truth), start, start, WEAK, MatchOptions(10.0, MAX_ITERATIONS, TOLERANCE)
+        )
+        for _ in range(2)
     )
     assert first.tf_submap_scan == second.tf_submap_scan
     assert np.array_equal(first.information, second.information)

@@ -72,7 +72,7 @@ def search(
         max_of_group=config.max_closures_of_pair,
     )
     hits = [(i, match) for i, match in enumerate(coarse.matches) if match is not None]
-    searched = coarse.was_sought
+    searched = coarse.was_searched
     matches = NO_MATCHES
     if hits:
         met = np.array([i for i, _ in hits])
@@ -105,13 +105,17 @@ def refine_all(
 
     Those with a residual above `max_start_residual` at the start are not matched.
     """
+    matcher = config.least_squares_matcher
     return least_squares.match_all(
         smooth_map,
         scans,
         tf_submap_node,
         _prior_information(smooth_map, config),
-        config.least_squares_matcher.occupied_space_weight / config.usual_residual**2,
-        config.least_squares_matcher.max_num_iterations,
+        least_squares.MatchOptions(
+            matcher.occupied_space_weight / config.usual_residual**2,
+            matcher.max_num_iterations,
+            matcher.tolerance,
+        ),
         max_start_residual,
     )
 

@@ -316,6 +316,10 @@ class Closures:
         """Number of requests that were dropped because too many were waiting."""
         return int(np.count_nonzero(self.search_status == Status.DROPPED))
 
+    def summary(self) -> dict[str, int]:
+        """Return the number of dropped searches, for the report; empty if none."""
+        return {"searches_dropped": self.num_dropped} if self.num_dropped else {}
+
     @property
     def submap(self) -> RowArray:
         """Index of the submap."""

@@ -30,9 +30,9 @@ from cartoloop.global_slam.pose_graph import (
     PoseGraph,
 )
 from cartoloop.global_slam.robust_loss import Loss
+from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
 from cartoloop.sensor.scan_points import ScanPoints
-from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import Submap

@@ -3,44 +3,177 @@
 
 A node of the search tree is a block of 2^h x 2^h translations, eq. (11), for a *group* of
 neighbouring rotations rather than for a single one; see :mod:`cartoloop.kernels.node_bounds` for
-what bounds it. Translations are counted from the window's first one in cells, rotations likewise in
-steps of eq. (7).
+its bound. Candidates are counted as :mod:`cartoloop.kernels.search_window` describes.
 
 A node's *key* orders the search and decides ties: its bound first, then nearness to the estimate
 (the squared distance in steps), so that of equal scores the nearest to the estimate wins, and of
 equally near ones the first in rotation, row, column. The key of a node is never below that of its
-candidates.
+candidates. ::
+
+    bit 63            28 27                                    0
+        [ bound or sum  ][ 2^28 - 1 - squared distance in steps ]
+
+All nodes stand in one array, `nodes`. Each height but the top one has _CHILDREN rows for the
+children of the node that is being expanded above it; then comes the root, which stands for the
+whole window, and the nodes that cover the window, eq. (13). A row holds a node and what its bound
+leaves to the points from each block of points on::
+
+    row                                     column
+    0                     height 0          KEY  COL  ROW  ROTATION  REST  REST + 1  ...
+    _CHILDREN             height 1           |    |    |      |        |       |
+    ...                                     key  first    group of   sum of  sum from the second
+    top * _CHILDREN       root                   translation rotations  all   block of points on
+    top * _CHILDREN + 1   nodes that cover the window
+
+Where the points of a group of rotations look up their maxima is computed once for each group of
+each height, at its first use, and kept in `places`: the groups of height 0 first, of height
+h from ``heights[h]["first_group"]`` on, each with `num_places` entries (the points, filled up to
+whole blocks of points).
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop._jit import kernel
+from cartoloop._jit import inlined_kernel, kernel
 from cartoloop.kernels.node_bounds import (
-    BLOCK,
     COL,
-    FIRST_GROUP,
-    GROUP,
+    HEIGHT,
     KEY,
     REST,
     ROTATION,
     ROW,
-    STEP,
     ByteArray,
     CellArray,
+    Children,
     FloatArray,
     IntArray,
+    PlacedScan,
+    Places,
+    Records,
     place_points,
     score_children,
 )
 from cartoloop.kernels.search_tree import grow_tree
+from cartoloop.kernels.search_window import ScanExtent, SearchFrame, SearchWindow
 
-_POINTS = 40  # in a block, at most: partial sums are looked at after each block
-_LANES = 8  # of a vector register
-_CHILDREN = 8  # four translations, two halves of the rotations
-_NEAR = 28  # bits of a key that tell how near the estimate
+_POINTS = 40
+"""Maximum number of points in a block: partial sums are compared with the threshold after each."""
+
+_LANES = 8
+"""Entries of a vector register, int32: blocks of points are multiples of it."""
+
+_CHILDREN = 8
+"""Maximum number of children of a node: four translations, two halves of the rotations. (The first
+group, of up to four rotations, has single translations, which are not divided.)"""
+
+_NEAR = 28
+"""Bits of a key that hold the nearness to the estimate."""
+
+_MAX_CELL = 255
+"""Largest cell value."""
+
+
+class GridArrays(NamedTuple):
+    """The precomputed grids of a submap, see :mod:`cartoloop.kernels.precomputation_grid`.
+
+    Attributes
+    ----------
+    cells : uint8, shape (n,): all grids, one after the other.
+    levels : of :data:`node_bounds.LEVEL`, shape (num_levels,), for blocks of 1, 2, 4, ...
+        translations.
+    boxes : int32, shape (num_levels, num_moves): where in `cells` the first cell of the grid is
+        whose boxes are large enough for the block if a point moves by this number of cells.
+    """
+
+    cells: ByteArray
+    levels: Records
+    boxes: CellArray
+
+
+class Excluded(NamedTuple):
+    """Candidates that are not searched for: those near another one, both in place and rotation.
+
+    Attributes
+    ----------
+    col, row, rotation : the other candidate.
+    squared_distance : [cells^2]; negative: nothing is excluded.
+    num_rotations : [rotation steps].
+    """
+
+    col: int
+    row: int
+    rotation: int
+    squared_distance: int
+    num_rotations: int
+
+
+class Elsewhere(NamedTuple):
+    """Which candidates can be runner-up.
+
+    Attributes
+    ----------
+    squared_distance, num_rotations : candidates within both of the best one are in the same place
+        [cells^2], [rotation steps].
+    max_gap : how far its sum may be below that of the best one; negative: no runner-up is searched
+        for.
+    """
+
+    squared_distance: int
+    num_rotations: int
+    max_gap: int
+
+
+class Search(NamedTuple):
+    """The inputs and the memory of one search; the arrays' layout is drawn above.
+
+    Attributes
+    ----------
+    cells : uint8, shape (n,), the precomputed grids.
+    heights : of :data:`node_bounds.HEIGHT`, shape (num_heights,), from single candidates to the
+        tree's top. From one height to the next blocks and groups stay or double, except that the
+        first group is of up to four rotations.
+    scan : the scan, with where its points look up their maxima.
+    window : of the search.
+    is_placed : bool, shape (num_groups,): whether the places of a group are computed.
+    indices : int32, scratch, an entry for each point of a block.
+    sums : int64, shape (num_blocks, 4), scratch, see :func:`score_children`.
+    nodes : int64, shape (m, REST + num_blocks + 1).
+    """
+
+    cells: ByteArray
+    heights: Records
+    scan: PlacedScan
+    window: SearchWindow
+    is_placed: NDArray[np.bool_]
+    indices: CellArray
+    sums: IntArray
+    nodes: IntArray
+
+
+class Branch(NamedTuple):
+    """A node to be expanded, all scalars.
+
+    Attributes
+    ----------
+    parent : its row in `nodes`.
+    height, begin_group, end_group : of its children.
+    step : from one block of translations to the next [cells]; 0: the block is not divided.
+    min_sum, min_key : what a candidate must reach.
+    end : row in `nodes` where the first child is written.
+    """
+
+    parent: int
+    height: int
+    begin_group: int
+    end_group: int
+    step: int
+    min_sum: int
+    min_key: int
+    end: int
 
 
 @kernel
@@ -51,12 +184,12 @@ def distance_from_zero(first: int, size: int) -> int:
 
 @kernel
 def node_key(
-    bound: int, col: int, row: int, rotation: int, block: int, group: int, window: IntArray
+    bound: int, col: int, row: int, rotation: int, block: int, group: int, window: SearchWindow
 ) -> int:
     """Return the key of a node: an upper bound of the keys of its candidates."""
-    x = distance_from_zero(col - window[0], block)
-    y = distance_from_zero(row - window[1], block)
-    turn = distance_from_zero(rotation - window[2], group)
+    x = distance_from_zero(col - window.half_cols, block)
+    y = distance_from_zero(row - window.half_rows, block)
+    turn = distance_from_zero(rotation - window.half_rotations, group)
     far = (1 << _NEAR) - 1
     return (bound << _NEAR) + far - min(x * x + y * y + turn * turn, far)
 
@@ -81,9 +214,9 @@ def order_by_key(nodes: IntArray, first: int, count: int) -> IntArray:
 
 
 @kernel
-def most_promising(nodes: IntArray, first: int, count: int, least_key: int) -> int:
-    """Return which of `count` nodes has the largest key, -1 if none reaches `least_key` or 0."""
-    found, largest = -1, max(least_key, 0)
+def most_promising(nodes: IntArray, first: int, count: int, min_key: int) -> int:
+    """Return which of `count` nodes has the largest key, -1 if none reaches `min_key` or 0."""
+    found, largest = -1, max(min_key, 0)
     for k in range(first, first + count):
         if nodes[k, KEY] >= largest:
             found, largest = k, nodes[k, KEY]
@@ -97,11 +230,15 @@ def farthest_from(value: int, first: int, size: int) -> int:
 
 
 @kernel
-def is_near(near: IntArray, col: int, row: int, rotation: int, block: int, group: int) -> bool:
-    """Return whether all candidates of a node are near, see :func:`descend`."""
-    x, y = farthest_from(near[COL], col, block), farthest_from(near[ROW], row, block)
-    turn = farthest_from(near[ROTATION], rotation, group)
-    return bool(x * x + y * y <= near[4] and turn <= near[5])
+def is_excluded(
+    excluded: Excluded, col: int, row: int, rotation: int, block: int, group: int
+) -> bool:
+    """Return whether all candidates of a node are excluded."""
+    if excluded.squared_distance < 0:
+        return False
+    x, y = farthest_from(excluded.col, col, block), farthest_from(excluded.row, row, block)
+    turn = farthest_from(excluded.rotation, rotation, group)
+    return bool(x * x + y * y <= excluded.squared_distance and turn <= excluded.num_rotations)
 
 
 @kernel
@@ -116,178 +253,181 @@ def comes_first(key: int, col: int, row: int, rotation: int, best: IntArray) -> 
     return bool(col < best[COL])
 
 
-@kernel
-def explore(
+@inlined_kernel
+def push_children(
     cells: ByteArray,
-    heights: IntArray,
-    boxes: CellArray,
-    points: FloatArray,
-    frame: FloatArray,
-    window: IntArray,
+    heights: Records,
     cols: CellArray,
     rows: CellArray,
-    grids: CellArray,
-    is_placed: NDArray[np.bool_],
-    index: CellArray,
+    boxes: CellArray,
+    num_places: int,
+    num_points: int,
+    window: SearchWindow,
+    branch: Branch,
+    indices: CellArray,
     sums: IntArray,
     nodes: IntArray,
-    num_tiles: int,
-    order: IntArray,
-    min_sum: int,
-    near: IntArray,
-    best: IntArray,
 ) -> int:
-    """Cover the window by nodes, or find the best candidate under them by depth-first search.
-
-    One function does both, and in one piece: what they share is run too often to be called.
+    """Append the children of a node that can hold the best candidate to `nodes`; return its end.
 
     Parameters
     ----------
-    cells, points, frame, window : see :func:`search`.
-    heights : int64, shape (num_heights, 8): of the nodes of each height, from single candidates to
-        the tree's top: edge of the block of translations [cells], rotations in a group, and of the
-        grids the binary logarithm of their stride [cells], margin, last column, last row, length of
-        a row; number of groups at lower heights. From one height to the next blocks and groups
-        stay or double, except that the first group is of up to four rotations.
-    boxes : int32, shape (num_heights, num_moves): where in `cells` the first cell of the grid is
-        whose boxes are large enough for the block if a point moves by so many cells.
-    cols, rows, grids, is_placed : where the points are, for each group of rotations of each height
-        as :func:`place_points` writes it, and whether that has been done.
-    index, sums : see :func:`score_children`.
-    nodes : int64, shape (n, REST + num_blocks + 1): _CHILDREN rows for each height but the top one,
-        one for the root, then the nodes that cover the window.
-    num_tiles : the nodes that cover the window come in tiles of 2 x 2; 0: find the best candidate.
-    order : indices of the nodes to descend from, the largest key first.
-    min_sum : what a candidate must reach.
-    near : int64, (0, column, row, rotation, squared distance [cells], rotations): candidates within
-        both are not sought; the distance is negative if all are.
-    best : int64, shape (4,): key, column, row, rotation; the key is -1 if there is none.
-
-    Returns
-    -------
-    How many nodes cover the window.
+    cells, heights, window, indices, sums, nodes : of :class:`Search`.
+    cols, rows, boxes : of :class:`Places`, written for the children's groups of rotations.
+    num_places : entries for each group.
+    num_points : of the scan.
+    branch : the node, and which children.
     """
+    parent, height, step, end = branch.parent, branch.height, branch.step, branch.end
+    block, size = heights[height]["block"], heights[height]["group"]
+    last = sums.shape[0] - 1
+    first_col, first_row = nodes[parent, COL], nodes[parent, ROW]
+    left, below = first_col - window.half_cols, first_row - window.half_rows
+    children = Children(parent, height, left, below, step)
+    for group in range(branch.begin_group, branch.end_group):
+        number = heights[height]["first_group"] + group
+        if not score_children(
+            cells, heights, cols, rows, boxes, number * num_places, num_points, children,
+            branch.min_sum, nodes, indices, sums,
+        ):  # fmt: skip
+            continue
+        for child in range(4 if step > 0 else 1):
+            bound = sums[last, child]
+            col, row = first_col + step * (child & 1), first_row + step * (child >> 1)
+            if bound < branch.min_sum or col > 2 * window.half_cols or row > 2 * window.half_rows:
+                continue
+            key = node_key(bound, col, row, group * size, block, size, window)
+            if key < branch.min_key:
+                continue
+            nodes[end, KEY], nodes[end, COL], nodes[end, ROW] = key, col, row
+            nodes[end, ROTATION], nodes[end, REST] = group, bound
+            for i in range(last + 1):
+                nodes[end, REST + i + 1] = bound - sums[i, child]
+            end += 1
+    return end
+
+
+@kernel
+def cover_window(search: Search, min_sum: int) -> int:
+    """Write the nodes that cover the window, eq. (13), behind the root; return their number.
+
+    They are scored in tiles of 2 x 2, as if they were children of the root.
+    """
+    cells, heights, scan, window = search.cells, search.heights, search.scan, search.window
+    cols, rows, boxes = scan.places.cols, scan.places.rows, scan.places.boxes
+    is_placed, indices = search.is_placed, search.indices
+    sums, nodes = search.sums, search.nodes
+    num_points, num_places = scan.points.shape[0], cols.size // is_placed.size
     top = heights.shape[0] - 1
     root = top * _CHILDREN
-    edge = 2 * heights[top, BLOCK]
-    tile_cols, tile_rows = 2 * window[0] // edge + 1, 2 * window[1] // edge + 1
-    waiting = np.zeros(top + 1, dtype=np.int64)
-    num_places = cols.size // is_placed.size
-    last = sums.shape[0] - 1
-    least, least_key = min_sum, -1
-    height, cursor, end = top, 0, root + 1
+    block = heights[top]["block"]
+    edge = 2 * block
+    tile_cols = 2 * window.half_cols // edge + 1
+    tile_rows = 2 * window.half_rows // edge + 1
+    num_groups = is_placed.size - heights[top]["first_group"]
+    end = root + 1
+    for tile in range(tile_cols * tile_rows * num_groups):
+        nodes[root, COL] = tile % tile_cols * edge
+        nodes[root, ROW] = tile // tile_cols % tile_rows * edge
+        group = tile // (tile_cols * tile_rows)
+        number = heights[top]["first_group"] + group
+        if not is_placed[number]:
+            is_placed[number] = True
+            place_points(heights, scan, window, top, group, number * num_places)
+        branch = Branch(root, top, group, group + 1, block, min_sum, -1, end)
+        end = push_children(
+            cells, heights, cols, rows, boxes, num_places, num_points, window, branch, indices,
+            sums, nodes,
+        )  # fmt: skip
+    return int(end - root - 1)
+
+
+@kernel
+def find_best(
+    search: Search, order: IntArray, min_sum: int, excluded: Excluded, best: IntArray
+) -> None:
+    """Write the best candidate, found by depth-first search, into `best`.
+
+    Parameters
+    ----------
+    order : int64, indices of the nodes that cover the window, the largest key first.
+    min_sum : what a candidate must reach.
+    excluded : candidates that do not count.
+    best : int64, shape (4,): key, column, row, rotation; the key is -1 if there is none.
+    """
+    cells, heights, scan, window = search.cells, search.heights, search.scan, search.window
+    cols, rows, boxes = scan.places.cols, scan.places.rows, scan.places.boxes
+    is_placed, indices = search.is_placed, search.indices
+    sums, nodes = search.sums, search.nodes
+    num_points, num_places = scan.points.shape[0], cols.size // is_placed.size
+    top = heights.shape[0] - 1
+    num_waiting = np.zeros(top + 1, dtype=np.int64)  # children by height
+    best[KEY] = -1
+    min_key = -1
+    height, cursor = top, 0
     while True:
-        if num_tiles > 0:  # the next four nodes that cover the window, children of the root
-            if cursor == num_tiles:
-                return int(end - root - 1)
-            parent, child_height, step = root, top, edge // 2
-            nodes[root, COL] = cursor % tile_cols * edge
-            nodes[root, ROW] = cursor // tile_cols % tile_rows * edge
-            begin_group = cursor // (tile_cols * tile_rows)
-            end_group = begin_group + 1
+        if height == top:
+            if cursor == order.size or nodes[order[cursor], KEY] < min_key:
+                return
+            parent = order[cursor]
             cursor += 1
         else:
-            if height == top:
-                if cursor == order.size or nodes[order[cursor], KEY] < least_key:
-                    return 0
-                parent = order[cursor]
-                cursor += 1
-            else:
-                parent = most_promising(nodes, height * _CHILDREN, int(waiting[height]), least_key)
-                if parent < 0:
-                    height += 1
-                    continue
-            key, col, row = nodes[parent, KEY], nodes[parent, COL], nodes[parent, ROW]
-            group = nodes[parent, ROTATION]
-            if height < top:
-                nodes[parent, KEY] = -1
-            block, size = heights[height, BLOCK], heights[height, GROUP]
-            if near[4] >= 0 and is_near(near, col, row, group * size, block, size):
+            parent = most_promising(nodes, height * _CHILDREN, int(num_waiting[height]), min_key)
+            if parent < 0:
+                height += 1
                 continue
-            if height == 0:
-                if comes_first(key, col, row, group, best):
-                    best[KEY], best[COL], best[ROW], best[ROTATION] = key, col, row, group
-                    least, least_key = max(min_sum, key >> _NEAR), key
-                continue
-            child_height = height - 1
-            step = heights[child_height, BLOCK] if heights[child_height, BLOCK] < block else 0
-            split = size // heights[child_height, GROUP]
-            begin_group = group * split
-            num_groups = heights[height, FIRST_GROUP] - heights[child_height, FIRST_GROUP]
-            end_group = min(begin_group + split, num_groups)
-            end = child_height * _CHILDREN
-        block, size = heights[child_height, BLOCK], heights[child_height, GROUP]
-        num_children = 4 if step > 0 else 1
-        first_col, first_row = nodes[parent, COL], nodes[parent, ROW]
-        for group in range(begin_group, end_group):
-            number = heights[child_height, FIRST_GROUP] + group
+        key, col, row = nodes[parent, KEY], nodes[parent, COL], nodes[parent, ROW]
+        group = nodes[parent, ROTATION]
+        if height < top:
+            nodes[parent, KEY] = -1
+        block, size = heights[height]["block"], heights[height]["group"]
+        if is_excluded(excluded, col, row, group * size, block, size):
+            continue
+        if height == 0:
+            if comes_first(key, col, row, group, best):
+                best[KEY], best[COL], best[ROW], best[ROTATION] = key, col, row, group
+                min_sum, min_key = max(min_sum, key >> _NEAR), key
+            continue
+        child = height - 1
+        step = heights[child]["block"] if heights[child]["block"] < block else 0
+        split = size // heights[child]["group"]
+        first_group = heights[child]["first_group"]
+        num_groups = heights[height]["first_group"] - first_group
+        begin, end = group * split, min((group + 1) * split, num_groups)
+        for number in range(first_group + begin, first_group + end):
             if not is_placed[number]:
                 is_placed[number] = True
                 place_points(
-                    heights, boxes, points, frame, window, child_height, group,
-                    number * num_places, cols, rows, grids,
-                )  # fmt: skip
-            if not score_children(
-                cells, heights, child_height, cols, rows, grids, number * num_places,
-                points.shape[0], first_col - window[0], first_row - window[1], step,
-                nodes, parent, least, index, sums,
-            ):  # fmt: skip
-                continue
-            for child in range(num_children):
-                bound = sums[last, child]
-                col, row = first_col + step * (child & 1), first_row + step * (child >> 1)
-                if bound < least or col > 2 * window[0] or row > 2 * window[1]:
-                    continue
-                key = node_key(bound, col, row, group * size, block, size, window)
-                if key < least_key:
-                    continue
-                nodes[end, KEY], nodes[end, COL], nodes[end, ROW], nodes[end, ROTATION] = (
-                    key,
-                    col,
-                    row,
-                    group,
+                    heights, scan, window, child, number - first_group, number * num_places
                 )
-                nodes[end, REST] = bound
-                for i in range(last + 1):
-                    nodes[end, REST + i + 1] = bound - sums[i, child]
-                end += 1
-        if num_tiles == 0:
-            height = child_height
-            waiting[height] = end - height * _CHILDREN
+        first = child * _CHILDREN
+        branch = Branch(parent, child, begin, end, step, min_sum, min_key, first)
+        last = push_children(
+            cells, heights, cols, rows, boxes, num_places, num_points, window, branch, indices,
+            sums, nodes,
+        )  # fmt: skip
+        height = child
+        num_waiting[height] = last - first
 
 
 @kernel
-def search(
-    cells: ByteArray,
-    levels: IntArray,
-    level_boxes: CellArray,
+def begin_search(
+    grids: GridArrays,
     points: FloatArray,
-    frame: FloatArray,
-    window: IntArray,
-    extent: FloatArray,
-    min_sum: int,
-    away: IntArray,
-    out_matches: IntArray,
-) -> None:
-    """Write the best candidate of a window, and the best one away from it, into `out_matches`.
+    frame: SearchFrame,
+    window: SearchWindow,
+    extent: ScanExtent,
+    max_move: int,
+) -> Search:
+    """Return the tree and the memory of a search, with the root written into `nodes`.
 
-    Parameters
-    ----------
-    cells : uint8, shape (n,): grids of maxima, see :mod:`cartoloop.kernels.precomputation_grid`.
-    levels, level_boxes, extent : where these grids are, how far the points reach: `levels`, `boxes`
-        and `extent` of :func:`grow_tree`.
-    points : float64, shape (n, 2), scan frame [m]; n > 0.
-    frame : float64, (x, y, theta of the estimate, origin_x, origin_y, resolution, rotation step).
-    window : int64, (w_x, w_y, w_theta) of eq. (8).
-    min_sum : sum of cell values that a candidate must reach.
-    away : int64, (squared distance [cells], rotations, depth): what counts as away from the best;
-        how far its sum may be below the best one's, negative if it is not sought.
-    out_matches : int64, shape (2, 4): sum, column, row, rotation, from the window's first candidate
-        on; the sum is -1 where there is none.
+    Parameters are those of :func:`search`.
     """
-    heights = np.empty((levels.shape[0] + 1, FIRST_GROUP + 1), dtype=np.int64)
-    boxes = np.empty((levels.shape[0] + 1, level_boxes.shape[1]), dtype=np.int32)
-    num_heights = grow_tree(levels, level_boxes, window, frame[STEP], extent, heights, boxes)
+    heights = np.empty(grids.levels.shape[0] + 1, dtype=HEIGHT)
+    boxes = np.empty((grids.levels.shape[0] + 1, grids.boxes.shape[1]), dtype=np.int32)
+    num_heights = grow_tree(
+        grids.levels, grids.boxes, window, frame.step, extent, max_move, heights, boxes
+    )
     heights = heights[:num_heights]
     num_points = points.shape[0]
     # Up to _POINTS, in whole vector registers; not a constant, as short constant loops are
@@ -296,43 +436,70 @@ def search(
     size = (num_points // num_blocks // _LANES + 1) * _LANES
     num_blocks = (num_points + size - 1) // size
     num_groups = 0
-    for height in range(heights.shape[0]):
-        heights[height, FIRST_GROUP] = num_groups
-        num_groups += (2 * window[2] + heights[height, GROUP]) // heights[height, GROUP]
+    for height in range(num_heights):
+        heights[height]["first_group"] = num_groups
+        group = heights[height]["group"]
+        num_groups += (2 * window.half_rotations + group) // group
     num_places = num_groups * num_blocks * size
-    cols, rows = np.empty(num_places, dtype=np.int32), np.empty(num_places, dtype=np.int32)
-    grids = np.empty(num_places, dtype=np.int32)
-    is_placed = np.zeros(num_groups, dtype=np.bool_)
-    index = np.empty(size, dtype=np.int32)
-    sums = np.zeros((num_blocks, 4), dtype=np.int64)
-    top = heights.shape[0] - 1
-    edge = 2 * heights[top, BLOCK]
-    num_tiles = (2 * window[0] // edge + 1) * (2 * window[1] // edge + 1)
-    num_tiles *= num_groups - heights[top, FIRST_GROUP]
+    places = Places(
+        np.empty(num_places, dtype=np.int32),
+        np.empty(num_places, dtype=np.int32),
+        np.empty(num_places, dtype=np.int32),
+    )
+    top = num_heights - 1
+    edge = 2 * heights[top]["block"]
+    num_tiles = (2 * window.half_cols // edge + 1) * (2 * window.half_rows // edge + 1)
+    num_tiles *= num_groups - heights[top]["first_group"]
     root = top * _CHILDREN
     nodes = np.empty((root + 1 + 4 * num_tiles, REST + num_blocks + 1), dtype=np.int64)
     for i in range(num_blocks + 1):
-        nodes[root, REST + i] = 255 * max(num_points - i * size, 0)
-    near = np.full(6, -1, dtype=np.int64)
+        nodes[root, REST + i] = _MAX_CELL * max(num_points - i * size, 0)
+    return Search(
+        grids.cells, heights, PlacedScan(points, frame, boxes, places), window,
+        np.zeros(num_groups, dtype=np.bool_), np.empty(size, dtype=np.int32),
+        np.zeros((num_blocks, 4), dtype=np.int64), nodes,
+    )  # fmt: skip
+
+
+@kernel
+def search(
+    grids: GridArrays,
+    points: FloatArray,
+    frame: SearchFrame,
+    window: SearchWindow,
+    extent: ScanExtent,
+    max_move: int,
+    min_sum: int,
+    elsewhere: Elsewhere,
+    out_matches: IntArray,
+) -> None:
+    """Write the best candidate of a window, and the runner-up, into `out_matches`.
+
+    Parameters
+    ----------
+    grids : of the submap.
+    points : float64, shape (n, 2), tracking frame [m]; n > 0.
+    frame, window : of the search.
+    extent : distance of the points from the scan's origin [cells].
+    max_move : maximum number of blocks that a point may move within a group of rotations.
+    min_sum : sum of cell values that a candidate must reach.
+    elsewhere : which candidates can be runner-up.
+    out_matches : int64, shape (2, 4): sum, column, row, rotation, of the best candidate and of the
+        runner-up; the sum is -1 where there is none.
+    """
+    state = begin_search(grids, points, frame, window, extent, max_move)
+    first = (state.heights.shape[0] - 1) * _CHILDREN + 1
+    order = order_by_key(state.nodes, first, cover_window(state, min_sum))
     best = np.full(4, -1, dtype=np.int64)
-    order = np.zeros(0, dtype=np.int64)
-    count = 0
-    for match in range(-1, 2):
-        count += explore(
-            cells, heights, boxes, points, frame, window, cols, rows, grids, is_placed, index, sums,
-            nodes, num_tiles if match < 0 else 0, order, min_sum, near, best,
-        )  # fmt: skip
-        if match < 0:
-            order = order_by_key(nodes, root + 1, count)
-            continue
+    squared_distance, num_rotations = -1, -1
+    for match in range(2):
+        excluded = Excluded(best[COL], best[ROW], best[ROTATION], squared_distance, num_rotations)
+        find_best(state, order, min_sum, excluded, best)
         out_matches[match, 0] = best[KEY] >> _NEAR
         for k in range(1, 4):
             out_matches[match, k] = best[k]
-        for k in range(4):
-            near[k] = best[k]
-        near[4], near[5] = away[0], away[1]
-        if best[KEY] < 0 or away[2] < 0:
+        if best[KEY] < 0 or elsewhere.max_gap < 0:
             out_matches[1, 0] = -1
             return
-        min_sum = max(min_sum, out_matches[0, 0] - away[2])
-        best[KEY] = -1
+        squared_distance, num_rotations = elsewhere.squared_distance, elsewhere.num_rotations
+        min_sum = max(min_sum, out_matches[0, 0] - elsewhere.max_gap)

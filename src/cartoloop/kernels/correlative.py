@@ -2,19 +2,26 @@
 """The pixel-accurate correlative matcher over a small window [Olson 2009], by branch and bound.
 
 At each rotation of the window a tree of boxes of translations is searched: the whole window, its
-quarters, theirs, and so on to single cells; they overlap where a width is odd. Few candidates are
-left whose score has to be computed; what is returned is what looking at each of them in turn would
-find, to the last bit.
+quarters, their quarters, and so on to single cells; boxes overlap where a width is odd. Few
+candidates remain whose score is computed. The result equals that of scoring each candidate in turn,
+to the last bit.
+
+Branch and bound for loop closure (:mod:`cartoloop.kernels.branch_and_bound`) is another program:
+its window is a hundred times larger and its submap no longer changes, so that grids of maxima that
+are precomputed for the whole submap, and groups of rotations, pay. Here the submap grows, grids are
+made for each match of the part that the window meets, and scores are means of probabilities.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.kernels.smooth_map import SmoothMap
 from cartoloop.kernels.window_bounds import (
     COL,
     LEVEL,
@@ -32,31 +39,92 @@ CellArray = NDArray[np.int32]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# The best candidate yet: score times its penalty, score, and place in the order of candidates.
+ROUNDING = 2.4e-7
+"""Relative rounding error of a float32 addition, and of the product of two: four units in the last
+place, 4 * 2^-24. A bound is enlarged by it for each point, and for _EXTRA_ROUNDINGS more."""
+
+_EXTRA_ROUNDINGS = 16
+"""Roundings of a score besides those of its sum, with a margin."""
+
 WEIGHTED, SCORE, ORDER = range(3)
+"""Entries of `best`, the best candidate so far: score times its penalty, score, and number in the
+order of candidates."""
+
+
+class CorrelativeWindow(NamedTuple):
+    """A small search window, and how candidates far from its centre are penalised.
+
+    Attributes
+    ----------
+    half_width : w_x = w_y of eq. (8) [cells].
+    half_num_rotations : w_theta of eq. (8) [rotation steps].
+    rotation_step : delta_theta of eq. (7) [rad].
+    translation_weight, rotation_weight : candidates are compared by their mean probability times
+        ``exp(-(translation_weight * distance + rotation_weight * |rotation|)^2)``; not negative;
+        [1/m], [1/rad].
+    """
+
+    half_width: int
+    half_num_rotations: int
+    rotation_step: float
+    translation_weight: float
+    rotation_weight: float
+
+
+class CorrelativeScratch(NamedTuple):
+    """Memory for a match, of any content.
+
+    Attributes
+    ----------
+    places : int32, three entries for each point and rotation.
+    cells : uint8, for each of :func:`window_bounds.box_sizes` an entry for each cell of the grid
+        and of a margin around it as wide as the window.
+    """
+
+    places: CellArray
+    cells: NDArray[np.uint8]
+
+
+class RotationBoxes(NamedTuple):
+    """What bounds the boxes of translations at every rotation.
+
+    Attributes
+    ----------
+    cells : uint8, grids of maxima over the boxes of each level, `area` bytes each.
+    indices : int32, shape (num_rotations * num_points,), where points look up the window's first
+        cell, in cells.
+    sizes : int64, shape (num_levels,), see :func:`window_bounds.box_sizes`.
+    area, row_length : of a grid [cells].
+    """
+
+    cells: NDArray[np.uint8]
+    indices: CellArray
+    sizes: IntArray
+    area: int
+    row_length: int
 
 
 @kernel
 def place_points(
+    smooth_map: SmoothMap,
     points: FloatArray,
-    origin_x: float,
-    origin_y: float,
-    resolution: float,
     x: float,
     y: float,
     theta: float,
     out_cols: CellArray,
     out_rows: CellArray,
 ) -> None:
-    """Write the cells of the points, the scan being at a pose, into `out_cols` and `out_rows`.
+    """Write the cells of the points, with the scan at a pose, into `out_cols` and `out_rows`.
 
     Parameters
     ----------
-    points : float64, shape (2, n), scan frame [m].
-    origin_x, origin_y, resolution : centre of cell (0, 0) and edge of a cell [m].
-    x, y, theta : pose of the scan in the grid's frame [m], [rad].
+    smooth_map : only its frame is used.
+    points : float64, shape (2, n), tracking frame [m].
+    x, y, theta : tf_submap_scan [m], [m], [rad].
     out_cols, out_rows : int32, shape (n,).
     """
+    origin_x, origin_y = smooth_map.origin_x, smooth_map.origin_y
+    resolution = smooth_map.resolution
     c = math.cos(theta)
     s = math.sin(theta)
     for k in range(points.shape[1]):
@@ -102,8 +170,9 @@ def keep_live(bounds: FloatArray, best: float, live: IntArray, num_live: int) ->
     Parameters
     ----------
     bounds : float64, shape (num_rotations,).
-    best : what was found yet; bounds below it are given up.
-    live : int64, shape (num_rotations,): the first `num_live` are the rotations yet to be searched.
+    best : the best score so far; rotations with a smaller bound are dropped.
+    live : int64, shape (num_rotations,): the first `num_live` are the rotations left to
+        search.
     """
     kept = 0
     largest = 0
@@ -120,111 +189,121 @@ def keep_live(bounds: FloatArray, best: float, live: IntArray, num_live: int) ->
 
 
 @kernel
-def match_correlative(
-    grid: NDArray[np.float32],
+def search_rotation(
+    grid: SmoothMap,
     unknown: float,
-    origin_x: float,
-    origin_y: float,
-    resolution: float,
+    boxes: RotationBoxes,
+    cols: CellArray,
+    rows: CellArray,
+    window: CorrelativeWindow,
+    number: int,
+    factor: float,
+    stack: IntArray,
+    best: FloatArray,
+    out_steps: IntArray,
+) -> None:
+    """Search the translations at one rotation for a candidate better than `best`.
+
+    Parameters
+    ----------
+    cols, rows : int32, shape (n,), cells of the points at the rotation, without translation.
+    number : of the rotation, from the window's first one on.
+    factor : a sum of bytes times this bounds the penalised score.
+    stack : int64, shape (m, 4), scratch.
+    best : float64, shape (3,), the best candidate so far.
+    out_steps : int64, shape (3,), its translation [cells] and rotation [steps] from the estimate.
+    """
+    num_points, half_width = cols.size, window.half_width
+    width = 2 * half_width + 1
+    turn = number - window.half_num_rotations
+    stack[0] = 0
+    stack[0, SUM] = np.int64(MAX_BYTE) * num_points
+    height = 1
+    while height > 0:
+        height -= 1
+        if stack[height, SUM] * factor < best[WEIGHTED]:
+            continue
+        if stack[height, LEVEL] < boxes.sizes.size - 1:
+            height = push_quarters(
+                boxes.cells, boxes.indices, number * num_points, num_points, boxes.area,
+                boxes.row_length, boxes.sizes, stack, height,
+            )  # fmt: skip
+            continue
+        dx = stack[height, COL] - half_width
+        dy = stack[height, ROW] - half_width
+        score = mean_probability(grid.cells, np.float32(unknown), cols, rows, dx, dy)
+        distance = grid.resolution * math.hypot(dx, dy)
+        rotation = turn * window.rotation_step
+        delta = window.translation_weight * distance + window.rotation_weight * abs(rotation)
+        weighted = score * math.exp(-delta * delta)
+        order = (number * width + stack[height, ROW]) * width + stack[height, COL]
+        if weighted > best[WEIGHTED] or (weighted == best[WEIGHTED] and order < best[ORDER]):
+            best[WEIGHTED], best[SCORE], best[ORDER] = weighted, score, order
+            out_steps[0], out_steps[1], out_steps[2] = dx, dy, turn
+
+
+@kernel
+def match_correlative(
+    grid: SmoothMap,
+    unknown: float,
     points: FloatArray,
     estimate: FloatArray,
-    half_width: int,
-    half_num_rotations: int,
-    rotation_step: float,
-    translation_weight: float,
-    rotation_weight: float,
-    places: CellArray,
-    cells: NDArray[np.uint8],
+    window: CorrelativeWindow,
+    scratch: CorrelativeScratch,
     out_pose: FloatArray,
 ) -> float:
     """Write the best pose of the window into `out_pose`; return its mean probability in [0, 1].
 
     Parameters
     ----------
-    grid, unknown, origin_x, origin_y, resolution : as in :func:`scan_residuals.accumulate_match`.
-    points : float64, shape (n, 2), scan frame [m]; n > 0.
-    estimate : float64, shape (3,), centre of the window.
-    half_width, half_num_rotations : w_x = w_y and w_theta of eq. (8).
-    rotation_step : delta_theta of eq. (7) [rad].
-    translation_weight, rotation_weight : candidates are compared by their mean probability times
-        ``exp(-(translation_weight * distance + rotation_weight * |rotation|)^2)``; not negative.
-    places : int32, scratch, three entries for each point and rotation.
-    cells : uint8, scratch, for each of :func:`window_bounds.box_sizes` an entry for each cell of
-        the grid and of a margin around it as wide as the window.
-    out_pose : float64, shape (3,).
+    grid : the occupancy grid; here without interpolation.
+    unknown : the value of cells never observed.
+    points : float64, shape (n, 2), tracking frame [m]; n > 0.
+    estimate : float64, shape (3,), tf_submap_scan, the centre of the window.
+    out_pose : float64, shape (3,), tf_submap_scan.
 
     Notes
     -----
     Of equally good candidates the first counts, by rotation, then row, then column.
     """
+    half_num_rotations, step = window.half_num_rotations, window.rotation_step
     num_points, num_rotations = points.shape[0], 2 * half_num_rotations + 1
-    width = 2 * half_width + 1
     count = num_rotations * num_points
-    cols = places[:count].reshape((num_rotations, num_points))
-    rows = places[count : 2 * count].reshape((num_rotations, num_points))
-    index = places[2 * count : 3 * count]
+    all_cols, all_rows = scratch.places[:count], scratch.places[count : 2 * count]
+    cols = all_cols.reshape((num_rotations, num_points))
+    rows = all_rows.reshape((num_rotations, num_points))
+    index = scratch.places[2 * count : 3 * count]
     by_axis = points.T.copy()
     for j in range(num_rotations):
-        theta = estimate[2] + (j - half_num_rotations) * rotation_step
-        place_points(
-            by_axis, origin_x, origin_y, resolution, estimate[0], estimate[1], theta,
-            cols[j], rows[j],
-        )  # fmt: skip
-    part = np.empty(4, dtype=np.int64)
-    index_points(
-        places[:count],
-        places[count : 2 * count],
-        half_width,
-        grid.shape[1],
-        grid.shape[0],
-        index,
-        part,
-    )
-    row_length, num_rows = part[2], part[3]
-    sizes = box_sizes(width)
-    cells = cells[: sizes.size * row_length * num_rows]
-    bounding_grids(grid, unknown, part[0], part[1], row_length, num_rows, sizes, cells)
+        theta = estimate[2] + (j - half_num_rotations) * step
+        place_points(grid, by_axis, estimate[0], estimate[1], theta, cols[j], rows[j])
+    num_rows, num_cols = grid.cells.shape
+    part = index_points(all_cols, all_rows, window.half_width, num_cols, num_rows, index)
+    area = part.row_length * part.num_rows
+    sizes = box_sizes(2 * window.half_width + 1)
+    cells = scratch.cells[: sizes.size * area]
+    bounding_grids(grid.cells, unknown, part, sizes, cells)
+    boxes = RotationBoxes(cells, index, sizes, area, part.row_length)
     # A sum of bytes times its rotation's factor is no less than the score of any candidate in the
     # box times its penalty, although that score is a rounded sum of float32.
-    rounding = 1.0 + 2.4e-7 * (num_points + 16)
-    factors = np.empty(num_rotations)
-    bounds = np.empty(num_rotations)
-    live = np.arange(num_rotations)
-    stack = np.empty((4 * sizes.size + 1, 4), dtype=np.int64)
+    rounding = 1.0 + ROUNDING * (num_points + _EXTRA_ROUNDINGS)
+    factors, bounds = np.empty(num_rotations), np.empty(num_rotations)
     for j in range(num_rotations):
-        delta = rotation_weight * abs((j - half_num_rotations) * rotation_step)
+        delta = window.rotation_weight * abs((j - half_num_rotations) * step)
         factors[j] = math.exp(-delta * delta) * rounding / (MAX_BYTE * num_points)
         bounds[j] = sum_one(cells, index, j * num_points, num_points, 0) * factors[j]
-    best = np.zeros(3)
+    live, num_live = np.arange(num_rotations), num_rotations
+    stack = np.empty((4 * sizes.size + 1, 4), dtype=np.int64)
+    best, steps = np.zeros(3), np.zeros(3, dtype=np.int64)
     best[WEIGHTED] = -1.0
-    num_live = keep_live(bounds, best[WEIGHTED], live, num_rotations)
+    num_live = keep_live(bounds, best[WEIGHTED], live, num_live)
     while num_live > 0:
         j = live[num_live - 1]
-        rotation = (j - half_num_rotations) * rotation_step
-        stack[0] = 0
-        stack[0, SUM] = np.int64(MAX_BYTE) * num_points
-        height = 1
-        while height > 0:
-            height -= 1
-            if stack[height, SUM] * factors[j] < best[WEIGHTED]:
-                continue
-            if stack[height, LEVEL] < sizes.size - 1:
-                height = push_quarters(
-                    cells, index, j * num_points, num_points, row_length * num_rows, row_length,
-                    sizes, stack, height,
-                )  # fmt: skip
-                continue
-            dx = stack[height, COL] - half_width
-            dy = stack[height, ROW] - half_width
-            score = mean_probability(grid, np.float32(unknown), cols[j], rows[j], dx, dy)
-            distance = resolution * math.hypot(dx, dy)
-            delta = translation_weight * distance + rotation_weight * abs(rotation)
-            weighted = score * math.exp(-delta * delta)
-            order = (j * width + stack[height, ROW]) * width + stack[height, COL]
-            if weighted > best[WEIGHTED] or (weighted == best[WEIGHTED] and order < best[ORDER]):
-                best[WEIGHTED], best[SCORE], best[ORDER] = weighted, score, order
-                out_pose[0] = estimate[0] + dx * resolution
-                out_pose[1] = estimate[1] + dy * resolution
-                out_pose[2] = estimate[2] + rotation
+        search_rotation(
+            grid, unknown, boxes, cols[j], rows[j], window, j, factors[j], stack, best, steps
+        )
         num_live = keep_live(bounds, best[WEIGHTED], live, num_live - 1)
+    out_pose[0] = estimate[0] + steps[0] * grid.resolution
+    out_pose[1] = estimate[1] + steps[1] * grid.resolution
+    out_pose[2] = estimate[2] + steps[2] * step
     return float(best[SCORE])

@@ -8,82 +8,130 @@ far points large ones, so the bounds stay nearly as tight as those of single rot
 fraction of their number.
 
 Sums of bytes are whole numbers, exact in any order. Points are taken in blocks: once the sum so
-far, plus all that the parent's bound leaves to the points to come, is below what is sought, the
+far, plus all that the parent's bound leaves to the remaining points, is below the threshold, the
 node is given up.
 
-Numba counts references to arrays around every call that it cannot inline; these functions are small
-and take no slices because in the innermost loops that would cost more than the sums.
+Numba counts references to arrays around every call that it cannot inline. These functions are small
+and take few arrays and no slices, because in the innermost loops that would cost more than the
+sums.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.kernels.search_window import SearchFrame, SearchWindow
 
 ByteArray = NDArray[np.uint8]
 CellArray = NDArray[np.int32]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Records = NDArray[np.void]
 
-# Columns of `heights`, see branch_and_bound.search().
-BLOCK, GROUP, SHIFT, MARGIN, LAST_COL, LAST_ROW, ROW_LENGTH, FIRST_GROUP = range(8)
-# Entries of `frame`, see there.
-X, Y, THETA, ORIGIN_X, ORIGIN_Y, RESOLUTION, STEP = range(7)
-# Columns of a node: key, column, row, group of rotations, and from REST on what the bound leaves to
-# the points of each block and of all later ones.
+_GRID_FIELDS = [
+    ("shift", np.int64),
+    ("margin", np.int64),
+    ("last_col", np.int64),
+    ("last_row", np.int64),
+    ("row_length", np.int64),
+]
+
+LEVEL = np.dtype(_GRID_FIELDS)
+"""The precomputed grids for blocks of 2^level translations: binary logarithm of their stride
+[cells]; zeros before the first column and row, last column, last row and length of a row
+[strides]."""
+
+HEIGHT = np.dtype(
+    [("block", np.int64), ("group", np.int64), *_GRID_FIELDS, ("first_group", np.int64)]
+)
+"""The nodes of one height of the tree: edge of the block of translations [cells]; rotations in a
+group; the grids that bound them, as in :data:`LEVEL`; number of groups at all lower heights."""
+
 KEY, COL, ROW, ROTATION, REST = range(5)
+"""Columns of `nodes`: key, column, row, group of rotations, and from REST on what the bound leaves
+to the points of each block of points and of all later ones."""
 
-_ROUNDING = 1e-6  # cells; far more than rotating a point can be off by rounding
+_ROUNDING = 1e-6
+"""More than rotating a point can be off by rounding [cells]."""
 
 
-@kernel
-def scan_range(points: FloatArray) -> tuple[float, float]:
-    """Return the mean and the maximum, eq. (6), of the points' distances from the scan's origin.
+class Places(NamedTuple):
+    """Where points look up their maxima, without the translation of a node.
 
-    Parameters
+    Attributes
     ----------
-    points : float64, shape (n, 2), n > 0.
+    cols, rows : int32, shape (n,): first column and row of the box of a point [cells].
+    boxes : int32, shape (n,): where in `cells` the first cell of the grid is whose boxes are large
+        enough for it.
     """
-    total, largest = 0.0, 0.0
-    for k in range(points.shape[0]):
-        distance = math.hypot(points[k, 0], points[k, 1])
-        total += distance
-        largest = max(largest, distance)
-    return total / points.shape[0], largest
+
+    cols: CellArray
+    rows: CellArray
+    boxes: CellArray
+
+
+class PlacedScan(NamedTuple):
+    """A scan, and where its points look up their maxima at each group of rotations.
+
+    Attributes
+    ----------
+    points : float64, shape (n, 2), tracking frame [m].
+    frame : of the search.
+    move_boxes : int32, shape (num_heights, num_moves): by the number of cells that a point moves,
+        where the grid of its box begins.
+    places : shape (num_groups * num_places,).
+    """
+
+    points: FloatArray
+    frame: SearchFrame
+    move_boxes: CellArray
+    places: Places
+
+
+class Children(NamedTuple):
+    """Up to four nodes that differ in their translations alone.
+
+    Attributes
+    ----------
+    parent : row of their parent in `nodes`.
+    height : of the nodes.
+    col, row : translation of the first [cells from the estimate].
+    step : to the next block of translations [cells]; 0: there is only one.
+    """
+
+    parent: int
+    height: int
+    col: int
+    row: int
+    step: int
 
 
 @kernel
 def place_candidate(
-    points: FloatArray,
-    frame: FloatArray,
-    theta: float,
-    box: int,
-    first: int,
-    out_cols: CellArray,
-    out_rows: CellArray,
-    out_boxes: CellArray,
+    points: FloatArray, frame: SearchFrame, theta: float, box: int, first: int, out_places: Places
 ) -> None:
-    """Write the cells of the points at one rotation into the `out_` arrays.
+    """Write the cells of the points at one rotation into `out_places`.
 
     The rounding of exactly these operations defines the candidates' cells; bounds allow for it.
 
     Parameters
     ----------
-    points : float64, shape (n, 2).
-    frame : see :func:`branch_and_bound.search`.
+    points : float64, shape (n, 2), tracking frame [m].
     theta : rotation [rad].
     box : where the grid of single cells begins.
-    first, out_cols, out_rows, out_boxes : int32; where to write columns, rows, and `box`.
+    first : index in `out_places` to write from.
     """
-    if first < 0:  # tells the compiler that no index counts from the end
+    if first < 0:  # the compiler then knows that no index counts from the end
         return
     cos, sin = math.cos(theta), math.sin(theta)
-    x0, y0, origin_x, origin_y = frame[X], frame[Y], frame[ORIGIN_X], frame[ORIGIN_Y]
-    resolution = frame[RESOLUTION]
+    x0, y0, origin_x, origin_y = frame.x, frame.y, frame.origin_x, frame.origin_y
+    resolution = frame.resolution
+    out_cols, out_rows, out_boxes = out_places.cols, out_places.rows, out_places.boxes
     for k in range(points.shape[0]):
         x = x0 + (cos * points[k, 0] - sin * points[k, 1]) - origin_x
         y = y0 + (sin * points[k, 0] + cos * points[k, 1]) - origin_y
@@ -95,35 +143,33 @@ def place_candidate(
 @kernel
 def place_group(
     points: FloatArray,
-    frame: FloatArray,
+    frame: SearchFrame,
     begin: float,
     end: float,
     boxes: CellArray,
     height: int,
     first: int,
-    out_cols: CellArray,
-    out_rows: CellArray,
-    out_boxes: CellArray,
+    out_places: Places,
 ) -> None:
-    """Write the boxes of cells that the points meet between two rotations into the `out_` arrays.
+    """Write the boxes of cells that the points meet between two rotations into `out_places`.
 
     Parameters
     ----------
-    points, frame : see :func:`place_candidate`.
+    points : float64, shape (n, 2), tracking frame [m].
     begin, end : first and last rotation of the group [rad], less than half a turn apart.
     boxes, height : int32, shape (num_heights, num_moves): by the number of cells that a point
         moves, where the grid of its box begins; and which row of that.
-    first, out_cols, out_rows, out_boxes : int32; where to write the boxes' first columns and rows,
-        and where their grids begin.
+    first : index in `out_places` to write from.
     """
-    if first < 0:  # tells the compiler that no index counts from the end
+    if first < 0:  # the compiler then knows that no index counts from the end
         return
+    out_cols, out_rows, out_boxes = out_places.cols, out_places.rows, out_places.boxes
     cos0, sin0, cos1, sin1 = math.cos(begin), math.sin(begin), math.cos(end), math.sin(end)
-    # Between its ends an arc goes beyond them by the sagitta at the most, and only where it turns.
+    # Between its ends an arc exceeds them by at most the sagitta, and only where it turns.
     sagitta = 1.0 - math.cos(0.5 * (end - begin))
-    scale = 1.0 / frame[RESOLUTION]
-    x0 = (frame[X] - frame[ORIGIN_X]) * scale + 0.5
-    y0 = (frame[Y] - frame[ORIGIN_Y]) * scale + 0.5
+    scale = 1.0 / frame.resolution
+    x0 = (frame.x - frame.origin_x) * scale + 0.5
+    y0 = (frame.y - frame.origin_y) * scale + 0.5
     for k in range(points.shape[0]):
         x, y = points[k, 0] * scale, points[k, 1] * scale
         begin_x, begin_y = cos0 * x - sin0 * y, sin0 * x + cos0 * y
@@ -144,41 +190,27 @@ def place_group(
 
 @kernel
 def place_points(
-    heights: IntArray,
-    boxes: CellArray,
-    points: FloatArray,
-    frame: FloatArray,
-    window: IntArray,
-    height: int,
-    group: int,
-    first: int,
-    out_cols: CellArray,
-    out_rows: CellArray,
-    out_boxes: CellArray,
+    heights: Records, scan: PlacedScan, window: SearchWindow, height: int, group: int, first: int
 ) -> None:
-    """Write where the points of a group of rotations look up their maxima into the `out_` arrays.
+    """Write where the points of a group of rotations look up their maxima into `scan.places`.
 
-    Parameters are those of :func:`branch_and_bound.search` and :func:`place_group`.
+    Parameters
+    ----------
+    heights : of :data:`HEIGHT`, shape (num_heights,).
+    height, group : which group of rotations.
+    first : index in `scan.places` to write from.
     """
-    theta, step, size = frame[THETA], frame[STEP], heights[height, GROUP]
+    points, frame, boxes, places = scan.points, scan.frame, scan.move_boxes, scan.places
+    theta, step, size = frame.theta, frame.step, heights[height]["group"]
+    half_rotations = window.half_rotations
     begin = group * size
-    end = min(begin + size, 2 * window[2] + 1) - 1
+    end = min(begin + size, 2 * half_rotations + 1) - 1
+    begin_theta = theta + (begin - half_rotations) * step
     if height == 0:
-        place_candidate(
-            points,
-            frame,
-            theta + (begin - window[2]) * step,
-            boxes[0, 0],
-            first,
-            out_cols,
-            out_rows,
-            out_boxes,
-        )
+        place_candidate(points, frame, begin_theta, boxes[0, 0], first, places)
     else:
-        place_group(
-            points, frame, theta + (begin - window[2]) * step, theta + (end - window[2]) * step,
-            boxes, height, first, out_cols, out_rows, out_boxes,
-        )  # fmt: skip
+        end_theta = theta + (end - half_rotations) * step
+        place_group(points, frame, begin_theta, end_theta, boxes, height, first, places)
 
 
 @kernel
@@ -200,7 +232,7 @@ def locate(
 
     Far outside the grid all is zero, so positions are clamped to where that begins.
     """
-    if first < 0:  # tells the compiler that no index counts from the end
+    if first < 0:  # the compiler then knows that no index counts from the end
         return
     low = np.int32(-margin)
     for k in range(out_index.size):
@@ -227,54 +259,50 @@ def sum_four(
 @kernel
 def score_children(
     cells: ByteArray,
-    heights: IntArray,
-    height: int,
+    heights: Records,
     cols: CellArray,
     rows: CellArray,
-    grids: CellArray,
+    boxes: CellArray,
     first: int,
     num_points: int,
-    col: int,
-    row: int,
-    step: int,
+    children: Children,
+    min_sum: int,
     nodes: IntArray,
-    parent: int,
-    least: int,
-    index: CellArray,
+    indices: CellArray,
     out_sums: IntArray,
 ) -> bool:
-    """Write the sums of four neighbouring nodes into `out_sums`; return whether to keep any.
+    """Write the sums of up to four neighbouring nodes to `out_sums`; return whether to keep any.
 
     Parameters
     ----------
-    cells, heights : see :func:`branch_and_bound.search`.
-    height : of the four nodes.
-    cols, rows, grids, first : int32: from `first` on what :func:`place_points` writes.
-    col, row : of the first of the nodes [cells from the estimate].
-    step : to the next [cells]; 0 where there is but one.
-    nodes, parent : int64, nodes, and which of them is the parent.
-    least : sums below it are not sought.
-    index : int32, scratch, an entry for each point of a block.
+    cells : uint8, shape (n,), the precomputed grids.
+    heights : of :data:`HEIGHT`, shape (num_heights,).
+    cols, rows, boxes, first : of :class:`Places`; from `first` on what :func:`place_points` writes.
+    children : the nodes.
+    min_sum : nodes with a smaller sum are given up.
+    nodes : int64, shape (m, REST + num_blocks + 1), with their parent.
+    indices : int32, scratch, an entry for each point of a block.
     out_sums : int64, shape (num_blocks, 4): sums after each block of points.
     """
-    shift, row_length = heights[height, SHIFT], heights[height, ROW_LENGTH]
-    margin, last_col, last_row = (
-        heights[height, MARGIN],
-        heights[height, LAST_COL],
-        heights[height, LAST_ROW],
-    )
-    right = step >> shift
+    height, parent = children.height, children.parent
+    shift, row_length = heights[height]["shift"], heights[height]["row_length"]
+    margin = heights[height]["margin"]
+    last_col, last_row = heights[height]["last_col"], heights[height]["last_row"]
+    right = children.step >> shift
     above = right * row_length
     a, b, c, d = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     for block in range(out_sums.shape[0]):
-        begin = block * index.size
+        begin = block * indices.size
         locate(
-            cols, rows, grids, first + begin, np.int32(col), np.int32(row), np.int32(shift),
-            np.int32(margin), np.int32(last_col), np.int32(last_row), np.int32(row_length), index,
+            cols, rows, boxes, first + begin, np.int32(children.col), np.int32(children.row),
+            np.int32(shift), np.int32(margin), np.int32(last_col), np.int32(last_row),
+            np.int32(row_length), indices,
         )  # fmt: skip
-        da, db, dc, dd = sum_four(cells, index, min(index.size, num_points - begin), right, above)
+        da, db, dc, dd = sum_four(
+            cells, indices, min(indices.size, num_points - begin), right, above
+        )
         a, b, c, d = a + da, b + db, c + dc, d + dd
         out_sums[block, 0], out_sums[block, 1], out_sums[block, 2], out_sums[block, 3] = a, b, c, d
-        if max(a, b, c, d) + nodes[parent, REST + block + 1] < least:
+        if max(a, b, c, d) + nodes[parent, REST + block + 1] < min_sum:
             return False
     return True

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,53 +15,88 @@ from cartoloop.kernels.smooth_map import (
     ARM_Y,
     D_COL,
     D_ROW,
-    NUM_ROWS,
-    PATCH_CELLS,
     VALUE,
+    PointScratch,
+    SmoothMap,
+    point_scratch,
     sample_smooth_map,
 )
 
 FloatArray = NDArray[np.float64]
 
 MIN_DAMPING = 0.7
-"""On the ridge of a wall the cost curves up to twice as much as J^T J tells: steps overshoot."""
+"""Smallest and first damping, as a share of the diagonal of J^T J. On the ridge of a wall the cost
+curves up to twice as much as J^T J indicates, and undamped steps overshoot."""
 
-SMALL_DECREASE = 1e-5
-"""The search ends when a step promises to lower the cost by no more than this share of it."""
+DAMPING_DECREASE = 0.3
+"""Factor of the damping after a step that lowered the cost."""
+
+DAMPING_INCREASE = 4.0
+"""Factor of the damping after a step that did not lower the cost."""
+
+MIN_PIVOT = 1e-12
+"""Pivots of the normal equations below this share of their diagonal entry are rounding errors."""
+
+SQUARES, COST = 9, 10
+"""Entries of `out_match` after pose and curvature: sum of squares of the points, total cost."""
+
+
+class MotionPrior(NamedTuple):
+    """The predicted pose of a scan and how much it is trusted.
+
+    Attributes
+    ----------
+    pose : float64, shape (3,), tf_submap_scan as predicted [m], [m], [rad].
+    information : float64, shape (6,), upper triangle of its information matrix in the submap's
+        axes: xx, xy, xt, yy, yt, tt.
+    scale : scale of Cauchy's loss on it [standard deviations]: predictions fail occasionally.
+    """
+
+    pose: FloatArray
+    information: FloatArray
+    scale: float
+
+
+class MatchOptions(NamedTuple):
+    """How (CS) is minimised.
+
+    Attributes
+    ----------
+    point_weight : factor of the sum of squares of the points.
+    max_num_iterations : maximum number of evaluations of the residuals.
+    tolerance : relative decrease of the cost, as predicted for a step, that ends the iteration.
+    """
+
+    point_weight: float
+    max_num_iterations: int
+    tolerance: float
 
 
 @kernel
 def accumulate_match(
-    grid: NDArray[np.float32],
+    smooth_map: SmoothMap,
     unknown: float,
-    origin_x: float,
-    origin_y: float,
-    resolution: float,
     points: FloatArray,
     x: float,
     y: float,
     theta: float,
-    cells: NDArray[np.int64],
-    patches: NDArray[np.float32],
-    samples: FloatArray,
+    scratch: PointScratch,
     out_system: FloatArray,
 ) -> float:
     """Write the normal equations of (CS) at a pose into `out_system`; return the sum of squares.
 
     Parameters
     ----------
-    grid : shape (num_rows, num_cols), probabilities; 0 where never observed.
+    smooth_map : the occupancy grid.
     unknown : the value of cells never observed.
-    origin_x, origin_y, resolution : centre of cell (0, 0) and pixel edge [m].
-    points : float64, shape (n, 2), scan frame [m].
-    x, y, theta : pose of the scan in the grid's frame.
-    cells, patches, samples : scratch, see :func:`smooth_map.sample_smooth_map`.
+    points : float64, shape (n, 2), tracking frame [m].
+    x, y, theta : tf_submap_scan.
+    scratch : for n points.
     out_system : float64, shape (9,): upper triangle of J^T J (xx, xy, xt, yy, yt, tt), then J^T e.
     """
-    sample_smooth_map(
-        grid, unknown, origin_x, origin_y, resolution, points, x, y, theta, cells, patches, samples
-    )
-    scale = 1.0 / resolution
+    sample_smooth_map(smooth_map, unknown, points, x, y, theta, scratch)
+    samples = scratch.samples
+    scale = 1.0 / smooth_map.resolution
     xx = xy = xt = yy = yt = tt = bx = by = bt = total = 0.0
     for k in range(points.shape[0]):
         error = 1.0 - samples[VALUE, k]
@@ -91,7 +127,7 @@ def accumulate_match(
 
 @kernel
 def solve_3x3(system: FloatArray, damping: float, out_step: FloatArray) -> bool:
-    """Write the solution of the damped normal equations into `out_step`; return if there is one.
+    """Write the solution of the damped normal equations into `out_step`; return if it exists.
 
     `system` as :func:`accumulate_match` leaves it; the diagonal is scaled by 1 + `damping`.
     """
@@ -103,11 +139,11 @@ def solve_3x3(system: FloatArray, damping: float, out_step: FloatArray) -> bool:
     l10 = system[1] / a00
     l20 = system[2] / a00
     d1 = a11 - l10 * system[1]
-    if not d1 > 1e-12 * a11:
+    if not d1 > MIN_PIVOT * a11:
         return False
     l21 = (system[4] - l20 * system[1]) / d1
     d2 = a22 - l20 * system[2] - l21 * (system[4] - l20 * system[1])
-    if not d2 > 1e-12 * a22:
+    if not d2 > MIN_PIVOT * a22:
         return False
     y0 = -system[6]
     y1 = -system[7] - l10 * y0
@@ -119,34 +155,58 @@ def solve_3x3(system: FloatArray, damping: float, out_step: FloatArray) -> bool:
 
 
 @kernel
+def prior_terms(
+    prior: MotionPrior, x: float, y: float, theta: float
+) -> tuple[float, float, float, float]:
+    """Return the squared error of a pose against the motion prior, and half its gradient.
+
+    Returns
+    -------
+    The squared Mahalanobis distance over the squared scale, and information * (pose - prior).
+    """
+    information = prior.information
+    dx = x - prior.pose[0]
+    dy = y - prior.pose[1]
+    dt = theta - prior.pose[2]
+    gradient_x = information[0] * dx + information[1] * dy + information[2] * dt
+    gradient_y = information[1] * dx + information[3] * dy + information[4] * dt
+    gradient_t = information[2] * dx + information[4] * dy + information[5] * dt
+    distance = (dx * gradient_x + dy * gradient_y + dt * gradient_t) / prior.scale**2
+    return distance, gradient_x, gradient_y, gradient_t
+
+
+@kernel
+def predicted_decrease(system: FloatArray, damping: float, step: FloatArray) -> float:
+    """Return the decrease of the cost that the damped model predicts for a step."""
+    # Half the gradient is system[6:9].
+    decrease = -(step[0] * system[6] + step[1] * system[7] + step[2] * system[8])
+    decrease += damping * (
+        system[0] * step[0] ** 2 + system[3] * step[1] ** 2 + system[5] * step[2] ** 2
+    )
+    return float(decrease)
+
+
+@kernel
 def match_least_squares(
-    grid: NDArray[np.float32],
+    smooth_map: SmoothMap,
     unknown: float,
-    origin_x: float,
-    origin_y: float,
-    resolution: float,
     points: FloatArray,
     start: FloatArray,
-    prior: FloatArray,
-    prior_information: FloatArray,
-    prior_scale: float,
-    point_weight: float,
-    max_num_iterations: int,
+    prior: MotionPrior,
+    options: MatchOptions,
     max_start_squares: float,
     out_match: FloatArray,
 ) -> int:
-    """Write the minimum of (CS) plus the pull towards `prior` into `out_match`; return iterations.
+    """Write the minimum of (CS) with a motion prior into `out_match`; return iterations.
 
     Parameters
     ----------
-    grid, unknown, origin_x, origin_y, resolution, points : as :func:`accumulate_match`.
-    start : float64, shape (3,), pose to start from; angle within pi of the prior's, not wrapped.
-    prior : float64, shape (3,), the predicted pose.
-    prior_information : float64, shape (6,), upper triangle of its information matrix.
-    prior_scale : from so many standard deviations on the pull wanes: predictions fail now and then.
-    point_weight : factor of the sum of squares of the points.
-    max_num_iterations : evaluations at the most.
-    max_start_squares : where the points' sum of squares is larger at the start, the scan is left
+    smooth_map, unknown, points : as in :func:`accumulate_match`.
+    start : float64, shape (3,), tf_submap_scan to start from; angle within pi of the prior's, not
+        wrapped.
+    prior : the predicted pose.
+    options : weights and limits.
+    max_start_squares : if the points' sum of squares is larger at the start, the scan is left
         there, its curvature 0, sum of squares and cost infinite.
     out_match : float64, shape (11,): pose, upper triangle of J^T J of the points alone at it
         (unweighted), sum of squares of the points, total cost.
@@ -157,83 +217,46 @@ def match_least_squares(
     pose - prior and s the scale (Cauchy's loss); damped Gauss-Newton (Levenberg and Marquardt),
     analytic derivatives.
     """
-    pose_x = start[0]
-    pose_y = start[1]
-    pose_t = start[2]
-    cells = np.empty((2, points.shape[0]), dtype=np.int64)
-    patches = np.empty((PATCH_CELLS, points.shape[0]), dtype=np.float32)
-    samples = np.empty((NUM_ROWS, points.shape[0]))
-    points_system = np.empty(9)
-    system = np.empty(9)
-    step = np.zeros(3)
-    damping = MIN_DAMPING
-    predicted = 0.0
-    best_cost = np.inf
-    iterations = 0
-    try_x = pose_x
-    try_y = pose_y
-    try_t = pose_t
-    while iterations < max_num_iterations:
+    point_weight = options.point_weight
+    scratch = point_scratch(points.shape[0])
+    points_system, system, step = np.empty(9), np.empty(9), np.zeros(3)
+    damping, best_cost, iterations = MIN_DAMPING, np.inf, 0
+    pose_x, pose_y, pose_t = start[0], start[1], start[2]
+    try_x, try_y, try_t = pose_x, pose_y, pose_t
+    while iterations < options.max_num_iterations:
         iterations += 1
         squares = accumulate_match(
-            grid,
-            unknown,
-            origin_x,
-            origin_y,
-            resolution,
-            points,
-            try_x,
-            try_y,
-            try_t,
-            cells,
-            patches,
-            samples,
-            points_system,
+            smooth_map, unknown, points, try_x, try_y, try_t, scratch, points_system
         )
         if iterations == 1 and squares > max_start_squares:
             for k in range(3):
                 out_match[k] = start[k]
-            out_match[3:9] = 0.0
-            out_match[9:] = np.inf
+            out_match[3:SQUARES] = 0.0
+            out_match[SQUARES:] = np.inf
             return iterations
-        dx = try_x - prior[0]
-        dy = try_y - prior[1]
-        dt = try_t - prior[2]
-        pull_x = prior_information[0] * dx + prior_information[1] * dy + prior_information[2] * dt
-        pull_y = prior_information[1] * dx + prior_information[3] * dy + prior_information[4] * dt
-        pull_t = prior_information[2] * dx + prior_information[4] * dy + prior_information[5] * dt
-        distance = (dx * pull_x + dy * pull_y + dt * pull_t) / prior_scale**2
-        trust = 1.0 / (1.0 + distance)
-        cost = point_weight * squares + prior_scale**2 * math.log1p(distance)
+        distance, gradient_x, gradient_y, gradient_t = prior_terms(prior, try_x, try_y, try_t)
+        trust = 1.0 / (1.0 + distance)  # derivative of the loss
+        cost = point_weight * squares + prior.scale**2 * math.log1p(distance)
         if cost < best_cost:
-            damping = max(0.3 * damping, MIN_DAMPING)
-            pose_x = try_x
-            pose_y = try_y
-            pose_t = try_t
+            damping = max(DAMPING_DECREASE * damping, MIN_DAMPING)
+            pose_x, pose_y, pose_t = try_x, try_y, try_t
             best_cost = cost
-            out_match[9] = squares
+            out_match[SQUARES] = squares
             for k in range(6):
                 out_match[3 + k] = points_system[k]
-                system[k] = point_weight * points_system[k] + trust * prior_information[k]
-            system[6] = point_weight * points_system[6] + trust * pull_x
-            system[7] = point_weight * points_system[7] + trust * pull_y
-            system[8] = point_weight * points_system[8] + trust * pull_t
+                system[k] = point_weight * points_system[k] + trust * prior.information[k]
+            system[6] = point_weight * points_system[6] + trust * gradient_x
+            system[7] = point_weight * points_system[7] + trust * gradient_y
+            system[8] = point_weight * points_system[8] + trust * gradient_t
         else:
-            damping *= 4.0
+            damping *= DAMPING_INCREASE
         if not solve_3x3(system, damping, step):
             break
-        # The decrease of the cost that the damped model promises; half the gradient: `system[6:9]`.
-        predicted = -(step[0] * system[6] + step[1] * system[7] + step[2] * system[8])
-        predicted += damping * (
-            system[0] * step[0] ** 2 + system[3] * step[1] ** 2 + system[5] * step[2] ** 2
-        )
-        if predicted < SMALL_DECREASE * best_cost:
+        if predicted_decrease(system, damping, step) < options.tolerance * best_cost:
             break
         try_x = pose_x + step[0]
         try_y = pose_y + step[1]
         try_t = pose_t + step[2]
-    out_match[0] = pose_x
-    out_match[1] = pose_y
-    out_match[2] = pose_t
-    out_match[10] = best_cost
+    out_match[0], out_match[1], out_match[2] = pose_x, pose_y, pose_t
+    out_match[COST] = best_cost
     return iterations

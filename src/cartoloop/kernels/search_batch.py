@@ -1,108 +1,140 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Branch and bound for many scans in one submap: in one go, without Python between the searches."""
+"""Branch and bound for many scans in one submap, without Python between the searches."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-from cartoloop.kernels.branch_and_bound import search
-from cartoloop.kernels.node_bounds import scan_range
+from cartoloop.kernels.branch_and_bound import Elsewhere, GridArrays, search
+from cartoloop.kernels.scan_batch import ScanBatch
+from cartoloop.kernels.search_window import (
+    ROUNDING,
+    ScanExtent,
+    SearchFrame,
+    SearchWindow,
+    rotation_step,
+    scan_extent,
+)
 
-ByteArray = NDArray[np.uint8]
-CellArray = NDArray[np.int32]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-ROUNDING = 1e-9
-"""So much more than a whole number of steps is taken for rounding."""
+_SUM_ROUNDING = 1e-6
+"""A threshold that exceeds a whole number by no more than this is that number [cell values]."""
 
 
-@kernel
-def rotation_step(max_range: float, resolution: float) -> float:
-    """Return delta_theta of eq. (7) [rad]: points up to a range [m] move by at most a pixel.
+class WindowBatch(NamedTuple):
+    """The windows of k scans.
 
-    Points within half a pixel of the scan's origin never move by more, so they count as that far.
+    Attributes
+    ----------
+    origin_x, origin_y, resolution : of the submap's grid [m, submap frame].
+    estimates : float64, shape (k, 3), tf_submap_scan, the windows' centres.
+    half_sizes : int64, shape (k, 2), cells to each side of them, in x and y.
+    angular_windows : float64, shape (k,), W_theta of eq. (8) [rad].
     """
-    return math.acos(1.0 - 0.5 * (resolution / max(max_range, 0.5 * resolution)) ** 2)
+
+    origin_x: float
+    origin_y: float
+    resolution: float
+    estimates: FloatArray
+    half_sizes: IntArray
+    angular_windows: FloatArray
+
+
+class SearchLimits(NamedTuple):
+    """What counts as a match.
+
+    Attributes
+    ----------
+    min_score : score that a match must reach, as a mean cell value.
+    max_range : d_max of eq. (6) counts as no more than this [m].
+    max_move : maximum number of blocks that a point may move within a group of rotations.
+    runner_up_distance, runner_up_angle : a runner-up is farther from the best match than this [m],
+        or turned by more [rad].
+    runner_up_margin : how far its score may be below that of the best match, as a mean cell value;
+        negative: no runner-up is searched for.
+    """
+
+    min_score: float
+    max_range: float
+    max_move: int
+    runner_up_distance: float
+    runner_up_angle: float
+    runner_up_margin: float
+
+
+class SearchResults(NamedTuple):
+    """The results of k searches, to be written.
+
+    Attributes
+    ----------
+    matches : int64, shape (k, 2, 4), each as :func:`branch_and_bound.search` writes it; sums are -1
+        where no search was made.
+    rotations : int64, shape (k,), w_theta of eq. (8).
+    steps : float64, shape (k,), delta_theta of eq. (7) [rad].
+    was_searched : bool, shape (k,).
+    """
+
+    matches: IntArray
+    rotations: IntArray
+    steps: FloatArray
+    was_searched: NDArray[np.bool_]
 
 
 @kernel
 def search_scans(
-    cells: ByteArray,
-    levels: IntArray,
-    level_boxes: CellArray,
-    grid_frame: FloatArray,
-    points: FloatArray,
-    firsts: IntArray,
-    ends: IntArray,
-    estimates: FloatArray,
-    half_sizes: IntArray,
-    angular_windows: FloatArray,
-    limits: FloatArray,
-    away: FloatArray,
+    grids: GridArrays,
+    scans: ScanBatch,
+    windows: WindowBatch,
+    limits: SearchLimits,
     groups: IntArray,
     max_of_group: int,
-    out_matches: IntArray,
-    out_rotations: IntArray,
-    out_steps: FloatArray,
-    out_was_sought: NDArray[np.bool_],
+    out: SearchResults,
 ) -> None:
-    """Write the matches of many scans in one submap into the `out_` arrays.
+    """Write the matches of k scans in one submap into `out`.
 
     Parameters
     ----------
-    cells, levels, level_boxes : the submap's precomputed grids, see
-        :func:`cartoloop.kernels.branch_and_bound.search`.
-    grid_frame : float64, (origin_x, origin_y, resolution) [m].
-    points : float64, shape (n, 2), the points of all scans [m].
-    firsts, ends : int64, shape (k,): scan i has ``points[firsts[i] : ends[i]]``.
-    estimates : float64, shape (k, 3), the windows' centres.
-    half_sizes : int64, shape (k, 2), pixels to each side of them, in x and y.
-    angular_windows : float64, shape (k,), W_theta of eq. (8) [rad].
-    limits : float64, (mean cell value that a match must reach; range that d_max of eq. (6) counts
-        as no more than [m]; by how many blocks a point may move within a group of rotations).
-    away : float64, (distance [m], angle [rad], cell values a point): what counts as away from the
-        best match, and how far it may be below it; negative: none is sought.
+    grids : of the submap.
     groups : int64, shape (k,), from 0 on.
-    max_of_group : once so many scans of a group are found, no more of it are sought.
-    out_matches : int64, shape (k, 2, 4), each as :func:`branch_and_bound.search` leaves it; sums
-        are -1 where no search was made.
-    out_rotations, out_steps : shape (k,), w_theta, and delta_theta [rad].
-    out_was_sought : shape (k,).
+    max_of_group : once this number of scans of a group are found, the rest of it is skipped.
     """
-    resolution = grid_frame[2]
+    resolution = windows.resolution
     num_found = np.zeros(groups.size + 1, dtype=np.int64)
-    extent, frame = np.empty(3), np.empty(7)
-    window, apart = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
     for i in range(groups.size):
-        scan = points[firsts[i] : ends[i]]
-        out_matches[i, 0, 0] = out_matches[i, 1, 0] = -1
-        out_rotations[i], out_steps[i] = 0, 0.0
-        out_was_sought[i] = num_found[groups[i]] < max_of_group
-        if not out_was_sought[i] or scan.shape[0] == 0:
+        points = scans.points[scans.firsts[i] : scans.ends[i]]
+        num_points = points.shape[0]
+        out.matches[i, 0, 0] = out.matches[i, 1, 0] = -1
+        out.rotations[i], out.steps[i] = 0, 0.0
+        out.was_searched[i] = num_found[groups[i]] < max_of_group
+        if not out.was_searched[i] or num_points == 0:
             continue
-        mean_distance, farthest = scan_range(scan)
-        step = rotation_step(min(farthest, limits[1]), resolution)
-        extent[0], extent[1], extent[2] = (
-            mean_distance / resolution,
-            farthest / resolution,
-            limits[2],
+        extent = scan_extent(points)
+        step = rotation_step(min(extent.farthest, limits.max_range), resolution, 0.5 * resolution)
+        estimate = windows.estimates[i]
+        frame = SearchFrame(
+            estimate[0], estimate[1], estimate[2],
+            windows.origin_x, windows.origin_y, resolution, step,
+        )  # fmt: skip
+        half_rotations = math.ceil(windows.angular_windows[i] / step - ROUNDING)
+        window = SearchWindow(windows.half_sizes[i, 0], windows.half_sizes[i, 1], half_rotations)
+        elsewhere = Elsewhere(
+            math.floor((limits.runner_up_distance / resolution) ** 2 + ROUNDING),
+            math.floor(limits.runner_up_angle / step + ROUNDING),
+            math.ceil(limits.runner_up_margin * num_points),
         )
-        frame[0], frame[1], frame[2] = estimates[i, 0], estimates[i, 1], estimates[i, 2]
-        frame[3], frame[4], frame[5], frame[6] = grid_frame[0], grid_frame[1], resolution, step
-        window[0], window[1] = half_sizes[i, 0], half_sizes[i, 1]
-        window[2] = np.int64(math.ceil(angular_windows[i] / step - ROUNDING))
-        apart[0] = np.int64(np.floor((away[0] / resolution) ** 2 + ROUNDING))
-        apart[1] = np.int64(np.floor(away[1] / step + ROUNDING))
-        apart[2] = np.int64(math.ceil(away[2] * scan.shape[0]))
-        min_sum = max(math.ceil(limits[0] * scan.shape[0] - 1e-6), 0)
+        min_sum = max(math.ceil(limits.min_score * num_points - _SUM_ROUNDING), 0)
+        extent_cells = ScanExtent(extent.mean / resolution, extent.farthest / resolution)
         search(
-            cells, levels, level_boxes, scan, frame, window, extent, min_sum, apart, out_matches[i]
-        )
-        out_rotations[i], out_steps[i] = window[2], step
-        if out_matches[i, 0, 0] >= 0:
+            grids, points, frame, window, extent_cells, limits.max_move, min_sum, elsewhere,
+            out.matches[i],
+        )  # fmt: skip
+        out.rotations[i], out.steps[i] = half_rotations, step
+        if out.matches[i, 0, 0] >= 0:
             num_found[groups[i]] += 1

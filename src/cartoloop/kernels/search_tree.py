@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes of the branch-and-bound tree stand for at each height, eq. (11) and (13)."""
+"""The heights of the branch-and-bound tree, eq. (11) and (13): blocks, groups, bounding grids."""
 
 from __future__ import annotations
 
@@ -9,63 +9,71 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-from cartoloop.kernels.node_bounds import BLOCK, GROUP, SHIFT
+from cartoloop.kernels.node_bounds import Records
+from cartoloop.kernels.search_window import ScanExtent, SearchWindow
 
 CellArray = NDArray[np.int32]
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MEAN_MOVE = 1.0
-"""By so many blocks the points move on average within a group of rotations.
+"""Mean distance that points move within a group of rotations [blocks].
 
-Larger groups are fewer, but bounded less tightly; this is near the flat optimum.
+Larger groups are fewer, but bounded less tightly; this is near the flat optimum of the search time.
+The result does not depend on it.
 """
 
 MAX_TURN = 1.0
-"""A group turns by no more than this [rad]: the boxes around long arcs would be loose."""
+"""A group turns by no more than this [rad]: the boxes around long arcs would be loose. The result
+does not depend on it."""
 
 MAX_TOP_BLOCKS = 5
-"""The tree's first nodes, eq. (13), are at most so many a side, if the largest blocks allow it."""
+"""Maximum number of the tree's first nodes, eq. (13), along a side of the window, if the largest
+blocks allow it. More of them are scored in vain, fewer are bounded loosely; the result does not
+depend on it."""
 
 _ROUNDING = 1e-9
+"""Excess over a whole number that is a rounding error; and the smallest divisor."""
 
 
 @kernel
 def grow_tree(
-    levels: IntArray,
+    levels: Records,
     boxes: CellArray,
-    window: IntArray,
+    window: SearchWindow,
     step: float,
-    extent: FloatArray,
-    out_heights: IntArray,
+    extent: ScanExtent,
+    max_move: int,
+    out_heights: Records,
     out_boxes: CellArray,
 ) -> int:
-    """Write what the nodes of each height stand for into `out_heights`; return how many there are.
+    """Write the properties of the nodes of each height into `out_heights`; return their number.
 
     Parameters
     ----------
-    levels : int64, shape (num_levels, 5), for blocks of 1, 2, 4, ... translations, the grids that
-        bound them: binary logarithm of the stride, margin, last column and row, length of a row.
+    levels : of :data:`node_bounds.LEVEL`, shape (num_levels,), for blocks of 1, 2, 4, ...
+        translations.
     boxes : int32, shape (num_levels, num_moves): where the first cell of the grid is whose boxes
-        are large enough for the block if a point moves by so many cells.
-    window : int64, (w_x, w_y, w_theta) of eq. (8).
+        are large enough for the block if a point moves by this number of cells.
+    window : of the search.
     step : delta_theta of eq. (7) [rad].
-    extent : float64, mean and largest distance of the points from the scan's origin [cells]; by how
-        many blocks a point may move within a group.
-    out_heights : int64, shape (num_levels + 1, 8), see :func:`branch_and_bound.explore`; the last
-        column is left alone.
+    extent : distance of the points from the scan's origin [cells].
+    max_move : maximum number of blocks that a point may move within a group.
+    out_heights : of :data:`node_bounds.HEIGHT`, shape (num_levels + 1,); `first_group` is not
+        written.
     out_boxes : int32, shape (num_levels + 1, num_moves): the rows of `boxes` by height.
     """
     move = 2.0 * math.sin(0.5 * step)  # in a step, of a point at a distance of one
-    most = extent[2] / max(extent[1] * move, _ROUNDING) + _ROUNDING
-    per_cell = min(MEAN_MOVE / max(extent[0] * move, _ROUNDING), most)
+    most = max_move / max(extent.farthest * move, _ROUNDING) + _ROUNDING
+    per_cell = min(MEAN_MOVE / max(extent.mean * move, _ROUNDING), most)
     turn = 1.0 + MAX_TURN / step
-    widest = 2 * max(window[0], window[1]) + 1
+    widest = 2 * max(window.half_cols, window.half_rows) + 1
     level, block, group, height = 0, 1, 1, 0
     while True:
-        out_heights[height, BLOCK], out_heights[height, GROUP] = block, group
-        for k in range(levels.shape[1]):
-            out_heights[height, SHIFT + k] = levels[level, k]
+        out_heights[height]["block"], out_heights[height]["group"] = block, group
+        out_heights[height]["shift"] = levels[level]["shift"]
+        out_heights[height]["margin"] = levels[level]["margin"]
+        out_heights[height]["last_col"] = levels[level]["last_col"]
+        out_heights[height]["last_row"] = levels[level]["last_row"]
+        out_heights[height]["row_length"] = levels[level]["row_length"]
         for k in range(boxes.shape[1]):
             out_boxes[height, k] = boxes[level, k]
         height += 1

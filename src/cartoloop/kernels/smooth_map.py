@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """M_smooth of (CS) and its gradient at all points of a scan: bicubic (Catmull-Rom) interpolation.
 
-Each step goes over all points before the next begins. Those that do arithmetic have no branches,
-and find what they need of neighbouring points side by side in memory, so that the compiler handles
-several points at once.
+Each step processes all points before the next begins. The arithmetic steps have no branches and
+read neighbouring points from neighbouring memory, so that the compiler vectorises them.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,21 +19,62 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 PatchArray = NDArray[np.float32]
 
-# Rows of `samples`: arm from the scan's origin to the point, in the grid's axes [m]; how far the
-# point is beyond the cell below it, along columns and rows [cells]; M_smooth, and its derivatives
-# along columns and rows.
 ARM_X, ARM_Y, BEYOND_COL, BEYOND_ROW, VALUE, D_COL, D_ROW = range(7)
+"""Rows of `samples`: arm from the scan's origin to the point, in the submap's axes [m]; offset of
+the point from the centre of the cell below it, along columns and rows [cells]; M_smooth, and its
+derivatives along columns and rows [1/cell]."""
+
 NUM_ROWS = 7
+"""Number of rows of `samples`."""
 
 PATCH_CELLS = 16
-"""Rows of `patches`: the 4 x 4 cells around a point, row after row."""
+"""Number of rows of `patches`: the 4 x 4 cells around a point, row after row."""
+
+
+class SmoothMap(NamedTuple):
+    """The occupancy grid that M_smooth interpolates.
+
+    Attributes
+    ----------
+    cells : float32, shape (num_rows, num_cols), probabilities; 0 where never observed.
+    origin_x, origin_y : centre of cell (0, 0) [m, submap frame].
+    resolution : edge of a cell [m].
+    """
+
+    cells: PatchArray
+    origin_x: float
+    origin_y: float
+    resolution: float
+
+
+class PointScratch(NamedTuple):
+    """Memory to evaluate n points in.
+
+    Attributes
+    ----------
+    cells : int64, shape (2, n), column and row of the cell below each point.
+    patches : float32, shape (16, n), the 4 x 4 cells around each point; 0 outside of the grid.
+    samples : float64, shape (7, n), see :data:`NUM_ROWS`.
+    """
+
+    cells: IntArray
+    patches: PatchArray
+    samples: FloatArray
+
+
+@kernel
+def point_scratch(num_points: int) -> PointScratch:
+    """Return memory to evaluate points in, of any content."""
+    return PointScratch(
+        np.empty((2, num_points), dtype=np.int64),
+        np.empty((PATCH_CELLS, num_points), dtype=np.float32),
+        np.empty((NUM_ROWS, num_points), dtype=np.float64),
+    )
 
 
 @kernel
 def place_points(
-    origin_x: float,
-    origin_y: float,
-    resolution: float,
+    smooth_map: SmoothMap,
     points: FloatArray,
     x: float,
     y: float,
@@ -41,19 +82,20 @@ def place_points(
     out_samples: FloatArray,
     out_cells: IntArray,
 ) -> None:
-    """Write where the points are, the scan being at a pose, into the `out_` arrays.
+    """Write the positions of the points, with the scan at a pose, into the `out_` arrays.
 
     Parameters
     ----------
-    origin_x, origin_y, resolution : centre of cell (0, 0) and pixel edge [m].
-    points : float64, shape (n, 2), scan frame [m].
-    x, y, theta : pose of the scan in the grid's frame.
-    out_samples : float64, shape (7, n), the first four rows.
+    smooth_map : only its frame is used.
+    points : float64, shape (n, 2), tracking frame [m].
+    x, y, theta : tf_submap_scan.
+    out_samples : float64, shape (7, n); the first four rows are written.
     out_cells : int64, shape (2, n), column and row of the cell below each point.
     """
+    origin_x, origin_y = smooth_map.origin_x, smooth_map.origin_y
     c = math.cos(theta)
     s = math.sin(theta)
-    scale = 1.0 / resolution
+    scale = 1.0 / smooth_map.resolution
     for k in range(points.shape[0]):
         arm_x = c * points[k, 0] - s * points[k, 1]
         arm_y = s * points[k, 0] + c * points[k, 1]
@@ -71,7 +113,7 @@ def place_points(
 
 @kernel
 def copy_patches(grid: PatchArray, cells: IntArray, out_patches: PatchArray) -> bool:
-    """Write the 4 x 4 cells around each point into `out_patches`; return if all are well inside.
+    """Write the 4 x 4 cells around each point into `out_patches`; return if all patches are inside.
 
     Parameters
     ----------
@@ -112,7 +154,7 @@ def copy_patches(grid: PatchArray, cells: IntArray, out_patches: PatchArray) -> 
 
 @kernel
 def cubic_weights(u: float) -> tuple[float, float, float, float]:
-    """Return the Catmull-Rom weights of the four cells around a place `u` in [0, 1) cells."""
+    """Return the Catmull-Rom weights of the four cells around an offset `u` in [0, 1) cells."""
     return (
         ((-0.5 * u + 1.0) * u - 0.5) * u,
         (1.5 * u - 2.5) * u * u + 1.0,
@@ -161,7 +203,7 @@ def interpolate_patches(p: PatchArray, unknown: float, samples: FloatArray) -> N
     ----------
     p : float32, shape (16, n), the cells around each point; 0 where never observed.
     unknown : the value of cells never observed.
-    samples : float64, shape (7, n), where the points are in their cells; the last three rows are
+    samples : float64, shape (7, n), offsets of the points in their cells; the last three rows are
         written.
     """
     for k in range(samples.shape[1]):
@@ -180,40 +222,34 @@ def interpolate_patches(p: PatchArray, unknown: float, samples: FloatArray) -> N
 
 @kernel
 def sample_smooth_map(
-    grid: PatchArray,
+    smooth_map: SmoothMap,
     unknown: float,
-    origin_x: float,
-    origin_y: float,
-    resolution: float,
     points: FloatArray,
     x: float,
     y: float,
     theta: float,
-    cells: IntArray,
-    patches: PatchArray,
-    out_samples: FloatArray,
+    scratch: PointScratch,
 ) -> None:
-    """Write M_smooth and its derivatives at the points, the scan at a pose, into `out_samples`.
+    """Write M_smooth and its derivatives at the points into `scratch.samples`.
 
     Parameters
     ----------
-    grid : float32, shape (num_rows, num_cols), probabilities; 0 where never observed.
+    smooth_map : the occupancy grid.
     unknown : the value of cells never observed or outside.
-    origin_x, origin_y, resolution, points, x, y, theta : as in :func:`place_points`.
-    cells : int64, shape (2, n), scratch.
-    patches : float32, shape (16, n), scratch.
-    out_samples : float64, shape (7, n); derivatives are per cell.
+    points, x, y, theta : as in :func:`place_points`.
+    scratch : for as many points; the derivatives in `samples` are per cell.
     """
-    place_points(origin_x, origin_y, resolution, points, x, y, theta, out_samples, cells)
-    all_inside = copy_patches(grid, cells, patches)
-    interpolate_patches(patches, unknown, out_samples)
+    grid, cells, out_samples = smooth_map.cells, scratch.cells, scratch.samples
+    place_points(smooth_map, points, x, y, theta, out_samples, cells)
+    all_inside = copy_patches(grid, cells, scratch.patches)
+    interpolate_patches(scratch.patches, unknown, out_samples)
     if all_inside:
         return
     num_rows, num_cols = grid.shape
     for k in range(cells.shape[1]):
         col, row = cells[0, k], cells[1, k]
         if col < -2 or row < -2 or col > num_cols or row > num_rows:
-            # Nothing but unknown cells: flat, without the rounding of sixteen weights.
+            # Only unknown cells: constant, without the rounding errors of sixteen weights.
             out_samples[VALUE, k] = unknown
             out_samples[D_COL, k] = 0.0
             out_samples[D_ROW, k] = 0.0

@@ -8,6 +8,8 @@ exact in any order.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,11 +21,11 @@ CellArray = NDArray[np.int32]
 IntArray = NDArray[np.int64]
 
 MAX_BYTE = 255.0
-"""The byte of probability 1."""
+"""The byte of probability 1, as a float: sums are divided by it."""
 
-# Columns of a node on the stack: level in the tree, translation of its box's first cell from that
-# of the window, and sum of the bytes.
 LEVEL, COL, ROW, SUM = range(4)
+"""Columns of a node on the stack: level in the tree, translation of its box's first cell from that
+of the window [cells], and sum of the bytes."""
 
 
 @kernel
@@ -42,6 +44,21 @@ def box_sizes(width: int) -> IntArray:
     return sizes
 
 
+class GridPart(NamedTuple):
+    """A part of a grid, which may reach beyond the grid.
+
+    Attributes
+    ----------
+    first_col, first_row : of the grid [cells].
+    row_length, num_rows : size of the part [cells].
+    """
+
+    first_col: int
+    first_row: int
+    row_length: int
+    num_rows: int
+
+
 @kernel
 def index_points(
     cols: CellArray,
@@ -50,9 +67,8 @@ def index_points(
     num_cols: int,
     num_rows: int,
     out_index: CellArray,
-    out_part: IntArray,
-) -> None:
-    """Write where the points look up their windows' first cells, and in which part of the grid.
+) -> GridPart:
+    """Write where the points look up their windows' first cells; return the part of the grid.
 
     Parameters
     ----------
@@ -60,9 +76,11 @@ def index_points(
     half_width : w of eq. (8), in cells.
     num_cols, num_rows : size of the grid.
     out_index : int32, shape (n,), into the part of the grid.
-    out_part : int64, shape (4,), first column, first row, number of columns and of rows of the part
-        of the grid that all windows together meet. Of windows wholly outside, those next to the
-        grid are taken.
+
+    Returns
+    -------
+    The part of the grid that all windows together meet. Of windows wholly outside, those next to
+    the grid are taken.
     """
     width = 2 * half_width + 1
     shift, outside = np.int32(half_width), np.int32(-width)
@@ -78,18 +96,17 @@ def index_points(
         col = min(max(np.int32(cols[k] - shift), outside), last_col)
         row = min(max(np.int32(rows[k] - shift), outside), last_row)
         out_index[k] = (row - min_row) * row_length + (col - min_col)
-    out_part[0], out_part[1] = min_col, min_row
-    out_part[2], out_part[3] = row_length, max_row - min_row + width
+    return GridPart(
+        int(np.int64(min_col)),
+        int(np.int64(min_row)),
+        int(np.int64(row_length)),
+        int(np.int64(max_row - min_row + width)),
+    )
 
 
 @kernel
 def quantize_cells(
-    grid: NDArray[np.float32],
-    unknown: float,
-    first_col: int,
-    first_row: int,
-    row_length: int,
-    out_cells: ByteArray,
+    grid: NDArray[np.float32], unknown: float, part: GridPart, out_cells: ByteArray
 ) -> None:
     """Write a part of a grid, probabilities rounded up to bytes, into `out_cells`.
 
@@ -97,10 +114,10 @@ def quantize_cells(
     ----------
     grid : float32, shape (num_rows, num_cols), probabilities; 0 where never observed.
     unknown : the value of cells never observed or outside.
-    first_col, first_row : of the part; may lie outside of the grid.
-    row_length : number of columns of the part.
+    part : of the grid.
     out_cells : uint8, shape (n,), row after row.
     """
+    first_col, first_row, row_length = part.first_col, part.first_row, part.row_length
     num_rows, num_cols = grid.shape
     scale = np.float32(MAX_BYTE)
     least = np.float32(unknown)
@@ -120,10 +137,7 @@ def quantize_cells(
 def bounding_grids(
     grid: NDArray[np.float32],
     unknown: float,
-    first_col: int,
-    first_row: int,
-    row_length: int,
-    num_rows: int,
+    part: GridPart,
     sizes: IntArray,
     out_cells: ByteArray,
 ) -> None:
@@ -131,15 +145,15 @@ def bounding_grids(
 
     Parameters
     ----------
-    grid, unknown, first_col, first_row, row_length : as in :func:`quantize_cells`.
-    num_rows : of the part.
+    grid, unknown, part : as in :func:`quantize_cells`.
     sizes : int64, shape (num_levels,), see :func:`box_sizes`. A box begins at its cell; those that
-        reach beyond the part are of no use.
+        reach beyond the part are not used.
     out_cells : uint8, shape (num_levels * row_length * num_rows,).
     """
-    area = row_length * num_rows
+    row_length = part.row_length
+    area = row_length * part.num_rows
     last = sizes.size - 1
-    quantize_cells(grid, unknown, first_col, first_row, row_length, out_cells[last * area :])
+    quantize_cells(grid, unknown, part, out_cells[last * area :])
     for level in range(last - 1, -1, -1):
         begin = level * area
         growth = sizes[level] - sizes[level + 1]

@@ -11,7 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.kernels.search_batch import ROUNDING, search_scans
+from cartoloop.kernels.scan_batch import ScanBatch
+from cartoloop.kernels.search_batch import (
+    SearchLimits,
+    SearchResults,
+    WindowBatch,
+    search_scans,
+)
+from cartoloop.kernels.search_window import ROUNDING
 from cartoloop.scan_matching.precomputation_grid import MAX_MOVE, PrecomputationGrids
 from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
 from cartoloop.sensor.scan_points import ScanPoints
@@ -45,11 +52,11 @@ class BranchAndBoundMatches(NamedTuple):
     Attributes
     ----------
     matches : of each scan; None where none was good enough, or none was sought.
-    was_sought : bool, shape (n,).
+    was_searched : bool, shape (n,).
     """
 
     matches: list[BranchAndBoundMatch | None]
-    was_sought: NDArray[np.bool_]
+    was_searched: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,45 +242,63 @@ class SubmapMatcher:
     ) -> BranchAndBoundMatches:
         """Return the matches in windows of so many pixels to each side of the estimates."""
         count = len(scans)
-        was_sought = np.zeros(count, dtype=np.bool_)
+        was_searched = np.zeros(count, dtype=np.bool_)
         if count == 0 or self._grid.size == 0:
-            return BranchAndBoundMatches([None] * count, was_sought)
+            return BranchAndBoundMatches([None] * count, was_searched)
         grids, grid = self._precomputed(), self._grid
-        found = np.empty((count, 2, 4), dtype=np.int64)
-        rotations, steps = np.empty(count, dtype=np.int64), np.empty(count)
+        found = SearchResults(
+            np.empty((count, 2, 4), dtype=np.int64),
+            np.empty(count, dtype=np.int64),
+            np.empty(count),
+            was_searched,
+        )
         search_scans(
-            grids.cells,
-            grids.heights,
-            grids.boxes,
-            np.array((grid.origin_x, grid.origin_y, grid.resolution)),
-            scans.points,
-            scans.firsts,
-            scans.ends,
-            np.ascontiguousarray(estimates),
-            half_sizes,
-            np.ascontiguousarray(angular_windows),
-            np.array((mean_value(min_score), max_range, MAX_MOVE)),
-            np.array((runner_up.distance, runner_up.angle, runner_up.margin / PROBABILITY_STEP)),
+            grids.arrays,
+            ScanBatch(scans.points, scans.firsts, scans.ends),
+            WindowBatch(
+                grid.origin_x,
+                grid.origin_y,
+                grid.resolution,
+                np.ascontiguousarray(estimates),
+                half_sizes,
+                np.ascontiguousarray(angular_windows),
+            ),
+            SearchLimits(
+                mean_value(min_score),
+                max_range,
+                MAX_MOVE,
+                runner_up.distance,
+                runner_up.angle,
+                runner_up.margin / PROBABILITY_STEP,
+            ),
             np.zeros(count, dtype=np.int64) if groups is None else groups,
             max_of_group,
             found,
-            rotations,
-            steps,
-            was_sought,
         )
         matches: list[BranchAndBoundMatch | None] = [None] * count
-        for i in np.flatnonzero(found[:, 0, 0] >= 0).tolist():
-            (total, col, row, rotation), (second, *_) = found[i].tolist()
-            x, y, theta = estimates[i].tolist()
-            half_width, half_height = half_sizes[i].tolist()
-            num_points = len(scans[i])
-            matches[i] = BranchAndBoundMatch(
-                Pose(
-                    x + (col - half_width) * grid.resolution,
-                    y + (row - half_height) * grid.resolution,
-                    wrap_angle(theta + (rotation - int(rotations[i])) * float(steps[i])),
-                ),
-                mean_probability(total / num_points),
-                mean_probability(second / num_points) if second >= 0 else 0.0,
-            )
-        return BranchAndBoundMatches(matches, was_sought)
+        for i in np.flatnonzero(found.matches[:, 0, 0] >= 0).tolist():
+            estimate = Pose(*estimates[i].tolist())
+            matches[i] = self._match_of(found, i, estimate, half_sizes[i], len(scans[i]))
+        return BranchAndBoundMatches(matches, was_searched)
+
+    def _match_of(
+        self,
+        found: SearchResults,
+        scan: int,
+        estimate: Pose,
+        half_sizes: NDArray[np.int64],
+        num_points: int,
+    ) -> BranchAndBoundMatch:
+        """Return the match of a scan that was found, in metres and as probabilities."""
+        (total, col, row, rotation), (second, *_) = found.matches[scan].tolist()
+        half_width, half_height = half_sizes.tolist()
+        turn = (rotation - int(found.rotations[scan])) * float(found.steps[scan])
+        return BranchAndBoundMatch(
+            Pose(
+                estimate.x + (col - half_width) * self._grid.resolution,
+                estimate.y + (row - half_height) * self._grid.resolution,
+                wrap_angle(estimate.theta + turn),
+            ),
+            mean_probability(total / num_points),
+            mean_probability(second / num_points) if second >= 0 else 0.0,
+        )

@@ -7,25 +7,27 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop.kernels.match_batch import match_all_least_squares
-from cartoloop.kernels.scan_residuals import match_least_squares
+from cartoloop.kernels.scan_batch import ScanBatch
+from cartoloop.kernels.scan_residuals import MatchOptions, MotionPrior, match_least_squares
+from cartoloop.kernels.smooth_map import SmoothMap
 from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 
+__all__ = [
+    "LeastSquaresMatch",
+    "LeastSquaresMatches",
+    "MatchOptions",
+    "SmoothMap",
+    "match",
+    "match_all",
+]
+
 TRUSTED = 1e3
-"""Scale of a pull that does not wane."""
-
-
-class SmoothMap(NamedTuple):
-    """What M_smooth interpolates: probabilities, 0: never observed; centre of cell (0, 0), edge."""
-
-    cells: NDArray[np.float32]
-    origin_x: float
-    origin_y: float
-    resolution: float
+"""Scale of the loss on a motion prior that is trusted in full [standard deviations]: no match is
+that far from its prior, and for nearer ones the loss is the square."""
 
 
 class LeastSquaresMatch(NamedTuple):
@@ -33,12 +35,12 @@ class LeastSquaresMatch(NamedTuple):
 
     Attributes
     ----------
-    tf_submap_scan : the pose found.
+    tf_submap_scan : pose of the tracking frame.
     information : float64, shape (3, 3): J^T J of the points' residuals at it, per unit of variance
-        of a residual, in the grid's axes: [1/m^2, 1/(m rad), 1/rad^2].
+        of a residual, in the submap's axes: [1/m^2, 1/(m rad), 1/rad^2].
     residual : root mean square of 1 - M_smooth at the points.
-    cost : what was minimised, with the pull towards the prediction.
-    iterations : evaluations of the residuals.
+    cost : what was minimised, including the motion prior.
+    iterations : number of evaluations of the residuals.
     """
 
     tf_submap_scan: Pose
@@ -54,35 +56,29 @@ def match(
     start: Pose,
     prior: Pose,
     prior_information: FloatArray,
-    point_weight: float,
-    max_num_iterations: int,
+    options: MatchOptions,
     prior_scale: float = TRUSTED,
 ) -> LeastSquaresMatch:
-    """Return the minimum of ``point_weight * sum (1 - M)^2`` plus the pull towards `prior`.
+    """Return the minimum of ``point_weight * sum (1 - M)^2`` plus the cost of the motion prior.
 
     Parameters
     ----------
-    points : float64, shape (n, 2), scan frame [m]; n > 0.
+    points : float64, shape (n, 2), tracking frame [m]; n > 0.
     start, prior : tf_submap_scan to start from, and as predicted.
     prior_information : float64, shape (6,), upper triangle of the prediction's information matrix
-        (xx, xy, xt, yy, yt, tt), in the grid's axes.
-    prior_scale : from so many standard deviations on the pull towards the prediction wanes.
+        (xx, xy, xt, yy, yt, tt), in the submap's axes.
+    options : weights and limits.
+    prior_scale : scale of Cauchy's loss on the motion prior [standard deviations].
     """
     near_start = prior.theta + wrap_angle(start.theta - prior.theta)
     found = np.empty(11)
     iterations = match_least_squares(
-        smooth_map.cells,
+        smooth_map,
         MIN_PROBABILITY,
-        smooth_map.origin_x,
-        smooth_map.origin_y,
-        smooth_map.resolution,
         points,
         np.array((start.x, start.y, near_start)),
-        np.array(prior),
-        prior_information,
-        prior_scale,
-        point_weight,
-        max_num_iterations,
+        MotionPrior(np.array(prior), prior_information, prior_scale),
+        options,
         math.inf,
         found,
     )
@@ -98,7 +94,7 @@ def match(
 
 
 class LeastSquaresMatches(NamedTuple):
-    """Where many scans fit best in one grid.
+    """Where n scans fit best in one submap.
 
     Attributes
     ----------
@@ -120,35 +116,29 @@ def match_all(
     scans: ScanPoints,
     starts: FloatArray,
     prior_information: FloatArray,
-    point_weight: float,
-    max_num_iterations: int,
+    options: MatchOptions,
     max_start_residual: float,
 ) -> LeastSquaresMatches:
-    """Return the matches of many scans to one grid, each held to where it starts.
+    """Return the matches of n scans to one submap, each with its start as motion prior.
 
     Parameters
     ----------
     scans : n of them, none without points.
     starts : float64, shape (n, 3), tf_submap_scan of each.
-    prior_information : float64, shape (6,), of the pull towards the start.
-    max_start_residual : scans that fit worse than this where they start are not matched; their
-        residual is infinite.
+    prior_information : float64, shape (6,), upper triangle of the motion prior's information.
+    options : weights and limits.
+    max_start_residual : scans with a larger residual at their start are not matched; their residual
+        becomes infinite.
     """
     found = np.empty((len(scans), 11))
     match_all_least_squares(
-        smooth_map.cells,
+        smooth_map,
         MIN_PROBABILITY,
-        smooth_map.origin_x,
-        smooth_map.origin_y,
-        smooth_map.resolution,
-        scans.points,
-        scans.firsts,
-        scans.ends,
+        ScanBatch(scans.points, scans.firsts, scans.ends),
         starts,
         prior_information,
         TRUSTED,
-        point_weight,
-        max_num_iterations,
+        options,
         max_start_residual,
         found,
     )

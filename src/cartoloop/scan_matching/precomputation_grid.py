@@ -9,8 +9,10 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.kernels.branch_and_bound import GridArrays
+from cartoloop.kernels.node_bounds import LEVEL
 from cartoloop.kernels.precomputation_grid import grow_boxes, halve
-from cartoloop.reused_memory import ReusedMemory
+from cartoloop.runtime.reused_memory import ReusedMemory
 from cartoloop.submaps.finished_grid import probabilities_of_part
 
 STRIDES = (1, 1, 1, 2, 4, 8)
@@ -103,8 +105,8 @@ class PrecomputationGrids:
     ----------
     cells : uint8, all grids in one.
     layouts : by stride.
-    heights : int64, shape (len(STRIDES), 5), for blocks of 1, 2, 4, ... translations: binary
-        logarithm of the stride, margin, last column and row, length of a row.
+    levels : of :data:`cartoloop.kernels.node_bounds.LEVEL`, shape (len(STRIDES),), for blocks of
+        1, 2, 4, ... translations.
     boxes : int32, shape (len(STRIDES), num_moves), see :meth:`GridLayout.box_table`.
     """
 
@@ -128,14 +130,20 @@ class PrecomputationGrids:
             edges = np.array(BOXES[layout.stride])
             grow_boxes(cells, edges, MARGIN, layout.row_length, grids)
         layouts = [self.layouts[stride] for stride in STRIDES]
-        self.heights = np.array(
+        self.levels = np.array(
             [
                 (x.stride.bit_length() - 1, MARGIN, x.num_cols, x.num_rows, x.row_length)
                 for x in layouts
-            ]
+            ],
+            dtype=LEVEL,
         )
         tables = [layout.box_table(1 << height) for height, layout in enumerate(layouts)]
         self.boxes: NDArray[np.int32] = np.array(tables, dtype=np.int32)
+
+    @property
+    def arrays(self) -> GridArrays:
+        """The grids as kernels take them."""
+        return GridArrays(self.cells, self.levels, self.boxes)
 
     def probabilities(self) -> NDArray[np.float32]:
         """Return the probability of each of the submap's cells; 0 where never observed."""
