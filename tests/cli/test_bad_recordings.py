@@ -286,7 +286,7 @@ def test_a_file_in_place_of_the_folder_is_an_error_first(lines, mapped, tmp_path
 
 SOON = ("--set", "global_slam.optimize_every_n_nodes=10")
 SHORT = ("--set", "local_slam.submaps.num_range_data=5")
-ALL = ("--set", "global_slam.constraint_search.every_nth_bound_node=1")
+ALL = ("--set", "global_slam.constraint_search.every_nth_well_constrained_node=1")
 
 
 def test_a_crash_of_a_background_search_does_not_lose_the_map(lines, mapped, monkeypatch):

@@ -88,7 +88,7 @@ def test_lines_are_tum():
     assert lines[1] == "12.500000 1.000000000 0.000000000 0 0 0 0.707106781 0.707106781"
 
 
-def test_g2o_holds_nodes_first_submaps_after_them_and_what_is_fixed():
+def test_g2o_holds_nodes_then_submaps_and_fixed_vertices():
     graph = random_graph()
 
     text = g2o_text(graph)

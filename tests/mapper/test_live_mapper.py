@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from cartoloop.config import Config
-from cartoloop.global_slam.global_slam import SEARCHES_A_LIVE_PERIOD
 from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import LaserScan, Odometry
 from cartoloop.sensor.pose import Pose
@@ -165,5 +164,5 @@ def test_closures_join_long_before_the_next_adjustment(drive):
     assert len(came_at) > 1
     waited = slam.closures.num_nodes_to_join()
     assert len(waited) == slam.closures.num_found > 0
-    assert waited.max() <= 2 * (period // SEARCHES_A_LIVE_PERIOD) + 1
+    assert waited.max() <= 2 * (period // config.global_slam.live_searches_per_adjustment) + 1
     assert slam.num_put_off == 0

@@ -21,6 +21,7 @@ from cartoloop.cli.config_command import config_app
 from cartoloop.cli.demo_command import DemoOptions, demo_command
 from cartoloop.cli.doctor_command import DoctorOptions, doctor_command
 from cartoloop.cli.evaluate_command import evaluate_app
+from cartoloop.cli.explain_command import ExplainOptions, explain_command
 from cartoloop.cli.live_command import LiveCommandOptions, live_command
 from cartoloop.cli.map_command import MapOptions, map_command
 from cartoloop.cli.simulate_command import SimulateOptions, simulate_command
@@ -49,6 +50,9 @@ add_command(
     "cartoloop simulate office -o office.log.gz --truth office.tum",
 )
 add_command(app, "view", view_command, ViewCommandOptions, "cartoloop view intel")
+add_command(
+    app, "explain", explain_command, ExplainOptions, "cartoloop explain intel --pair 3 1200"
+)
 app.add_typer(evaluate_app, name="evaluate")
 app.add_typer(config_app, name="config")
 

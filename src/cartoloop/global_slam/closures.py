@@ -235,6 +235,19 @@ class Matched:
     def __len__(self) -> int:
         return len(self.row)
 
+    def take(self, which: IntArray) -> Matched:
+        """Return some of them, by index."""
+        return Matched(
+            self.row[which],
+            self.submap[which],
+            self.node[which],
+            self.tf_submap_node[which],
+            self.information[which],
+            self.residual[which],
+            self.score[which],
+            self.runner_up[which],
+        )
+
 
 class Closures:
     """All pairs of submap and node that were ever requested, searched or matched.
@@ -394,6 +407,12 @@ class Closures:
     def moved(self) -> FloatArray:
         """How far the newest refinement moved, shape (len(self), 2) [m, rad]; NaN without one."""
         return self._spread(self._newest_match, self._moves.view)
+
+    @property
+    def has_final_match(self) -> NDArray[np.bool_]:
+        """Whether the last pass measured each pair, shape (len(self),)."""
+        has_match: NDArray[np.bool_] = self._final_match.view >= 0
+        return has_match
 
     @property
     def found(self) -> Matched:

@@ -45,7 +45,7 @@ def warm_up() -> None:
     local_slam = config.local_slam.model_copy(
         update={"submaps": config.local_slam.submaps.model_copy(update={"num_range_data": 6})}
     )
-    search = ConstraintSearchConfig(bound_length=0.0, every_nth_node=1)
+    search = ConstraintSearchConfig(well_constrained_length=0.0, every_nth_node=1)
     global_slam = GlobalSlamConfig(
         optimize_every_n_nodes=12, constraint_search=search, num_threads=1
     )

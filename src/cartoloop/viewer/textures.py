@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.kernels.map_composition import abstain_beside_walls
 from cartoloop.submaps.finished_grid import FinishedGrid, quantize_probabilities
 from cartoloop.viewer.feed import GrowingCells
 from cartoloop.viewer.protocol import Texture, patch_message, submap_message
 
 if TYPE_CHECKING:
     from cartoloop.viewer.parts import Token
-
-ABSTAINS = 128
-"""Value of a cell with zero evidence: observed, but neither a wall nor free."""
 
 MAX_PATCHES = 32
 """Changes of a growing submap that are kept as patches; a page that missed more gets all cells."""
@@ -34,17 +32,9 @@ def drawn_cells(cells: NDArray[np.uint8]) -> NDArray[np.uint8]:
     ----------
     cells : uint8, shape (rows, cols), of a :class:`FinishedGrid`.
     """
-    rows, cols = cells.shape
-    # Unknown cells above, below, and between one row's end and the next one's start.
-    around = np.zeros((rows + 2, cols + 1), np.uint8)
-    around[1:-1, :-1] = cells
-    flat, stride = around.reshape(-1), cols + 1
-    walls = np.flatnonzero(flat > ABSTAINS)  # few: cheaper than to look at all cells' neighbours
-    for offset in (-stride - 1, -stride, -stride + 1, -1, 1, stride - 1, stride, stride + 1):
-        beside = walls + offset
-        values = flat[beside]
-        flat[beside[(values > 0) & (values < ABSTAINS)]] = ABSTAINS
-    return around[1:-1, :-1]
+    drawn = np.empty(cells.shape, dtype=np.uint8)
+    abstain_beside_walls(np.ascontiguousarray(cells), drawn)
+    return drawn
 
 
 class FinishedTexture:
