@@ -171,7 +171,7 @@ def _at_pace(
     session = LiveSession(
         PacedSource(events, pace), mapper, inbox, sequencer, notices, after_scan=after_scan
     )
-    before, num_found = _counts(mapper, autosave), len(mapper.global_slam.found_after)
+    before, num_found = _counts(mapper, autosave), mapper.global_slam.closures.num_found
     session.run(lambda: False)
     _catch_up(mapper)
     after = _counts(mapper, autosave)
@@ -179,7 +179,7 @@ def _at_pace(
     added = [now - then for now, then in zip(after, before, strict=True)]
     cpu_s = np.diff(cpu_times).tolist()
     period = CONFIG.global_slam.optimize_every_n_nodes
-    joined = [nodes / period for nodes in mapper.global_slam.found_after[num_found:]]
+    joined = (mapper.global_slam.closures.num_nodes_to_join()[num_found:] / period).tolist()
     return PaceResult(pace, num_scans, len(latencies), latencies, pose_cpu_s, cpu_s, joined, *added)
 
 
@@ -187,19 +187,19 @@ def _counts(mapper: Mapper, autosave: Autosave) -> tuple[int, ...]:
     slam = mapper.global_slam
     return (
         mapper.num_nodes,
-        len(slam.found),
+        slam.closures.num_found,
         len(slam.adjustments),
         autosave.num_saves,
-        slam.search.num_searched,
+        slam.closures.num_searched,
         slam.num_put_off,
-        slam.search.num_dropped,
+        slam.closures.num_dropped,
     )
 
 
 def _catch_up(mapper: Mapper) -> None:
     """Return when all nodes are in the graph and all searches have ended."""
     done = Event()
-    mapper.look(done.set)
+    mapper.run_on_graph_thread(done.set)
     done.wait()
     while mapper.global_slam.search.num_running:
         time.sleep(0.01)

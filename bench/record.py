@@ -34,7 +34,7 @@ class Figure:
     unit : as printed in the head of its column; empty for counts and ratios.
     low, high : the 10 % and 90 % quantiles of the repeats; None where it was measured once and
         another run would give another value.
-    repeats : how often it was measured.
+    repeats : number of measurements.
     better : which direction is better, None where neither is.
     noise_low, noise_high : band of the value's own noise where `low` and `high` are the spread over
         different inputs; otherwise None.
@@ -154,7 +154,7 @@ class Record:
         Raises
         ------
         InputError
-            The text is no record, or one of another version.
+            The text is not a record, or one of another version.
         """
         try:
             found: dict[str, Any] = json.loads(text)
@@ -174,7 +174,7 @@ class Record:
             return cls(found["benchmark"], rows, found["environment"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(
-                f"{where}: is no record of a benchmark ({error}); give a file that "
+                f"{where}: is not a record of a benchmark ({error}); give a file that "
                 "'python -m bench' wrote"
             ) from error
 
@@ -203,14 +203,14 @@ def read_record(path: Path) -> Record:
     Raises
     ------
     InputError
-        It cannot be read, or is no record.
+        It cannot be read, or is not a record.
     """
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no text; give a JSON of 'python -m bench'") from error
+        raise InputError(f"{path}: is not a text file; give a JSON of 'python -m bench'") from error
     return Record.from_json(text, str(path))
 
 

@@ -38,7 +38,7 @@ def write_results_page(folder: Path, page: Path) -> None:
     Raises
     ------
     InputError
-        There is no record.
+        There are no records.
     OutputError
         The page cannot be written.
     """

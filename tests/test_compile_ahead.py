@@ -76,14 +76,14 @@ def test_two_processes_at_once_compile_each_kernel_once(tmp_path):
         )
         for _ in range(2)
     ]
-    told = [process.communicate()[0].splitlines() for process in processes]
-    assert told[0][-1] == told[1][-1]
-    compiled = [name for lines in told for name in lines[:-1]]
+    outputs = [process.communicate()[0].splitlines() for process in processes]
+    assert outputs[0][-1] == outputs[1][-1]
+    compiled = [name for lines in outputs for name in lines[:-1]]
     assert compiled.count("adaptive_voxel_filter") == 1
-    assert min(map(len, told)) == 1
+    assert min(map(len, outputs)) == 1
 
 
-def test_all_that_global_slam_needs_is_compiled_ahead():
+def test_all_kernels_of_global_slam_are_compiled_ahead():
     run = subprocess.run(
         [sys.executable, "-c", SIGNATURES], capture_output=True, text=True, check=True
     )

@@ -82,8 +82,8 @@ def test_send_scans(tmp_path):
         text=True,
     )
     try:
-        told = iter(command.stderr.readline, "")
-        port = next(m[1] for line in told if (m := re.search(r"127\.0\.0\.1:(\d+) ", line)))
+        messages = iter(command.stderr.readline, "")
+        port = next(m[1] for line in messages if (m := re.search(r"127\.0\.0\.1:(\d+) ", line)))
         load("send_scans").main(int(port))
         out, _ = command.communicate(timeout=60.0)
     finally:

@@ -98,7 +98,7 @@ def bipartite_graph(
             f"{num_edges} edges for {num_nodes} nodes in {num_submaps} submaps: "
             f"give at least {num_nodes + second.size}"
         )
-    centres = nodes[np.append(begin[1:], num_nodes - 1)]  # a submap goes on into the next
+    centres = nodes[np.append(begin[1:], num_nodes - 1)]  # a submap continues into the next
     closing_node, closed_submap = _closures(nodes, of_node, centres, num_closures, rng)
     a = np.concatenate((of_node, of_node[second] - 1, closed_submap))
     b = np.concatenate((np.arange(num_nodes), second, closing_node))

@@ -28,7 +28,7 @@ SAMPLE_S = 0.002
 """Least duration of a timing loop [s]."""
 
 PLAIN_REPEATS = 3
-"""Most repeats of a search that is longer than the clock's resolution by itself."""
+"""Most repeats of a search that is long enough to be timed by one call."""
 
 
 def search_figures(
@@ -39,7 +39,7 @@ def search_figures(
     Parameters
     ----------
     problems : to solve and time.
-    repeats : how often each is timed.
+    repeats : number of timed calls of each.
     num_counted, num_checked : number of problems, from the first on, whose nodes are counted, and
         that are also solved by exhaustive search.
 

@@ -100,7 +100,7 @@ class Problem:
 
     @property
     def num_candidates(self) -> int:
-        """How many poses the window holds, eq. (9)."""
+        """Number of poses in the window, eq. (9)."""
         return int(np.prod(2 * np.array(self.half_widths) + 1))
 
     @property

@@ -66,7 +66,7 @@ def test_invalid_earlier_record_fails_before_measuring(tmp_path, capsys):
     other.write_text("{}")
     assert run(["kernels", "--against", str(other)]) == 1
     output = capsys.readouterr()
-    assert f"{other}: is no record of a benchmark" in output.err
+    assert f"{other}: is not a record of a benchmark" in output.err
     assert KERNEL not in output.out
 
 

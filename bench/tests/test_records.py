@@ -32,7 +32,7 @@ def test_record_survives_json() -> None:
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": 1}', '{"format": 1, "rows": 3}'])
 def test_other_text_is_refused_with_the_name_of_the_file(text: str) -> None:
-    with pytest.raises(InputError, match=r"old\.json: is no record"):
+    with pytest.raises(InputError, match=r"old\.json: is not a record"):
         Record.from_json(text, "old.json")
 
 

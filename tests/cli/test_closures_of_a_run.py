@@ -100,7 +100,7 @@ def test_relations_score_local_slam(mapped, evaluate, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        (("closures", "nowhere"), 1, "nowhere: has no nodes.csv"),
+        (("closures", "nowhere"), 1, "nowhere: is not there"),
         (("closures", "OUT", "--log", "LOG"), 2, "--log: recall is measured against the truth"),
         (("closures", "OUT", "--truth", "LOG"), 1, "expected 8 numbers"),
         (("closures", "OUT", "--truth", "SHORT"), 1, "the truth has no pose for"),
@@ -124,11 +124,11 @@ def test_bad_input_is_told_in_a_line(
     assert len(err.splitlines()) == 1
 
 
-def test_a_folder_of_an_older_version_is_told(mapped, evaluate, tmp_path):
+def test_a_folder_without_a_map_is_refused(mapped, evaluate, tmp_path):
     shutil.copytree(mapped / "out", tmp_path / "old")
-    (tmp_path / "old" / "closures.csv").unlink()
+    (tmp_path / "old" / "map.cartoloop").unlink()
 
     status, _, err = evaluate("closures", str(tmp_path / "old"))
 
     assert status == 1
-    assert "has no closures.csv; give a folder that this version" in err
+    assert "is not there; give a folder that 'cartoloop map' wrote" in err

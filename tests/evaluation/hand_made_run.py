@@ -20,11 +20,11 @@ STAMPS = 100.0 + np.arange(6)
 
 
 def closure(submap, node, dx=0.0, dtheta_deg=0.0, score=0.7):
-    """A closure that the poses of the graph disagree with by so much."""
+    """A closure that the poses of the graph disagree with by this much."""
     seen = relative(Pose(*SUBMAP_POSES[submap].tolist()), Pose(*NODE_POSES[node].tolist()))
     moved = compose(Pose(dx, 0.0, 0.0), seen)
     turned = moved._replace(theta=moved.theta + math.radians(dtheta_deg))
-    return closures.closure(submap, node, turned, score=score, runner_up=math.nan)
+    return closures.closure(submap, node, turned, score=score)
 
 
 def hand_made_result(final=(), found=(), rejected=()):
@@ -36,10 +36,8 @@ def hand_made_result(final=(), found=(), rejected=()):
     seen = relative_all(SUBMAP_POSES[submap], NODE_POSES[node])
     kind = ConstraintKind.INTRA_SUBMAP
     graph.add_constraints(kind, submap, node, seen, [np.eye(3)] * len(OWN))
-    for one in final:
-        kind = ConstraintKind.LOOP_CLOSURE
-        ends, seen = (one["submap"], one["node"]), one["tf_submap_node"]
-        graph.add_constraint(kind, *ends, seen, one["information"], score=one["score"])
+    record = closures.record(found, final, rejected)
+    closures.add_to_graph(graph, record)
     result = small_result()
     return replace(
         result,
@@ -49,6 +47,5 @@ def hand_made_result(final=(), found=(), rejected=()):
         graph=graph,
         node_scan_index=np.arange(6),
         submap_grids=result.submap_grids * 3,
-        found=closures.closures(*found),
-        rejected=closures.closures(*rejected),
+        closures=record,
     )

@@ -3,10 +3,19 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from cartoloop.global_slam.closures import Requests, SearchMatches
-from cartoloop.global_slam.loop_closure import CLOSURE, NO_CLOSURES
+from cartoloop.global_slam.closures import (
+    Closures,
+    FinalMatches,
+    Reason,
+    Requests,
+    SearchMatches,
+    Status,
+)
+from cartoloop.global_slam.pose_graph import ClosureConstraints
 
 INFORMATION = np.array([(4.0, 1.0, 0.5), (1.0, 5.0, 0.25), (0.5, 0.25, 6.0)])
 
@@ -16,7 +25,7 @@ def requests(*pairs):
     submap, node = np.array(pairs, dtype=np.int32).reshape(-1, 2).T
     count = len(pairs)
     return Requests(
-        submap, node, node, np.zeros((count, 3)), np.full(count, 1.0), np.full(count, 0.1)
+        submap, node, submap, np.zeros((count, 3)), np.full(count, 1.0), np.full(count, 0.1)
     )
 
 
@@ -37,15 +46,66 @@ def search_matches(
     )
 
 
-def closure(submap, node, pose=(0.0, 0.0, 0.0), *, score=0.9, runner_up=0.0, information=None):
+class Measurement(NamedTuple):
+    """One closure as it was measured."""
+
+    submap: int
+    node: int
+    tf_submap_node: tuple[float, float, float]
+    information: np.ndarray
+    score: float
+    runner_up: float
+    residual: float
+
+
+def closure(
+    submap, node, pose=(0.0, 0.0, 0.0), *, score=0.9, runner_up=0.0, information=None, residual=0.25
+):
     """One closure."""
-    one = np.zeros(1, CLOSURE)
-    one["submap"], one["node"], one["tf_submap_node"] = submap, node, pose
-    one["information"] = np.eye(3) if information is None else information
-    one["score"], one["runner_up"] = score, runner_up
-    return one[0]
+    matrix = np.eye(3) if information is None else information
+    return Measurement(submap, node, tuple(pose), matrix, score, runner_up, residual)
 
 
-def closures(*each):
-    """Closures in an array."""
-    return np.stack(each) if each else NO_CLOSURES
+def final_matches(closures, reasons=None):
+    """Matches of the last pass."""
+    count = len(closures)
+    return FinalMatches(
+        submap=np.array([one.submap for one in closures], dtype=np.int64),
+        node=np.array([one.node for one in closures], dtype=np.int64),
+        tf_submap_node=np.array([one.tf_submap_node for one in closures]).reshape(-1, 3),
+        information=np.array([one.information for one in closures]).reshape(-1, 3, 3),
+        residual=np.array([one.residual for one in closures], dtype=np.float64),
+        moved_m=np.full(count, 0.125),
+        moved_rad=np.full(count, 0.5),
+        reason=np.array(reasons or [Reason.FITS] * count, dtype=np.int8),
+    )
+
+
+def record(found=(), final=(), rejected=(), num_nodes=20):
+    """A record of closures that searches found, and of those that the last pass measured."""
+    closures = Closures()
+    if found:
+        rows = closures.request(requests(*((one.submap, one.node) for one in found)), num_nodes)
+        closures.note_searched(rows, 0.5)
+        matches = search_matches(
+            rows,
+            [one.tf_submap_node for one in found],
+            score=[one.score for one in found],
+            runner_up=[one.runner_up for one in found],
+            information=[one.information for one in found],
+        )
+        closures.add_found(matches, num_nodes)
+    if final or rejected:
+        replaced = np.full(len(found), Reason.NO_OVERLAP, dtype=np.int8)
+        matches = final_matches([*final, *rejected])
+        [rows] = closures.note_last_pass(replaced, [matches])
+        closures.note_contradicted(rows[len(final) :])
+    return closures
+
+
+def add_to_graph(graph, closures):
+    """Add the closures of a record that are in the graph."""
+    some = closures.with_status(Status.FINAL, Status.FOUND)
+    graph.add_loop_closures(
+        ClosureConstraints(some.row, some.submap, some.node, some.tf_submap_node, some.information)
+    )

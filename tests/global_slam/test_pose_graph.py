@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.global_slam.pose_graph import ClosureConstraints, ConstraintKind, PoseGraph
 
 INTRA, CLOSURE, BETWEEN_NODES = ConstraintKind
 
@@ -24,16 +24,13 @@ def test_what_is_added_keeps_its_index_and_value_while_the_graph_grows():
     for i in range(200):
         assert graph.add_node(poses[i]) == i
         information = (i + 1.0) * np.eye(3)
-        index = graph.add_constraint(
-            CLOSURE, 0, i, measured[i], information, score=0.5, runner_up=0.1
-        )
+        index = graph.add_constraint(CLOSURE, 0, i, measured[i], information, closure_row=7 * i)
         assert index == i
     assert (graph.num_submaps, graph.num_nodes, graph.num_constraints) == (1, 200, 200)
     np.testing.assert_array_equal(graph.node_poses, poses)
     np.testing.assert_array_equal(graph.relative_poses, measured)
     np.testing.assert_array_equal(graph.informations[:, 1, 1], np.arange(1.0, 201.0))
-    assert set(graph.scores) == {0.5}
-    assert set(graph.runner_ups) == {0.1}
+    np.testing.assert_array_equal(graph.closure_rows, 7 * np.arange(200))
 
 
 def test_constraints_added_at_once_equal_those_added_one_by_one():
@@ -44,15 +41,60 @@ def test_constraints_added_at_once_equal_those_added_one_by_one():
     assert (
         at_once.add_constraints(INTRA, [0, 0], [0, 1], measured, np.tile(np.eye(3), (2, 1, 1))) == 0
     )
-    for name in ("kinds", "index_a", "index_b", "relative_poses", "informations", "scores"):
+    for name in ("kinds", "index_a", "index_b", "relative_poses", "informations", "closure_rows"):
         np.testing.assert_array_equal(getattr(one_by_one, name), getattr(at_once, name))
 
 
-def test_scores_are_nan_where_nothing_was_searched():
+def test_only_loop_closures_have_a_row_in_the_record():
     graph = small_graph()
     graph.add_constraint(INTRA, 0, 1, (0, 0, 0), np.eye(3))
-    assert np.isnan(graph.scores[0])
-    assert np.isnan(graph.runner_ups[0])
+    assert graph.closure_rows.tolist() == [-1]
+
+
+def closures(*rows):
+    count = len(rows)
+    return ClosureConstraints(
+        np.array(rows),
+        np.zeros(count, np.int64),
+        np.ones(count, np.int64),
+        np.tile(rows, (3, 1)).T.astype(float),
+        np.tile(np.eye(3), (count, 1, 1)),
+    )
+
+
+def test_loop_closures_are_replaced_in_place():
+    graph = small_graph()
+    graph.add_loop_closures(closures(4, 5))
+    graph.add_constraint(INTRA, 0, 1, (9, 9, 0), np.eye(3))
+    before = graph.copy()
+
+    graph.replace_loop_closures([closures(7), closures(8, 9)])
+
+    assert graph.closure_rows.tolist() == [-1, 7, 8, 9]
+    assert graph.relative_poses[:, 0].tolist() == [9.0, 7.0, 8.0, 9.0]
+    assert (graph.num_loop_closures, graph.revision) == (3, 1)
+    assert (before.closure_rows.tolist(), before.revision) == ([4, 5, -1], 0)
+
+
+def test_a_replacement_that_fails_changes_nothing():
+    graph = small_graph()
+    graph.add_loop_closures(closures(4, 5))
+
+    with pytest.raises(IndexError):
+        graph.replace_loop_closures([closures(7), closures(8)._replace(node=np.array([99]))])
+
+    assert graph.closure_rows.tolist() == [4, 5]
+    assert graph.revision == 0
+
+
+def test_constraints_are_removed_in_place():
+    graph = small_graph()
+    graph.add_loop_closures(closures(4, 5, 6))
+
+    graph.remove(np.array([False, True, False]))
+
+    assert graph.closure_rows.tolist() == [4, 6]
+    assert (graph.num_loop_closures, graph.revision) == (2, 1)
 
 
 def test_fixing_a_vertex_twice_names_it_once():
@@ -100,7 +142,7 @@ def test_columns_of_constraints_must_be_of_one_length(short):
     assert graph.num_constraints == 0
 
 
-def test_a_node_cannot_be_tied_to_itself():
+def test_a_node_cannot_be_constrained_to_itself():
     with pytest.raises(ValueError, match="itself"):
         small_graph().add_constraint(BETWEEN_NODES, 1, 1, (0, 0, 0), np.eye(3))
 

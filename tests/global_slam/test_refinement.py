@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which nodes the last pass matches to which submaps."""
+"""Which nodes the last pass matches to which submaps, and what it accepts."""
 
 from __future__ import annotations
 
@@ -7,10 +7,21 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.closures import Reason
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.refinement import in_nearest_submaps, overlapping_nodes
+from cartoloop.global_slam.refinement import (
+    in_nearest_submaps,
+    match_again,
+    overlapping_nodes,
+    why_not_matched,
+)
 from cartoloop.sensor.pose import Pose, relative
+from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
+from tests.global_slam.closures import closure, record
+
+CONFIG = ConstraintSearchConfig()
 
 
 def poses(rng, count):
@@ -19,7 +30,7 @@ def poses(rng, count):
 
 @settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), every=st.integers(1, 3))
-def test_nodes_overlap_a_submap_where_they_stand_in_its_grid_and_are_not_of_it(seed, every):
+def test_nodes_inside_the_grid_overlap_a_submap(seed, every):
     rng = np.random.default_rng(seed)
     height, width = rng.integers(1, 90, 2)
     grid = FinishedGrid(np.ones((height, width), np.uint8), -3.0, -1.0, 0.1)
@@ -38,7 +49,7 @@ def test_nodes_overlap_a_submap_where_they_stand_in_its_grid_and_are_not_of_it(s
 
 @settings(deadline=None, max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), limit=st.integers(1, 5))
-def test_a_node_keeps_the_submaps_that_are_nearest(seed, limit):
+def test_a_node_keeps_its_nearest_submaps(seed, limit):
     rng = np.random.default_rng(seed)
     submap_poses, node_poses = poses(rng, int(rng.integers(1, 8))), poses(rng, 12)
     submap_poses[-1] = submap_poses[0]  # as near as another one
@@ -51,3 +62,52 @@ def test_a_node_keeps_the_submaps_that_are_nearest(seed, limit):
         submaps.sort(key=lambda i: np.hypot(*(node_poses[node] - submap_poses[i])[:2]))
         assert [i for i, nodes in enumerate(kept) if node in nodes] == sorted(submaps[:limit])
     assert all((np.diff(nodes) > 0).all() for nodes in kept)
+
+
+def test_found_closures_not_matched_again_have_a_reason():
+    found = record(found=[closure(0, node) for node in (2, 3, 4, 6, 8)]).found
+    overlapping, selected = [np.array((2, 4, 6))], [np.array((2, 4))]
+    assert why_not_matched(found, overlapping, selected, every=2).tolist() == [
+        Reason.START_RESIDUAL, Reason.EVERY_NTH_NODE, Reason.START_RESIDUAL, Reason.NEARER_SUBMAPS,
+        Reason.NO_OVERLAP,
+    ]  # fmt: skip
+
+
+def wall_and_nodes():
+    """A submap of a corner, and a node in it whose returns lie on its walls."""
+    cells = np.full((60, 60), 40, np.uint8)
+    cells[10] = cells[:, 10] = 250
+    submap = FinishedSubmap(3, FinishedGrid(cells, 0.0, 0.0, 0.05), 0.6)
+    along = np.linspace(0.6, 2.8, 45)
+    wall = np.full(45, 0.5)
+    points = np.concatenate((np.column_stack((along, wall)), np.column_stack((wall, along))))
+    return submap, points - 1.5
+
+
+def matches_at(poses, config=CONFIG):
+    submap, points = wall_and_nodes()
+    node_poses = np.array(poses, dtype=np.float64)
+    scans = ScanPoints.of([points] * len(node_poses))
+    return match_again(submap, np.zeros(3), np.arange(len(poses)), node_poses, scans, config)
+
+
+def test_a_match_near_the_adjusted_pose_fits():
+    matches = matches_at([(1.52, 1.49, 0.005)])
+
+    assert matches.reason.tolist() == [Reason.FITS]
+    assert np.abs(matches.tf_submap_node - (1.5, 1.5, 0.0)).max() < 0.02
+    assert matches.moved_m[0] < 0.05
+    assert matches.information[0, 0, 0] > 0.0
+
+
+def test_each_limit_of_the_last_pass_has_its_reason():
+    start = [(1.55, 1.5, 0.0)]
+    assert (
+        matches_at(start, CONFIG.model_copy(update={"max_start_residual": 0.01})).reason.size == 0
+    )
+    for name, reason in (
+        ("max_refined_residual", Reason.RESIDUAL),
+        ("max_refinement", Reason.TRANSLATION),
+    ):
+        limited = CONFIG.model_copy(update={name: 1e-6, "min_score": 0.0})
+        assert matches_at(start, limited).reason.tolist() == [reason]

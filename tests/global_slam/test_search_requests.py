@@ -68,21 +68,21 @@ class Walk:
     def window(self, submap, node):
         """Return how far each way a node is sought in a submap [m]."""
         found = self.requests.of_node(self.graph, node, 4)
-        [alone] = found[found["submap"] == submap]
+        [alone] = found.linear_window[found.submap == submap]
         other = self.requests.in_submap(self.graph, submap)
-        [same] = other[other["node"] == node]
-        assert same["linear_window"] == pytest.approx(alone["linear_window"])
-        return alone["linear_window"]
+        [same] = other.linear_window[other.node == node]
+        assert same == pytest.approx(alone)
+        return alone
 
 
 def test_nodes_are_sought_in_the_submaps_nearby_that_they_are_not_in():
     walk = Walk()
-    assert walk.requests.of_node(walk.graph, 40, 4)["submap"].tolist() == [0]
-    assert walk.requests.in_submap(walk.graph, 0)["node"].tolist() == [39, 40, 41, 79]
+    assert walk.requests.of_node(walk.graph, 40, 4).submap.tolist() == [0]
+    assert walk.requests.in_submap(walk.graph, 0).node.tolist() == [39, 40, 41, 79]
 
 
 def test_scans_with_few_points_are_not_sought():
-    assert len(Walk(num_points=0).requests.of_node(Walk().graph, 40, 4)) == 0
+    assert len(Walk(num_points=0).requests.of_node(Walk().graph, 40, 4).node) == 0
 
 
 def test_without_closures_the_window_is_for_the_whole_way():
@@ -122,8 +122,8 @@ def test_in_a_submap_begun_since_only_the_way_travelled_is_known():
     assert walk.window(submap=0, node=41) == pytest.approx(1.0 + 1.0 + CLOSURE_LENGTH_M)
     assert walk.window(submap=1, node=51) == pytest.approx(1.0 + 41.0)
     requests = walk.requests.in_submap(walk.graph, 5)  # of the nodes 50 to 59
-    [back] = requests[requests["node"] == 10]
-    assert back["linear_window"] == pytest.approx(1.0 + 40.0)
+    [back] = requests.linear_window[requests.node == 10]
+    assert back == pytest.approx(1.0 + 40.0)
 
 
 def test_windows_do_not_depend_on_the_order_of_the_closures():

@@ -10,6 +10,7 @@ from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.map_output.report import Report
 from cartoloop.map_output.result import Result
 from cartoloop.submaps.finished_grid import FinishedGrid
+from tests.global_slam.closures import add_to_graph, closure, record
 
 
 def small_result(config=None, **report):
@@ -18,13 +19,9 @@ def small_result(config=None, **report):
     graph = PoseGraph()
     graph.add_submap((0.0, 0.0, 0.0))
     graph.add_nodes([(0.5, 0.5, 0.0), (1.0, 0.5, 0.1)])
-    graph.add_constraints(
-        [ConstraintKind.INTRA_SUBMAP, ConstraintKind.LOOP_CLOSURE],
-        [0, 0],
-        [0, 1],
-        graph.node_poses,
-        [np.eye(3)] * 2,
-    )
+    graph.add_constraint(ConstraintKind.INTRA_SUBMAP, 0, 0, graph.node_poses[0], np.eye(3))
+    closures = record(final=[closure(0, 1, graph.node_poses[1])])
+    add_to_graph(graph, closures)
     trajectory = np.array([(0.5, 0.5, 0.0), (0.8, 0.5, 0.05), (1.0, 0.5, 0.1)])
     return Result(
         stamps=np.array([100.0, 100.2, 100.4]),
@@ -35,4 +32,5 @@ def small_result(config=None, **report):
         submap_grids=[FinishedGrid(cells, 0.0, 0.0, 0.05)],
         config=config or Config(),
         report=Report(**report),
+        closures=closures,
     )

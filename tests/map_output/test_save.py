@@ -14,6 +14,7 @@ from PIL import Image
 
 from cartoloop.config_file import load_config
 from cartoloop.errors import OutputError
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.global_slam import AdjustmentRun
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.map_output.report import (
@@ -24,7 +25,7 @@ from cartoloop.map_output.report import (
     peak_memory_mb,
 )
 from cartoloop.map_output.save import prepare_folder, save, save_report, write_file
-from cartoloop.stage_timer import StageTimer
+from cartoloop.runtime.stage_timer import StageTimer
 from tests.map_output.small_result import small_result
 
 FILES = {
@@ -123,6 +124,7 @@ def test_the_report_has_its_keys_and_further_ones(tmp_path):
     assert saved["constraints"] == {
         "intra_submap": 1, "loop_closure": 1, "searched": 2, "precision": 1.0,
         "rejected": 0, "found": 4, "found_precision": 0.75,
+        "fates": {}, "fates_of_searched": {}, "fates_of_found": {},
     }  # fmt: skip
     assert saved["adjustment"] == {
         "runs": 2, "mean_iterations": 3.0, "mean_ms": 1.5, "last_ms": 2.0,
@@ -196,6 +198,7 @@ def test_nothing_mapped_is_saved_all_the_same(tmp_path):
         graph=PoseGraph(),
         node_scan_index=np.zeros(0, np.int64),
         submap_grids=[],
+        closures=Closures(),
     )
 
     save(result, tmp_path, layers=("trajectory", "closures"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live mapping: the same map, poses at once, and looks at the map while it grows."""
+"""Live mapping: the same map, poses without delay, and access to the growing map."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def small_submaps():
     return config.model_copy(update={"local_slam": local_slam, "global_slam": global_slam})
 
 
-def test_poses_are_those_of_a_recording_and_so_is_the_map(drive):
+def test_live_poses_and_map_equal_those_of_a_recording(drive):
     results = []
     for live in (False, True):
         mapper = Mapper(small_submaps(), live=live)
@@ -44,14 +44,14 @@ def test_poses_are_those_of_a_recording_and_so_is_the_map(drive):
     assert np.array_equal(live.local_trajectory, recorded.local_trajectory)
     assert live.graph.num_nodes == recorded.graph.num_nodes
     assert live.graph.num_submaps == recorded.graph.num_submaps > 4
-    assert len(live.found) > 0
+    assert live.closures.num_found > 0
     assert np.abs(live.trajectory - recorded.trajectory)[:, :2].max() < 0.1
 
 
 def test_no_pose_waits_for_the_graph(drive):
     mapper = Mapper(live=True)
     may_go_on = Event()
-    mapper.look(lambda: may_go_on.wait(30.0) and None)
+    mapper.run_on_graph_thread(lambda: may_go_on.wait(30.0) and None)
     for event in drive.events(with_odometry=True):
         mapper.add(event)
         if mapper.num_scans == 50:
@@ -65,34 +65,38 @@ def test_no_pose_waits_for_the_graph(drive):
     assert mapper.finish().graph.num_nodes == mapper.num_nodes
 
 
-def test_a_map_that_is_handed_over_grows_no_more(drive):
+def test_a_handed_out_result_does_not_change(drive):
     mapper = Mapper(small_submaps(), live=True)
-    handed_over, contents, times = [], [], []
+    handed_out, contents, times = [], [], []
 
     def content(result):
-        return result.found.tobytes(), [scan.tobytes() for scan in result.node_points]
+        return (
+            result.closures.status.tobytes(),
+            result.closures.found.tf_submap_node.tobytes(),
+            [scan.tobytes() for scan in result.node_points],
+        )
 
     def take(result):
-        handed_over.append(result)
+        handed_out.append(result)
         contents.append(content(result))
 
     for event in drive.events(with_odometry=True):
         mapper.add(event)
         if isinstance(event, LaserScan) and mapper.num_scans % 60 == 0:
-            mapper.result_later(take)
+            mapper.call_with_result(take)
             times.append((mapper.num_scans, mapper.num_nodes))
     mapper.finish()
 
-    assert [(len(r.stamps), r.graph.num_nodes) for r in handed_over] == times
-    assert [content(result) for result in handed_over] == contents
-    assert [len(result.node_points) for result in handed_over] == [nodes for _, nodes in times]
-    for result in handed_over:
+    assert [(len(r.stamps), r.graph.num_nodes) for r in handed_out] == times
+    assert [content(result) for result in handed_out] == contents
+    assert [len(result.node_points) for result in handed_out] == [nodes for _, nodes in times]
+    for result in handed_out:
         assert len(result.submap_grids) == result.graph.num_submaps
         assert len(result.trajectory) == len(result.stamps)
         assert len(result.node_scan_index) == result.graph.num_nodes
 
 
-def test_late_odometry_counts_live_and_not_in_a_recording(drive):
+def test_late_odometry_is_used_only_live(drive):
     events = [e for e in drive.events() if isinstance(e, LaserScan)][:3]
     late = Odometry(0.0, events[-1].time - 0.01, Pose(0.0, 0.0, 0.0))
     for live, skipped in ((True, {}), (False, {"time runs backwards": 1})):
@@ -113,12 +117,12 @@ def test_a_failure_of_the_graph_ends_the_run(drive, monkeypatch):
     mapper.close()
 
 
-def test_a_pose_is_out_before_its_scan_is_inserted(drive):
+def test_a_pose_is_published_before_its_scan_is_inserted(drive):
     mapper = Mapper(small_submaps(), live=True)
-    handed_out, nodes_then = [], []
+    published, nodes_then = [], []
 
     def on_pose():
-        handed_out.append(mapper.local_pose)
+        published.append(mapper.local_pose)
         nodes_then.append(mapper.num_nodes)
 
     nodes_before = []
@@ -133,7 +137,7 @@ def test_a_pose_is_out_before_its_scan_is_inserted(drive):
     assert nodes_then == nodes_before
     assert nodes_then[0] == 0
     assert result.graph.num_nodes > 10
-    assert np.array_equal(result.local_trajectory, np.array(handed_out))
+    assert np.array_equal(result.local_trajectory, np.array(published))
 
 
 def test_closures_join_long_before_the_next_adjustment(drive):
@@ -142,9 +146,9 @@ def test_closures_join_long_before_the_next_adjustment(drive):
     slam = mapper.global_slam
     for event in drive.events(with_odometry=True):
         mapper.add(event)
-        if isinstance(event, LaserScan):  # at a robot's pace, all is done before the next one
+        if isinstance(event, LaserScan):  # in real time, searches end before the next scan
             done = Event()
-            mapper.look(done.set)
+            mapper.run_on_graph_thread(done.set)
             assert done.wait(30.0)
             while slam.search.num_running:
                 time.sleep(0.001)
@@ -156,6 +160,7 @@ def test_closures_join_long_before_the_next_adjustment(drive):
         nodes % period for (nodes, now), (_, before) in pairwise(reversed(joined)) if now > before
     }
     assert len(came_at) > 1
-    assert len(slam.found_after) == len(slam.found) > 0
-    assert max(slam.found_after) <= 2 * (period // SEARCHES_A_LIVE_PERIOD) + 1
+    waited = slam.closures.num_nodes_to_join()
+    assert len(waited) == slam.closures.num_found > 0
+    assert waited.max() <= 2 * (period // SEARCHES_A_LIVE_PERIOD) + 1
     assert slam.num_put_off == 0

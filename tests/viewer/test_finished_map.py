@@ -11,8 +11,10 @@ import pytest
 from PIL import Image
 
 from cartoloop.errors import OutputError
+from cartoloop.global_slam.closures import Status
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.picture import palette
+from cartoloop.viewer.feed import ConstraintColumns
 from cartoloop.viewer.protocol import MessageType, WireConstraint
 from cartoloop.viewer.view import serve_result
 from tests.viewer.page_twin import join, look
@@ -69,13 +71,15 @@ def test_all_of_the_map_comes_in_the_order_told(page, result):
     assert np.array_equal(page.tables["submap_poses"], graph.submap_poses)
     assert np.allclose(page.tables["nodes"], graph.node_poses, atol=1e-5)
     assert np.array_equal(page.tables["node_times"], result.stamps[result.node_scan_index])
-    assert len(page.tables["constraints"]) == graph.num_constraints + len(result.rejected)
+    num_removed = result.closures.counts()[Status.CONTRADICTED]
+    assert len(page.tables["constraints"]) == graph.num_constraints + num_removed
     assert np.all(page.tables["constraints"][graph.num_constraints :, 7] == WireConstraint.REJECTED)
     constraints = page.tables["constraints"][: graph.num_constraints]
     assert np.array_equal(constraints[:, 0], graph.index_a)
     assert np.array_equal(constraints[:, 1], graph.index_b)
     assert np.allclose(constraints[:, 2:5], graph.relative_poses, atol=1e-5)
-    assert np.allclose(constraints[:, 5], graph.scores, atol=1e-6, equal_nan=True)
+    scores = ConstraintColumns.of(graph, result.closures).scores
+    assert np.allclose(constraints[:, 5], scores, atol=1e-6, equal_nan=True)
     assert np.array_equal(constraints[:, 7], graph.kinds)
     assert page.readings["state"] == "finished"
     assert page.readings["nodes"] == graph.num_nodes
@@ -94,7 +98,8 @@ def test_details_of_a_closure(connection, page, result):
     graph = result.graph
     assert (kind, closure["id"], closure["constraint"]) == (MessageType.CLOSURE, 5, row)
     assert (closure["submap"], closure["node"]) == (graph.index_a[row], graph.index_b[row])
-    assert closure["score"] == pytest.approx(graph.scores[row], abs=1e-6)
+    score = result.closures.score[graph.closure_rows[row]]
+    assert closure["score"] == (None if np.isnan(score) else pytest.approx(score, abs=1e-6))
     assert closure["residual_m"] < 0.2
     assert closure["residual_deg"] < 1.0
     assert len(closure["points"]) == len(result.node_points[closure["node"]]) > 20

@@ -151,9 +151,11 @@ def test_a_click_on_a_closure_tells_of_it(page, result):
         for name in ("title", "score", "runner", "residual", "verdict")
     }
     assert told["title"] == f"Node {graph.index_b[row]} in submap {graph.index_a[row]}"
-    assert number(told["score"]) == pytest.approx(graph.scores[row], abs=0.006)
-    if graph.runner_ups[row] > 0.0:
-        assert number(told["runner"]) == pytest.approx(graph.runner_ups[row], abs=0.006)
+    closures, place = result.closures, graph.closure_rows[row]
+    if closures.score[place] > 0.0:
+        assert number(told["score"]) == pytest.approx(closures.score[place], abs=0.006)
+    if closures.runner_up[place] > 0.0:
+        assert number(told["runner"]) == pytest.approx(closures.runner_up[place], abs=0.006)
     metres, radians = constraint_residuals(graph, np.array([row]))
     unit = 0.01 if " cm" in told["residual"] else 0.001 if " mm" in told["residual"] else 1.0
     assert unit * number(told["residual"]) == pytest.approx(metres[0], rel=0.1, abs=2e-4)

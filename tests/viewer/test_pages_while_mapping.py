@@ -141,13 +141,12 @@ def test_the_latest_closure_tells_where_it_was_sought(view, events):
         look_at_all(connection, page, mapper, view)
         closure = page.json[MessageType.LATEST_CLOSURE]
 
-        found = mapper.global_slam.found
-        ends = {(one["submap"], one["node"]): one["request"] for one in found}
-        request = ends[closure["submap"], closure["node"]]
-        assert closure["window"]["linear_m"] == request["linear_window"]
-        assert closure["window"]["angular_rad"] == request["angular_window"]
-        assert closure["window"]["tf_submap_node"] == request["tf_submap_node"].tolist()
-        assert len(closure["points"]) == len(mapper.global_slam.node_points[request["node"]])
+        closures = mapper.global_slam.closures
+        row = closures.find(closure["submap"], closure["node"])
+        assert closure["window"]["linear_m"] == closures.linear_window[row]
+        assert closure["window"]["angular_rad"] == closures.angular_window[row]
+        assert closure["window"]["tf_submap_node"] == closures.predicted[row].tolist()
+        assert len(closure["points"]) == len(mapper.global_slam.node_points[closure["node"]])
         assert 0.0 < closure["score"] < 1.0
     mapper.close()
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from cartoloop import Mapper
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.simulation import office, simulate
 from cartoloop.simulation.floor_plan import FloorPlan, World
@@ -24,7 +25,7 @@ UPDATE = Update(
     node_stamps=np.zeros(0),
     adjusted=False,
     first_constraint=0,
-    constraints=ConstraintColumns.of(PoseGraph()),
+    constraints=ConstraintColumns.of(PoseGraph(), Closures()),
     finished={},
     num_scans=7,
     skipped={"too dark": 2},

@@ -16,7 +16,11 @@ import typer
 from cartoloop.cli.mapping import compilation_told, completed, finishing_note, summary, timed
 from cartoloop.cli.stop_signals import StopRequest, stop_signals
 from cartoloop.errors import InputError, Interrupted, OutputError
-from cartoloop.process_memory import look_seldom_for_garbage, return_large_blocks, return_unused
+from cartoloop.runtime.process_memory import (
+    relax_gc,
+    release_unused_memory,
+    set_malloc_thresholds,
+)
 
 if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
@@ -74,8 +78,8 @@ def map_live(source: Source, loaded: LoadedConfig, out: Path, options: LiveOptio
     from cartoloop.mapper import Mapper
 
     start = time.perf_counter()
-    return_large_blocks()
-    look_seldom_for_garbage()
+    set_malloc_thresholds()
+    relax_gc()
     prepare_folder(out)
     tell = _Teller()
     notices = Notices(tell)
@@ -94,7 +98,7 @@ def map_live(source: Source, loaded: LoadedConfig, out: Path, options: LiveOptio
             if view is not None:
                 view.finished(result, failure)
             tell(f"writing {out}")
-            return_unused()
+            release_unused_memory()
             save(result, out, layers=options.layers, origins=loaded.origins)
             report = timed(report, time.perf_counter() - start)
             save_report(report, out)
@@ -178,7 +182,7 @@ class _Shown:
     def refresh(self) -> None:
         if not self._is_due:
             self._is_due = True
-            self._mapper.look(self._look)
+            self._mapper.run_on_graph_thread(self._look)
 
     def _look(self) -> None:
         self._is_due = False

@@ -32,12 +32,18 @@ from cartoloop.cli.view_command import (
     require_view,
     wait_for_stop,
 )
+from cartoloop.readers.formats import format_names
+
+_LOG_HELP = (
+    "Recording; several are parts of one, in order. Its format is recognised by its content: "
+    f"{', '.join(format_names())}, or a format of an installed package."
+)
 
 
 def map_command(
     logs: Annotated[
         list[Path],
-        typer.Argument(metavar="LOG", help="Recording; several are parts of one, in order."),
+        typer.Argument(metavar="LOG", help=_LOG_HELP),
     ],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map.")],
     settings: SetOption = None,
@@ -55,7 +61,7 @@ def map_command(
     port: PortOption = None,
     speed: SpeedOption = None,
 ) -> None:
-    """Map a recording: CARMEN log, ROS 1 bag, ROS 2 recording (folder, .mcap, .db3), CSV."""
+    """Map a recording: a text log, a ROS 1 bag or a ROS 2 recording."""
     layers = parse_layers(draw)
     require_view(view, host=host, port=port, speed=speed)
     options = read_options(scan_topics, odom_topic, imu_topic, urdf, laser_pose, echo)

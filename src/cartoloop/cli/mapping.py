@@ -17,7 +17,11 @@ from cartoloop.cli.progress import format_duration, progress
 from cartoloop.cli.second_process import start_second_process
 from cartoloop.cli.stop_signals import StopRequest, stop_signals
 from cartoloop.errors import InputError, Interrupted
-from cartoloop.process_memory import look_seldom_for_garbage, return_large_blocks, return_unused
+from cartoloop.runtime.process_memory import (
+    relax_gc,
+    release_unused_memory,
+    set_malloc_thresholds,
+)
 
 if TYPE_CHECKING:
     from cartoloop._jit import CompileWatch
@@ -57,8 +61,8 @@ def map_recording(
     from cartoloop.map_output.save import prepare_folder, save, save_report
 
     start = time.perf_counter()
-    return_large_blocks()
-    look_seldom_for_garbage()
+    set_malloc_thresholds()
+    relax_gc()
     prepare_folder(out)
 
     from cartoloop.mapper import Mapper
@@ -72,7 +76,7 @@ def map_recording(
             result = replace(result, report=report)
             if view is not None:
                 view.finished(result, failure)
-            return_unused()
+            release_unused_memory()
             save(result, out, layers=layers, origins=loaded.origins)
         except KeyboardInterrupt as interrupt:
             raise Interrupted(f"stopped at once; files in {out} may be missing") from interrupt

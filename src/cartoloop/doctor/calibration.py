@@ -14,10 +14,10 @@ from cartoloop.doctor.odometry import OdometryWatch
 from cartoloop.local_slam.local_slam import LocalSlam
 from cartoloop.local_slam.odometry_calibration import OdometryModel
 from cartoloop.readers.log import Log
+from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.event_faults import fault_of
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, SensorEvent
 from cartoloop.sensor.pose import FloatArray
-from cartoloop.stage_timer import StageTimer
 
 PART_SCANS = 1500
 """So many scans tell enough of the odometry, and are matched within seconds."""
@@ -71,7 +71,9 @@ def calibrate(
     first = choose_part(scan_times, odometry)
     start = float(scan_times[first])
     end = float(scan_times[min(first + PART_SCANS, len(scan_times)) - 1])
-    slam = LocalSlam(Config(), StageTimer())
+    config = Config()
+    node_filter = config.global_slam.constraint_search.adaptive_voxel_filter
+    slam = LocalSlam(config.local_slam, config.sensor, node_filter, StageTimer())
     num_scans = num_matched = 0
     last = -np.inf
     for event in _between(log, start, end):

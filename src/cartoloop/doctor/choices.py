@@ -6,14 +6,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from cartoloop.config import Config
+from cartoloop.config import Config, SensorConfig
 from cartoloop.doctor.clouds import CloudWatch
 from cartoloop.doctor.contents import Contents
 from cartoloop.doctor.odometry import OdometryWatch
 from cartoloop.doctor.scans import ScanWatch
 from cartoloop.local_slam.odometry_calibration import OdometryModel
 from cartoloop.readers.log import Log
-from cartoloop.sensor.range_filter import USEFUL_RANGE
 from cartoloop.sensor.sensor_profile import SensorProfile
 
 _ROLES = ("scan", "cloud", "odometry", "imu", "tf", "other")
@@ -61,7 +60,7 @@ def choices_of(
 
 def _ranges(profile: SensorProfile) -> Choice:
     """Return which ranges are matched and mapped; the configuration may say otherwise."""
-    farthest = min(profile.range_max, USEFUL_RANGE)
+    farthest = min(profile.range_max, SensorConfig().default_max_range)
     value = f"{profile.range_min:.2f} m to {farthest:.2f} m"
     if farthest < profile.range_max:
         return Choice("ranges used", value, "what is farther off clears free space, but is no wall")

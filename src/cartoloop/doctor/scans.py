@@ -11,12 +11,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.config import SensorConfig
 from cartoloop.doctor.findings import Finding, first_of
 from cartoloop.sensor.events import LaserScan, ScanGeometry
-from cartoloop.sensor.range_filter import USEFUL_RANGE
 from cartoloop.sensor.sensor_profile import SensorProfile
 
 FloatArray = NDArray[np.float64]
+
+USEFUL_RANGE = SensorConfig().default_max_range
+"""Ranges beyond are not matched [m]."""
 
 MIN_RETURNS = 10
 """Scans with fewer returns cannot be matched."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.evaluation.finished_run import Closures, FinishedRun
+from cartoloop.evaluation.finished_run import Closures, FinishedRun, Stage
 from cartoloop.evaluation.plot_style import (
     COLOURS,
     INK,
@@ -20,7 +20,6 @@ from cartoloop.evaluation.plot_style import (
     set_title,
 )
 from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
-from cartoloop.map_output.closures_file import Stage
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

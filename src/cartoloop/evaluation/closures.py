@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from cartoloop.config import Config
 from cartoloop.errors import InputError
-from cartoloop.evaluation.finished_run import Closures, FinishedRun
+from cartoloop.evaluation.finished_run import Closures, FinishedRun, Stage
 from cartoloop.evaluation.overlap import MIN_SHARE, closable_pairs, place_scans
 from cartoloop.evaluation.trajectories import Trajectory
 from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
-from cartoloop.map_output.closures_file import Stage
 from cartoloop.readers.log import Log
 from cartoloop.sensor.pose import compose_all, relative_all, wrap_angles
 

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.errors import InputError
-from cartoloop.evaluation.finished_run import FinishedRun
+from cartoloop.evaluation.finished_run import FinishedRun, Stage
 from cartoloop.evaluation.relations import Relations
 from cartoloop.evaluation.trajectories import read_tum
-from cartoloop.map_output.closures_file import Stage
 from cartoloop.map_output.text_files import format_stamp
 from cartoloop.sensor.pose import relative_all
 

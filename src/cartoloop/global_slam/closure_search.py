@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scans sought in a finished submap (section V-B), then refined by (CS)."""
+"""The search for nodes in one finished submap (section V-B), refined by (CS)."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.closures import Requests, SearchMatches
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.loop_closure import FOUND, NONE_FOUND, Closures, Requests
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.least_squares import LeastSquaresMatches, SmoothMap
 from cartoloop.scan_matching.match_information import match_informations
@@ -18,69 +19,85 @@ from cartoloop.sensor.pose import FloatArray, wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
 
 USUAL_RESIDUAL = 0.4
-"""Root mean square of 1 - M at the points of scans that fit."""
+"""Root mean square of 1 - M at the returns of scans that fit: scales the cost to sigmas."""
 
 LEVER_M = 5.0
-"""Usual distance of the points, which turns an error of position into one of heading."""
+"""Typical distance of the returns [m]: converts an error of position into one of heading."""
 
 
-class FoundClosures(NamedTuple):
-    """What a search for many nodes found.
+class SearchOutcome(NamedTuple):
+    """What the search of some requests in one submap came to.
 
     Attributes
     ----------
-    closures : shape (n,), in the order of the requests.
-    num_searched : how many nodes were sought.
+    min_score : threshold that was applied.
+    is_empty : whether the submap has no cells.
+    searched, not_searched : int32, rows of the record.
+    matches : where the threshold was reached.
     """
 
-    closures: Closures
-    num_searched: int
+    min_score: float
+    is_empty: bool
+    searched: NDArray[np.int32]
+    not_searched: NDArray[np.int32]
+    matches: SearchMatches
+
+
+def score_threshold(config: ConstraintSearchConfig, own_score: float) -> float:
+    """Return the minimum score of a match, given the mean score of the submap's own scans."""
+    return min(config.min_score, config.min_score_ratio * own_score)
 
 
 def search(
     submap: FinishedSubmap,
+    rows: NDArray[np.int32],
     requests: Requests,
     node_points: ScanPoints,
     config: ConstraintSearchConfig,
-) -> FoundClosures:
-    """Seek nodes in their order in one submap, and refine where they fit well enough.
+) -> SearchOutcome:
+    """Search nodes in their order in one submap, and refine where they fit well enough.
 
-    Of the nodes inserted into one other submap, no more are sought once enough are found.
+    Of the nodes inserted into one other submap, the rest is not searched once
+    ``max_closures_of_pair`` are found.
 
     Parameters
     ----------
+    rows : of the record, shape (n,).
+    requests : n of them, all in this submap.
     node_points : the returns of all nodes, tracking frame.
     """
+    min_score = score_threshold(config, submap.own_score)
+    scans = node_points.take(requests.node.astype(np.int64))
     coarse = submap.matcher.match_all(
-        node_points.take(requests["node"]),
-        requests["tf_submap_node"],
-        linear_windows=requests["linear_window"],
-        angular_windows=requests["angular_window"],
-        min_score=min(config.min_score, config.min_score_ratio * submap.own_score),
-        groups=np.unique(requests["node_submap"], return_inverse=True)[1],
+        scans,
+        requests.tf_submap_node,
+        linear_windows=requests.linear_window,
+        angular_windows=requests.angular_window,
+        min_score=min_score,
+        groups=np.unique(requests.node_submap, return_inverse=True)[1],
         max_of_group=config.max_closures_of_pair,
     )
     hits = [(i, match) for i, match in enumerate(coarse.matches) if match is not None]
-    num_searched = int(np.count_nonzero(coarse.was_searched))
-    if not hits:
-        return FoundClosures(NONE_FOUND, num_searched)
-    met = requests[[i for i, _ in hits]]
-    fine = refine_all(
-        submap.smooth_map,
-        node_points.take(met["node"]),
-        np.array([match.tf_submap_scan for _, match in hits]),
-        config,
-        math.inf,
-    )
-    closures = np.empty(len(hits), FOUND)
-    closures["submap"], closures["node"] = met["submap"], met["node"]
-    closures["tf_submap_node"] = fine.tf_submap_scan
-    closures["tf_submap_node"][:, 2] = wrap_angles(fine.tf_submap_scan[:, 2])
-    closures["information"] = match_informations(fine.information, fine.residual)
-    closures["score"] = [match.score for _, match in hits]
-    closures["runner_up"] = [match.runner_up for _, match in hits]
-    closures["request"] = met
-    return FoundClosures(closures, num_searched)
+    searched = coarse.was_searched
+    matches = NO_MATCHES
+    if hits:
+        met = np.array([i for i, _ in hits])
+        starts = np.array([match.tf_submap_scan for _, match in hits])
+        fine = refine_all(submap.smooth_map, scans.take(met), starts, config, math.inf)
+        poses = fine.tf_submap_scan.copy()
+        poses[:, 2] = wrap_angles(fine.tf_submap_scan[:, 2])
+        moved = fine.tf_submap_scan - starts
+        matches = SearchMatches(
+            row=rows[met],
+            tf_submap_node=poses,
+            information=match_informations(fine.information, fine.residual),
+            residual=fine.residual,
+            score=np.array([match.score for _, match in hits]),
+            runner_up=np.array([match.runner_up for _, match in hits]),
+            moved_m=np.hypot(moved[:, 0], moved[:, 1]),
+            moved_rad=np.abs(wrap_angles(moved[:, 2])),
+        )
+    return SearchOutcome(min_score, submap.grid.size == 0, rows[searched], rows[~searched], matches)
 
 
 def refine_all(
@@ -90,16 +107,16 @@ def refine_all(
     config: ConstraintSearchConfig,
     max_start_residual: float,
 ) -> LeastSquaresMatches:
-    """Return the matches of (CS) near the poses of nodes, shape (n, 3), held to it by some pixels.
+    """Return the matches of (CS) near the poses of nodes, shape (n, 3), which act as a prior.
 
-    Those that fit worse than `max_start_residual` where they start are not matched.
+    Those with a residual above `max_start_residual` at the start are not matched.
     """
     matcher = config.least_squares_matcher
     return least_squares.match_all(
         smooth_map,
         scans,
         tf_submap_node,
-        _pull(smooth_map, config),
+        _prior_information(smooth_map, config),
         least_squares.MatchOptions(
             matcher.occupied_space_weight / USUAL_RESIDUAL**2,
             matcher.max_num_iterations,
@@ -109,8 +126,21 @@ def refine_all(
     )
 
 
-def _pull(smooth_map: SmoothMap, config: ConstraintSearchConfig) -> FloatArray:
-    """Return the information of the pull towards the start, upper triangle, shape (6,)."""
+def _prior_information(smooth_map: SmoothMap, config: ConstraintSearchConfig) -> FloatArray:
+    """Return the information of the prior at the start, upper triangle, shape (6,)."""
     sigma = config.refinement_sigma_cells * smooth_map.resolution
     translation, rotation = sigma**-2, (sigma / LEVER_M) ** -2
     return np.array((translation, 0.0, 0.0, translation, 0.0, rotation))
+
+
+_NOTHING = np.zeros(0)
+NO_MATCHES = SearchMatches(
+    np.zeros(0, np.int32),
+    np.zeros((0, 3)),
+    np.zeros((0, 3, 3)),
+    _NOTHING,
+    _NOTHING,
+    _NOTHING,
+    _NOTHING,
+    _NOTHING,
+)

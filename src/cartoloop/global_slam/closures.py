@@ -86,7 +86,7 @@ class Reason(IntEnum):
     NEARER_SUBMAPS = 9
     """REPLACED: ``final_max_submaps_of_node`` other submaps were nearer to the node."""
     START_RESIDUAL = 10
-    """POOR_FIT: residual at the adjusted pose above ``max_start_residual``; not matched."""
+    """POOR_FIT: residual at the adjusted pose above ``max_start_residual``; not matched again."""
     RESIDUAL = 11
     """POOR_FIT: residual of the match above ``max_refined_residual``."""
     TRANSLATION = 12
@@ -103,13 +103,16 @@ class Reason(IntEnum):
 
 
 STATUS_OF_REASON = {
+    Reason.EVERY_NTH_NODE: Status.REPLACED,
+    Reason.NO_OVERLAP: Status.REPLACED,
+    Reason.NEARER_SUBMAPS: Status.REPLACED,
     Reason.FITS: Status.FINAL,
     Reason.START_RESIDUAL: Status.POOR_FIT,
     Reason.RESIDUAL: Status.POOR_FIT,
     Reason.TRANSLATION: Status.MOVED_TOO_FAR,
     Reason.ROTATION: Status.MOVED_TOO_FAR,
 }
-"""What a match of the last pass leads to."""
+"""What the last pass leads to."""
 
 
 class Requests(NamedTuple):
@@ -132,7 +135,7 @@ class Requests(NamedTuple):
 
     def take(self, which: IntArray | slice) -> Requests:
         """Return some of them, by index or slice."""
-        return Requests(*(column[which] for column in self))
+        return Requests._make(column[which] for column in self)
 
 
 class SearchMatches(NamedTuple):
@@ -168,7 +171,7 @@ class FinalMatches(NamedTuple):
     submap, node : int, shape (n,).
     tf_submap_node : float64, shape (n, 3), as measured [m, m, rad].
     information : float64, shape (n, 3, 3), inverse covariance, submap axes.
-    residual : float64, shape (n,), as of :class:`SearchMatches`; infinite with START_RESIDUAL.
+    residual : float64, shape (n,), as of :class:`SearchMatches`.
     moved_m, moved_rad : float64, shape (n,), from the adjusted pose to the match.
     reason : int8, shape (n,), FITS or why not.
     """
@@ -181,6 +184,29 @@ class FinalMatches(NamedTuple):
     moved_m: FloatArray
     moved_rad: FloatArray
     reason: CodeArray
+
+
+class MatchTable(NamedTuple):
+    """All measurements: of the searches in joining order, then those of the last pass.
+
+    Attributes
+    ----------
+    row : int, shape (n,), in the record.
+    tf_submap_node : float64, shape (n, 3), as measured [m, m, rad].
+    information : float64, shape (n, 6), upper triangle of the inverse covariance, submap axes.
+    residual : float64, shape (n,), of the fit.
+    moved : float32, shape (n, 2), by the refinement [m, rad].
+    score, runner_up, joined_at : shape (num_found,), of the searches.
+    """
+
+    row: IntArray
+    tf_submap_node: FloatArray
+    information: FloatArray
+    residual: FloatArray
+    moved: NDArray[np.float32]
+    score: FloatArray
+    runner_up: FloatArray
+    joined_at: RowArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,6 +297,15 @@ class Closures:
     def num_searched(self) -> int:
         """Number of pairs that were searched."""
         return int(np.count_nonzero(self.was_searched))
+
+    @property
+    def num_dropped(self) -> int:
+        """Number of requests that were dropped because too many were waiting."""
+        return int(np.count_nonzero(self.search_status == Status.DROPPED))
+
+    def summary(self) -> dict[str, int]:
+        """Return the number of dropped searches, for the report; empty if none."""
+        return {"searches_dropped": self.num_dropped} if self.num_dropped else {}
 
     @property
     def submap(self) -> RowArray:
@@ -370,6 +405,24 @@ class Closures:
         return self._matched(by_match, order)
 
     @property
+    def match_table(self) -> MatchTable:
+        """All measurements, as they are stored."""
+        rows = np.empty(len(self._poses), dtype=np.int64)
+        for column in (self._found_match.view, self._final_match.view):
+            has_match = np.flatnonzero(column >= 0)
+            rows[column[has_match]] = has_match
+        return MatchTable(
+            rows,
+            self._poses.view,
+            self._informations.view,
+            self._residuals.view,
+            self._moves.view,
+            self._scores.view,
+            self._runner_ups.view,
+            self._joined_at.view,
+        )
+
+    @property
     def measured(self) -> Matched:
         """All rows with a measured pose: that of the last pass, or else that of the search."""
         rows = np.flatnonzero(self._newest_match >= 0)
@@ -392,6 +445,11 @@ class Closures:
             self.angular_window[rows],
         )
 
+    def num_nodes_to_join(self) -> IntArray:
+        """Return how many nodes were added from request to joining, of :attr:`found`."""
+        since: IntArray = self._joined_at.view - self.requested_at[self.found.row].astype(np.int64)
+        return since
+
     def find(self, submap: int, node: int) -> int | None:
         """Return the row of a pair, None if it was never requested nor matched."""
         rows = np.flatnonzero((self.submap == submap) & (self.node == node))
@@ -410,15 +468,10 @@ class Closures:
         requests : pairs that have no row yet.
         num_nodes : of the graph at this moment.
         """
-        first, count = len(self), len(requests.submap)
+        first = len(self)
         self._add_rows(requests.submap, requests.node, Status.WAITING)
-        self._node_submap.extend(requests.node_submap)
-        self._predicted.extend(requests.tf_submap_node)
-        self._linear_window.extend(requests.linear_window)
-        self._angular_window.extend(requests.angular_window)
-        self._min_score.grow(count)[:] = np.nan
-        self._requested_at.grow(count)[:] = num_nodes
-        return np.arange(first, first + count, dtype=np.int32)
+        self._add_requests(requests, num_nodes)
+        return np.arange(first, len(self), dtype=np.int32)
 
     def note_dropped(self, rows: RowArray) -> None:
         """Note that requests will not be searched, because too many are waiting."""
@@ -447,13 +500,15 @@ class Closures:
         self._runner_ups.extend(matches.runner_up)
         self._joined_at.grow(len(matches.row))[:] = num_nodes
 
-    def note_last_pass(self, replaced: CodeArray, passes: Iterable[FinalMatches]) -> list[IntArray]:
+    def note_last_pass(
+        self, not_matched: CodeArray, passes: Iterable[FinalMatches]
+    ) -> list[IntArray]:
         """Note what a pass over the finished map came to; an earlier pass is forgotten.
 
         Parameters
         ----------
-        replaced : int8, shape (num_found,), of each closure of :attr:`found` the reason why it
-            was not matched again; not used where it was.
+        not_matched : int8, shape (num_found,), of each closure of :attr:`found` the reason why
+            it was not matched again; not used where it was.
         passes : matches; each pair once.
 
         Returns
@@ -462,15 +517,63 @@ class Closures:
         """
         self._forget_last_pass()
         found = self.found.row
-        self.status[found], self.reason[found] = Status.REPLACED, replaced
+        self.status[found], self.reason[found] = _STATUS_OF_REASON[not_matched], not_matched
         keys = self._keys(self.submap, self.node)
         order = np.argsort(keys, kind="stable")
         keys = keys[order]
         return [self._note_pass(matches, keys, order) for matches in passes]
 
-    def note_contradicted(self, rows: IntArray) -> None:
+    def note_contradicted(self, rows: NDArray[np.integer]) -> None:
         """Note that closures were removed from the graph, because the others contradict them."""
         self.status[rows], self.reason[rows] = Status.CONTRADICTED, Reason.DISAGREES
+
+    @classmethod
+    def restored(
+        cls,
+        ends: tuple[IntArray, IntArray],
+        codes: tuple[IntArray, IntArray, IntArray],
+        requests: Requests,
+        min_score: FloatArray,
+        requested_at: IntArray,
+        matches: MatchTable,
+    ) -> Closures:
+        """Return the record with these columns, as read from a file.
+
+        Parameters
+        ----------
+        ends : submap and node, shape (n,) each.
+        codes : status, reason and search status, shape (n,) each.
+        requests : of the first rows; `min_score`, `requested_at` likewise.
+        matches : all measurements.
+
+        Raises
+        ------
+        ValueError
+            A code is unknown, or a match belongs to no row.
+        """
+        closures = cls()
+        status, reason, search_status = codes
+        for code, kind in ((status, Status), (reason, Reason), (search_status, Status)):
+            if np.any((code < 0) | (code >= len(kind))):
+                raise ValueError("a closure has an unknown status or reason")
+        if np.any((matches.row < 0) | (matches.row >= len(status))):
+            raise ValueError("a match belongs to no closure")
+        closures._add_rows(*ends, Status.WAITING)
+        closures.status[:], closures.reason[:] = status, reason
+        closures.search_status[:] = search_status
+        closures._add_requests(requests, requested_at)
+        closures.min_score[:] = min_score
+        closures._poses.extend(matches.tf_submap_node)
+        closures._informations.extend(matches.information)
+        closures._residuals.extend(matches.residual)
+        closures._moves.extend(matches.moved)
+        closures._scores.extend(matches.score)
+        closures._runner_ups.extend(matches.runner_up)
+        closures._joined_at.extend(matches.joined_at)
+        numbers, num_found = np.arange(len(matches.row)), len(matches.score)
+        closures._found_match.view[matches.row[:num_found]] = numbers[:num_found]
+        closures._final_match.view[matches.row[num_found:]] = numbers[num_found:]
+        return closures
 
     def copy(self) -> Closures:
         """Return a copy that does not change when this record does."""
@@ -521,6 +624,15 @@ class Closures:
         self._found_match.grow(count)[:] = _NO_MATCH
         self._final_match.grow(count)[:] = _NO_MATCH
 
+    def _add_requests(self, requests: Requests, requested_at: ArrayLike) -> None:
+        count = len(requests.submap)
+        self._node_submap.extend(requests.node_submap)
+        self._predicted.extend(requests.tf_submap_node)
+        self._linear_window.extend(requests.linear_window)
+        self._angular_window.extend(requests.angular_window)
+        self._min_score.grow(count)[:] = np.nan
+        self._requested_at.grow(count)[:] = requested_at
+
     def _add_matches(
         self,
         poses: FloatArray,
@@ -561,7 +673,7 @@ class Closures:
         rows[~is_new] = order[place[~is_new]]
         rows[is_new] = np.arange(np.count_nonzero(is_new)) + len(self)
         self._add_rows(matches.submap[is_new], matches.node[is_new], Status.NOT_REQUESTED)
-        self.status[rows] = _STATUS_OF_FINAL[matches.reason]
+        self.status[rows] = _STATUS_OF_REASON[matches.reason]
         self.reason[rows] = matches.reason
         self._final_match.view[rows] = self._add_matches(
             matches.tf_submap_node,
@@ -582,6 +694,6 @@ _REASON_OF_SEARCH[Status.DROPPED] = Reason.BACKLOG_FULL
 _REASON_OF_SEARCH[Status.NOT_SEARCHED] = Reason.ENOUGH_CLOSURES
 _REASON_OF_SEARCH[Status.NOT_FOUND] = Reason.BELOW_THRESHOLD
 _REASON_OF_SEARCH[Status.FOUND] = Reason.REACHED_THRESHOLD
-_STATUS_OF_FINAL = np.zeros(len(Reason), dtype=np.int8)
+_STATUS_OF_REASON = np.zeros(len(Reason), dtype=np.int8)
 for _reason, _status in STATUS_OF_REASON.items():
-    _STATUS_OF_FINAL[_reason] = _status
+    _STATUS_OF_REASON[_reason] = _status

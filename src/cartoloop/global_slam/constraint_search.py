@@ -10,32 +10,35 @@ from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cartoloop.config import ConstraintSearchConfig
-from cartoloop.global_slam.closure_search import FoundClosures, search
+from cartoloop.global_slam.closure_search import NO_MATCHES, SearchOutcome, search
+from cartoloop.global_slam.closures import Closures, Reason, Requests, SearchMatches
 from cartoloop.global_slam.finished_submap import FinishedSubmap
 from cartoloop.global_slam.growing_array import GrowingArray
-from cartoloop.global_slam.loop_closure import FOUND, REQUEST, Closures, Requests
 from cartoloop.global_slam.node_points import NodePoints
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
+RowArray = NDArray[np.int32]
 
 MAX_THREADS = 4
-"""More threads than this have nothing to do."""
+"""Upper limit of the number of search threads chosen by default: more have nothing to do."""
 
 BATCH = 50
-"""Nodes sought in one submap by one task of a background thread."""
+"""Requests in one submap that one task of a background thread searches, at most."""
 
 STRIDE = 4
-"""In a task every so many-th node is sought first, then those between: if closures enough are found
-between two submaps, they are spread over the way, and the rest need not be sought."""
+"""A task searches every STRIDE-th node first, then those between: closures between two submaps are
+spread along the path, and after ``max_closures_of_pair`` of them the rest is not searched."""
 
-FEW, PATIENCE = 12, 2
-"""Submaps in which fewer nodes are to be sought are put off, so many times at the most."""
+MIN_BATCH, MAX_DEFERRALS = 12, 2
+"""Requests in a submap are deferred until there are MIN_BATCH of them, at most MAX_DEFERRALS times:
+precomputing the grids of a submap takes as long as about that many searches."""
 
 PRECOMPUTED_BYTES = 32 * 2**20
-"""About how much is kept of what was computed of submaps to search them."""
+"""Size of the cache of precomputed grids [bytes]."""
 
 
 class ConstraintSearch:
@@ -46,125 +49,131 @@ class ConstraintSearch:
     Parameters
     ----------
     config : what is accepted.
-    submaps : the finished submaps by their index; whoever owns it adds to it.
+    closures : the record; requests are read from it, and what became of them is noted in it.
+    submaps : the finished submaps by their index; the owner adds to it.
     node_points : the returns of the nodes, likewise.
     num_threads : how many threads search; 0: as many as there are processors, at most 4;
         one less with a bound.
-    max_backlog : with more searches than this behind, new ones are dropped; None: never.
+    max_backlog : with more searches than this waiting, new ones are dropped; None: never.
 
     Attributes
     ----------
-    num_searched : how many searches were made.
-    num_dropped : how many were dropped instead.
     durations : time that each task of a thread took [s].
     """
 
     def __init__(
         self,
         config: ConstraintSearchConfig,
+        closures: Closures,
         submaps: Sequence[FinishedSubmap],
         node_points: NodePoints,
         num_threads: int,
         max_backlog: int | None = None,
     ) -> None:
         self._config = config
+        self._closures = closures
         self._submaps = submaps
         self._node_points = node_points
         self._max_backlog = max_backlog
-        # Where nobody is to wait, one processor is left to the rest.
+        # In live mapping one processor is left to the rest.
         num_processors = (os.cpu_count() or 1) - (max_backlog is not None)
         num_threads = num_threads or min(max(num_processors, 1), MAX_THREADS)
         self._threads = ThreadPoolExecutor(num_threads, thread_name_prefix="loop-closure")
-        self._waiting = GrowingArray((), REQUEST)
-        self._pending: list[tuple[Future[tuple[FoundClosures, float]], int]] = []
+        self._waiting = GrowingArray((), np.int32)
+        self._pending: list[tuple[Future[tuple[SearchOutcome, float]], int]] = []
         self._kept: dict[int, FinishedSubmap] = {}
-        self._num_submitted = 0
-        self._times_put_off: dict[int, int] = {}
-        self.num_searched = 0
-        self.num_dropped = 0
+        self._num_deferrals: dict[int, int] = {}
         self.durations: list[float] = []
 
     @property
     def backlog(self) -> int:
-        """How many searches were submitted and are not done; may be asked in any thread."""
+        """Number of searches that were submitted and are not done; for any thread."""
         return len(self._waiting) + self.num_running
 
     @property
     def num_running(self) -> int:
-        """How many of them were started; may be asked in any thread."""
+        """Number of searches that were started and are not done; for any thread."""
         return sum(size for future, size in self._pending if not future.done())
 
-    def submit(self, requests: Requests) -> None:
-        """Note what is to be searched when :meth:`start` is called next; numbers it in place."""
+    def submit(self, rows: RowArray) -> None:
+        """Add requests, ascending rows of the record; :meth:`start` starts their search."""
         if self._max_backlog is not None:
             room = max(0, self._max_backlog - self.backlog)
-            self.num_dropped += max(0, len(requests) - room)
-            requests = requests[:room]
-        if len(requests):
-            requests["number"] = np.arange(len(requests)) + self._num_submitted
-            self._num_submitted += len(requests)
-            self._waiting.extend(requests)
+            self._closures.note_dropped(rows[room:])
+            rows = rows[:room]
+        self._waiting.extend(rows)
 
-    def start(self, *, put_off: bool = False) -> None:
+    def start(self, *, may_defer: bool = False) -> None:
         """Hand what was submitted to the threads; returns at once.
 
-        Those in the same submap go together: what a search needs of it is made once.
+        Requests in the same submap go together, so that its grids are precomputed once.
 
         Parameters
         ----------
-        put_off : whether submaps in which few nodes are to be sought may wait for more of them.
+        may_defer : whether submaps with few requests may wait for more of them.
         """
-        waiting, self._waiting = by_submap(self._waiting.view), GrowingArray((), REQUEST)
-        if put_off:
-            self._put_off(waiting)
-        # those first of which there is something, lest it be dropped for the others
-        for index in sorted(waiting, key=lambda i: (i not in self._kept, waiting[i]["number"][0])):
-            submap, requests = self._submaps[index], waiting[index]
+        waiting = by_submap(self._waiting.view, self._closures.submap)
+        self._waiting = GrowingArray((), np.int32)
+        if may_defer:
+            self._defer(waiting)
+        # Submaps whose grids are cached come first, before the others replace them.
+        for index in sorted(waiting, key=lambda i: (i not in self._kept, waiting[i][0])):
+            submap, rows = self._submaps[index], waiting[index]
             self._keep(submap, waiting)
-            for first in range(0, len(requests), BATCH):
-                batch = requests[first : first + BATCH]
-                future = self._threads.submit(self._run, submap, batch)
+            for first in range(0, len(rows), BATCH):
+                batch = spread_out(rows[first : first + BATCH])
+                requests = self._closures.requests(batch)
+                future = self._threads.submit(self._run, submap, batch, requests)
                 self._pending.append((future, len(batch)))
 
-    def _put_off(self, waiting: dict[int, Requests]) -> None:
-        """Take out the submaps that may wait: to make their precomputed grids takes longer."""
+    def _defer(self, waiting: dict[int, RowArray]) -> None:
+        """Take out the submaps that may wait: to precompute their grids takes longer."""
         for index in list(waiting):
-            times = self._times_put_off.get(index, 0)
-            if index in self._kept or len(waiting[index]) >= FEW or times == PATIENCE:
-                self._times_put_off.pop(index, None)
+            times = self._num_deferrals.get(index, 0)
+            enough = len(waiting[index]) >= MIN_BATCH
+            if index in self._kept or enough or times == MAX_DEFERRALS:
+                self._num_deferrals.pop(index, None)
             else:
-                self._times_put_off[index] = times + 1
+                self._num_deferrals[index] = times + 1
                 self._waiting.extend(waiting.pop(index))
 
-    def collect(self, *, wait: bool = True) -> Closures:
-        """Return what was found, in the order submitted.
+    def collect(self, *, wait: bool = True) -> SearchMatches:
+        """Return what was found, in the order of the requests; note the others in the record.
 
         Parameters
         ----------
-        wait : for all that was started; otherwise what is not done is left for the next time.
+        wait : for all searches that were started; otherwise unfinished ones are left for the next
+            call.
         """
         pending, self._pending = self._pending, []
         if not wait:
             started, pending = pending, [task for task in pending if task[0].done()]
             self._pending = [task for task in started if task not in pending]
-        found = GrowingArray((), FOUND)
+        found = [NO_MATCHES]
         for future, _ in pending:
-            batch, duration = future.result()
-            found.extend(batch.closures)
-            self.num_searched += batch.num_searched
+            outcome, duration = future.result()
+            self._closures.note_searched(outcome.searched, outcome.min_score)
+            self._closures.note_not_searched(
+                outcome.not_searched,
+                Reason.EMPTY_SUBMAP if outcome.is_empty else Reason.ENOUGH_CLOSURES,
+            )
+            if len(outcome.matches.row):
+                found.append(outcome.matches)
             self.durations.append(duration)
-        return found.view[np.argsort(found.view["request"]["number"], kind="stable")]
+        together = SearchMatches._make(map(np.concatenate, zip(*found, strict=True)))
+        order = np.argsort(together.row, kind="stable")
+        return SearchMatches._make(column[order] for column in together)
 
     def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
         """Run a task on each of the items in the background threads; answers in their order."""
         return self._threads.map(task, items)
 
     def close(self) -> None:
-        """Drop what is not begun and end the threads."""
+        """Drop tasks that have not begun and end the threads."""
         self._threads.shutdown(wait=True, cancel_futures=True)
 
     def _keep(self, submap: FinishedSubmap, wanted: Container[int]) -> None:
-        """Keep what is computed of a submap if there is room, or others that are not wanted."""
+        """Cache what is computed for a submap if there is room, or others are not wanted."""
         self._kept.pop(submap.index, None)
         room = PRECOMPUTED_BYTES - submap.search_bytes
         room -= sum(kept.search_bytes for kept in self._kept.values())
@@ -176,22 +185,25 @@ class ConstraintSearch:
         if room >= 0:
             self._kept[submap.index] = submap
 
-    def _run(self, submap: FinishedSubmap, requests: Requests) -> tuple[FoundClosures, float]:
+    def _run(
+        self, submap: FinishedSubmap, rows: RowArray, requests: Requests
+    ) -> tuple[SearchOutcome, float]:
         """Return what one task found, and the time that it took [s]."""
         start = perf_counter()
-        found = search(submap, spread_out(requests), self._node_points.view, self._config)
+        outcome = search(submap, rows, requests, self._node_points.view, self._config)
         if submap.index not in self._kept:
             submap.release()
-        return found, perf_counter() - start
+        return outcome, perf_counter() - start
 
 
-def by_submap(requests: Requests) -> dict[int, Requests]:
+def by_submap(rows: RowArray, submap_of_row: RowArray) -> dict[int, RowArray]:
     """Return the requests of each submap in their order, the submaps ascending."""
-    together = requests[np.argsort(requests["submap"], kind="stable")]
-    submaps, firsts = np.unique(together["submap"], return_index=True)
-    return dict(zip(submaps.tolist(), np.split(together, firsts[1:]), strict=False))
+    submaps = submap_of_row[rows]
+    order = np.argsort(submaps, kind="stable")
+    numbers, firsts = np.unique(submaps[order], return_index=True)
+    return dict(zip(numbers.tolist(), np.split(rows[order], firsts[1:]), strict=False))
 
 
-def spread_out(requests: Requests) -> Requests:
+def spread_out(rows: RowArray) -> RowArray:
     """Return the requests, every :data:`STRIDE`-th first."""
-    return requests[np.argsort(np.arange(len(requests)) % STRIDE, kind="stable")]
+    return rows[np.argsort(np.arange(len(rows)) % STRIDE, kind="stable")]

@@ -12,17 +12,9 @@ from numpy.typing import NDArray
 
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
+from cartoloop.global_slam.closures import Closures, FinalMatches, Reason, Requests
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
-from cartoloop.global_slam.growing_array import GrowingArray
-from cartoloop.global_slam.loop_closure import (
-    FOUND,
-    NO_CLOSURES,
-    Closures,
-    IntArray,
-    add_closures,
-    closures_in,
-)
 from cartoloop.global_slam.node_points import NodePoints
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
@@ -32,24 +24,28 @@ from cartoloop.global_slam.pose_adjustment import (
 from cartoloop.global_slam.pose_graph import (
     TRUE_ROTATION_RAD,
     TRUE_TRANSLATION_M,
+    ClosureConstraints,
     ConstraintKind,
     PoseGraph,
 )
 from cartoloop.global_slam.robust_loss import Loss
 from cartoloop.global_slam.search_requests import SearchRequests
+from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
 from cartoloop.sensor.scan_points import ScanPoints
-from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import Submap
 
 SEARCHES_A_PERIOD = 2
-"""So often, from one adjustment to the next, searches are started. Those started right after an
-adjustment are done long before the next one, which need not wait for them then."""
+"""Search batches per adjustment period. Those started right after an adjustment are done long
+before the next one, which does not have to wait for them then."""
 
 SEARCHES_A_LIVE_PERIOD = 9
-"""The same where nobody waits for searches; what they found joins the graph as often."""
+"""The same in live mapping; what is found joins the graph as often."""
+
+MAX_BACKLOG = 10_000
+"""Limit of the searches that wait in live mapping: some seconds' work."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,27 +66,24 @@ class AdjustmentRun:
     ms: float
 
 
-MAX_BACKLOG = 10_000
-"""Where nobody waits for searches, no more than this are ever behind: some seconds' work."""
-
-
 class GlobalSlam:
-    """Keeps the pose graph, closes loops and adjusts.
+    """Keeps the pose graph and the record of closures, closes loops and adjusts.
 
     Parameters
     ----------
     config : its parameters.
     timer : takes its times.
     wait_for_searches : whether an adjustment waits for the searches that were started before it,
-        so that the result is always the same. Otherwise what is found joins when it is, and
-        searches that would be too far behind are dropped and counted.
+        so that the result is always the same. Otherwise what is found joins when it is found, and
+        requests beyond :data:`MAX_BACKLOG` are dropped.
 
     Attributes
     ----------
-    found_after : of each of `found`, how many nodes were added between asking for it and its
-        joining.
+    graph : pose graph; its loop closures refer to rows of `closures`.
+    closures : the record of all pairs that were requested or matched.
+    search : the background search.
+    adjustments : runs of pose adjustment so far.
     num_put_off : searches that were started and not done when the graph was adjusted.
-    rejected : the loop closures that were taken out of the graph in the end.
     """
 
     def __init__(
@@ -98,23 +91,23 @@ class GlobalSlam:
     ) -> None:
         self._config = config
         self._timer = timer
-        self._waits = wait_for_searches
+        self._waits_while_mapping = wait_for_searches
         self.graph = PoseGraph()
+        self.closures = Closures()
         self._adjuster = PoseAdjuster(self.graph)
+        self._adjusted_revision = self.graph.revision
         self._finished: list[FinishedSubmap] = []
         self._node_points = NodePoints()
         self.search = ConstraintSearch(
             config.constraint_search,
+            self.closures,
             self._finished,
             self._node_points,
             config.num_threads,
             max_backlog=None if wait_for_searches else MAX_BACKLOG,
         )
-        self._found = GrowingArray((), FOUND)
-        self.found_after: list[int] = []
         self.num_put_off = 0
         self.adjustments: list[AdjustmentRun] = []
-        self.rejected = NO_CLOSURES
         self._requests = SearchRequests(config.constraint_search)
         self._submap_nodes: list[set[int]] = []
         self._tf_local_last_submap = IDENTITY
@@ -122,79 +115,67 @@ class GlobalSlam:
 
     @property
     def tf_map_local(self) -> Pose:
-        """Where the local frame lies in the map since the last adjustment."""
+        """Pose of the local frame in the map since the last adjustment."""
         return self._tf_map_local
 
     @property
-    def found(self) -> Closures:
-        """The loop closures so far, in the order in which they joined the graph; read only."""
-        return self._found.view
-
-    @property
     def node_points(self) -> ScanPoints:
-        """The returns of each node so far [m], tracking frame; to be read only."""
+        """The returns of each node so far [m], tracking frame; read only."""
         return self._node_points.view
 
     @property
     def num_loop_closures(self) -> int:
-        """How many loop closures the graph holds."""
+        """Number of loop closures in the graph."""
         return self.graph.num_loop_closures
 
     def add_node(self, node: Node) -> None:
-        """Add a scan that was inserted; seek it where it may close a loop; adjust when due."""
+        """Add a scan that was inserted; request searches for it; adjust when due."""
         self._add_to_graph(node)
         finished = None if node.finished is None else self._finish(node.finished)
         every = self._config.optimize_every_n_nodes
         if every == 0:
             return
-        self._seek_node(node.index)
+        waits = self._waits_while_mapping
+        self._request_node(node.index)
         if finished is not None:
-            self._seek_in(finished)
+            self._request_nodes_in(finished)
         if self.graph.num_nodes % every == 0:
-            self.adjust(self._config.pose_adjustment.max_num_iterations)
-        often = SEARCHES_A_PERIOD if self._waits else SEARCHES_A_LIVE_PERIOD
-        if self.graph.num_nodes % max(every // often, 1) == 0:
-            if not self._waits:
-                self._take_in_closures()
-            self.search.start(put_off=self._waits)
-
-    def adjust(self, max_num_iterations: int) -> None:
-        """Take in the loop closures whose searches were started, and adjust all poses."""
-        self._take_in_closures()
-        self.num_put_off += self.search.num_running
-        with self._timer.measure("adjust"):
-            self._adjust(max_num_iterations)
+            self._close_loops(self._config.pose_adjustment.max_num_iterations, wait=waits)
+        searches = SEARCHES_A_PERIOD if waits else SEARCHES_A_LIVE_PERIOD
+        if self.graph.num_nodes % max(every // searches, 1) == 0:
+            if not waits:
+                self._take_in_closures(wait=False)
+            self.search.start(may_defer=waits)
 
     def finish(
         self, unfinished: Iterable[Submap], note: Callable[[str], None] | None = None
     ) -> None:
-        """Close the last loops, then match all anew from the optimised poses and adjust once more.
+        """Close the last loops, then match all pairs again from adjusted poses and adjust again.
 
         Parameters
         ----------
         unfinished : the submaps that are still active; no more scans will come.
-        note : called with what comes next, in words, whenever poses may have changed.
+        note : called with the name of the next step, whenever poses may have changed.
         """
-        tell = note or (lambda _: None)
+        announce = note or (lambda _: None)
         if self._config.optimize_every_n_nodes == 0 or self.graph.num_nodes == 0:
             return
-        self._waits = True
         for submap in unfinished:
-            self._seek_in(self._finish(submap))
+            self._request_nodes_in(self._finish(submap))
         self.search.start()
         iterations = self._config.pose_adjustment.max_num_final_iterations
-        tell("closing the last loops")
-        self.adjust(iterations)
+        announce("closing the last loops")
+        self._close_loops(iterations, wait=True)
         passes = self._config.constraint_search.final_passes
         for number in range(1, passes + 1):
-            tell(f"matching again, {number} of {passes}")
+            announce(f"matching again, {number} of {passes}")
             with self._timer.measure("match again"):
                 self._match_again()
             with self._timer.measure("adjust"):
                 self._adjust(iterations)
-        tell("last adjustment")
+        announce("last adjustment")
         with self._timer.measure("adjust"):
-            self._reject_false_closures(iterations)
+            self._remove_contradicted(iterations)
 
     def finished_grids(self) -> dict[int, FinishedGrid]:
         """Return the grids of the finished submaps by their index."""
@@ -240,28 +221,42 @@ class GlobalSlam:
         self._finished.append(finished)
         return finished
 
-    def _seek_node(self, node: int) -> None:
-        """Seek a node in all finished submaps near enough."""
+    def _request_node(self, node: int) -> None:
+        """Request searches for a node in the finished submaps nearby."""
         with self._timer.measure("select pairs"):
-            self.search.submit(self._requests.of_node(self.graph, node, len(self._finished)))
+            self._submit(self._requests.of_node(self.graph, node, len(self._finished)))
 
-    def _seek_in(self, submap: FinishedSubmap) -> None:
-        """Seek all nodes near enough in a submap that has just been finished."""
+    def _request_nodes_in(self, submap: FinishedSubmap) -> None:
+        """Request searches in a submap that has just been finished, for the nodes nearby."""
         with self._timer.measure("select pairs"):
-            self.search.submit(self._requests.in_submap(self.graph, submap.index))
+            self._submit(self._requests.in_submap(self.graph, submap.index))
 
-    def _take_in_closures(self) -> None:
-        """Add the loop closures that were found to the graph."""
+    def _submit(self, requests: Requests) -> None:
+        if len(requests.submap):
+            self.search.submit(self.closures.request(requests, self.graph.num_nodes))
+
+    def _close_loops(self, max_num_iterations: int, *, wait: bool) -> None:
+        """Take in the loop closures that searches found, and adjust all poses."""
+        self._take_in_closures(wait=wait)
+        self.num_put_off += self.search.num_running
+        with self._timer.measure("adjust"):
+            self._adjust(max_num_iterations)
+
+    def _take_in_closures(self, *, wait: bool) -> None:
+        """Add the loop closures that were found to the record and to the graph."""
         num_timed = len(self.search.durations)
         with self._timer.measure("wait for searches"):
-            closures = self.search.collect(wait=self._waits)
+            found = self.search.collect(wait=wait)
         for duration in self.search.durations[num_timed:]:
             self._timer.record("search", duration)
-        self._found.extend(closures)
-        self._requests.note_found(closures)
-        since = self.graph.num_nodes - closures["request"]["num_nodes"]
-        self.found_after += since.tolist()
-        add_closures(self.graph, closures)
+        if len(found.row) == 0:
+            return
+        submaps, nodes = self.closures.submap[found.row], self.closures.node[found.row]
+        self.closures.add_found(found, self.graph.num_nodes)
+        self._requests.note_found(submaps, nodes)
+        self.graph.add_loop_closures(
+            ClosureConstraints(found.row, submaps, nodes, found.tf_submap_node, found.information)
+        )
 
     def _adjust(self, max_num_iterations: int) -> None:
         config = self._config.pose_adjustment
@@ -272,8 +267,9 @@ class GlobalSlam:
             relative_tolerance=config.tolerance,
         )
         start = perf_counter()
-        if self._adjuster.graph is not self.graph:
+        if self._adjusted_revision != self.graph.revision:
             self._adjuster = PoseAdjuster(self.graph)
+            self._adjusted_revision = self.graph.revision
         done = self._adjuster.adjust(options)
         self.adjustments.append(
             AdjustmentRun(
@@ -286,32 +282,32 @@ class GlobalSlam:
         )
         newest = Pose(*self.graph.submap_poses[-1].tolist())
         self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
-        closures, is_violated = self._closures()
+        closures, is_violated = self._violated_closures()
         self._requests.note_adjusted(self.graph, closures[~is_violated])
 
-    def _closures(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Return the loop closures, and which are violated by so much that they must be false."""
+    def _violated_closures(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Return the constraints that are loop closures, and which of them must be false."""
         closures = np.flatnonzero(self.graph.kinds == ConstraintKind.LOOP_CLOSURE)
         translation_error, rotation_error = constraint_residuals(self.graph, closures)
         return closures, (
             (translation_error > TRUE_TRANSLATION_M) | (rotation_error > TRUE_ROTATION_RAD)
         )
 
-    def _reject_false_closures(self, max_num_iterations: int) -> None:
-        """Drop the loop closures that the rest contradicts, and adjust without them."""
-        closures, is_violated = self._closures()
+    def _remove_contradicted(self, max_num_iterations: int) -> None:
+        """Remove the loop closures that the other constraints contradict, and adjust again."""
+        closures, is_violated = self._violated_closures()
         if is_violated.any():
             is_false = np.zeros(self.graph.num_constraints, dtype=bool)
             is_false[closures[is_violated]] = True
-            self.rejected = closures_in(self.graph, is_false)
-            self.graph = self.graph.without(is_false)
+            self.closures.note_contradicted(self.graph.closure_rows[is_false])
+            self.graph.remove(is_false)
             self._adjust(max_num_iterations)
 
     def _match_again(self) -> None:
-        """Replace the loop closures by matches from where the nodes stand now."""
+        """Replace the loop closures by matches from the adjusted poses."""
         config, graph = self._config.constraint_search, self.graph
 
-        def overlapping(index: int) -> IntArray:
+        def overlapping_nodes(index: int) -> NDArray[np.int64]:
             return refinement.overlapping_nodes(
                 self._finished[index],
                 graph.submap_poses[index],
@@ -320,22 +316,35 @@ class GlobalSlam:
                 config.final_every_nth_node,
             )
 
-        def match_submap(index: int) -> Closures:
+        def match_submap(index: int) -> FinalMatches:
             submap, pose = self._finished[index], graph.submap_poses[index]
-            found = refinement.match_again(
+            matches = refinement.match_again(
                 submap, pose, nodes[index], graph.node_poses, self.node_points, config
             )
             submap.release()
-            return found
+            return matches
 
         numbers = range(len(self._finished))
+        overlapping = list(self.search.map(overlapping_nodes, numbers))
         nodes = refinement.in_nearest_submaps(
-            list(self.search.map(overlapping, numbers)),
-            graph.submap_poses,
-            graph.node_poses,
-            config.final_max_submaps_of_node,
+            overlapping, graph.submap_poses, graph.node_poses, config.final_max_submaps_of_node
         )
-        matched = graph.without(graph.kinds == ConstraintKind.LOOP_CLOSURE)
-        for closures in self.search.map(match_submap, numbers):
-            add_closures(matched, closures)
-        self.graph = matched  # only now: whoever stops the run meanwhile keeps what was found
+        # All matches first: a run that is stopped meanwhile keeps what was found before.
+        passes = list(self.search.map(match_submap, numbers))
+        not_matched = refinement.why_not_matched(
+            self.closures.found, overlapping, nodes, config.final_every_nth_node
+        )
+        rows = self.closures.note_last_pass(not_matched, passes)
+        graph.replace_loop_closures(map(_accepted, passes, rows))
+
+
+def _accepted(matches: FinalMatches, rows: NDArray[np.int64]) -> ClosureConstraints:
+    """Return the matches of a pass that become constraints."""
+    fits = matches.reason == Reason.FITS
+    return ClosureConstraints(
+        rows[fits],
+        matches.submap[fits],
+        matches.node[fits],
+        matches.tf_submap_node[fits],
+        matches.information[fits],
+    )

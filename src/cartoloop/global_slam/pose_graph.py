@@ -9,8 +9,9 @@ calls scan poses are the poses of the nodes.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,18 +25,40 @@ IntArray = NDArray[np.int64]
 _ASYMMETRY = 1e-9  # what rounding leaves between two halves of one information matrix
 
 TRUE_TRANSLATION_M, TRUE_ROTATION_RAD = 0.2, math.radians(1.0)
-"""A loop closure that is violated by more than this is taken to be false (section VI, table IV)."""
+"""A loop closure with a larger residual after adjustment counts as false (section VI, table IV)."""
+
+
+NO_ROW = -1
+"""Row of a constraint that is no loop closure."""
 
 
 class ConstraintKind(IntEnum):
-    """What a constraint ties together, and how it came about."""
+    """What a constraint connects, and how it came about."""
 
     INTRA_SUBMAP = 0
     """Submap (a) to a node (b) that was inserted into it."""
     LOOP_CLOSURE = 1
-    """Submap (a) to a node (b) that was found in it by search; may be false."""
+    """Submap (a) to a node (b) that was found in it by search or by the last pass; may be false."""
     NODE_TO_NODE = 2
     """Node (a) to node (b): odometry, and graphs without submaps."""
+
+
+class ClosureConstraints(NamedTuple):
+    """Loop closures that are to join a graph.
+
+    Attributes
+    ----------
+    row : int, shape (n,), rows in the record of closures.
+    submap, node : int, shape (n,).
+    tf_submap_node : float64, shape (n, 3), as measured [m, m, rad].
+    information : float64, shape (n, 3, 3), inverse covariance, submap axes.
+    """
+
+    row: NDArray[np.integer]
+    submap: NDArray[np.integer]
+    node: NDArray[np.integer]
+    tf_submap_node: FloatArray
+    information: FloatArray
 
 
 class PoseGraph:
@@ -53,30 +76,30 @@ class PoseGraph:
         self._index_b = GrowingArray((), np.int64)
         self._relative_poses = GrowingArray((3,), np.float64)
         self._informations = GrowingArray((3, 3), np.float64)
-        self._scores = GrowingArray((), np.float64)
-        self._runner_ups = GrowingArray((), np.float64)
+        self._closure_rows = GrowingArray((), np.int32)
         self._num_loop_closures = 0
+        self._revision = 0
         self._fixed_nodes: list[int] = []
         self._fixed_submaps: list[int] = []
 
     @property
     def num_nodes(self) -> int:
-        """How many nodes there are."""
+        """Number of nodes."""
         return len(self._node_poses)
 
     @property
     def num_submaps(self) -> int:
-        """How many submaps there are."""
+        """Number of submaps."""
         return len(self._submap_poses)
 
     @property
     def num_constraints(self) -> int:
-        """How many constraints there are."""
+        """Number of constraints."""
         return len(self._kinds)
 
     @property
     def num_loop_closures(self) -> int:
-        """How many of them are loop closures."""
+        """Number of loop closures among them."""
         return self._num_loop_closures
 
     @property
@@ -115,14 +138,14 @@ class PoseGraph:
         return self._informations.view
 
     @property
-    def scores(self) -> FloatArray:
-        """Match score in [0, 1] by which a closure was accepted; NaN where nothing was searched."""
-        return self._scores.view
+    def closure_rows(self) -> NDArray[np.int32]:
+        """Row of each loop closure in the record of closures; -1 for other constraints."""
+        return self._closure_rows.view
 
     @property
-    def runner_ups(self) -> FloatArray:
-        """Score of the best match elsewhere in the window; NaN where nothing was searched."""
-        return self._runner_ups.view
+    def revision(self) -> int:
+        """Rises when constraints are removed or replaced; not when they are added."""
+        return self._revision
 
     @property
     def fixed_nodes(self) -> Sequence[int]:
@@ -178,8 +201,7 @@ class PoseGraph:
         tf_a_b: ArrayLike,
         information: ArrayLike,
         *,
-        score: float = np.nan,
-        runner_up: float = np.nan,
+        closure_row: int = NO_ROW,
     ) -> int:
         """Add one constraint and return its index; see :meth:`add_constraints`."""
         return self.add_constraints(
@@ -188,8 +210,7 @@ class PoseGraph:
             np.array([index_b], dtype=np.int64),
             np.asarray(tf_a_b, dtype=np.float64).reshape(1, 3),
             np.asarray(information, dtype=np.float64).reshape(1, 3, 3),
-            scores=np.array([score]),
-            runner_ups=np.array([runner_up]),
+            closure_rows=closure_row,
         )
 
     def add_constraints(
@@ -200,8 +221,7 @@ class PoseGraph:
         tf_a_b: ArrayLike,
         informations: ArrayLike,
         *,
-        scores: ArrayLike = np.nan,
-        runner_ups: ArrayLike = np.nan,
+        closure_rows: ArrayLike = NO_ROW,
     ) -> int:
         """Add constraints and return the index of the first.
 
@@ -212,15 +232,15 @@ class PoseGraph:
         index_b : node, shape (n,).
         tf_a_b : where b was seen from a, shape (n, 3) [m, m, rad].
         informations : symmetric, shape (n, 3, 3), in the frame of a.
-        scores, runner_ups : shape (n,), or one for all.
+        closure_rows : row of each in the record of closures, shape (n,), or one for all.
 
         Raises
         ------
         IndexError
             If a constraint names a submap or a node that is not in the graph.
         ValueError
-            If there are not as many of each, a pose or an information matrix is not finite, or a
-            matrix not symmetric or with a negative diagonal, or a node is tied to itself.
+            If the columns differ in length, a pose or an information matrix is not finite, or a
+            matrix not symmetric or with a negative diagonal, or a node is constrained to itself.
         """
         index_a = np.array(index_a, dtype=np.int64, ndmin=1)
         index_b = np.array(index_b, dtype=np.int64, ndmin=1)
@@ -237,9 +257,34 @@ class PoseGraph:
         self._index_b.extend(index_b)
         self._relative_poses.extend(relative_poses)
         self._informations.extend(matrices)
-        self._scores.grow(len(kinds))[:] = scores
-        self._runner_ups.grow(len(kinds))[:] = runner_ups
+        self._closure_rows.grow(len(kinds))[:] = closure_rows
         return first
+
+    def add_loop_closures(self, closures: ClosureConstraints) -> None:
+        """Add loop closures; raises as :meth:`add_constraints` does."""
+        self.add_constraints(
+            ConstraintKind.LOOP_CLOSURE,
+            closures.submap,
+            closures.node,
+            closures.tf_submap_node,
+            closures.information,
+            closure_rows=closures.row,
+        )
+
+    def copy(self) -> PoseGraph:
+        """Return a copy that does not change when this graph does."""
+        return self.without(np.zeros(self.num_constraints, dtype=bool))
+
+    def remove(self, constraints: NDArray[np.bool_]) -> None:
+        """Remove the constraints marked, shape (num_constraints,)."""
+        self._adopt_constraints(self.without(constraints))
+
+    def replace_loop_closures(self, closures: Iterable[ClosureConstraints]) -> None:
+        """Replace the loop closures by others. What raises meanwhile leaves the graph as it was."""
+        replaced = self.without(self.kinds == ConstraintKind.LOOP_CLOSURE)
+        for some in closures:
+            replaced.add_loop_closures(some)
+        self._adopt_constraints(replaced)
 
     def without(self, constraints: NDArray[np.bool_]) -> PoseGraph:
         """Return a copy that lacks the constraints marked, shape (num_constraints,)."""
@@ -255,10 +300,17 @@ class PoseGraph:
             self.index_b[kept],
             self.relative_poses[kept],
             self.informations[kept],
-            scores=self.scores[kept],
-            runner_ups=self.runner_ups[kept],
+            closure_rows=self.closure_rows[kept],
         )
         return graph
+
+    def _adopt_constraints(self, other: PoseGraph) -> None:
+        """Take over the constraints of a graph that is dropped afterwards."""
+        self._kinds, self._index_a, self._index_b = other._kinds, other._index_a, other._index_b
+        self._relative_poses, self._informations = other._relative_poses, other._informations
+        self._closure_rows = other._closure_rows
+        self._num_loop_closures = other._num_loop_closures
+        self._revision += 1
 
     def _check(
         self,
@@ -294,7 +346,7 @@ class PoseGraph:
 
 
 _FAULTS = {
-    faults.SAME_NODE: "a constraint ties a node to itself",
+    faults.SAME_NODE: "a constraint connects a node with itself",
     faults.NOT_FINITE: "a constraint holds a number that is not finite",
     faults.NOT_SYMMETRIC: "an information matrix is not symmetric",
     faults.NEGATIVE: "an information matrix has a negative diagonal",

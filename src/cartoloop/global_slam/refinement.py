@@ -1,24 +1,55 @@
 # SPDX-License-Identifier: Apache-2.0
 """The last pass over a finished run: every node is matched again to the submaps that it overlaps.
 
-From poses that are already close, a search is not needed: (CS) alone finds the match, and tells
-more exactly than the closures found while mapping how node and submap stand.
+From adjusted poses no search is necessary: (CS) alone finds the match, and measures the relative
+pose more exactly than the searches while mapping.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_search import LEVER_M, refine_all
+from cartoloop.global_slam.closures import FinalMatches, Matched, Reason
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.loop_closure import CLOSURE, NO_CLOSURES, Closures, IntArray
 from cartoloop.scan_matching.match_information import match_informations
 from cartoloop.sensor.pose import FloatArray, relative_all
 from cartoloop.sensor.scan_points import ScanPoints
+
+IntArray = NDArray[np.int64]
+
+
+class FinalLimits(NamedTuple):
+    """What the last pass accepts in one submap.
+
+    Attributes
+    ----------
+    residual : root mean square of 1 - M_smooth at the returns.
+    translation, rotation : from the adjusted pose to the match [m], [rad].
+    """
+
+    residual: float
+    translation: float
+    rotation: float
+
+
+def final_limits(config: ConstraintSearchConfig, own_score: float) -> FinalLimits:
+    """Return what is accepted in a submap, given the mean score of its own scans.
+
+    Where not even its own scans fit a submap well, the residual may be larger by as much as the
+    minimum score of the search is lower there.
+    """
+    allowance = max(config.min_score - config.min_score_ratio * own_score, 0.0)
+    return FinalLimits(
+        config.max_refined_residual + allowance,
+        config.max_refinement,
+        config.max_refinement / LEVER_M,
+    )
 
 
 def overlapping_nodes(
@@ -28,7 +59,7 @@ def overlapping_nodes(
     inserted: set[int],
     every: int,
 ) -> IntArray:
-    """Return one in `every` of the nodes that stand within a submap's grid, but are not in it."""
+    """Return one in `every` of the nodes inside a submap's grid that were not inserted into it."""
     grid = submap.grid
     seen = relative_all(tf_map_submap, node_poses)
     height, width = grid.shape
@@ -43,10 +74,10 @@ def overlapping_nodes(
 def in_nearest_submaps(
     overlapping: Sequence[IntArray], submap_poses: FloatArray, node_poses: FloatArray, limit: int
 ) -> list[IntArray]:
-    """Return the nodes that overlap each submap, without those of which `limit` others are nearer.
+    """Return the nodes to match in each submap: each node in its `limit` nearest submaps only.
 
-    Where the robot returns again and again, submaps lie on top of each other, and a match to each
-    of them would take ever longer without telling more.
+    Where the robot returns often, many submaps overlap, and to match a node to each of them takes
+    ever longer and adds little information.
 
     Parameters
     ----------
@@ -65,6 +96,31 @@ def in_nearest_submaps(
     return [nodes[near] for nodes, near in zip(overlapping, parts, strict=True)]
 
 
+def why_not_matched(
+    found: Matched, overlapping: Sequence[IntArray], selected: Sequence[IntArray], every: int
+) -> NDArray[np.int8]:
+    """Return why closures that searches found were not matched again, if they were not.
+
+    Parameters
+    ----------
+    found : n closures.
+    overlapping : of each submap, the nodes that overlap it.
+    selected : those of them that were to be matched: of the others, nearer submaps were.
+    every : one in so many nodes is matched, ``final_every_nth_node``.
+
+    Returns
+    -------
+    :class:`Reason` of each, shape (n,).
+    """
+    reasons = np.full(len(found), Reason.NO_OVERLAP, dtype=np.int8)
+    for submap in np.unique(found.submap).tolist():
+        own = np.flatnonzero(found.submap == submap)
+        reasons[own[np.isin(found.node[own], overlapping[submap])]] = Reason.NEARER_SUBMAPS
+        reasons[own[np.isin(found.node[own], selected[submap])]] = Reason.START_RESIDUAL
+    reasons[(found.node.astype(np.int64) + found.submap) % every != 0] = Reason.EVERY_NTH_NODE
+    return reasons
+
+
 def match_again(
     submap: FinishedSubmap,
     tf_map_submap: FloatArray,
@@ -72,11 +128,11 @@ def match_again(
     node_poses: FloatArray,
     node_points: ScanPoints,
     config: ConstraintSearchConfig,
-) -> Closures:
-    """Return the nodes that fit the submap near where they stand.
+) -> FinalMatches:
+    """Match nodes to a submap near their adjusted poses.
 
-    Their score is 1 less the root mean square of 1 - M_smooth at the points: no more than the mean
-    probability. No runner-up is sought.
+    Nodes with few returns are left out, and nodes that do not see the same as the submap: those
+    with a residual above ``max_start_residual`` at the adjusted pose.
 
     Parameters
     ----------
@@ -87,31 +143,52 @@ def match_again(
     """
     nodes = nodes[node_points.take(nodes).counts >= config.min_num_points]
     if len(nodes) == 0:
-        return NO_CLOSURES
-    estimates = relative_all(tf_map_submap, node_poses[nodes])
+        return NO_FINAL_MATCHES
+    starts = relative_all(tf_map_submap, node_poses[nodes])
     matches = refine_all(
-        submap.smooth_map,
-        node_points.take(nodes),
-        estimates,
-        config,
-        config.max_start_residual,
+        submap.smooth_map, node_points.take(nodes), starts, config, config.max_start_residual
     )
-    moved = matches.tf_submap_scan - estimates
-    # Where not even its own scans fit a submap well, no more is asked of others.
-    sparse = max(config.min_score - config.min_score_ratio * submap.own_score, 0.0)
-    max_residual = config.max_refined_residual + sparse
-    fits = (
-        (matches.residual <= max_residual)
-        & (np.hypot(moved[:, 0], moved[:, 1]) <= config.max_refinement)
-        & (np.abs(moved[:, 2]) <= config.max_refinement / LEVER_M)
+    tried = np.flatnonzero(np.isfinite(matches.residual))
+    poses, residual = matches.tf_submap_scan[tried], matches.residual[tried]
+    moved = poses - starts[tried]
+    moved_m, moved_rad = np.hypot(moved[:, 0], moved[:, 1]), np.abs(moved[:, 2])
+    reasons = _reasons(residual, moved_m, moved_rad, final_limits(config, submap.own_score))
+    fitting = reasons == Reason.FITS
+    informations = np.zeros((len(tried), 3, 3))
+    if fitting.any():
+        informations[fitting] = match_informations(
+            matches.information[tried[fitting]], residual[fitting]
+        )
+    return FinalMatches(
+        submap=np.full(len(tried), submap.index),
+        node=nodes[tried],
+        tf_submap_node=poses,
+        information=informations,
+        residual=residual,
+        moved_m=moved_m,
+        moved_rad=moved_rad,
+        reason=reasons,
     )
-    fitting = np.flatnonzero(fits)
-    closures = np.zeros(len(fitting), CLOSURE)
-    closures["submap"], closures["node"] = submap.index, nodes[fitting]
-    closures["tf_submap_node"] = matches.tf_submap_scan[fitting]
-    closures["information"] = match_informations(
-        matches.information[fitting], matches.residual[fitting]
-    )
-    closures["score"] = 1.0 - matches.residual[fitting]
-    closures["runner_up"] = math.nan
-    return closures
+
+
+def _reasons(
+    residual: FloatArray, moved_m: FloatArray, moved_rad: FloatArray, limits: FinalLimits
+) -> NDArray[np.int8]:
+    """Return FITS, or the first test that a match fails, shape (n,)."""
+    reasons = np.full(len(residual), Reason.FITS, dtype=np.int8)
+    reasons[~(moved_rad <= limits.rotation)] = Reason.ROTATION
+    reasons[~(moved_m <= limits.translation)] = Reason.TRANSLATION
+    reasons[~(residual <= limits.residual)] = Reason.RESIDUAL
+    return reasons
+
+
+NO_FINAL_MATCHES = FinalMatches(
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int64),
+    np.zeros((0, 3)),
+    np.zeros((0, 3, 3)),
+    np.zeros(0),
+    np.zeros(0),
+    np.zeros(0),
+    np.zeros(0, np.int8),
+)

@@ -6,15 +6,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.closures import Requests
 from cartoloop.global_slam.growing_array import GrowingArray
-from cartoloop.global_slam.loop_closure import REQUEST, Closures, IntArray, Requests
 from cartoloop.global_slam.pair_selection import CLOSURE_LENGTH_M, PairSelection
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.kernels.due_pairs import due_pairs, nearest_tie
 from cartoloop.sensor.pose import FloatArray
 from cartoloop.submaps.node import Node
+
+IntArray = NDArray[np.int64]
 
 
 class SearchRequests:
@@ -42,10 +45,10 @@ class SearchRequests:
         if node.submaps[-1].index == len(self._submap_travelled):
             self._submap_travelled.append(travelled)
 
-    def note_found(self, closures: Closures) -> None:
+    def note_found(self, submaps: NDArray[np.integer], nodes: NDArray[np.integer]) -> None:
         """Learn of loop closures."""
-        node_submaps = self._node_submaps.view[closures["node"], 0]
-        for pair in zip(closures["submap"].tolist(), node_submaps.tolist(), strict=True):
+        node_submaps = self._node_submaps.view[nodes, 0]
+        for pair in zip(submaps.tolist(), node_submaps.tolist(), strict=True):
             self._selection.note_found(*pair)
 
     def note_adjusted(self, graph: PoseGraph, closures: IntArray) -> None:
@@ -127,11 +130,6 @@ class SearchRequests:
             )
             if self._selection.take(submap, node_submap, length)
         ]
-        requests = np.empty(len(taken), REQUEST)
-        if taken:
-            requests["submap"], requests["node"], requests["node_submap"] = pairs[taken].T
-            requests["tf_submap_node"] = poses[taken]
-            windows = self._selection.windows(lengths[taken])
-            requests["linear_window"], requests["angular_window"] = windows
-            requests["num_nodes"] = graph.num_nodes
-        return requests
+        columns = pairs[taken].astype(np.int32)
+        windows = self._selection.windows(lengths[taken])
+        return Requests(columns[:, 0], columns[:, 1], columns[:, 2], poses[taken], *windows)

@@ -183,9 +183,10 @@ class LiveSession:
     def _status(self) -> str:
         mapper = self._mapper
         p50, p99 = 1e3 * np.quantile(self.latencies or [0.0], (0.5, 0.99))
-        search = mapper.global_slam.search
-        dropped = f", {search.num_dropped} dropped" if search.num_dropped else ""
+        slam = mapper.global_slam
+        num_dropped = slam.closures.num_dropped
+        dropped = f", {num_dropped} dropped" if num_dropped else ""
         return (
             f"{mapper.num_scans} scans, {mapper.num_loop_closures} closures, latency {p50:.1f} ms "
-            f"(p99 {p99:.1f}), {search.backlog} searches behind{dropped}"
+            f"(p99 {p99:.1f}), {slam.search.backlog} searches behind{dropped}"
         )

@@ -7,8 +7,7 @@ import gc
 import math
 import sys
 
-import numpy as np
-
+from cartoloop.compile_ahead import square_room_ranges
 from cartoloop.config import Config, ConstraintSearchConfig, GlobalSlamConfig
 from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry
@@ -53,19 +52,7 @@ def warm_up() -> None:
     geometry = ScanGeometry(-math.pi, math.radians(2.0), 180, 0.1, 30.0)
     for k in range(_SCANS):
         pose = Pose(0.05 * k - 1.5, 0.2 * math.sin(0.3 * k), 0.05 * k)
-        ranges = _room_ranges(pose, geometry.angles)
+        ranges = square_room_ranges(_ROOM, pose, geometry.angles)
         mapper.add(Odometry(0.1 * k, 0.1 * k, pose))
         mapper.add(LaserScan(0.1 * k, 0.1 * k, ranges, geometry))
     mapper.finish()
-
-
-def _room_ranges(
-    pose: Pose, angles: np.typing.NDArray[np.float64]
-) -> np.typing.NDArray[np.float64]:
-    """Return the distances to the walls of a square room [m]."""
-    dx, dy = np.cos(pose.theta + angles), np.sin(pose.theta + angles)
-    with np.errstate(divide="ignore"):
-        distances: np.typing.NDArray[np.float64] = np.minimum(
-            (np.copysign(_ROOM, dx) - pose.x) / dx, (np.copysign(_ROOM, dy) - pose.y) / dy
-        )
-    return distances

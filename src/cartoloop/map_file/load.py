@@ -16,9 +16,17 @@ from numpy.typing import NDArray
 
 from cartoloop.config import Config
 from cartoloop.errors import InputError
-from cartoloop.global_slam.loop_closure import CLOSURE, Closures
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.map_file.schema import APPLICATION_ID, FILE_NAME, REJECTED, SCHEMA_VERSION
+from cartoloop.map_file.closure_tables import constraints_and_closures
+from cartoloop.map_file.closure_tables_v2 import constraints_and_closures_v2
+from cartoloop.map_file.schema import (
+    APPLICATION_ID,
+    FILE_NAME,
+    READABLE_VERSIONS,
+    SCHEMA_VERSION,
+)
+from cartoloop.map_file.tables import numbers_of
 from cartoloop.map_output.report import ConstraintSummary, InputSummary, Report
 from cartoloop.map_output.result import Result
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -28,7 +36,6 @@ Row = tuple[Any, ...]
 
 _MAX_UNIT = 1e300  # of points [m]: times 2^15 still a number
 _MAX_CELLS = 2**27  # of one submap: a square of 500 m; more is no submap but a damaged file
-_UPPER = np.triu_indices(3)
 
 
 def load_map(path: Path) -> Result:
@@ -44,9 +51,9 @@ def load_map(path: Path) -> Result:
         It is not there, is no map database, is damaged, or was written by a newer program.
     """
     file = path / FILE_NAME if path.is_dir() else path
-    with _opened(file) as database, _damage_told(file):
+    with _opened(file) as database, _damage_reported(file):
         about: dict[str, str] = dict(_rows(database, "about"))
-        graph, rejected = _graph(database)
+        graph, closures = _graph(database)
         nodes = _rows(database, "nodes")
         trajectory = _poses(_rows(database, "trajectory"), 8)
         report = json.loads(about["report"])
@@ -59,7 +66,7 @@ def load_map(path: Path) -> Result:
             submap_grids=[_grid(row) for row in _rows(database, "submaps")],
             config=Config.model_validate_json(about["config"]),
             report=_report(report),
-            rejected=rejected,
+            closures=closures,
             node_points=[_points(*row[5:]) for row in nodes],
         )
 
@@ -77,21 +84,24 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
         application_id = database.execute("PRAGMA application_id").fetchone()[0]
         version = database.execute("PRAGMA user_version").fetchone()[0]
     except sqlite3.Error as error:
-        raise InputError(f"{file}: is no map database ({error}); map the recording anew") from error
+        raise InputError(
+            f"{file}: is no map database ({error}); map the recording again"
+        ) from error
     with closing(database):
         if application_id != APPLICATION_ID:
             raise InputError(f"{file}: is a database, but no map; give one that cartoloop wrote")
-        if version != SCHEMA_VERSION:
+        if version not in READABLE_VERSIONS:
+            known = " and ".join(map(str, READABLE_VERSIONS))
             raise InputError(
-                f"{file}: is of version {version}, this program knows {SCHEMA_VERSION}; "
-                "use the program that wrote it, or map the recording anew"
+                f"{file}: is of version {version}, this program knows {known}; "
+                "use the program that wrote it, or map the recording again"
             )
         yield database
 
 
 @contextmanager
-def _damage_told(file: Path) -> Iterator[None]:
-    """Turn whatever damaged content leads to into an error for the user."""
+def _damage_reported(file: Path) -> Iterator[None]:
+    """Turn the errors that damaged content leads to into one for the user."""
     try:
         yield
     except (
@@ -99,7 +109,7 @@ def _damage_told(file: Path) -> Iterator[None]:
     ) as error:  # fmt: skip
         what = " ".join(str(error).split())
         raise InputError(
-            f"{file}: is damaged ({type(error).__name__}: {what}); map the recording anew"
+            f"{file}: is damaged ({type(error).__name__}: {what}); map the recording again"
         ) from error
 
 
@@ -111,13 +121,8 @@ def _rows(database: sqlite3.Connection, table: str) -> list[Row]:
     return rows
 
 
-def _array(rows: Sequence[Row], num_columns: int) -> FloatArray:
-    """Return numbers as an array; NULL becomes NaN."""
-    return np.array(rows, dtype=np.float64).reshape(-1, num_columns)
-
-
 def _poses(rows: Sequence[Row], num_columns: int = 3) -> FloatArray:
-    array = _array(rows, num_columns)
+    array = numbers_of(rows, num_columns)
     if not np.isfinite(array).all():
         raise ValueError("a pose is not finite")
     return array
@@ -131,35 +136,9 @@ def _graph(database: sqlite3.Connection) -> tuple[PoseGraph, Closures]:
     graph.add_nodes(_poses(nodes))
     if graph.num_submaps:
         graph.fix_submap(0)
-    table = _array(_rows(database, "constraints"), 15)
-    if not (np.isfinite(table[:, :13]).all() and (np.abs(table[:, 1:4]) < 2.0**62).all()):
-        raise ValueError("a constraint is made of what are no numbers")
-    kinds, ends = table[:, 1].astype(np.int64), table[:, 2:4].astype(np.int64)
-    informations = np.zeros((len(table), 3, 3))
-    informations[:, *_UPPER] = table[:, 7:13]
-    informations[:, *_UPPER[::-1]] = table[:, 7:13]
-    is_rejected = kinds == REJECTED
-    if np.any((kinds < 0) | (kinds > REJECTED)):
-        raise ValueError("a constraint is of unknown kind")
-    kept = ~is_rejected
-    graph.add_constraints(
-        kinds[kept],
-        ends[kept, 0],
-        ends[kept, 1],
-        table[kept, 4:7],
-        informations[kept],
-        scores=table[kept, 13],
-        runner_ups=table[kept, 14],
-    )
-    rejected = np.zeros(np.count_nonzero(is_rejected), CLOSURE)
-    rejected["submap"], rejected["node"] = ends[is_rejected].T
-    rejected["tf_submap_node"] = table[is_rejected, 4:7]
-    rejected["information"] = informations[is_rejected]
-    rejected["score"], rejected["runner_up"] = table[is_rejected, 13:].T
-    beyond = (graph.num_submaps, graph.num_nodes)
-    if np.any((ends[is_rejected] < 0) | (ends[is_rejected] >= beyond)):
-        raise ValueError("a rejected closure has no ends")
-    return graph, rejected
+    version = database.execute("PRAGMA user_version").fetchone()[0]
+    read = constraints_and_closures if version == SCHEMA_VERSION else constraints_and_closures_v2
+    return graph, read(database, graph)
 
 
 def _scan_index(nodes: Sequence[Row], num_scans: int) -> NDArray[np.int64]:

@@ -4,22 +4,22 @@
 from __future__ import annotations
 
 import json
-import math
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict
-from itertools import chain, count
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import cartoloop
-from cartoloop.map_file.schema import APPLICATION_ID, REJECTED, SCHEMA_VERSION, TABLES
+from cartoloop.global_slam.closures import UPPER, Reason, Status
+from cartoloop.global_slam.pose_graph import ConstraintKind
+from cartoloop.map_file.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES
 
 if TYPE_CHECKING:
-    from cartoloop.global_slam.loop_closure import Closures
+    from cartoloop.global_slam.closures import Closures
     from cartoloop.global_slam.pose_graph import PoseGraph
     from cartoloop.map_output.report import Report
     from cartoloop.map_output.result import Result
@@ -33,7 +33,6 @@ POINT_UNIT = 0.001
 
 _MAX_INT16 = 32767
 _ROWS_AT_A_TIME = 500
-_UPPER = np.triu_indices(3)
 
 
 def map_bytes(result: Result) -> bytes:
@@ -51,13 +50,17 @@ def fill(database: sqlite3.Connection, result: Result) -> None:
     _insert(database, "about", _about(result))
     _insert(database, "submaps", _submaps(result.submap_grids, result.graph.submap_poses))
     _insert(database, "nodes", _nodes(result))
-    _insert(database, "constraints", _constraints(result.graph, result.rejected))
+    _insert(database, "constraints", _constraints(result.graph))
+    _insert(database, "closures", _closures(result.closures, result.graph))
+    _insert(database, "matches", _matches(result.closures))
+    _insert(database, "statuses", iter([(code.value, code.text) for code in Status]))
+    _insert(database, "reasons", iter([(code.value, code.text) for code in Reason]))
     _insert(database, "trajectory", _trajectory(result))
     database.commit()
 
 
 def report_without_times(report: Report) -> dict[str, Any]:
-    """Return what of a report is the same in each run."""
+    """Return the part of a report that is the same in each run."""
     return {
         "input": asdict(report.input),
         "nodes": report.nodes,
@@ -73,7 +76,7 @@ def report_without_times(report: Report) -> dict[str, Any]:
 def pack_points(points: NDArray[np.floating]) -> tuple[float, bytes]:
     """Return the unit [m] of points (n, 2) and their whole numbers of it.
 
-    They are not compressed: noise is not smaller for it.
+    They are not compressed: noise does not compress.
     """
     furthest = float(np.abs(points).max(initial=0.0))
     unit = max(POINT_UNIT, furthest / _MAX_INT16)
@@ -111,28 +114,59 @@ def _nodes(result: Result) -> Iterator[Row]:
         yield index, scan, *pose, len(points), *pack_points(points)
 
 
-def _constraints(graph: PoseGraph, rejected: Closures) -> Iterator[Row]:
-    out_of_graph = (
-        np.full(len(rejected), REJECTED),
-        rejected["submap"],
-        rejected["node"],
-        *rejected["tf_submap_node"].T,
-        *rejected["information"][:, *_UPPER].T,
-        rejected["score"],
-        rejected["runner_up"],
+def _constraints(graph: PoseGraph) -> Iterator[Row]:
+    others = np.flatnonzero(graph.kinds != ConstraintKind.LOOP_CLOSURE)
+    return _some_rows(
+        others,
+        graph.kinds[others],
+        graph.index_a[others],
+        graph.index_b[others],
+        *graph.relative_poses[others].T,
+        *graph.informations[others][:, *UPPER].T,
     )
-    in_graph = (
-        graph.kinds,
-        graph.index_a,
-        graph.index_b,
-        *graph.relative_poses.T,
-        *graph.informations[:, *_UPPER].T,
-        graph.scores,
-        graph.runner_ups,
+
+
+def _closures(closures: Closures, graph: PoseGraph) -> Iterator[Row]:
+    place = np.full(len(closures), np.nan)  # NaN is stored as NULL
+    in_graph = np.flatnonzero(graph.closure_rows >= 0)
+    place[graph.closure_rows[in_graph]] = in_graph
+    requested = closures.num_requested
+    of_all = (
+        closures.submap,
+        closures.node,
+        closures.status,
+        closures.reason,
+        closures.search_status,
+        place,
     )
-    rows = chain(_rows(*in_graph), _rows(*out_of_graph, first=graph.num_constraints))
-    for *row, score, runner_up in rows:
-        yield *row, _or_null(score), _or_null(runner_up)
+    of_requests = (
+        closures.node_submap,
+        *closures.predicted.T,
+        closures.linear_window,
+        closures.angular_window,
+        closures.min_score,
+        closures.requested_at,
+    )
+    yield from _rows(*(column[:requested] for column in of_all), *of_requests)
+    nothing = np.broadcast_to(np.nan, len(closures) - requested)
+    of_others = [column[requested:] for column in of_all]
+    yield from _rows(*of_others, *([nothing] * len(of_requests)), first=requested)
+
+
+def _matches(closures: Closures) -> Iterator[Row]:
+    table, num_found = closures.match_table, closures.num_found
+    columns = (
+        table.row,
+        *table.tf_submap_node.T,
+        *table.information.T,
+        table.residual,
+        *table.moved.T,
+    )
+    of_searches = (table.score, table.runner_up, table.joined_at)
+    yield from _rows(*(column[:num_found] for column in columns), *of_searches)
+    nothing = np.broadcast_to(np.nan, len(table.row) - num_found)
+    of_last_pass = [column[num_found:] for column in columns]
+    yield from _rows(*of_last_pass, *([nothing] * len(of_searches)), first=num_found)
 
 
 def _trajectory(result: Result) -> Iterator[Row]:
@@ -142,12 +176,13 @@ def _trajectory(result: Result) -> Iterator[Row]:
 def _rows(*columns: NDArray[Any], first: int = 0) -> Iterator[Row]:
     """Yield the rows of a table, each with its number, from `first` on.
 
-    They are made some at a time: whoever waits for the interpreter does not wait for all.
+    They are made in blocks, so that other threads never wait long for the interpreter.
     """
+    return _some_rows(np.arange(first, first + len(columns[0])), *columns)
+
+
+def _some_rows(*columns: NDArray[Any]) -> Iterator[Row]:
+    """Yield the rows of a table, in blocks."""
     for done in range(0, len(columns[0]), _ROWS_AT_A_TIME):
         some = (column[done : done + _ROWS_AT_A_TIME].tolist() for column in columns)
-        yield from zip(count(first + done), *some, strict=False)
-
-
-def _or_null(value: float) -> float | None:
-    return None if math.isnan(value) else value
+        yield from zip(*some, strict=True)

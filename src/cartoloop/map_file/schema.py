@@ -11,8 +11,13 @@ FILE_NAME = "map.cartoloop"
 APPLICATION_ID = 0x6361_7274
 """Stands in the file's header: it is such a map, not any database. ASCII "cart"."""
 
-SCHEMA_VERSION = 2
-"""Stands in the file's header as ``user_version``; rises when readers of the old would fail."""
+SCHEMA_VERSION = 3
+"""Stands in the file's header as ``user_version``; rises when readers of the old would fail.
+
+Version 2 had no tables of closures: all constraints stood in one table, with their score.
+"""
+
+READABLE_VERSIONS = (2, SCHEMA_VERSION)
 
 TABLES = """
 -- name of the recording; config: JSON; report: JSON, report.json without what differs from run to
@@ -27,25 +32,46 @@ CREATE TABLE submaps (
   num_rows INTEGER, num_cols INTEGER, origin_x REAL, origin_y REAL, resolution REAL, cells BLOB);
 
 -- x, y, theta: tf_map_node. scan: its row in trajectory. points: int16, all x, then
--- all y, in the node's frame in units of point_unit [m]: what loop closure seeks in submaps
+-- all y, in the node's frame in units of point_unit [m]: what searches match in submaps
 CREATE TABLE nodes (
   node INTEGER PRIMARY KEY, scan INTEGER, x REAL, y REAL, theta REAL,
   num_points INTEGER, point_unit REAL, points BLOB);
 
--- kind 0: submap a to node b, which was inserted into it; 1: submap a to node b, found by search;
--- 2: node a to node b; 3: as 1, but taken out in the end because the rest contradicted it.
--- x, y, theta: tf_a_b as measured; i...: upper triangle of its inverse covariance, axes of a.
--- score, runner_up: of the match, in [0, 1], NULL where nothing was searched
+-- The constraints of the graph but for the loop closures. kind 0: submap a to node b, which was
+-- inserted into it; 2: node a to node b. x, y, theta: tf_a_b as measured; i...: upper triangle of
+-- its inverse covariance, axes of a. constraint_id: place in the graph, in one sequence with
+-- those of the closures
 CREATE TABLE constraints (
   constraint_id INTEGER PRIMARY KEY, kind INTEGER, a INTEGER, b INTEGER, x REAL, y REAL, theta REAL,
-  ixx REAL, ixy REAL, ixt REAL, iyy REAL, iyt REAL, itt REAL, score REAL, runner_up REAL);
+  ixx REAL, ixy REAL, ixt REAL, iyy REAL, iyt REAL, itt REAL);
 
--- one row a scan, in the order of the recording: stamp [s], tf_map_tracking, and before loop
+-- One row for each pair of submap and node that was requested or matched; first the requests.
+-- status, reason, search_status (status after the search while mapping): codes, see the tables
+-- statuses and reasons. constraint_id: place in the graph, NULL if not in it. x, y, theta:
+-- predicted tf_submap_node, centre of the search window; linear_window [m], angular_window [rad]:
+-- its radii; min_score: threshold applied; requested_at: number of nodes then. NULL: not requested
+-- or not searched
+CREATE TABLE closures (
+  closure INTEGER PRIMARY KEY, submap INTEGER, node INTEGER, status INTEGER, reason INTEGER,
+  search_status INTEGER, constraint_id INTEGER, node_submap INTEGER, x REAL, y REAL, theta REAL,
+  linear_window REAL, angular_window REAL, min_score REAL, requested_at INTEGER);
+
+-- What searches found, in the order in which it joined the graph, then the matches of the last
+-- pass, which supersede them. x, y, theta: tf_submap_node as measured; i...: as of constraints;
+-- residual: root mean square of 1 - M at the returns; moved_m, moved_rad: by the refinement. Of
+-- searches only: score, runner_up: in [0, 1]; joined_at: number of nodes then
+CREATE TABLE matches (
+  match INTEGER PRIMARY KEY, closure INTEGER, x REAL, y REAL, theta REAL,
+  ixx REAL, ixy REAL, ixt REAL, iyy REAL, iyt REAL, itt REAL, residual REAL, moved_m REAL,
+  moved_rad REAL, score REAL, runner_up REAL, joined_at INTEGER);
+
+CREATE TABLE statuses (status INTEGER PRIMARY KEY, name TEXT);
+
+CREATE TABLE reasons (reason INTEGER PRIMARY KEY, name TEXT);
+
+-- one row per scan, in the order of the recording: stamp [s], tf_map_tracking, and before loop
 -- closure tf_local_tracking
 CREATE TABLE trajectory (
   scan INTEGER PRIMARY KEY, stamp REAL, x REAL, y REAL, theta REAL,
   local_x REAL, local_y REAL, local_theta REAL);
 """
-
-REJECTED = 3
-"""Kind of a loop closure that is not in the graph; the others are those of the pose graph."""

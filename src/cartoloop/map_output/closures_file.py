@@ -1,27 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes and loop closures as CSV files: what is needed to explain each closure of a finished run.
+"""Nodes and the record of closures as CSV files, for tables and plots.
 
-``nodes.csv`` has one row a node, ``closures.csv`` one row a loop closure and stage; empty fields
-are values that do not exist.
+``nodes.csv`` has one row per node, ``closures.csv`` one row per pair of submap and node that was
+requested or matched; empty fields are values that do not exist.
 """
 
 from __future__ import annotations
 
-import math
-from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.global_slam.loop_closure import Closures, closures_in
-from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.global_slam.robust_loss import Loss, loss_weights
+from cartoloop.global_slam.closure_residuals import residuals, weights
+from cartoloop.global_slam.closures import Closures, Reason, Status
+from cartoloop.global_slam.pose_graph import ConstraintKind
+from cartoloop.kernels.csv_rows import MAX_DIGITS, write_rows
 from cartoloop.map_output.text_files import format_stamp
-from cartoloop.sensor.pose import relative_all, wrap_angles
 
 if TYPE_CHECKING:
-    from cartoloop.config import PoseAdjustmentConfig
     from cartoloop.map_output.result import Result
 
 FloatArray = NDArray[np.float64]
@@ -29,35 +26,37 @@ FloatArray = NDArray[np.float64]
 NODE_COLUMNS = ("node", "stamp", "submaps")
 """Index of the node, stamp of its scan [s], indices of its submaps separated by blanks."""
 
-CLOSURE_COLUMNS = (
-    "stage",
-    "submap",
-    "node",
-    "x",
-    "y",
-    "theta",
-    "score",
-    "runner_up",
-    "residual_m",
-    "residual_deg",
-    "weight",
+
+class _Column(NamedTuple):
+    name: str
+    decimals: int
+    meaning: str
+
+
+_NUMBERS = (
+    _Column("submap", 0, "index of the finished submap"),
+    _Column("node", 0, "index of the node"),
+    _Column("requested_at", 0, "number of nodes when the pair was requested"),
+    _Column("found_at", 0, "number of nodes when the closure joined the graph"),
+    _Column("window_m", 3, "search window radius [m]"),
+    _Column("window_deg", 2, "search window radius [deg]"),
+    _Column("min_score", 4, "threshold that was applied"),
+    _Column("score", 4, "mean probability at the best candidate"),
+    _Column("runner_up", 4, "best score elsewhere in the window, 0: none reached the threshold"),
+    _Column("residual", 4, "root mean square of 1 - M at the returns, of the newest match"),
+    _Column("moved_m", 4, "shift by the newest match [m]"),
+    _Column("moved_deg", 3, "rotation by the newest match [deg]"),
+    _Column("x", 6, "newest measurement of tf_submap_node [m]"),
+    _Column("y", 6, "the same"),
+    _Column("theta", 7, "the same [rad]"),
+    _Column("residual_m", 5, "disagreement of the final poses with this measurement [m]"),
+    _Column("residual_deg", 4, "the same [deg]"),
+    _Column("weight", 4, "factor of the information under the robust loss, in [0, 1]"),
 )
-"""The measured pose is tf_submap_node [m, m, rad]; residual and weight are at the final poses.
 
-The weight is what the robust loss leaves of the closure's pull, or would leave if it were in the
-graph, in [0, 1].
-"""
-
-
-class Stage(StrEnum):
-    """What became of a loop closure."""
-
-    FOUND = "found"
-    """Found by a search while mapping; matches made anew take its place in the end."""
-    FINAL = "final"
-    """In the finished graph."""
-    REJECTED = "rejected"
-    """Taken out of the graph in the end, because the rest contradicted it."""
+CLOSURE_COLUMNS = ("status", "reason", "search", *(column.name for column in _NUMBERS))
+"""Columns of ``closures.csv``; `status`, `reason` and `search` (the status after the search while
+mapping) are words of :class:`Status` and :class:`Reason`."""
 
 
 def nodes_csv(result: Result) -> str:
@@ -76,48 +75,65 @@ def nodes_csv(result: Result) -> str:
     return "\n".join(lines) + "\n"
 
 
-def closures_csv(result: Result) -> str:
-    """Return all loop closures of a run: in each stage in the order in which they came about."""
-    graph = result.graph
-    final = closures_in(graph, graph.kinds == ConstraintKind.LOOP_CLOSURE)
-    adjustment = result.config.global_slam.pose_adjustment
-    lines = [",".join(CLOSURE_COLUMNS)]
-    for stage, closures in (
-        (Stage.FOUND, result.found),
-        (Stage.FINAL, final),
-        (Stage.REJECTED, result.rejected),
-    ):
-        lines += _rows(stage, closures, graph, adjustment)
-    return "\n".join(lines) + "\n"
+def closures_csv(result: Result) -> bytes:
+    """Return the record of closures, one row per pair, in the order of the record."""
+    header = f"{','.join(CLOSURE_COLUMNS)}\n".encode()
+    closures = result.closures
+    words = [word.text for word in (*Status, *Reason)]
+    bounds = np.cumsum([0, *(len(word) for word in words)])
+    codes = np.column_stack(
+        (closures.status, closures.reason.astype(np.int64) + len(Status), closures.search_status)
+    ).astype(np.int64)
+    longest = 3 * (max(map(len, words)) + 1) + len(_NUMBERS) * (MAX_DIGITS + 1)
+    text = np.empty(min(len(closures), _ROWS_AT_A_TIME) * longest, dtype=np.uint8)
+    letters = np.frombuffer("".join(words).encode(), dtype=np.uint8)
+    decimals = np.array([column.decimals for column in _NUMBERS], dtype=np.int64)
+    numbers = _numbers(result)
+    parts = [header]
+    for first in range(0, len(closures), _ROWS_AT_A_TIME):
+        some = slice(first, first + _ROWS_AT_A_TIME)
+        rows = np.column_stack([column[some] for column in numbers])
+        size = write_rows(letters, bounds, codes[some], rows, decimals, text)
+        parts.append(text[:size].tobytes())
+    return b"".join(parts)
 
 
-def _rows(
-    stage: Stage, closures: Closures, graph: PoseGraph, config: PoseAdjustmentConfig
-) -> list[str]:
-    error = closures["tf_submap_node"] - relative_all(
-        graph.submap_poses[closures["submap"]], graph.node_poses[closures["node"]]
+_ROWS_AT_A_TIME = 4096
+"""Rows that are written in one go: bounds the memory."""
+
+
+def _numbers(result: Result) -> list[NDArray[np.floating | np.integer]]:
+    """Return the columns of :data:`_NUMBERS`, shape (n,) each."""
+    closures, graph = result.closures, result.graph
+    measured = closures.measured
+    metres, radians = residuals(measured, graph.submap_poses, graph.node_poses)
+    weight = weights(
+        measured, graph.submap_poses, graph.node_poses, result.config.global_slam.pose_adjustment
     )
-    error[:, 2] = wrap_angles(error[:, 2])
-    squared = np.maximum(np.einsum("ni,nij,nj->n", error, closures["information"], error), 0.0)
-    columns = (
-        closures["submap"],
-        closures["node"],
-        *closures["tf_submap_node"].T,
-        closures["score"],
-        closures["runner_up"],
-        np.hypot(error[:, 0], error[:, 1]),
-        np.degrees(np.abs(error[:, 2])),
-        loss_weights(squared, Loss(config.loss), config.loss_scale),
+    of_measured = np.full((len(closures), 6), np.nan)
+    of_measured[measured.row] = np.column_stack(
+        (measured.tf_submap_node, metres, np.degrees(radians), weight)
     )
+    moved = closures.moved
     return [
-        f"{stage},{submap},{node},{x!r},{y!r},{theta!r},"
-        f"{_number(score)},{_number(runner_up)},{metres!r},{degrees!r},{weight!r}"
-        for submap, node, x, y, theta, score, runner_up, metres, degrees, weight in zip(
-            *(column.tolist() for column in columns), strict=True
-        )
+        closures.submap,
+        closures.node,
+        _padded(closures.requested_at, closures),
+        closures.found_at,
+        _padded(closures.linear_window, closures),
+        np.degrees(_padded(closures.angular_window, closures)),
+        _padded(closures.min_score, closures),
+        closures.score,
+        closures.runner_up,
+        closures.residual,
+        moved[:, 0],
+        np.degrees(moved[:, 1]),
+        *of_measured.T,
     ]
 
 
-def _number(value: float) -> str:
-    """Return the shortest text that reads back as the same number, nothing for NaN."""
-    return "" if math.isnan(value) else repr(value)
+def _padded(column: NDArray[np.floating | np.integer], closures: Closures) -> FloatArray:
+    """Return a column of requests as one of all rows."""
+    padded = np.full(len(closures), np.nan)
+    padded[: len(column)] = column
+    return padded

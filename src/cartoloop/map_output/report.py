@@ -11,18 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import cartoloop
-from cartoloop.global_slam.loop_closure import NO_CLOSURES, Closures
+from cartoloop.global_slam.closure_residuals import precision, residuals
+from cartoloop.global_slam.closures import Closures, Status
 from cartoloop.global_slam.pose_adjustment import constraint_residuals
-from cartoloop.global_slam.pose_graph import (
-    TRUE_ROTATION_RAD,
-    TRUE_TRANSLATION_M,
-    ConstraintKind,
-    PoseGraph,
-)
-from cartoloop.sensor.pose import FloatArray, relative_all, wrap_angles
-from cartoloop.stage_timer import StageSummary
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.runtime.stage_timer import StageSummary
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.global_slam import AdjustmentRun
@@ -48,18 +44,21 @@ class InputSummary:
 
 @dataclass(frozen=True, slots=True)
 class ConstraintSummary:
-    """How the pose graph is tied.
+    """The constraints of the pose graph, and what became of all pairs that were searched.
 
     Attributes
     ----------
-    intra_submap : constraints of scans to the submaps they were inserted into.
+    intra_submap : constraints of nodes to the submaps that they were inserted into.
     loop_closure : loop closures in the graph.
-    searched : pairs of scan and finished submap that were searched.
-    precision : share of the loop closures, those rejected in the end among them, within 20 cm and
+    searched : pairs of node and finished submap that were searched while mapping.
+    precision : share of the loop closures, those contradicted among them, within 20 cm and
         1 degree of the optimised poses (table IV), None where there are no loop closures.
-    rejected : loop closures taken out of the graph in the end, because the rest contradicted them.
-    found : closures that the searches found; in the end, matches made anew take their place.
+    rejected : loop closures removed from the graph at the end, because the others contradict them.
+    found : closures that the searches found.
     found_precision : the same share of these.
+    fates : number of rows of the record by status; all that are not 0.
+    fates_of_searched, fates_of_found : the same of the pairs searched, and of those found: their
+        sums are `searched` and `found`.
     """
 
     intra_submap: int = 0
@@ -69,6 +68,9 @@ class ConstraintSummary:
     rejected: int = 0
     found: int = 0
     found_precision: float | None = None
+    fates: dict[str, int] = field(default_factory=dict)
+    fates_of_searched: dict[str, int] = field(default_factory=dict)
+    fates_of_found: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,57 +138,57 @@ class Report:
     extra: dict[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> str:
-        """Return the report as the text of ``report.json``."""
+        """Return the report as the text of ``report.json``.
+
+        Raises
+        ------
+        ValueError
+            `extra` holds one of the stable keys.
+        """
         keys = asdict(self)
         extra = keys.pop("extra")
+        if taken := keys.keys() & extra.keys():
+            raise ValueError(f"keys of the report cannot be replaced: {', '.join(sorted(taken))}")
         return json.dumps(keys | extra, indent=2, allow_nan=False) + "\n"
 
 
-def summarize_constraints(
-    graph: PoseGraph, searched: int, found: Closures = NO_CLOSURES, rejected: int = 0
-) -> ConstraintSummary:
-    """Return the counts of a graph's constraints, and how many closures agree with its poses.
+def summarize_constraints(graph: PoseGraph, closures: Closures) -> ConstraintSummary:
+    """Return the counts of a graph's constraints and of the record of closures.
 
     Parameters
     ----------
     graph : with optimised poses.
-    searched : pairs of scan and finished submap that were searched.
-    found : what the searches found.
-    rejected : loop closures taken out of the graph.
+    closures : the record.
     """
-    closures = graph.kinds == ConstraintKind.LOOP_CLOSURE
-    translation, rotation = constraint_residuals(graph)
-    errors = found["tf_submap_node"] - relative_all(
-        graph.submap_poses[found["submap"]], graph.node_poses[found["node"]]
-    )
+    in_graph = graph.kinds == ConstraintKind.LOOP_CLOSURE
+    translation, rotation = constraint_residuals(graph, np.flatnonzero(in_graph))
+    found = closures.found
+    num_contradicted = closures.counts()[Status.CONTRADICTED]
     return ConstraintSummary(
         intra_submap=int(np.count_nonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)),
-        loop_closure=int(np.count_nonzero(closures)),
-        searched=searched,
-        precision=_precision(translation[closures], rotation[closures], rejected),
-        rejected=rejected,
+        loop_closure=int(np.count_nonzero(in_graph)),
+        searched=closures.num_searched,
+        precision=precision(translation, rotation, num_contradicted),
+        rejected=num_contradicted,
         found=len(found),
-        found_precision=_precision(
-            np.hypot(errors[:, 0], errors[:, 1]), np.abs(wrap_angles(errors[:, 2]))
-        ),
+        found_precision=precision(*residuals(found, graph.submap_poses, graph.node_poses)),
+        fates=_fates(closures.status),
+        fates_of_searched=_fates(closures.status[closures.was_searched]),
+        fates_of_found=_fates(closures.status[found.row]),
     )
 
 
-def _precision(
-    translation_error: FloatArray, rotation_error: FloatArray, rejected: int = 0
-) -> float | None:
-    """Return the share of closures violated by no more than 20 cm and 1 degree (table IV)."""
-    good = (translation_error <= TRUE_TRANSLATION_M) & (rotation_error <= TRUE_ROTATION_RAD)
-    total = len(good) + rejected
-    return float(np.count_nonzero(good)) / total if total else None
+def _fates(statuses: NDArray[np.int8]) -> dict[str, int]:
+    counts = np.bincount(statuses, minlength=len(Status)).tolist()
+    return {status.text: counts[status] for status in Status if counts[status]}
 
 
 def peak_memory_mb() -> float:
-    """Return the most memory that this process ever held [MB]; 0 where the system does not tell."""
+    """Return the most memory that this process ever held [MB]; 0 where it is unknown."""
     if sys.platform == "win32":
         return 0.0
     status = Path("/proc/self/status")
-    if status.exists():  # getrusage would tell of the process, too, that this one was forked from
+    if status.exists():  # getrusage would include the process that this one was forked from
         for line in status.read_text(encoding="utf-8").splitlines():
             if line.startswith("VmHWM:"):
                 return float(line.split()[1]) * 1024 / 1e6

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.config import Config
-from cartoloop.global_slam.loop_closure import NO_CLOSURES, NONE_FOUND
+from cartoloop.global_slam.closures import Closures
 from cartoloop.map_output.report import Report
 
 if TYPE_CHECKING:
-    from cartoloop.global_slam.loop_closure import Closures
     from cartoloop.global_slam.pose_graph import PoseGraph
     from cartoloop.submaps.finished_grid import FinishedGrid
 
@@ -35,11 +34,8 @@ class Result:
     submap_grids : one for each submap of the graph, in its order.
     config : the parameters used.
     report : what happened.
-    found : the loop closures that searches found, a structured array of
-        :data:`loop_closure.FOUND`; in the end, matches made anew take their place.
-    node_points : of each node the returns that are sought in submaps [m], tracking frame.
-    rejected : loop closures taken out of the graph in the end, because the rest contradicted them,
-        of :data:`loop_closure.CLOSURE`.
+    closures : the record of all pairs of submap and node that were searched or matched.
+    node_points : of each node the returns that searches match [m], tracking frame.
     """
 
     stamps: NDArray[np.float64]
@@ -50,8 +46,7 @@ class Result:
     submap_grids: list[FinishedGrid]
     config: Config
     report: Report
-    found: Closures = field(default_factory=lambda: NONE_FOUND)
-    rejected: Closures = field(default_factory=lambda: NO_CLOSURES)
+    closures: Closures = field(default_factory=Closures)
     node_points: Sequence[NDArray[np.float64]] = ()
 
     def save(self, out: str | PathLike[str]) -> None:

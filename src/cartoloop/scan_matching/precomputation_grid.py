@@ -13,7 +13,7 @@ from cartoloop.arrays import ByteArray, CellArray, IntArray
 from cartoloop.kernels.branch_and_bound import GridArrays
 from cartoloop.kernels.node_bounds import LEVEL
 from cartoloop.kernels.precomputation_grid import grow_boxes, halve
-from cartoloop.reused_memory import ReusedMemory
+from cartoloop.runtime.reused_memory import ReusedMemory
 from cartoloop.submaps.finished_grid import probabilities_of_part
 
 STRIDES = (1, 1, 1, 2, 4, 8)

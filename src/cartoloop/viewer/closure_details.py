@@ -21,7 +21,7 @@ def closure_details(
     tf_map_submaps: FloatArray,
     tf_map_nodes: FloatArray,
     node_points: Sequence[FloatArray],
-    found: np.void | None,
+    window: dict[str, Any] | None,
 ) -> dict[str, Any]:
     """Return the content of a CLOSURE message.
 
@@ -31,8 +31,7 @@ def closure_details(
     rows : all constraints.
     tf_map_submaps, tf_map_nodes : float64 (m, 3), (n, 3), present poses.
     node_points : of each node [m], node frame.
-    found : the closure as the search found it, one of :data:`loop_closure.FOUND`, where that is
-        still known.
+    window : the search window, None where the pair was not requested.
 
     Raises
     ------
@@ -49,7 +48,6 @@ def closure_details(
     measured = Pose(*rows.relative_poses[constraint].tolist())
     expected = relative(tf_map_submap, tf_map_node)
     other, tf_submap_other = _nearest_own_node(rows, submap, measured)
-    request = found["request"] if found is not None else None
     return {
         "constraint": constraint,
         "submap": submap,
@@ -59,13 +57,7 @@ def closure_details(
         "residual_m": math.hypot(measured.x - expected.x, measured.y - expected.y),
         "residual_deg": math.degrees(abs(wrap_angle(measured.theta - expected.theta))),
         "tf_submap_node": list(measured),
-        "window": None
-        if request is None
-        else {
-            "tf_submap_node": request["tf_submap_node"].tolist(),
-            "linear_m": float(request["linear_window"]),
-            "angular_rad": float(request["angular_window"]),
-        },
+        "window": window,
         "tf_map_submap": list(tf_map_submap),
         "tf_map_node": list(tf_map_node),
         "points": _points(node_points, node),

@@ -16,13 +16,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.global_slam.loop_closure import NO_CLOSURES, NONE_FOUND
+from cartoloop.global_slam.closures import Closures, Status
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.global_slam import AdjustmentRun
-    from cartoloop.global_slam.loop_closure import Closures
     from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
     from cartoloop.scan_matching.least_squares import LeastSquaresMatch
@@ -51,7 +50,7 @@ class GrowingCells(NamedTuple):
 
 
 class ConstraintColumns(NamedTuple):
-    """Constraints from some row on, as :class:`PoseGraph` holds them."""
+    """Constraints from some row on, as :class:`PoseGraph` and :class:`Closures` hold them."""
 
     kinds: NDArray[np.int64]
     index_a: NDArray[np.int64]
@@ -59,17 +58,34 @@ class ConstraintColumns(NamedTuple):
     relative_poses: FloatArray
     scores: FloatArray
     runner_ups: FloatArray
+    closure_rows: NDArray[np.int32]
 
     @classmethod
-    def of(cls, graph: PoseGraph, first: int = 0) -> ConstraintColumns:
+    def of(cls, graph: PoseGraph, closures: Closures, first: int = 0) -> ConstraintColumns:
         """Return the rows from `first` on; they are never written to again."""
+        rows = graph.closure_rows[first:]
         return cls(
             graph.kinds[first:],
             graph.index_a[first:],
             graph.index_b[first:],
             graph.relative_poses[first:],
-            graph.scores[first:],
-            graph.runner_ups[first:],
+            np.where(rows >= 0, np.append(closures.score, np.nan)[rows], np.nan),
+            np.where(rows >= 0, np.append(closures.runner_up, np.nan)[rows], np.nan),
+            rows,
+        )
+
+    @classmethod
+    def contradicted(cls, closures: Closures) -> ConstraintColumns:
+        """Return the closures that were removed from the graph, of kind 3."""
+        removed = closures.with_status(Status.CONTRADICTED)
+        return cls(
+            np.full(len(removed), 3),
+            removed.submap.astype(np.int64),
+            removed.node.astype(np.int64),
+            removed.tf_submap_node,
+            removed.score,
+            removed.runner_up,
+            removed.row.astype(np.int32),
         )
 
 
@@ -86,9 +102,10 @@ class Update:
     first_constraint, constraints : rows from there on; 0 if all are to be replaced.
     finished : grids of submaps that were finished, by number.
     active : the submaps that still grow.
-    found : all loop closures so far.
+    closures : the record of closures; the mapper's own.
     node_points : of each node the returns that are sought in submaps.
-    rejected : loop closures taken out in the end.
+    num_found : closures that searches found so far.
+    rejected : loop closures removed at the end.
     match : of the last scan to the map, None where it was not matched.
     last_information : inverse covariance of the last scan's pose, None unless it became a node.
     time : when this was [s, perf_counter].
@@ -103,9 +120,10 @@ class Update:
     constraints: ConstraintColumns
     finished: dict[int, FinishedGrid]
     active: tuple[GrowingCells, ...] = ()
-    found: Closures = field(default_factory=lambda: NONE_FOUND)
+    closures: Closures = field(default_factory=Closures)
+    num_found: int = 0
     node_points: Sequence[FloatArray] = ()
-    rejected: Closures = field(default_factory=lambda: NO_CLOSURES)
+    rejected: ConstraintColumns | None = None
     stamp: float = 0.0
     recorded_s: float = 0.0
     num_scans: int = 0
@@ -126,7 +144,7 @@ class Feed:
 
     def __init__(self) -> None:
         self._ready: Update | None = None
-        self._graph: PoseGraph | None = None
+        self._revision = 0
         self._num_scans = 0
         self._num_nodes = 0
         self._num_constraints = 0
@@ -151,8 +169,8 @@ class Feed:
         slam, last = mapper.global_slam, mapper.last_scan
         assert last is not None
         graph, runs = slam.graph, slam.adjustments
-        if graph is not self._graph:  # constraints were taken out: all rows are others
-            self._graph, self._num_constraints = graph, 0
+        if graph.revision != self._revision:  # constraints were removed or replaced
+            self._revision, self._num_constraints = graph.revision, 0
         adjusted = len(runs) != self._num_adjustments
         first_node = 0 if adjusted else self._num_nodes
         grids = slam.finished_grids()
@@ -164,7 +182,7 @@ class Feed:
             node_stamps=mapper.node_stamps(self._num_nodes),
             adjusted=adjusted,
             first_constraint=self._num_constraints,
-            constraints=ConstraintColumns.of(graph, self._num_constraints),
+            constraints=ConstraintColumns.of(graph, slam.closures, self._num_constraints),
             finished={index: grids[index] for index in sorted(new)},
             active=tuple(
                 GrowingCells(
@@ -177,7 +195,8 @@ class Feed:
                 for submap in mapper.active_submaps
                 if submap.index not in grids
             ),
-            found=slam.found,
+            closures=slam.closures,
+            num_found=slam.closures.num_found,
             node_points=slam.node_points,
             stamp=mapper.last_stamp,
             recorded_s=mapper.recorded_s,
@@ -211,11 +230,12 @@ def whole(result: Result) -> Update:
         node_stamps=stamps,
         adjusted=True,
         first_constraint=0,
-        constraints=ConstraintColumns.of(graph),
+        constraints=ConstraintColumns.of(graph, result.closures),
         finished=dict(enumerate(result.submap_grids)),
-        found=result.found,
+        closures=result.closures,
+        num_found=result.closures.num_found,
         node_points=result.node_points,
-        rejected=result.rejected,
+        rejected=ConstraintColumns.contradicted(result.closures),
         stamp=float(result.stamps[-1]) if len(result.stamps) else 0.0,
         recorded_s=report.input.duration_s,
         num_scans=report.input.scans,

@@ -32,7 +32,6 @@ from cartoloop.viewer.parts import (
     SubmapPoses,
     Token,
     constraint_rows,
-    rejected_rows,
 )
 from cartoloop.viewer.pictures import Drawing
 from cartoloop.viewer.previews import Preview
@@ -143,6 +142,7 @@ class LiveState:
         self._growing: dict[int, GrowingTexture] = {}
         self._finished: dict[int, FinishedGrid] = {}
         self._num_found = 0
+        self._closure_rows = np.zeros(0, dtype=np.int32)
         self._hello, self._hello_content = Latest(), self._greeting(name, config)
         self._set_mode(mode)
         self.parts: dict[Key, Part] = {
@@ -185,8 +185,13 @@ class LiveState:
         if self._times.set(first_time, update.node_stamps):
             self._note(MessageType.NODE_TIMES)
         rows = [constraint_rows(update.constraints)]
-        if len(update.rejected):
-            rows.append(rejected_rows(update.rejected))
+        closure_rows = [update.constraints.closure_rows]
+        if update.rejected is not None:
+            rows.append(constraint_rows(update.rejected))
+            closure_rows.append(update.rejected.closure_rows)
+        self._closure_rows = np.concatenate(
+            (self._closure_rows[: update.first_constraint], *closure_rows)
+        )
         revision = self._constraints.revision
         if self._constraints.set(update.first_constraint, rows):
             self._note(MessageType.CONSTRAINTS)
@@ -194,8 +199,8 @@ class LiveState:
         scan = protocol.scan_message(update.num_scans, update.stamp, update.pose, update.returns)
         if update.num_scans and self._scan.set(scan):
             self._note(MessageType.SCAN)
-        if len(update.found) != self._num_found or self._constraints.revision != revision:
-            self._num_found = len(update.found)
+        if update.num_found != self._num_found or self._constraints.revision != revision:
+            self._num_found = update.num_found
             self._show_latest_closure()
 
     def refresh(self) -> None:
@@ -232,9 +237,9 @@ class LiveState:
             There is no such closure.
         """
         points = self.last.node_points if self.last is not None else ()
-        found = self._found_at(constraint)
+        window = self._window_of(constraint)
         return closure_details(
-            constraint, self._constraints.rows, self._poses.poses, self._nodes.poses, points, found
+            constraint, self._constraints.rows, self._poses.poses, self._nodes.poses, points, window
         )
 
     def node_scan(self, node: int) -> bytes:
@@ -317,25 +322,18 @@ class LiveState:
         if self._closure.set(protocol.json_message(MessageType.LATEST_CLOSURE, content)):
             self._note(MessageType.LATEST_CLOSURE)
 
-    def _found_at(self, constraint: int) -> np.void | None:
-        """Return the closure of this row as the search found it.
-
-        The graph holds the closures in the order in which they were found, until they are matched
-        anew in the end.
-        """
-        kinds = self._constraints.rows.kinds
-        is_closure = kinds == ConstraintKind.LOOP_CLOSURE
-        num_closures = int(np.count_nonzero(is_closure))
-        if self.last is None or num_closures != len(self.last.found):
+    def _window_of(self, constraint: int) -> dict[str, Any] | None:
+        """Return the search window of a constraint, None where it was not requested."""
+        if self.last is None or constraint >= len(self._closure_rows):
             return None
-        if constraint >= len(kinds) or not is_closure[constraint]:
+        closures, row = self.last.closures, int(self._closure_rows[constraint])
+        if not 0 <= row < closures.num_requested:
             return None
-        found = self.last.found[int(np.count_nonzero(is_closure[:constraint]))]
-        ends = (
-            int(self._constraints.rows.index_a[constraint]),
-            int(self._constraints.rows.index_b[constraint]),
-        )
-        return found if (found["submap"], found["node"]) == ends else None
+        return {
+            "tf_submap_node": closures.predicted[row].tolist(),
+            "linear_m": float(closures.linear_window[row]),
+            "angular_rad": float(closures.angular_window[row]),
+        }
 
     def _set_mode(self, mode: Mode) -> None:
         """Tell pages that join from now on what they look at."""

@@ -9,7 +9,7 @@ one page is kept for the others until the part changes.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +17,11 @@ from numpy.typing import NDArray
 from cartoloop.viewer.feed import ConstraintColumns
 from cartoloop.viewer.protocol import (
     ConstraintRows,
-    WireConstraint,
     constraints_message,
     node_times_message,
     nodes_message,
     submap_poses_message,
 )
-
-if TYPE_CHECKING:
-    from cartoloop.global_slam.loop_closure import Closures
 
 Token = tuple[int, int]
 """What a page has seen of a part."""
@@ -220,16 +216,4 @@ def constraint_rows(columns: ConstraintColumns) -> ConstraintRows:
         columns.scores.astype(np.float32),
         columns.runner_ups.astype(np.float32),
         columns.kinds.astype(np.uint8),
-    )
-
-
-def rejected_rows(closures: Closures) -> ConstraintRows:
-    """Return closures that are not in the graph as they are sent."""
-    return ConstraintRows(
-        closures["submap"].astype(np.uint32),
-        closures["node"].astype(np.uint32),
-        closures["tf_submap_node"].astype(np.float32),
-        closures["score"].astype(np.float32),
-        closures["runner_up"].astype(np.float32),
-        np.full(len(closures), WireConstraint.REJECTED, np.uint8),
     )

@@ -84,7 +84,9 @@ def test_a_recording_cut_off_is_used_as_far_as_it_goes(files, form, compression,
 
 
 @pytest.mark.parametrize(("form", "compression"), KINDS)
-@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     cut=st.one_of(st.just(1.0), st.floats(0.0, 1.0)),
     flips=st.lists(st.tuples(st.floats(0.0, 1.0), st.integers(1, 255)), max_size=4),

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The folder of compiled kernels: who compiles what while others wait, and what nobody uses.
+"""The folder of compiled kernels: locks between processes, and removal of unused folders.
 
-Each version of the kernels has a folder of its own among those of others. Processes that share one
-take turns through a file in it, which tells by its time when the folder was last used.
+Each version of the kernels has a folder of its own. Processes that share a folder lock kernels
+through a file in it, whose modification time records when the folder was last used.
 """
 
 from __future__ import annotations
@@ -17,18 +17,21 @@ from pathlib import Path
 from zlib import crc32
 
 UNUSED_S = 30 * 86400.0
-"""Folders that have not been used for so long are removed [s]."""
+"""Folders unused for longer are removed [s]: a month."""
 
-_TURNS = "turns"
+_LOCKS = "turns"
+"""Name of the file of locks."""
+
 _OWN_NAME = re.compile(r"[0-9a-f]{16}(-checked)?(\.\d+\.unused)?")
-_PATIENCE_S = 60.0
-"""So long this process waits for others, all in all [s]: one that rests may have many turns."""
+_MAX_WAIT_S = 60.0
+"""Total time that this process waits for others [s]: one that holds a lock may be suspended."""
 
 _POLL_S = 0.01
+"""Period of polling a lock [s]: short against compiling a kernel."""
 
 
 def user_cache_folder() -> Path:
-    """Return the folder for cached data that the operating system gives the user."""
+    """Return the user's folder for cached data, by the conventions of the operating system."""
     if configured := os.environ.get("CARTOLOOP_CACHE_DIR"):
         return Path(configured).absolute()
     if sys.platform == "win32":
@@ -38,22 +41,22 @@ def user_cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "cartoloop"
 
 
-class Turns:
-    """Whose turn it is: no two processes compile the same kernel.
+class KernelLocks:
+    """Locks between processes, so that no two compile the same kernel.
 
-    A turn is a lock on one byte of a file. The operating system lifts it when a process ends,
-    however it does. Where files cannot be locked, nobody waits.
+    A lock is a lock on one byte of a file. The operating system releases it when a process ends,
+    however it ends. Where files cannot be locked, no process waits.
 
     Parameters
     ----------
-    folder : that the processes share. It counts as used now; if nobody has used it before, those
-        of other versions beside it that nobody uses any more are removed.
+    folder : shared by the processes. It counts as used now; if it is new, unused folders of other
+        versions beside it are removed.
     """
 
     def __init__(self, folder: Path) -> None:
         self._file: int | None = None
-        self._patience_s = _PATIENCE_S
-        path = folder / _TURNS
+        self._max_wait_s = _MAX_WAIT_S
+        path = folder / _LOCKS
         with suppress(OSError):
             is_new = not path.exists()
             self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
@@ -61,27 +64,27 @@ class Turns:
             if is_new:
                 remove_unused(folder.parent, time.time() - UNUSED_S)
 
-    def is_taken(self, name: str) -> bool:
-        """Return whether it is another process' turn; if not, it is ours, until `give_back`."""
+    def acquire(self, name: str) -> bool:
+        """Lock a kernel until `release`; return False if another process holds its lock."""
         if self._file is None:
-            return False
+            return True
         try:
             _lock(self._file, crc32(name.encode()) >> 1)
         except (BlockingIOError, PermissionError):
-            return True
-        except OSError:
             return False
-        return False
+        except OSError:
+            return True
+        return True
 
     def wait(self, name: str) -> None:
-        """Wait until it is our turn; not forever, in case that another process has come to rest."""
+        """Wait for a lock; not forever, because the other process may be suspended."""
         start = time.monotonic()
-        while self.is_taken(name) and time.monotonic() - start < self._patience_s:
+        while not self.acquire(name) and time.monotonic() - start < self._max_wait_s:
             time.sleep(_POLL_S)
-        self._patience_s -= time.monotonic() - start
+        self._max_wait_s -= time.monotonic() - start
 
-    def give_back(self, name: str) -> None:
-        """Let another process have its turn."""
+    def release(self, name: str) -> None:
+        """Release the lock of a kernel."""
         if self._file is not None:
             with suppress(OSError):
                 _unlock(self._file, crc32(name.encode()) >> 1)
@@ -90,19 +93,19 @@ class Turns:
 def remove_unused(folders: Path, before: float) -> None:
     """Remove the folders among `folders` that have not been used since a time [s, epoch].
 
-    Whoever uses one right then compiles anew what is missing.
+    A process that uses one at that moment compiles the missing kernels again.
     """
     for folder in folders.iterdir():
         with suppress(OSError):
             if _OWN_NAME.fullmatch(folder.name) and _last_use(folder) < before:
-                # A name that nobody knows: it is there as a whole, or not at all.
+                # Renamed first, so that no process finds a part of it.
                 doomed = folder.rename(folder.with_name(f"{folder.name}.{os.getpid()}.unused"))
                 shutil.rmtree(doomed, ignore_errors=True)
 
 
 def _last_use(folder: Path) -> float:
     try:
-        return (folder / _TURNS).stat().st_mtime
+        return (folder / _LOCKS).stat().st_mtime
     except OSError:
         return max(path.stat().st_mtime for path in (folder, *folder.iterdir()))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the time goes: durations of named stages, cheap enough to measure every scan."""
+"""Durations of named stages, cheap enough to measure every scan."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class StageSummary:
 
     Attributes
     ----------
-    calls : how often it ran.
-    total_s : time in all [s].
+    calls : number of calls.
+    total_s : total time [s].
     median_ms, p99_ms : of one call [ms].
     """
 
@@ -27,7 +27,7 @@ class StageSummary:
 
 
 class _Stage:
-    """The stopwatch of one stage; entered again only after it was left."""
+    """Measures one stage; not reentrant."""
 
     __slots__ = ("durations", "start")
 
@@ -48,10 +48,10 @@ class _Stage:
 
 
 class StageTimer:
-    """Durations of all calls of all stages, 8 bytes a call.
+    """Durations of all calls of all stages, 8 bytes for each call.
 
-    `measure` is for the mapping thread: a stage must not be nested in itself. Worker threads take
-    their own times and hand them to `record`.
+    `measure` is for the mapping thread; a stage must not be nested in itself. Worker threads
+    measure their own times and pass them to `record`.
     """
 
     def __init__(self) -> None:
@@ -66,7 +66,7 @@ class StageTimer:
             return self._stages.setdefault(stage, _Stage())
 
     def record(self, stage: str, seconds: float) -> None:
-        """Add one call of `stage` that took so many seconds; safe from any thread."""
+        """Add one call of `stage` with its duration [s]; safe from any thread."""
         self.measure(stage).durations.append(seconds)
 
     def summary(self) -> dict[str, StageSummary]:

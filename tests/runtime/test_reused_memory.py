@@ -5,14 +5,14 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from cartoloop.reused_memory import ReusedMemory, return_idle
+from cartoloop.runtime.reused_memory import ReusedMemory, drop_idle_memory
 
 
 def address(array):
     return array.__array_interface__["data"][0]
 
 
-def test_an_array_takes_the_memory_of_one_that_is_gone():
+def test_the_memory_of_a_freed_array_is_reused():
     memory = ReusedMemory(max_idle_bytes=5000)
     first = memory.array(1000)
     before = address(first)
@@ -21,7 +21,7 @@ def test_an_array_takes_the_memory_of_one_that_is_gone():
     assert address(memory.array(900)) == before
 
 
-def test_memory_is_not_reused_while_a_view_of_it_lives():
+def test_memory_is_not_reused_while_a_view_exists():
     memory = ReusedMemory(max_idle_bytes=5000)
     array = memory.array(1000)
     view = array[10:20].reshape(2, 5)[1:]
@@ -34,7 +34,7 @@ def test_memory_is_not_reused_while_a_view_of_it_lives():
     assert memory.idle_bytes > 0
 
 
-def test_a_block_too_small_or_much_too_large_is_left_alone():
+def test_blocks_of_unsuitable_size_are_not_reused():
     memory = ReusedMemory(max_idle_bytes=5000)
     memory.array(1000)
     for size in (1001, 499):
@@ -45,7 +45,7 @@ def test_a_block_too_small_or_much_too_large_is_left_alone():
         memory.array(1000)
 
 
-def test_no_more_memory_waits_than_allowed():
+def test_idle_memory_is_limited():
     memory = ReusedMemory(max_idle_bytes=599)
     arrays = [memory.array(size) for size in (100, 200, 300)]
     while arrays:
@@ -53,11 +53,11 @@ def test_no_more_memory_waits_than_allowed():
     assert memory.idle_bytes == 200 + 300
 
 
-def test_what_waits_can_be_given_back():
+def test_idle_memory_can_be_dropped():
     memory = ReusedMemory(max_idle_bytes=1000)
     memory.array(300)
     assert memory.idle_bytes == 300
-    return_idle()
+    drop_idle_memory()
     assert memory.idle_bytes == 0
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Threads of the background give way, alone and with those that they start."""
+"""Priorities of background threads and of the threads that they start."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from threading import Thread, get_native_id
 import pytest
 
 from cartoloop.mapper import Mapper
-from cartoloop.thread_priority import STEPS_BACK, step_back
+from cartoloop.runtime.thread_priority import BACKGROUND_NICENESS, lower_thread_priority
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux ranks threads")
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux", reason="only Linux has priorities of threads"
+)
 
 
 def niceness():
@@ -25,38 +27,38 @@ def in_thread(task):
     thread.join()
 
 
-def test_a_thread_and_its_children_step_back_and_no_other():
+def test_the_priority_of_a_thread_and_its_children_is_lowered():
     before, found = niceness(), []
 
     def child():
         found.append(niceness())
 
     def parent():
-        step_back()
+        lower_thread_priority()
         found.append(niceness())
         in_thread(child)
 
     in_thread(parent)
 
-    assert found == [min(before + STEPS_BACK, 19)] * 2
+    assert found == [min(before + BACKGROUND_NICENESS, 19)] * 2
     assert niceness() == before
 
 
-def test_a_system_that_forbids_it_is_no_reason_to_fail(monkeypatch):
+def test_a_system_that_forbids_priorities_is_no_error(monkeypatch):
     def forbidden(*_):
         raise PermissionError
 
     monkeypatch.setattr(os, "setpriority", forbidden)
     before = niceness()
 
-    step_back()
+    lower_thread_priority()
 
     assert niceness() == before
 
 
-def test_the_graph_of_live_mapping_steps_back():
+def test_the_graph_thread_of_live_mapping_has_low_priority():
     mapper, found = Mapper(live=True), []
-    mapper.look(lambda: found.append(niceness()))
+    mapper.run_on_graph_thread(lambda: found.append(niceness()))
     mapper.finish()
 
-    assert found == [min(niceness() + STEPS_BACK, 19)]
+    assert found == [min(niceness() + BACKGROUND_NICENESS, 19)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from cartoloop.stage_timer import StageTimer
+from cartoloop.runtime.stage_timer import StageTimer
 
 
 def test_counts_and_adds_up_calls_of_a_stage():
@@ -29,7 +29,7 @@ def test_median_of_an_even_number_lies_between_the_middle_two():
     assert timer.summary()["match"].median_ms == pytest.approx(3.0)
 
 
-def test_p99_is_the_time_that_99_of_100_calls_keep():
+def test_p99_is_not_exceeded_by_99_of_100_calls():
     timer = StageTimer()
     for milliseconds in range(1, 101):
         timer.record("match", milliseconds / 1e3)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Memory for large arrays that come and go: what one gives back, the next one takes.
+"""A pool of memory for large arrays with short lives.
 
-What the system hands out it clears first, page by page as it is touched, which takes longer than
-most of what is then computed in it. What the C library keeps of such blocks seldom fits the next
-one, and is not bounded.
+The system clears new memory page by page as it is touched, which takes longer than most of what is
+then computed in it. The blocks that the C library keeps seldom fit the next array, and their total
+is not limited.
 """
 
 from __future__ import annotations
@@ -13,30 +13,28 @@ from collections import deque
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import NDArray
 
-ByteArray = NDArray[np.uint8]
+from cartoloop.arrays import ByteArray
 
 MAX_WASTE = 2
-"""An array may lie in a block so many times its size; in a larger one it would hide memory."""
-
+"""Largest ratio of a block to the array in it: in a larger block the rest would be wasted."""
 
 _ALL: weakref.WeakSet[ReusedMemory] = weakref.WeakSet()
 
 
-def return_idle() -> None:
-    """Give back to the system what waits for the next array."""
+def drop_idle_memory() -> None:
+    """Return the idle blocks of all pools to the system."""
     for memory in list(_ALL):
         memory.drop()
 
 
 class ReusedMemory:
-    """Hands out arrays of bytes; safe to use from several threads at once.
+    """A pool of arrays of bytes; safe to use from several threads at once.
 
     Parameters
     ----------
-    max_idle_bytes : no more than this waits for the next array; what waits for longest goes back to
-        the system.
+    max_idle_bytes : limit of the idle blocks; beyond it, the blocks idle for longest are returned
+        to the system.
     """
 
     def __init__(self, max_idle_bytes: int) -> None:
@@ -46,13 +44,13 @@ class ReusedMemory:
 
     @property
     def idle_bytes(self) -> int:
-        """How much waits for the next array."""
+        """Total size of the idle blocks [bytes]."""
         return sum(block.nbytes for block in list(self._idle))
 
     def array(self, size: int) -> ByteArray:
-        """Return uint8, shape (size,), holding anything.
+        """Return uint8, shape (size,), not initialized.
 
-        Its memory goes to another one once nobody has it any more, nor a view of it.
+        Its memory is reused once no reference to it or to a view of it is left.
         """
         block = self._take(size)
         if block is None:
@@ -63,7 +61,7 @@ class ReusedMemory:
         return handed_out
 
     def drop(self) -> None:
-        """Give back to the system what waits."""
+        """Return the idle blocks to the system."""
         self._idle.clear()
 
     def _take_back(self, block: ByteArray) -> None:
@@ -73,8 +71,8 @@ class ReusedMemory:
                 self._idle.popleft()
 
     def _take(self, size: int) -> ByteArray | None:
-        """Return a block that has waited, or None if none fits."""
-        # No lock: memory may be given back at any moment, by this very thread, too.
+        """Return an idle block, or None if none fits."""
+        # No lock: a block may be given back at any moment, even in this thread.
         for _ in range(len(self._idle)):
             try:
                 block = self._idle.popleft()
