@@ -40,18 +40,14 @@ def graph_workloads() -> Iterator[Workload]:
         graph = bipartite_graph(nodes, submaps, edges).graph
         case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
         size = len(graph.kinds)
-        adjusting = (
-            "pose_residuals", "node_packing", "node_linearization", "node_elimination",
-            "node_steps", "kept_constraints", "schur_structure", "block_cholesky",
-            "cholesky_ordering", "cholesky_structure",
-        )  # fmt: skip
+        adjusting = ("pose_adjustment", "sparse_cholesky")
         for name, iterations in (("adjust", 50), ("adjust, one step", 1)):
             problem = Problem.of(graph, AdjustmentOptions(max_iterations=iterations))
             yield Workload(
                 name, adjusting, case, OwnProgram(problem).solve, size, "constraints"
             )  # fmt: skip
         yield Workload(
-            "residuals", ("pose_residuals",), case,
+            "residuals", ("pose_adjustment",), case,
             partial(constraint_residuals, graph), size, "constraints",
         )  # fmt: skip
         yield Workload(

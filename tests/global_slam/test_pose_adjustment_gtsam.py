@@ -11,13 +11,14 @@ import pytest
 from bench.adjustment.chordal_initialization import initialize_from_constraints
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
 from cartoloop.global_slam.pose_graph import ConstraintKind
+from cartoloop.pose_adjustment import Loss
 from cartoloop.readers.g2o import read_g2o
 from tests.global_slam.bipartite_graph import all_poses, walk
 
 gtsam = pytest.importorskip("gtsam", reason="install the extra 'oracles' to compare with GTSAM")
 
 DATA = Path(os.environ.get("CARTOLOOP_DATA", Path(__file__).parents[2] / "../shared/data"))
-HUBER_SCALE = 10.0
+HUBER_SCALE = Loss.HUBER.default_scale
 
 
 def factor_of(graph, constraint):
@@ -83,7 +84,7 @@ TO_THE_END = AdjustmentOptions(relative_tolerance=1e-9, max_iterations=100)
 
 
 @pytest.mark.parametrize("name", ["intel", "csail"])
-def test_the_cost_on_a_public_graph_is_gtsams_from_the_same_start(name):
+def test_the_cost_on_a_public_graph_is_that_of_gtsam(name):
     graph = read(name)
     expected = gauss_newton(graph)
     result = adjust(graph, TO_THE_END)
@@ -91,7 +92,7 @@ def test_the_cost_on_a_public_graph_is_gtsams_from_the_same_start(name):
     assert result.cost == pytest.approx(expected, rel=1e-6)
 
 
-def test_the_cost_on_mit_is_gtsams_from_a_start_that_is_far_off():
+def test_the_cost_on_mit_is_that_of_gtsam_from_far_off():
     # both end in the same local minimum, 19 times the least cost; see the next test
     graph = read("mit")
     expected = levenberg_marquardt(graph)
@@ -110,7 +111,7 @@ def test_a_chordal_start_leads_out_of_the_local_minimum(name):
 
 
 @pytest.mark.parametrize("name", ["m3500", "manhattanOlson3500", "ringCity"])
-def test_gtsam_finds_nothing_better_near_the_result_on_a_public_graph(name):
+def test_gtsam_finds_no_lower_cost_near_ours(name):
     # a full run of GTSAM on these takes too long, with factors in Python
     graph = read(name)
     result = adjust(graph, TO_THE_END)
@@ -123,7 +124,7 @@ def test_gtsam_finds_nothing_better_near_the_result_on_a_public_graph(name):
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("num_false", [0, 8])
-def test_the_cost_on_a_bipartite_graph_is_gtsams(seed, num_false):
+def test_the_cost_on_a_bipartite_graph_is_that_of_gtsam(seed, num_false):
     graph = walk(200, 10, 80, seed=seed, num_false=num_false, num_odometry=40).graph
     expected = gauss_newton(graph)
     result = adjust(graph, TO_THE_END)

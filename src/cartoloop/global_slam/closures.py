@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cartoloop.global_slam.growing_array import GrowingArray
+from cartoloop.growing_array import GrowingArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

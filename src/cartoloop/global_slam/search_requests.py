@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closures import Requests
-from cartoloop.global_slam.growing_array import GrowingArray
 from cartoloop.global_slam.pair_selection import CLOSURE_LENGTH_M, PairSelection
 from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.growing_array import GrowingArray
 from cartoloop.kernels.due_pairs import due_pairs, nearest_tie
 from cartoloop.sensor.pose import FloatArray
 from cartoloop.submaps.node import Node

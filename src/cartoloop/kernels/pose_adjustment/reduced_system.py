@@ -1,23 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The normal equations that pose adjustment solves: blocks of the vertices that are kept.
+"""The reduced normal equations: blocks of the vertices that are not eliminated.
 
-Kept are the submaps, and the nodes that are tied to other nodes; the other nodes have been
-eliminated, see :mod:`cartoloop.kernels.node_elimination`. Blocks are 3 x 3, row by row. Number k of
-the first `num_kept` is the diagonal block of vertex k, upper half only; number `num_kept` belongs
-to the vertices that are held, and is never read; the others are blocks (k, l), k < l.
+Kept are the submaps, and the nodes with constraints to other nodes or to the map frame; the other
+nodes have been eliminated, see :mod:`cartoloop.kernels.pose_adjustment.elimination`. Blocks are
+3 x 3, row by row. Number k of the first `num_kept` is the diagonal block of vertex k, upper half
+only; number `num_kept` collects what falls on fixed vertices, and is never read; the others are
+blocks (k, l), k < l.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.kernels.pose_adjustment.layout import LANES, DirectConstraints, Layout
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+_W = LANES
 
 
 @kernel
@@ -30,42 +29,8 @@ def rotations_of(poses: FloatArray, vertices: IntArray, out_rotations: FloatArra
 
 
 @kernel
-def fill_rows(
-    constraints: IntArray,
-    relative_poses: FloatArray,
-    informations: FloatArray,
-    out_rows: FloatArray,
-) -> None:
-    """Write constraints (n,) of a graph into the rows (n, 9) that the pose kernels read.
-
-    Parameters
-    ----------
-    relative_poses, informations : float64, shapes (num_constraints, 3), (num_constraints, 9).
-    """
-    for i in range(constraints.size):
-        c = constraints[i]
-        for k in range(3):
-            out_rows[i, k] = relative_poses[c, k]
-            out_rows[i, 3 + k] = informations[c, k]
-        out_rows[i, 6] = informations[c, 4]
-        out_rows[i, 7] = informations[c, 5]
-        out_rows[i, 8] = informations[c, 8]
-
-
-@kernel
-def move_vertices(
-    poses: FloatArray, vertices: IntArray, steps: FloatArray, out_poses: FloatArray
-) -> None:
-    """Write the poses of `vertices` (n,) after `steps` (n or more, 3) into `out_poses`."""
-    for k in range(vertices.size):
-        for c in range(3):
-            out_poses[vertices[k], c] = poses[vertices[k], c] + steps[k, c]
-
-
-@kernel
 def sum_windows(
-    windows: IntArray,
-    slot_ends: IntArray,
+    layout: Layout,
     slot_blocks: IntArray,
     slots: FloatArray,
     out_blocks: FloatArray,
@@ -75,12 +40,12 @@ def sum_windows(
 
     Parameters
     ----------
-    windows, slot_ends : int64, see :func:`pack_windows`.
     slot_blocks : int64, shape (num_slots,), the block of each slot.
     slots : float64, shape (num_slots, 9), of :func:`linearize_windows`.
     out_blocks : float64, shape (num_blocks, 9).
     out_gradient : float64, shape (num_kept + 1, 3).
     """
+    windows, slot_ends = layout.windows, layout.slot_ends
     for w in range(windows.shape[0]):
         for s in range(windows[w, 2], windows[w, 3]):
             block = slot_blocks[s]
@@ -99,30 +64,31 @@ def sum_windows(
 
 
 @kernel
-def add_kept_constraints(
-    kept_a: IntArray,
-    kept_b: IntArray,
-    linear: FloatArray,
-    slots: IntArray,
+def add_direct(
+    direct: DirectConstraints,
+    row_of_vertex: IntArray,
+    edge_blocks: IntArray,
     out_blocks: FloatArray,
     out_gradient: FloatArray,
 ) -> None:
-    """Add the constraints between kept vertices to `out_blocks` and `out_gradient`.
+    """Add the models of the direct constraints to `out_blocks` and `out_gradient`.
 
     Parameters
     ----------
-    kept_a, kept_b : int64, shape (n,), rows in the reduced system.
-    linear : float64, shape (n, 11), see :func:`linearize_constraints`.
-    slots : int64, shape (n,), of the block between the two ends.
-    out_blocks : float64, shape (num_slots, 9).
+    row_of_vertex : int64, shape (num_vertices,), row in the reduced system.
+    edge_blocks : int64, shape (n,), the block between the two ends of each.
+    out_blocks : float64, shape (num_blocks, 9).
     out_gradient : float64, shape (num_kept + 1, 3).
     """
-    for e in range(linear.shape[0]):
-        a, b, slot = kept_a[e], kept_b[e], slots[e]
-        dx, dy = linear[e, 0], linear[e, 1]
-        bx, by, bt = linear[e, 2], linear[e, 3], linear[e, 4]
-        xx, xy, xt = linear[e, 5], linear[e, 6], linear[e, 7]
-        yy, yt, tt = linear[e, 8], linear[e, 9], linear[e, 10]
+    vertex_a, vertex_b, linear = direct.vertex_a, direct.vertex_b, direct.linear
+    for e in range(vertex_a.size):
+        a, b = row_of_vertex[vertex_a[e]], row_of_vertex[vertex_b[e]]
+        slot = edge_blocks[e]
+        m, i = linear[e // _W], e % _W
+        dx, dy = m[i], m[_W + i]
+        bx, by, bt = m[2 * _W + i], m[3 * _W + i], m[4 * _W + i]
+        xx, xy, xt = m[5 * _W + i], m[6 * _W + i], m[7 * _W + i]
+        yy, yt, tt = m[8 * _W + i], m[9 * _W + i], m[10 * _W + i]
         # last column of A T
         axt = dx * xy - dy * xx + xt
         ayt = dx * yy - dy * xy + yt

@@ -1,16 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What adjustment keeps ready of a graph while it grows is what it would make of it afresh."""
+"""A graph that is packed while it grows is adjusted as if it had been packed at once."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.global_slam.packed_nodes import PackedNodes
-from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, PoseAdjuster, adjust
+from cartoloop.global_slam.pose_adjustment import (
+    AdjustmentOptions,
+    PoseAdjuster,
+    adjust,
+    graph_problem,
+)
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.global_slam.robust_loss import Loss
-from cartoloop.kernels.node_packing import LANES, WINDOW
+from cartoloop.kernels.pose_adjustment.layout import LANES, WINDOW
+from cartoloop.pose_adjustment import Loss
+from cartoloop.pose_adjustment.packed_nodes import PackedNodes
 from tests.global_slam.bipartite_graph import all_poses, walk
 
 seeds = st.integers(0, 2**32 - 1)
@@ -51,7 +56,7 @@ def test_a_graph_that_grew_is_adjusted_to_the_same_bytes(seed, num_parts, num_od
         assert afresh.cost == result.cost
 
 
-def test_nodes_that_are_added_between_two_runs_are_adjusted():
+def test_nodes_added_between_two_runs_are_adjusted():
     whole = walk(2 * WINDOW + 9, 12, 80, seed=3).graph
     graph = PoseGraph()
     graph.add_submaps(whole.submap_poses)
@@ -71,7 +76,7 @@ def test_nodes_that_are_added_between_two_runs_are_adjusted():
     assert adjuster.adjust(options).cost == pytest.approx(adjust(whole, options).cost, rel=1e-9)
 
 
-def test_a_node_that_is_tied_to_another_later_is_no_longer_eliminated():
+def test_a_node_that_is_linked_later_is_not_eliminated():
     graph = walk(60, 6, 20, seed=1).graph
     adjuster = PoseAdjuster(graph)
     adjuster.adjust()
@@ -88,23 +93,24 @@ def test_a_node_that_is_tied_to_another_later_is_no_longer_eliminated():
 
 
 @pytest.mark.parametrize("loss", [Loss.NONE, Loss.HUBER])
-def test_what_was_left_behind_is_dropped_in_the_end(loss):
+def test_stale_rows_are_dropped(loss):
     source = walk(4 * WINDOW, 30, 900, seed=5).graph
     adjuster = None
     for grown in in_parts(source, 40, 5):
         adjuster = adjuster or PoseAdjuster(grown)
         adjuster.adjust(AdjustmentOptions(loss, max_iterations=1))
-    rows = adjuster._packed._ids.view
+    rows = adjuster._planner._packed.layout.rows.ids
     assert rows.size < 6 * grown.num_constraints
 
 
-def test_every_constraint_has_one_place_and_lanes_to_spare_repeat_the_first():
+def test_each_constraint_has_a_lane_and_spare_lanes_repeat():
     graph = walk(300, 10, 150, seed=2).graph
     packed = PackedNodes(np.zeros(0, dtype=np.int64))
-    packed.extend(graph)
-    ids, slots, measured = packed._ids.view, packed._slots.view, packed._measured.view
+    packed.extend(graph_problem(graph))
+    layout = packed.layout
+    ids, slots, measured = layout.rows.ids, layout.slots, layout.rows.measured
     assert sorted(ids[ids >= 0].tolist()) == list(range(graph.num_constraints))
-    ends = packed.slot_ends[slots]
+    ends = layout.slot_ends[slots]
     np.testing.assert_array_equal(ends[..., 0], ends[..., 1])
     np.testing.assert_array_equal(ends[ids >= 0, 0], graph.index_a[ids[ids >= 0]])
     lanes = measured.reshape(len(ids), 9, LANES)

@@ -12,18 +12,10 @@ the compiler needs to turn them into vector instructions.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-from cartoloop.kernels.schur_structure import filled
-
-IntArray = NDArray[np.int64]
-
-
-@kernel
-def padded(size: int) -> int:
-    """Return the stored length of a row of `size` numbers: whole cache lines."""
-    return (size + 7) // 8 * 8
+from cartoloop.arrays import IntArray
+from cartoloop.kernels.sparse_cholesky.arrays import filled, padded
 
 
 @kernel

@@ -6,11 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.global_slam.factorization import plan_factorization
-from cartoloop.kernels import block_cholesky
-from cartoloop.kernels.cholesky_ordering import minimum_degree
-from cartoloop.kernels.cholesky_structure import front_rows
-from cartoloop.kernels.schur_structure import both_halves
+from cartoloop.kernels import sparse_cholesky
+from cartoloop.kernels.sparse_cholesky.arrays import both_halves
+from cartoloop.kernels.sparse_cholesky.fronts import front_rows
+from cartoloop.kernels.sparse_cholesky.ordering import minimum_degree
 
 UPPER = [0, 1, 2, 4, 5, 8]  # numbers of a diagonal block that are read
 
@@ -70,46 +69,21 @@ def random_system(seed, pattern):
 
 def factor_and_solve(pattern, blocks, right, damping=0.0):
     """Return the solution of H x = -right, half of right^T H^-1 right; None if not definite."""
-    fronts = plan_factorization(*upper_blocks(pattern))
     n = len(pattern)
-    factor, diagonal = np.empty(fronts.factor_begin[-1]), np.empty((n, 3))
-    block_cholesky.assemble_blocks(
-        blocks, n, damping, fronts.target, fronts.stride, fronts.transposed, factor, diagonal
-    )
-    if not block_cholesky.factor_fronts(
-        fronts.order,
-        fronts.group_begin,
-        fronts.row_begin,
-        fronts.place_in_parent,
-        fronts.num_children,
-        fronts.depth,
-        fronts.factor_begin,
-        diagonal,
-        np.full(fronts.even_size, np.nan),
-        np.full(fronts.odd_size, np.nan),
-        np.empty(n, dtype=np.int64),
-        factor,
-    ):
-        return None
+    plan = sparse_cholesky.plan(*upper_blocks(pattern))
+    work = sparse_cholesky.workspace(plan)
+    for stack in (work.even_stack, work.odd_stack):
+        stack.fill(np.nan)
     solution = np.full((n + 1, 3), 7.0)
-    scratch = np.empty(3 * fronts.max_width)
-    energy = block_cholesky.solve_fronts(
-        fronts.order,
-        fronts.group_begin,
-        fronts.row_begin,
-        fronts.rows,
-        fronts.factor_begin,
-        factor,
-        right,
-        scratch,
-        solution,
-    )
+    energy, is_definite = sparse_cholesky.solve(plan, blocks, right, damping, work, solution)
+    if not is_definite:
+        return None
     return solution, energy
 
 
 @given(seeds, sizes, densities)
 @settings(deadline=None)
-def test_the_order_of_elimination_names_each_vertex_once(seed, n, density):
+def test_the_elimination_order_has_each_vertex_once(seed, n, density):
     begin, neighbours = both_halves(*upper_blocks(random_pattern(seed, n, density)))
     order, group_begin, num_groups = minimum_degree(begin, neighbours)
     assert sorted(order) == list(range(n))

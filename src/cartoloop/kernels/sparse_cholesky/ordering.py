@@ -13,12 +13,10 @@ What is known of vertex i is row i of the array `state`; elements have the numbe
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-from cartoloop.kernels.schur_structure import filled
-
-IntArray = NDArray[np.int64]
+from cartoloop.arrays import IntArray
+from cartoloop.kernels.sparse_cholesky.arrays import filled
 
 # columns of `state`: of a variable
 _WEIGHT = 0  # vertices that it stands for; 0 once it is eliminated or merged with another
@@ -237,7 +235,7 @@ def minimum_degree(begin: IntArray, neighbours: IntArray) -> tuple[IntArray, Int
     Returns
     -------
     order : int64, shape (n,), the vertices in their order of elimination.
-    group_begin : int64, shape (n + 1,), of which the first num_groups + 1 count, from 0 up to n.
+    group_begin : int64, shape (n + 1,); the first num_groups + 1 are used, from 0 up to n.
     num_groups : int64.
     """
     n = begin.size - 1

@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps of the nodes that were eliminated, once those of the submaps are known (section V-A).
+"""Steps of the vertices: of the eliminated nodes once those of the submaps are known (V-A).
 
-With the notation of :mod:`cartoloop.kernels.node_elimination`: L^-T (v + L^-1 sum_i A_i T_i s_i).
+With the notation of :mod:`cartoloop.kernels.pose_adjustment.elimination`, a node moves by
+L^-T (v + L^-1 sum_i A_i T_i s_i).
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-from cartoloop.kernels.node_packing import LANES
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.kernels.pose_adjustment.layout import LANES, Layout
 
 _W = LANES
 
@@ -23,12 +21,8 @@ def _step_block(
     poses: FloatArray,
     num_submaps: int,
     slot_places: FloatArray,
-    blocks: IntArray,
-    block_nodes: IntArray,
+    layout: Layout,
     b: int,
-    slots: IntArray,
-    measured: FloatArray,
-    weights: FloatArray,
     factors: FloatArray,
     node: FloatArray,
     submap: FloatArray,
@@ -37,10 +31,12 @@ def _step_block(
     """Write the steps of the nodes of block b into `out_steps` (24,).
 
     `slot_places` (num_slots, 7) has x, y, cosine and sine of theta, and the step, of submaps;
-    `node` (16,) and `submap` (56,) are scratch; the others are as in :func:`move_nodes`.
+    `node` (16,) and `submap` (56,) are scratch.
     """
+    blocks, nodes, slots = layout.blocks, layout.nodes, layout.slots
+    measured, weights = layout.rows.measured, layout.rows.weights
     for i in range(_W):
-        vertex = num_submaps + block_nodes[b, i]
+        vertex = num_submaps + nodes[b, i]
         node[i], node[_W + i] = poses[vertex, 0], poses[vertex, 1]
         for c in range(3):
             out_steps[c * _W + i] = 0.0
@@ -54,7 +50,7 @@ def _step_block(
             cos_a, sin_a = submap[2 * _W + i], submap[3 * _W + i]
             st = submap[6 * _W + i]
             sx, sy = submap[4 * _W + i] - dy * st, submap[5 * _W + i] + dx * st
-            # it is the vector that is turned into the frame of the submap and back, not the matrix
+            # the vector is rotated into the frame of the submap and back, not the matrix
             ux, uy = cos_a * sx + sin_a * sy, cos_a * sy - sin_a * sx
             xy, xt = measured[row, 4 * _W + i], measured[row, 5 * _W + i]
             yt, weight = measured[row, 7 * _W + i], weights[row, i]
@@ -82,13 +78,7 @@ def move_nodes(
     poses: FloatArray,
     rotations: FloatArray,
     submap_steps: FloatArray,
-    windows: IntArray,
-    blocks: IntArray,
-    block_nodes: IntArray,
-    slots: IntArray,
-    slot_ends: IntArray,
-    measured: FloatArray,
-    weights: FloatArray,
+    layout: Layout,
     factors: FloatArray,
     out_poses: FloatArray,
 ) -> None:
@@ -96,12 +86,19 @@ def move_nodes(
 
     Parameters
     ----------
-    poses : float64, shape (num_vertices, 3), where :func:`linearize_windows` made `weights` and
-        `factors`; the other parameters are as there.
+    poses : float64, shape (num_vertices, 3), where :func:`linearize_windows` wrote the weights and
+        `factors`.
+    rotations : float64, shape (num_vertices, 2), cosine and sine of the angles of the submaps.
     submap_steps : float64, shape (num_submaps, 3).
     out_poses : float64, shape (num_vertices, 3).
     """
-    lanes, num_submaps = block_nodes.shape[1], rotations.shape[0]
+    windows, blocks, nodes, slot_ends = (
+        layout.windows,
+        layout.blocks,
+        layout.nodes,
+        layout.slot_ends,
+    )
+    lanes, num_submaps = nodes.shape[1], submap_steps.shape[0]
     node, submap, steps = np.empty(2 * lanes), np.empty(7 * lanes), np.empty(3 * lanes)
     slot_places = np.empty((slot_ends.shape[0], 7))
     for w in range(windows.shape[0]):
@@ -114,22 +111,18 @@ def move_nodes(
                 for c in range(3):
                     slot_places[slot, 4 + c] = submap_steps[a, c]
         for b in range(windows[w, 0], windows[w, 1]):
-            _step_block(
-                poses,
-                num_submaps,
-                slot_places,
-                blocks,
-                block_nodes,
-                b,
-                slots,
-                measured,
-                weights,
-                factors,
-                node,
-                submap,
-                steps,
-            )
+            _step_block(poses, num_submaps, slot_places, layout, b, factors, node, submap, steps)
             for i in range(blocks[b, 2]):
-                v = num_submaps + block_nodes[b, i]
+                v = num_submaps + nodes[b, i]
                 for c in range(3):
                     out_poses[v, c] = poses[v, c] + steps[c * _W + i]
+
+
+@kernel
+def move_vertices(
+    poses: FloatArray, vertices: IntArray, steps: FloatArray, out_poses: FloatArray
+) -> None:
+    """Write the poses of `vertices` (n,) after `steps` (n or more, 3) into `out_poses`."""
+    for k in range(vertices.size):
+        for c in range(3):
+            out_poses[vertices[k], c] = poses[vertices[k], c] + steps[k, c]

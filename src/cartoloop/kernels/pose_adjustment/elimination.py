@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Elimination of the nodes from the normal equations of sparse pose adjustment (section V-A).
 
-Most nodes hang on submaps alone. Given the submaps' poses they do not depend on each other, so that
-each can be eliminated by itself (Schur complement), and what remains is a system in the submaps.
-With d, T, e' of :mod:`cartoloop.kernels.pose_residuals`, A_i = w_i I_i the weighted information of
-constraint i of a node and b_i = A_i e'_i,
+Most nodes have constraints to submaps only. Given the poses of the submaps they do not depend on
+each other, so that each can be eliminated by itself (Schur complement); a system in the submaps
+remains. With d, T, e' of :mod:`cartoloop.kernels.pose_adjustment.residuals`, A_i = w_i I_i the
+weighted information of constraint i of a node and b_i = A_i e'_i,
 
     L L^T = sum_i A_i        P_i = L^-1 A_i T_i        v = L^-1 sum_i b_i
     H_ij += (i == j) T_i^T A_i T_i - P_i^T P_j         g_i += T_i^T b_i - P_i^T v
 
-and, once the steps s_i of the submaps are known, the node's own is
+and, once the steps s_i of the submaps are known, the step of the node is
 L^-T (v + L^-1 sum_i A_i T_i s_i).
 
-Nothing is kept of a constraint from one pass to the next; it is cheaper to linearise it again.
-How the nodes are laid out, see :mod:`cartoloop.kernels.node_packing`.
+The models of constraints are not kept from one pass to the next: linearising again is cheaper.
+How the nodes lie in memory, see :mod:`cartoloop.kernels.pose_adjustment.layout`.
 """
 
 from __future__ import annotations
@@ -21,26 +21,47 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-from cartoloop.kernels.node_linearization import (
+from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.kernels.pose_adjustment.layout import (
+    LANES,
     LINEAR,
-    linearize_block,
-    place_submaps,
-    weigh_block,
+    Elimination,
+    GroupLosses,
+    Layout,
 )
-from cartoloop.kernels.node_packing import LANES
+from cartoloop.kernels.pose_adjustment.linearization import linearize_rows, weigh_rows
+from cartoloop.kernels.sparse_cholesky.numeric import LEAST_DIAGONAL, PIVOT_TOLERANCE
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
-FACTORED = 9 * LANES
-"""Numbers of eight nodes: 1 / l_00, l_10, l_20, 1 / l_11, l_21, 1 / l_22 of L, then v."""
-
-_LEAST_DIAGONAL = 1e-6
-_PIVOT_TOLERANCE = 1e-13
 _W = LANES
+
+
+@kernel
+def _place_submaps(
+    poses: FloatArray, rotations: FloatArray, layout: Layout, w: int, out: FloatArray
+) -> None:
+    """Write x, y, theta, cosine and sine of the submaps of a window's diagonal slots into `out`."""
+    windows, slot_ends = layout.windows, layout.slot_ends
+    for slot in range(windows[w, 2], windows[w, 3]):
+        a = slot_ends[slot, 0]
+        if a == slot_ends[slot, 1]:
+            out[slot, 0] = poses[a, 0]
+            out[slot, 1] = poses[a, 1]
+            out[slot, 2] = poses[a, 2]
+            out[slot, 3] = rotations[a, 0]
+            out[slot, 4] = rotations[a, 1]
+
+
+@kernel
+def _place_nodes(
+    poses: FloatArray, num_submaps: int, nodes: IntArray, b: int, out: FloatArray
+) -> None:
+    """Write x, y, theta of the nodes of block b into `out` (24,)."""
+    for i in range(_W):
+        vertex = num_submaps + nodes[b, i]
+        for c in range(3):
+            out[c * _W + i] = poses[vertex, c]
 
 
 @kernel
@@ -58,16 +79,16 @@ def _factor(
         for j in range(9 * lanes):
             total[j] += linear[k, 2 * _W + j]
     for i in range(lanes):
-        d0 = total[3 * _W + i] + damping * max(total[3 * _W + i], _LEAST_DIAGONAL)
-        d1 = total[6 * _W + i] + damping * max(total[6 * _W + i], _LEAST_DIAGONAL)
-        d2 = total[8 * _W + i] + damping * max(total[8 * _W + i], _LEAST_DIAGONAL)
+        d0 = total[3 * _W + i] + damping * max(total[3 * _W + i], LEAST_DIAGONAL)
+        d1 = total[6 * _W + i] + damping * max(total[6 * _W + i], LEAST_DIAGONAL)
+        d2 = total[8 * _W + i] + damping * max(total[8 * _W + i], LEAST_DIAGONAL)
         i0 = 1.0 / math.sqrt(d0) if d0 > 0.0 else 0.0
         l1, l2 = total[4 * _W + i] * i0, total[5 * _W + i] * i0
         pivot = d1 - l1 * l1
-        i1 = 1.0 / math.sqrt(pivot) if pivot > _PIVOT_TOLERANCE * d1 else 0.0
+        i1 = 1.0 / math.sqrt(pivot) if pivot > PIVOT_TOLERANCE * d1 else 0.0
         l21 = (total[7 * _W + i] - l2 * l1) * i1
         pivot = d2 - l2 * l2 - l21 * l21
-        i2 = 1.0 / math.sqrt(pivot) if pivot > _PIVOT_TOLERANCE * d2 else 0.0
+        i2 = 1.0 / math.sqrt(pivot) if pivot > PIVOT_TOLERANCE * d2 else 0.0
         v0 = total[i] * i0
         v1 = (total[_W + i] - l1 * v0) * i1
         out[b, i] = i0
@@ -88,9 +109,8 @@ def _factor(
 @kernel
 def _couple_block(
     linear: FloatArray,
-    blocks: IntArray,
+    layout: Layout,
     b: int,
-    slots: IntArray,
     factors: FloatArray,
     out_own: FloatArray,
     out_coupling: FloatArray,
@@ -100,6 +120,7 @@ def _couple_block(
 
     P is written into rows of `out_coupling`; `out_own` (72,) is scratch.
     """
+    blocks, slots = layout.blocks, layout.slots
     for k in range(blocks[b, 1]):
         for i in range(out_own.size // 9):
             dx, dy, bx, by = (
@@ -149,18 +170,14 @@ def _couple_block(
 
 @kernel
 def _cross_block(
-    couplings: FloatArray,
-    blocks: IntArray,
-    b: int,
-    pair_slots: IntArray,
-    numbers: FloatArray,
-    out_slots: FloatArray,
+    couplings: FloatArray, layout: Layout, b: int, numbers: FloatArray, out_slots: FloatArray
 ) -> None:
-    """Add P_f^T P_e, negative, of the pairs of constraints of block b to `out_slots`.
+    """Subtract P_f^T P_e of the pairs of constraints of block b from `out_slots`.
 
     Where one submap saw a node twice, the block and its transpose belong to the submap's own slot.
     `numbers` (72,) is scratch.
     """
+    blocks, pair_slots = layout.blocks, layout.pair_slots
     pair = blocks[b, 3]
     for e in range(blocks[b, 1]):
         for f in range(e):
@@ -194,38 +211,21 @@ def _cross_block(
 def linearize_windows(
     poses: FloatArray,
     rotations: FloatArray,
-    windows: IntArray,
-    blocks: IntArray,
-    block_nodes: IntArray,
-    slots: IntArray,
-    pair_slots: IntArray,
-    slot_ends: IntArray,
-    measured: FloatArray,
-    kinds: IntArray,
-    loss_of_kind: IntArray,
-    scale: float,
+    num_submaps: int,
+    layout: Layout,
+    losses: GroupLosses,
     damping: float,
     eliminate: bool,
-    slot_poses: FloatArray,
-    out_weights: FloatArray,
-    out_factors: FloatArray,
-    out_slots: FloatArray,
+    out: Elimination,
 ) -> tuple[float, float, bool]:
-    """Return the cost of the packed constraints; eliminate their nodes if told to.
+    """Return the cost of the packed constraints; eliminate their nodes if asked to.
 
     Parameters
     ----------
-    poses : float64, shape (num_vertices, 3) [m, m, rad]; rotations : (num_vertices, 2), of submaps.
-    windows, blocks, block_nodes, slots, pair_slots, slot_ends : int64, see :func:`pack_windows`.
-    measured : float64, (num_rows, 72), and kinds : int64, (num_rows, 8), see :func:`fill_rows`.
-    loss_of_kind : int64, shape (num_kinds,), and scale : float64, see :func:`robust_loss`.
+    poses : float64, shape (num_vertices, 3) [m, m, rad], submaps first.
+    rotations : float64, shape (num_vertices, 2), cosine and sine of the angles of the submaps.
     damping : float64, share of a node's diagonal that is added to it (Marquardt).
-    eliminate : bool; False: only the cost and the weights are wanted.
-    slot_poses : float64, shape (num_slots, 5), scratch.
-    out_weights : float64, shape (num_rows, 8), rho' of each constraint.
-    out_factors : float64, shape (num_blocks, 72), of nodes, see `FACTORED`.
-    out_slots : float64, shape (num_slots, 9), what each window leaves on its submaps: of diagonal
-        blocks the upper half and the gradient, of others the whole.
+    eliminate : bool; False: only the cost and the weights are computed.
 
     Returns
     -------
@@ -233,41 +233,35 @@ def linearize_windows(
     decrease : float64, of the quadratic model by moving the nodes alone.
     definite : bool, False if a node's block cannot be factored: more damping is needed.
     """
+    windows, blocks, rows = layout.windows, layout.blocks, layout.rows
+    nodes, slots, measured = layout.nodes, layout.slots, layout.rows.measured
+    factors, sums, slot_poses = out.factors, out.sums, out.slot_poses
     most = 1
     for b in range(blocks.shape[0]):
         most = max(most, blocks[b, 1])
-    lanes = block_nodes.shape[1]
+    lanes = layout.nodes.shape[1]
     linear, couplings = np.empty((most, LINEAR)), np.empty((most, 9 * _W))
     seen_from, node, numbers = np.empty(5 * lanes), np.empty(3 * lanes), np.empty(9 * lanes)
     cost = decrease = 0.0
+    definite = True
     for w in range(windows.shape[0]):
-        first_slot, last_slot = windows[w, 2], windows[w, 3]
-        place_submaps(poses, rotations, slot_ends, first_slot, last_slot, slot_poses)
-        for slot in range(first_slot, last_slot):
+        _place_submaps(poses, rotations, layout, w, slot_poses)
+        for slot in range(windows[w, 2], windows[w, 3]):
             for c in range(9):
-                out_slots[slot, c] = 0.0
+                sums[slot, c] = 0.0
         for b in range(windows[w, 0], windows[w, 1]):
-            linearize_block(
-                poses,
-                rotations.shape[0],
-                slot_poses,
-                blocks,
-                block_nodes,
-                b,
-                slots,
-                measured,
-                node,
-                seen_from,
-                linear,
-            )
-            cost += weigh_block(blocks, b, kinds, loss_of_kind, scale, out_weights, linear)
-            if not eliminate:
+            first, num_rows = blocks[b, 0], blocks[b, 1]
+            _place_nodes(poses, num_submaps, nodes, b, node)
+            linearize_rows(node, slot_poses, slots, measured, first, num_rows, seen_from, linear, 0)
+            cost += weigh_rows(rows, first, num_rows, blocks[b, 2], losses, linear, 0)
+            if not (eliminate and definite):
                 continue
-            if not _factor(linear, blocks[b, 1], damping, numbers, out_factors, b):
-                return cost, decrease, False
+            if not _factor(linear, num_rows, damping, numbers, factors, b):
+                definite = False
+                continue
             for i in range(blocks[b, 2]):
                 for c in range(6, 9):
-                    decrease += 0.5 * out_factors[b, c * _W + i] ** 2
-            _couple_block(linear, blocks, b, slots, out_factors, numbers, couplings, out_slots)
-            _cross_block(couplings, blocks, b, pair_slots, numbers, out_slots)
-    return cost, decrease, True
+                    decrease += 0.5 * factors[b, c * _W + i] ** 2
+            _couple_block(linear, layout, b, factors, numbers, couplings, sums)
+            _cross_block(couplings, layout, b, numbers, sums)
+    return cost, decrease, definite
