@@ -71,7 +71,7 @@ def test_each_group_has_its_own_loss_and_scale(loss):
     result = solved(graph, points, losses)
     np.testing.assert_array_equal(result.weights, 1.0)
     assert result.control_weights[3] < 0.05
-    assert np.delete(result.control_weights, 3).min() > 10.0 * result.control_weights[3]
+    assert np.delete(result.control_weights, 3).min() > 0.5
     poses = np.concatenate((result.submap_poses, result.node_poses))
     pairs = [(group.loss, group.scale or 1.0) for group in losses]
     expected = naive.cost_of(naive.measurements(graph, points, pairs), poses)
