@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from cartoloop.errors import CartoloopError, ConfigError, InputError, OutputError
     from cartoloop.mapper import Mapper, Result
     from cartoloop.readers import read
+    from cartoloop.recording_run import map_recording
     from cartoloop.sensor.events import (
         CloudGeometry,
         Imu,
@@ -45,6 +46,7 @@ _HOME = {
     "Pose": "sensor.pose",
     "Result": "mapper",
     "ScanGeometry": "sensor.events",
+    "map_recording": "recording_run",
     "read": "readers",
 }
 
@@ -64,6 +66,7 @@ __all__ = [
     "Result",
     "ScanGeometry",
     "__version__",
+    "map_recording",
     "read",
 ]
 

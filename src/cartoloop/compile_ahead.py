@@ -66,7 +66,9 @@ def compile_ahead() -> None:
 def _close_loops(every_nth_node: int) -> GlobalSlam:
     """Return global SLAM after mapping the room, with one node in `every_nth_node` searched."""
     search = ConstraintSearchConfig(
-        every_nth_node=every_nth_node, every_nth_bound_node=every_nth_node, final_every_nth_node=1
+        every_nth_node=every_nth_node,
+        every_nth_well_constrained_node=every_nth_node,
+        final_every_nth_node=1,
     )
     config = GlobalSlamConfig(
         optimize_every_n_nodes=_NODES // 2, constraint_search=search, num_threads=1

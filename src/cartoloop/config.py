@@ -286,22 +286,39 @@ class ConstraintSearchConfig(Section):
         5.0, ge=0, description="W_theta where the relative pose is well known [deg]"
     )
     linear_drift: float = Field(
-        0.05, ge=0, description="growth of W_x and W_y per metre of uncertain way [m/m]"
+        0.05, ge=0, description="growth of W_x and W_y per metre of path between the two [m/m]"
     )
     angular_drift_deg: float = Field(
-        0.5, ge=0, description="growth of W_theta per metre of uncertain way [deg/m]"
+        0.5, ge=0, description="growth of W_theta per metre of path between the two [deg/m]"
     )
-    bound_length: float = Field(
-        15.0, ge=0, description="pairs with a shorter uncertain way are bound already [m]"
+    closure_path_length: float = Field(
+        0.5, ge=0, description="a loop closure is as uncertain as this length of the path [m]"
     )
-    every_nth_node: int = Field(2, ge=1, description="of pairs not bound, search one in so many")
-    every_nth_bound_node: int = Field(10, ge=1, description="of bound pairs, one in so many")
-    max_searches_of_bound_pair: int = Field(
-        5, ge=0, description="nodes of one submap sought in another that is bound to it"
+    well_constrained_length: float = Field(
+        15.0, ge=0, description="pairs with a shorter path between them are well constrained [m]"
+    )
+    every_nth_node: int = Field(
+        2, ge=1, description="of other pairs, one node in n is searched in a submap"
+    )
+    every_nth_well_constrained_node: int = Field(
+        10, ge=1, description="of well constrained pairs, one node in n"
+    )
+    max_searches_of_well_constrained_pair: int = Field(
+        5, ge=0, description="nodes of one submap searched in another, if well constrained"
     )
     max_closures_of_pair: int = Field(
-        12, ge=1, description="closures between two submaps after which no more are sought"
+        12, ge=1, description="closures between two submaps after which searches between them end"
     )
+    search_batch_size: int = Field(
+        50, ge=1, description="nodes that one task of a background thread searches in a submap"
+    )
+    search_stride: int = Field(
+        4, ge=1, description="a task searches every n-th of its nodes first, spread on the path"
+    )
+    min_search_batch: int = Field(
+        12, ge=1, description="searches in a submap are deferred until there are this many"
+    )
+    max_search_deferrals: int = Field(2, ge=0, description="but not more often than this")
     min_num_points: int = Field(20, ge=1, description="scans with fewer points are not searched")
     min_score: float = Field(0.55, ge=0, le=1, description="matches below are rejected")
     min_score_ratio: float = Field(
@@ -312,27 +329,33 @@ class ConstraintSearchConfig(Section):
     )
     least_squares_matcher: LeastSquaresMatcherConfig = LeastSquaresMatcherConfig()
     refinement_sigma_cells: float = Field(
-        2.0, gt=0, description="pull of the refinement towards the coarse match [pixels]"
+        2.0, gt=0, description="sigma of the refinement's prior at the coarse match [pixels]"
+    )
+    usual_residual: float = Field(
+        0.4, gt=0, description="root mean square of 1 - M at the returns of scans that fit"
+    )
+    lever: float = Field(
+        5.0, gt=0, description="typical range of returns: from position to heading error [m]"
     )
     final_passes: int = Field(
-        2, ge=0, description="in the end, match again from the optimised poses so many times"
+        2, ge=0, description="number of passes at the end that match again from adjusted poses"
     )
     final_every_nth_node: int = Field(
-        2, ge=1, description="in the end, match one in so many of the nodes that overlap a submap"
+        2, ge=1, description="at the end, one in n nodes that overlap a submap is matched"
     )
     final_max_submaps_of_node: int = Field(
-        32, ge=1, description="in the end, a node is matched to no more than so many submaps"
+        32, ge=1, description="at the end, a node is matched to this many nearest submaps at most"
     )
     max_start_residual: float = Field(
-        0.75, gt=0, description="in the end, scans that fit worse where they stand are not matched"
+        0.75, gt=0, description="at the end, scans with a larger residual are not matched"
     )
     max_refined_residual: float = Field(
-        0.55, gt=0, description="in the end, matches with a larger residual are rejected"
+        0.55, gt=0, description="at the end, matches with a larger residual are rejected"
     )
     max_refinement: float = Field(
         0.3,
         gt=0,
-        description="in the end, matches further from where they should be are rejected [m]",
+        description="at the end, matches farther from the adjusted pose are rejected [m]",
     )
 
 
@@ -361,6 +384,15 @@ class GlobalSlamConfig(Section):
 
     optimize_every_n_nodes: int = Field(
         90, ge=0, description="nodes between two adjustments; 0 switches loop closure off"
+    )
+    searches_per_adjustment: int = Field(
+        2, ge=1, description="how often searches are started from one adjustment to the next"
+    )
+    live_searches_per_adjustment: int = Field(
+        9, ge=1, description="the same in live mapping; what is found joins the graph as often"
+    )
+    max_live_backlog: int = Field(
+        10_000, ge=0, description="searches that wait in live mapping, at most; some seconds' work"
     )
     constraint_search: ConstraintSearchConfig = ConstraintSearchConfig()
     pose_adjustment: PoseAdjustmentConfig = PoseAdjustmentConfig()

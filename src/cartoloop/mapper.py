@@ -287,7 +287,7 @@ class Mapper:
             nodes=graph.num_nodes,
             submaps=graph.num_submaps,
             constraints=summarize_constraints(graph, slam.closures),
-            adjustment=AdjustmentSummary.of_runs(self._global_slam.adjustments),
+            adjustment=AdjustmentSummary.of_runs(slam.adjustments),
             stages=self._timer.summary(),
             skipped=dict(sorted(self._skipped.items())),
             extra=self._local_slam.summary() | slam.closures.summary(),

@@ -101,7 +101,7 @@ def test_a_closure_that_the_map_agrees_with_can_be_false(run_of):
     assert score.final.true_rejected == 1
 
 
-def test_one_scan_that_was_inserted_wrongly_does_not_move_a_submap(run_of):
+def test_one_wrongly_inserted_scan_moves_no_submap(run_of):
     poses = NODE_POSES.copy()
     poses[3] += (5.0, 2.0, 1.0)
     run = run_of()
@@ -143,7 +143,7 @@ def test_nothing_to_close_has_no_recall():
     assert Recall(0, 0, 0, 0).of_revisits is None
 
 
-def test_truth_that_lacks_a_node_is_told(run_of):
+def test_truth_without_a_node_is_an_error(run_of):
     partial = Trajectory(STAMPS[:4] + 1e-3, NODE_POSES[:4])
 
     with pytest.raises(InputError, match=r"no pose for 2 of 6 nodes, first at stamp 104\.000000"):

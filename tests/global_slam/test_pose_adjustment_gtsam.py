@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from bench.adjustment.chordal_initialization import initialize_from_constraints
+from bench.g2o import read_g2o
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.pose_adjustment import Loss, control_points
-from cartoloop.readers.g2o import read_g2o
 from tests.global_slam.bipartite_graph import all_poses, walk
+
+pytestmark = pytest.mark.slow
 
 gtsam = pytest.importorskip("gtsam", reason="install the extra 'oracles' to compare with GTSAM")
 

@@ -38,7 +38,7 @@ class Recall:
     ----------
     pairs : pairs of submap and node that show the same, see :mod:`cartoloop.evaluation.overlap`.
     pairs_closed : those of them with a true closure.
-    revisits : pairs of submap and submap of the node among these pairs: the mapper does not seek
+    revisits : pairs of submap and submap of the node among these pairs: the mapper does not search
         every node, but every revisit should be noticed.
     revisits_closed : those of them with at least one true closure.
     """
@@ -131,7 +131,7 @@ def evaluate_closures(
     run : what was mapped.
     truth : the true pose of each scan; without it only the paper's figures are given.
     log : the recording that was mapped; without it no recall is given.
-    config : with which it was mapped, None for the defaults; tells which points recall looks at.
+    config : with which it was mapped, None for the defaults; its voxel filter is that of recall.
     min_share : of a node's points that a submap must have seen as well, for recall, in (0, 1].
 
     Raises
@@ -230,15 +230,15 @@ def true_submap_poses(run: FinishedRun, true_nodes: FloatArray) -> FloatArray:
     """Return where each submap truly stands, shape (s, 3) [m, m, rad].
 
     A submap is known through its own scans alone: where each of them truly stood and where in the
-    submap it was inserted tell where the submap is, and of these the median counts.
+    submap it was inserted gives a pose of the submap; the median of these counts.
     """
     x, y, theta = run.own_pose.T
     cos, sin = np.cos(theta), np.sin(theta)
     tf_node_submap = np.column_stack((-cos * x - sin * y, sin * x - cos * y, -theta))
-    told = compose_all(true_nodes[run.own_node], tf_node_submap)
+    estimates = compose_all(true_nodes[run.own_node], tf_node_submap)
     poses = np.full((run.num_submaps, 3), np.nan)
     for submap in np.unique(run.own_submap).tolist():
-        own = told[run.own_submap == submap]
+        own = estimates[run.own_submap == submap]
         # angles about one of them: the median does not mind which, the turn at pi does
         turns = wrap_angles(own[:, 2] - own[0, 2])
         poses[submap, :2] = np.median(own[:, :2], axis=0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ways are exactly as long as SciPy finds them."""
+"""Path lengths are exactly those of SciPy."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from cartoloop.kernels.shortest_ways import shortest_ways
+from cartoloop.kernels.shortest_paths import shortest_paths
 
 
 @settings(deadline=None)
 @given(st.integers(1, 12), st.integers(0, 40), st.floats(0.0, 20.0), st.integers(0, 2**32 - 1))
-def test_ways_are_as_long_as_scipy_finds_them(num_vertices, num_edges, limit, seed):
+def test_path_lengths_are_those_of_scipy(num_vertices, num_edges, limit, seed):
     random = np.random.default_rng(seed)
     pairs = np.unique(random.integers(num_vertices, size=(num_edges, 2)), axis=0).reshape(-1, 2)
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]
@@ -25,7 +25,7 @@ def test_ways_are_as_long_as_scipy_finds_them(num_vertices, num_edges, limit, se
     graph = coo_array((lengths, pairs.T), shape=(num_vertices, num_vertices)).tocsr()
     for start in range(num_vertices):
         found = np.empty(num_vertices)
-        shortest_ways(
+        shortest_paths(
             firsts, pairs[:, ::-1].T.ravel()[order], np.tile(lengths, 2)[order], start, limit, found
         )
         expected = dijkstra(graph, directed=False, indices=start, limit=limit)

@@ -2,7 +2,7 @@
 """2D pose graphs in g2o's text format, plain or gzip.
 
 Lines ``VERTEX_SE2 id x y theta``, ``EDGE_SE2 id_a id_b x y theta i_xx i_xy i_xt i_yy i_yt i_tt``
-and ``FIX id``; others are passed over. g2o measures an edge's error in the frame of the *measured*
+and ``FIX id``; others are skipped. g2o measures an edge's error in the frame of the *measured*
 b, eq. (5) in the frame of a: with R the measured rotation, e_g2o = -R^T e, so that the information
 matrix is turned on reading.
 """

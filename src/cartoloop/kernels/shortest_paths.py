@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far it is from one vertex of a graph to all others."""
+"""Lengths of the shortest paths from one vertex of a graph to all others."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cartoloop._jit import kernel
 
 
 @kernel
-def shortest_ways(
+def shortest_paths(
     firsts: NDArray[np.int64],
     neighbours: NDArray[np.int64],
     edge_lengths: NDArray[np.float64],
@@ -18,7 +18,7 @@ def shortest_ways(
     limit: float,
     out_lengths: NDArray[np.float64],
 ) -> None:
-    """Write the lengths of the shortest ways from a vertex to all into `out_lengths`.
+    """Write the lengths of the shortest paths from a vertex to all into `out_lengths`.
 
     Parameters
     ----------
@@ -26,14 +26,14 @@ def shortest_ways(
     neighbours : int64, shape (2 e,), where each edge leads; edges stand at both of their ends.
     edge_lengths : float64, shape (2 e,), not negative.
     start : the vertex.
-    limit : longer ways are left out.
-    out_lengths : float64, shape (m,); inf where there is no way.
+    limit : longer paths are left out.
+    out_lengths : float64, shape (m,); inf where there is no path.
 
     Notes
     -----
     E. W. Dijkstra, A Note on Two Problems in Connexion with Graphs (1959), without a heap: O(m f)
-    for f vertices that are reached but not yet settled at a time, of which submaps, one after the
-    other along the robot's path, have few.
+    for f vertices that are reached but not yet settled at a time; with submaps, one after the other
+    along the robot's path, f is small.
     """
     out_lengths[:] = np.inf
     out_lengths[start] = 0.0

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.g2o import read_g2o
 from cartoloop.errors import InputError
 from cartoloop.global_slam.pose_graph import ConstraintKind
-from cartoloop.readers.g2o import read_g2o
 from cartoloop.sensor.pose import Pose, compose, relative
 
 DATA = Path(os.environ.get("CARTOLOOP_DATA", Path(__file__).parents[2] / "../shared/data"))
@@ -138,6 +138,7 @@ GRAPHS = {
 }
 
 
+@pytest.mark.data
 @pytest.mark.parametrize("name", GRAPHS)
 def test_a_public_graph_is_read_whole(name):
     path = DATA / f"pose-graphs/{name}.g2o.gz"
