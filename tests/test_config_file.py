@@ -10,6 +10,7 @@ import pytest
 from cartoloop.config import Config
 from cartoloop.config_file import MACHINE_PARAMETERS, config_hash, config_toml, load_config
 from cartoloop.errors import ConfigError
+from cartoloop.pose_adjustment import Loss
 
 
 def file_of(tmp_path, text):
@@ -56,8 +57,8 @@ def test_the_rest_of_a_section_keeps_its_defaults(tmp_path):
         ("sensor.max_range= 1e1", 10.0),
         ("sensor.max_range=none", None),
         ("local_slam.use_odometry=false", False),
-        ("global_slam.pose_adjustment.loss=cauchy", "cauchy"),
-        ('global_slam.pose_adjustment.loss="huber"', "huber"),
+        ("global_slam.pose_adjustment.loss=cauchy", Loss.CAUCHY),
+        ('global_slam.pose_adjustment.loss="huber"', Loss.HUBER),
         ("local_slam.submaps.num_range_data=7", 7),
     ],
 )

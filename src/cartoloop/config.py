@@ -366,7 +366,7 @@ class PoseAdjustmentConfig(Section):
     loss_scale: float | None = Field(
         None,
         gt=0,
-        description="whitened residual beyond which the loss limits a closure's influence; None: "
+        description="residual E beyond which a closure's influence is limited; unless set: "
         + ", ".join(f"{loss.default_scale:g} ({loss})" for loss in Loss),
     )
     intra_submap_weight: float = Field(

@@ -76,7 +76,9 @@ def test_each_group_has_its_own_loss_and_scale(loss):
     pairs = [(group.loss, group.scale or 1.0) for group in losses]
     expected = naive.cost_of(naive.measurements(graph, points, pairs), poses)
     assert result.cost == pytest.approx(expected, rel=1e-9)
-    assert np.hypot(*(result.node_poses - nodes)[:, :2].T).max() < 0.1
+    # the influence of a wrong point never vanishes with Huber's loss
+    limit = 0.5 if loss is Loss.HUBER else 0.1
+    assert np.hypot(*(result.node_poses - nodes)[:, :2].T).max() < limit
 
 
 def test_surveyed_points_move_the_map_into_their_frame():
