@@ -8,6 +8,7 @@ import sqlite3
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ _MAX_UNIT = 1e300  # of points [m]: times 2^15 still a number
 _MAX_CELLS = 2**27  # of one submap: a square of 500 m; more is no submap but a damaged file
 
 
-def load_map(path: Path) -> Result:
+def load_map(path: str | PathLike[str]) -> Result:
     """Return the result that a map database was made of; times are not kept in it.
 
     Parameters
@@ -50,7 +51,7 @@ def load_map(path: Path) -> Result:
     InputError
         It is not there, is no map database, is damaged, or was written by a newer program.
     """
-    file = path / FILE_NAME if path.is_dir() else path
+    file = Path(path) / FILE_NAME if Path(path).is_dir() else Path(path)
     with _opened(file) as database, _damage_reported(file):
         about: dict[str, str] = dict(_rows(database, "about"))
         graph, closures = _graph(database)
