@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
+from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
 from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import make_world, simulate
 from cartoloop.simulation.lidar import make_lidar
-from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import Submap
@@ -86,7 +86,9 @@ def _local_slam(
     events: Iterable[SensorEvent], driven: Drive
 ) -> Iterator[tuple[LaserScan, LocalSlamResult]]:
     """Yield scans with their results, and leave the submap that grows with the drive."""
-    slam = LocalSlam(driven.config, StageTimer())
+    config = driven.config
+    node_filter = config.global_slam.constraint_search.adaptive_voxel_filter
+    slam = LocalSlam(config.local_slam, config.sensor, node_filter, StageTimer())
     for event in events:
         if isinstance(event, Odometry):
             slam.add_odometry(event)

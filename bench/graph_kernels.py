@@ -16,9 +16,9 @@ from bench.adjustment.synthetic_graphs import bipartite_graph
 from bench.record import Case
 from bench.workload import Workload
 from cartoloop.config import Config
-from cartoloop.global_slam.pair_selection import PairSelection
+from cartoloop.global_slam.pair_selection import SubmapPaths
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, constraint_residuals
-from cartoloop.kernels.due_pairs import due_pairs
+from cartoloop.kernels.due_pairs import NodePlace, PairRule, pairs_of_node
 
 GRAPHS = ((1_000, 12, 3_000), (11_456, 128, 35_300))
 """Nodes, submaps and constraints of the graphs; the second is of the paper's museum's size."""
@@ -40,18 +40,14 @@ def graph_workloads() -> Iterator[Workload]:
         graph = bipartite_graph(nodes, submaps, edges).graph
         case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
         size = len(graph.kinds)
-        adjusting = (
-            "pose_residuals", "node_packing", "node_linearization", "node_elimination",
-            "node_steps", "kept_constraints", "schur_structure", "block_cholesky",
-            "cholesky_ordering", "cholesky_structure",
-        )  # fmt: skip
+        adjusting = ("pose_adjustment", "sparse_cholesky")
         for name, iterations in (("adjust", 50), ("adjust, one step", 1)):
             problem = Problem.of(graph, AdjustmentOptions(max_iterations=iterations))
             yield Workload(
                 name, adjusting, case, OwnProgram(problem).solve, size, "constraints"
             )  # fmt: skip
         yield Workload(
-            "residuals", ("pose_residuals",), case,
+            "residuals", ("pose_adjustment",), case,
             partial(constraint_residuals, graph), size, "constraints",
         )  # fmt: skip
         yield Workload(
@@ -72,15 +68,14 @@ def _shortest_paths_workload() -> Workload:
     again = np.arange(submaps // 2)
     closures = np.column_stack((again, again + submaps // 2))  # all of it was walked twice
     travelled = np.arange(0.0, 17.0 * submaps, 17.0)
-    selection = PairSelection(Config().global_slam.constraint_search)
+    config = Config().global_slam.constraint_search
 
     def find() -> None:
-        selection.update(travelled, closures)
-        selection.ways_from(submaps - 1)
+        SubmapPaths(config, travelled, closures).lengths_from(submaps - 1)
 
     return Workload(
         "shortest paths",
-        ("shortest_ways",),
+        ("shortest_paths",),
         {"input": f"{submaps} submaps"},
         find,
         submaps,
@@ -93,15 +88,21 @@ def _pairs_workload() -> Workload:
     nodes, submaps, _ = GRAPHS[-1]
     graph = bipartite_graph(*GRAPHS[-1]).graph
     selection = Config().global_slam.constraint_search
-    begun = np.arange(submaps) * nodes // submaps
-    node_submaps = np.repeat((np.arange(nodes) * submaps // nodes)[:, np.newaxis], 2, axis=1)
-    travelled = np.linspace(0.0, 0.2 * nodes, nodes)
+    travelled = 0.2 * nodes * np.arange(submaps) / submaps
+    rule = PairRule(
+        math.inf,
+        selection.well_constrained_length,
+        selection.every_nth_node,
+        selection.every_nth_well_constrained_node,
+    )
+    x, y, theta = graph.node_poses[-1].tolist()
+    newest = NodePlace(
+        nodes - 1, x, y, theta, 0.2 * nodes, submaps - 1, submaps - 1, submaps - 1, 0.0
+    )
     find = partial(
-        due_pairs, 0, submaps, nodes - 1, nodes, graph.submap_poses, graph.node_poses, math.inf,
-        np.ones(nodes, dtype=bool), travelled, node_submaps, travelled[begun],
-        np.empty((2, 0), dtype=np.int64), 0.5, np.full(submaps, np.inf), False,
-        selection.bound_length, selection.every_nth_node, selection.every_nth_bound_node,
-        np.empty((submaps, 3), dtype=np.int64), np.empty(submaps), np.empty((submaps, 3)),
+        pairs_of_node, newest, submaps, graph.submap_poses, travelled,
+        np.full(submaps, np.inf), rule,
+        np.empty(submaps, dtype=np.int64), np.empty(submaps), np.empty((submaps, 3)),
     )  # fmt: skip
     case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
     return Workload("pairs", ("due_pairs",), case, find, submaps, "submaps")

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from cartoloop.map_output.report import peak_memory_mb
 from cartoloop.mapper import Mapper
-from cartoloop.process_memory import look_seldom_for_garbage, return_large_blocks
 from cartoloop.readers import open_log
+from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +69,8 @@ def grow(path: Path, num_checkpoints: int) -> list[Checkpoint]:
 
 def main() -> None:
     """Print the checkpoints of the run that the arguments name."""
-    return_large_blocks()
-    look_seldom_for_garbage()
+    set_malloc_thresholds()
+    relax_gc()
     print(json.dumps([asdict(point) for point in grow(Path(sys.argv[1]), int(sys.argv[2]))]))
 
 

@@ -199,7 +199,7 @@ def _counts(mapper: Mapper, autosave: Autosave) -> tuple[int, ...]:
 def _catch_up(mapper: Mapper) -> None:
     """Return when all nodes are in the graph and all searches have ended."""
     done = Event()
-    mapper.look(done.set)
+    mapper.run_on_graph_thread(done.set)
     done.wait()
     while mapper.global_slam.search.num_running:
         time.sleep(0.01)

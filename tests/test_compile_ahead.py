@@ -8,12 +8,19 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import cartoloop
+from tests.limits import LIMIT_S
+
+pytestmark = pytest.mark.slow
 
 COUNT = """
 import sys
 import numpy as np
 from numba.core import event
+import pytest
+
 from cartoloop.kernels.voxel_filter import adaptive_voxel_filter
 
 class Names(event.Listener):
@@ -76,14 +83,14 @@ def test_two_processes_at_once_compile_each_kernel_once(tmp_path):
         )
         for _ in range(2)
     ]
-    told = [process.communicate()[0].splitlines() for process in processes]
-    assert told[0][-1] == told[1][-1]
-    compiled = [name for lines in told for name in lines[:-1]]
+    outputs = [process.communicate()[0].splitlines() for process in processes]
+    assert outputs[0][-1] == outputs[1][-1]
+    compiled = [name for lines in outputs for name in lines[:-1]]
     assert compiled.count("adaptive_voxel_filter") == 1
-    assert min(map(len, told)) == 1
+    assert min(map(len, outputs)) == 1
 
 
-def test_all_that_global_slam_needs_is_compiled_ahead():
+def test_all_kernels_of_global_slam_are_compiled_ahead():
     run = subprocess.run(
         [sys.executable, "-c", SIGNATURES], capture_output=True, text=True, check=True
     )
@@ -104,6 +111,6 @@ def test_the_second_process_ends_with_the_first(tmp_path):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
-    assert process.communicate(timeout=30.0) == (b"", b"")
+    assert process.communicate(timeout=LIMIT_S) == (b"", b"")
     assert process.returncode == 0
     assert not list(tmp_path.rglob("ahead-*"))

@@ -10,6 +10,7 @@ import pytest
 from cartoloop.config import Config
 from cartoloop.config_file import MACHINE_PARAMETERS, config_hash, config_toml, load_config
 from cartoloop.errors import ConfigError
+from cartoloop.pose_adjustment import Loss
 
 
 def file_of(tmp_path, text):
@@ -25,7 +26,7 @@ def test_nothing_given_is_the_defaults():
     assert loaded.origins == {}
 
 
-def test_settings_win_over_the_file_and_the_file_over_defaults(tmp_path):
+def test_settings_override_the_file_and_the_file_defaults(tmp_path):
     path = file_of(tmp_path, "[local_slam.submaps]\nresolution = 0.1\nnum_range_data = 30\n")
 
     loaded = load_config(path, ["local_slam.submaps.resolution=0.2"])
@@ -38,7 +39,7 @@ def test_settings_win_over_the_file_and_the_file_over_defaults(tmp_path):
     }
 
 
-def test_the_rest_of_a_section_keeps_the_defaults_of_its_place(tmp_path):
+def test_the_rest_of_a_section_keeps_its_defaults(tmp_path):
     path = file_of(
         tmp_path, "[global_slam.constraint_search.adaptive_voxel_filter]\nmax_range = 30.0\n"
     )
@@ -56,8 +57,8 @@ def test_the_rest_of_a_section_keeps_the_defaults_of_its_place(tmp_path):
         ("sensor.max_range= 1e1", 10.0),
         ("sensor.max_range=none", None),
         ("local_slam.use_odometry=false", False),
-        ("global_slam.pose_adjustment.loss=cauchy", "cauchy"),
-        ('global_slam.pose_adjustment.loss="huber"', "huber"),
+        ("global_slam.pose_adjustment.loss=cauchy", Loss.CAUCHY),
+        ('global_slam.pose_adjustment.loss="huber"', Loss.HUBER),
         ("local_slam.submaps.num_range_data=7", 7),
     ],
 )
@@ -112,7 +113,7 @@ def test_an_unknown_key_of_a_file_is_named_with_its_line(tmp_path):
         ("=5", r"unknown key ''"),
     ],
 )
-def test_an_impossible_value_is_named_with_what_it_must_be(setting, message):
+def test_an_invalid_value_is_reported_with_its_limits(setting, message):
     with pytest.raises(ConfigError, match=message) as caught:
         load_config(settings=[setting])
 
@@ -121,7 +122,7 @@ def test_an_impossible_value_is_named_with_what_it_must_be(setting, message):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(b"[local_slam\nx = 1", "is not valid TOML.*line 1"), (b"\xff\xfe\x00", "is no text")],
+    [(b"[local_slam\nx = 1", "is not valid TOML.*line 1"), (b"\xff\xfe\x00", "is not a text file")],
 )
 def test_a_file_that_is_no_toml_is_a_config_error(tmp_path, content, message):
     path = tmp_path / "my.toml"
@@ -147,7 +148,7 @@ def test_a_missing_file_is_a_config_error(tmp_path):
         ],
     ],
 )
-def test_written_toml_reads_back_as_the_same_configuration(tmp_path, settings):
+def test_written_toml_reads_back_unchanged(tmp_path, settings):
     loaded = load_config(settings=settings)
 
     text = config_toml(loaded.config, loaded.origins)
@@ -156,7 +157,7 @@ def test_written_toml_reads_back_as_the_same_configuration(tmp_path, settings):
     assert load_config(file_of(tmp_path, text)).config == loaded.config
 
 
-def test_toml_tells_meaning_unit_and_origin():
+def test_toml_states_meaning_unit_and_origin():
     loaded = load_config(settings=["local_slam.submaps.resolution=0.1"])
 
     lines = config_toml(loaded.config, loaded.origins).splitlines()
@@ -169,7 +170,7 @@ def test_toml_tells_meaning_unit_and_origin():
     assert any(line.startswith("# max_range = none") for line in lines)
 
 
-def test_without_origins_changed_values_are_told_from_defaults():
+def test_without_origins_changed_values_are_marked():
     config = load_config(settings=["local_slam.submaps.resolution=0.1"]).config
 
     text = config_toml(config, without=MACHINE_PARAMETERS)
@@ -178,14 +179,14 @@ def test_without_origins_changed_values_are_told_from_defaults():
     assert "num_threads" not in text
 
 
-def test_the_hash_tells_what_matters_to_the_result():
+def test_hash_depends_on_parameters_of_the_result():
     default = config_hash(Config())
 
     assert config_hash(load_config(settings=["global_slam.num_threads=3"]).config) == default
     assert config_hash(load_config(settings=["sensor.max_range=3"]).config) != default
 
 
-def test_every_parameter_tells_its_meaning():
+def test_every_parameter_has_a_description():
     for line in config_toml(Config()).splitlines():
         assert "None" not in line
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels come out of the cache without the compiler, and can still be compiled into others."""
+"""Kernels load from the cache without the compiler, and can still be inlined into others."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ import pytest
 
 import cartoloop
 from cartoloop import _jit
+
+pytestmark = pytest.mark.slow
 
 PROGRAM = """
 import sys
@@ -59,7 +61,7 @@ def test_kernels_from_the_cache_work_without_the_compiler(tmp_path):
     assert _run(tmp_path) == [once, "compiler ready: False", adaptive]
 
 
-def test_kernels_from_the_cache_are_compiled_into_a_new_one(tmp_path):
+def test_kernels_from_the_cache_can_be_inlined(tmp_path):
     _, once, _, adaptive = _run(tmp_path)
     caller = [file for file in tmp_path.rglob("*") if "adaptive_voxel_filter" in file.name]
     assert caller
@@ -69,7 +71,7 @@ def test_kernels_from_the_cache_are_compiled_into_a_new_one(tmp_path):
 
 
 @pytest.mark.parametrize(("kind", "share"), [("*.nbi", 0.0), ("*.nbi", 0.5), ("*.nbc", 0.5)])
-def test_damaged_files_of_the_cache_are_written_anew(tmp_path, kind, share):
+def test_damaged_files_of_the_cache_are_replaced(tmp_path, kind, share):
     first = _run(tmp_path, TWO_SIGNATURES)
     files = list(tmp_path.rglob(kind))
     assert files
@@ -80,7 +82,7 @@ def test_damaged_files_of_the_cache_are_written_anew(tmp_path, kind, share):
     assert _run(tmp_path, TWO_SIGNATURES) == first[1:]
 
 
-def test_a_kernel_of_another_signature_under_the_name_of_one_is_not_taken(tmp_path):
+def test_a_file_of_another_signature_is_not_loaded(tmp_path):
     first = _run(tmp_path, TWO_SIGNATURES)
     assert first[0] == "compiles"
     one, other = sorted(tmp_path.rglob("pixel_rows.add_span*.nbc"))
@@ -89,7 +91,7 @@ def test_a_kernel_of_another_signature_under_the_name_of_one_is_not_taken(tmp_pa
     assert _run(tmp_path, TWO_SIGNATURES) == first[1:]
 
 
-def test_without_a_folder_for_them_kernels_are_kept_nowhere(tmp_path):
+def test_without_a_cache_folder_kernels_are_not_saved(tmp_path):
     no_folder = tmp_path / "file"
     no_folder.touch()
     package = tmp_path / "cartoloop"
@@ -109,7 +111,7 @@ def test_without_a_folder_for_them_kernels_are_kept_nowhere(tmp_path):
     assert not list(tmp_path.rglob("*.nb[ic]"))
 
 
-def test_kernels_that_cannot_be_saved_are_run_all_the_same(tmp_path, monkeypatch):
+def test_kernels_that_cannot_be_saved_still_run(tmp_path, monkeypatch):
     class Full:
         def load(self, key):
             return None
@@ -128,7 +130,7 @@ def test_kernels_that_cannot_be_saved_are_run_all_the_same(tmp_path, monkeypatch
     assert len(twice.signatures) == 1
 
 
-def test_what_kernels_are_compiled_with_is_part_of_the_key(tmp_path, monkeypatch):
+def test_compiler_options_are_part_of_the_key(tmp_path, monkeypatch):
     source = tmp_path / "_jit.py"
     source.write_text("one")
     (tmp_path / "kernels").mkdir()
@@ -138,9 +140,20 @@ def test_what_kernels_are_compiled_with_is_part_of_the_key(tmp_path, monkeypatch
     assert _jit.kernel_cache_folder.__wrapped__() != before
 
 
-def test_it_is_known_whether_kernels_can_be_kept(tmp_path, monkeypatch):
+def test_whether_kernels_can_be_saved_is_known(tmp_path, monkeypatch):
     monkeypatch.setattr(_jit, "kernel_cache_folder", lambda: tmp_path / "new")
     assert _jit.can_keep_kernels()
     (tmp_path / "file").touch()
     monkeypatch.setattr(_jit, "kernel_cache_folder", lambda: tmp_path / "file" / "new")
     assert not _jit.can_keep_kernels()
+
+
+def test_an_unknown_numba_caches_in_its_own_way(tmp_path):
+    unknown = PROGRAM.replace(
+        "from cartoloop.kernels",
+        "from cartoloop import _jit\n_jit.TESTED_NUMBA = ((0, 0), (0, 1))\nfrom cartoloop.kernels",
+    )
+    compiles, once, _, adaptive = _run(tmp_path, unknown)
+    assert compiles == "compiles"
+    assert list(tmp_path.rglob("*.nbc"))
+    assert [line for line in _run(tmp_path, unknown) if "compiler" not in line] == [once, adaptive]

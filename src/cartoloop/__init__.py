@@ -14,62 +14,63 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cartoloop.config import Config
-    from cartoloop.errors import CartoloopError, ConfigError, InputError, OutputError
-    from cartoloop.mapper import Mapper, Result
-    from cartoloop.readers import read
-    from cartoloop.sensor.events import (
-        CloudGeometry,
-        Imu,
-        LaserScan,
-        Odometry,
-        PointCloud,
-        ScanGeometry,
-    )
-    from cartoloop.sensor.pose import Pose
+    from cartoloop.config import Config as Config
+    from cartoloop.errors import CartoloopError as CartoloopError
+    from cartoloop.errors import ConfigError as ConfigError
+    from cartoloop.errors import InputError as InputError
+    from cartoloop.errors import OutputError as OutputError
+    from cartoloop.map_file.load import load_map as load_map
+    from cartoloop.mapper import Mapper as Mapper
+    from cartoloop.mapper import Result as Result
+    from cartoloop.readers import open_log as open_log
+    from cartoloop.readers import read as read
+    from cartoloop.recording_run import map_recording as map_recording
+    from cartoloop.sensor.events import CloudGeometry as CloudGeometry
+    from cartoloop.sensor.events import Imu as Imu
+    from cartoloop.sensor.events import LaserScan as LaserScan
+    from cartoloop.sensor.events import Odometry as Odometry
+    from cartoloop.sensor.events import PointCloud as PointCloud
+    from cartoloop.sensor.events import ScanGeometry as ScanGeometry
+    from cartoloop.sensor.pose import Pose as Pose
+
+    load = load_map
 
 __version__ = "0.1.0"
 
 _HOME = {
-    "CartoloopError": "errors",
-    "CloudGeometry": "sensor.events",
-    "Config": "config",
-    "ConfigError": "errors",
-    "Imu": "sensor.events",
-    "InputError": "errors",
-    "LaserScan": "sensor.events",
-    "Mapper": "mapper",
-    "Odometry": "sensor.events",
-    "OutputError": "errors",
-    "PointCloud": "sensor.events",
-    "Pose": "sensor.pose",
-    "Result": "mapper",
-    "ScanGeometry": "sensor.events",
-    "read": "readers",
+    "CartoloopError": ("errors", "CartoloopError"),
+    "CloudGeometry": ("sensor.events", "CloudGeometry"),
+    "Config": ("config", "Config"),
+    "ConfigError": ("errors", "ConfigError"),
+    "Imu": ("sensor.events", "Imu"),
+    "InputError": ("errors", "InputError"),
+    "LaserScan": ("sensor.events", "LaserScan"),
+    "Mapper": ("mapper", "Mapper"),
+    "Odometry": ("sensor.events", "Odometry"),
+    "OutputError": ("errors", "OutputError"),
+    "PointCloud": ("sensor.events", "PointCloud"),
+    "Pose": ("sensor.pose", "Pose"),
+    "Result": ("mapper", "Result"),
+    "ScanGeometry": ("sensor.events", "ScanGeometry"),
+    "load": ("map_file.load", "load_map"),
+    "load_map": ("map_file.load", "load_map"),
+    "map_recording": ("recording_run", "map_recording"),
+    "open_log": ("readers", "open_log"),
+    "read": ("readers", "read"),
 }
+"""Module and name of each public object."""
 
-__all__ = [
-    "CartoloopError",
-    "CloudGeometry",
-    "Config",
-    "ConfigError",
-    "Imu",
-    "InputError",
-    "LaserScan",
-    "Mapper",
-    "Odometry",
-    "OutputError",
-    "PointCloud",
-    "Pose",
-    "Result",
-    "ScanGeometry",
-    "__version__",
-    "read",
-]
+__all__ = ["__version__", *_HOME]  # noqa: PLE0604 - keys are names
+
+
+def __dir__() -> list[str]:
+    """Return the public names, imported or not."""
+    return sorted(__all__)
 
 
 def __getattr__(name: str) -> object:
     """Import a public name when it is first used, so that the command line starts at once."""
     if name not in _HOME:
         raise AttributeError(f"module 'cartoloop' has no attribute {name!r}")
-    return getattr(import_module(f"cartoloop.{_HOME[name]}"), name)
+    module, attribute = _HOME[name]
+    return getattr(import_module(f"cartoloop.{module}"), attribute)

@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one place of Numba options and of the kernel cache.
 
-Numba's own cache does not notice a change in a callee that lives in another file, and silently
-runs stale code. Kernels are therefore cached in the user's cache folder, and nowhere else, under a
-key made of a hash of the sources of all kernels, the compiler's version and the processor.
+Numba's own cache does not notice a change in a callee in another file, and silently runs stale
+code. Kernels are therefore cached in the user's cache folder, and nowhere else, under a key made of
+a hash of the sources of all kernels, the compiler's version and the processor.
 
-Nor does Numba's cache know that most runs compile nothing: it readies the compiler for whatever it
-loads, for 0.3 s and 45 MB. `_KernelCache` leaves that to the first kernel that is not there. And
-what is wrong with a file of the cache, or the disk, costs no more than compiling anew.
+Numba's cache also initializes the compiler whenever it loads a kernel, for 0.3 s and 45 MB, though
+most runs compile nothing. `_KernelCache` leaves that to the first kernel that is missing. A damaged
+file or a full disk costs no more than compiling again.
+
+`_KernelCache` and `_without_literals` rely on parts of Numba that are not its public interface.
+They are used only with versions that they were tested with (`TESTED_NUMBA`); with any other version
+Numba caches in its own way, in the same folder: slower to start, with the same results.
 """
 
 from __future__ import annotations
@@ -27,31 +31,33 @@ import llvmlite.binding as llvm
 import numba
 from numba.core import caching, compiler, event, runtime, types
 
-from cartoloop._kernel_folder import Turns, user_cache_folder
+from cartoloop.runtime.kernel_folder import KernelLocks, user_cache_folder
+
+TESTED_NUMBA = ((0, 60), (0, 68))
+"""First and last version of Numba whose internals are known; `pyproject.toml` has the same."""
 
 _KERNEL_BYTES = 1 << 20
-"""More than any one kernel takes on the disk."""
+"""More than any kernel takes on the disk [bytes]."""
 
 _WAIT = "cartoloop:wait"
-"""The event that another process compiles what this one needs."""
+"""Event: another process compiles a kernel that this one needs."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-# Numba is not typed, and its attributes are made at run time.
+# Numba is not typed, and creates attributes at run time.
 _config: Any = numba.config
 _runtime: Any = runtime
 _njit: Any = numba.njit
 _unliteral: Any = types.unliteral
-_rebuild: Any = compiler.CompileResult._rebuild
 
 
 @lru_cache(maxsize=1)
 def kernel_cache_folder() -> Path:
-    """Return where the compiled kernels of exactly these sources are kept."""
+    """Return the folder of the compiled kernels of exactly these sources."""
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    own = Path(__file__)  # how kernels are compiled
-    for source in (own, *sorted(own.parent.joinpath("kernels").glob("*.py"))):
-        digest.update(source.name.encode())
+    own = Path(__file__)  # the options of the compiler
+    for source in (own, *sorted(own.parent.joinpath("kernels").rglob("*.py"))):
+        digest.update(source.relative_to(own.parent).as_posix().encode())
         digest.update(source.read_bytes())
     bounds_check = "-checked" if _config.BOUNDSCHECK else ""
     return user_cache_folder() / "kernels" / (digest.hexdigest()[:16] + bounds_check)
@@ -69,8 +75,8 @@ def kernel(function: F) -> F:
     """Compile `function` on its first call, without the GIL, cached on disk.
 
     No typed signatures (they compile at import), no fast-math (results must not depend on the
-    compiler's mood), no parallel loops (threads belong to the caller), no way in for C, which
-    nobody takes and which takes an eighth of the time to compile.
+    compiler), no parallel loops (threads belong to the caller), no C entry points, which are not
+    used and take an eighth of the time to compile.
     """
     return _compiled(function)
 
@@ -82,19 +88,42 @@ def _compiled(function: F, **options: str) -> F:
         compile_with = _njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)
         compiled = compile_with(function)
         if not _config.DISABLE_JIT:
-            compiled.get_call_template = _without_literals(compiled.get_call_template)
-        if not _config.DISABLE_JIT and (kept := _cache_of(function)) is not None:
-            compiled._cache = kept
+            _add_cache(compiled, function)
     finally:
         _config.CACHE_DIR = previous
     return cast(F, compiled)
 
 
-def _without_literals(template: Callable[..., Any]) -> Callable[..., Any]:
-    """Return what tells a caller's compilation of a kernel, for any number in place of a certain.
+@cache
+def knows_numba() -> bool:
+    """Return whether the internals of the installed Numba are those that this module relies on."""
+    first, last = TESTED_NUMBA
+    version: Any = numba.version_info
+    return (
+        first <= tuple(version.short) <= last
+        and hasattr(compiler.CompileResult, "_rebuild")
+        and hasattr(caching.FunctionCache, "_load_overload")
+    )
 
-    A variable that starts as a certain number would have the kernel compiled for that one, for
-    nothing: the next moment the variable turns out to hold others.
+
+def _add_cache(compiled: Any, function: Callable[..., Any]) -> None:  # noqa: ANN401 - not typed
+    """Have a kernel cached in the folder of kernels, or not at all if that cannot be written."""
+    if knows_numba():
+        compiled.get_call_template = _without_literals(compiled.get_call_template)
+    try:
+        cached = cast(Any, _KernelCache if knows_numba() else caching.FunctionCache)(function)
+    except RuntimeError:
+        return
+    # Numba falls back to folders next to the sources, where kernels would become stale.
+    if kernel_cache_folder() in Path(cached.cache_path).parents:
+        compiled._cache = cached
+
+
+def _without_literals(template: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a call template by which kernels are compiled for types, not for literal values.
+
+    A variable that is initialized with a literal would have the kernel compiled for that value,
+    and again for the type when the variable turns out to change.
     """
 
     def with_types(args: Sequence[Any], kws: dict[str, Any]) -> object:
@@ -106,18 +135,8 @@ def _without_literals(template: Callable[..., Any]) -> Callable[..., Any]:
     return with_types
 
 
-def _cache_of(function: Callable[..., Any]) -> object | None:
-    """Return the cache of a kernel, or None where the folder for it cannot be written."""
-    try:
-        kept = cast(Any, _KernelCache)(function)
-    except RuntimeError:
-        return None
-    # Numba falls back to folders next to the sources, where kernels would become stale.
-    return kept if kernel_cache_folder() in Path(kept.cache_path).parents else None
-
-
 def can_keep_kernels() -> bool:
-    """Return whether compiled kernels can be kept for the next run."""
+    """Return whether compiled kernels can be saved for the next run."""
     folder = kernel_cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -129,22 +148,23 @@ def can_keep_kernels() -> bool:
 
 
 @lru_cache(maxsize=1)
-def _turns(folder: Path) -> Turns:
-    """Return whose turn it is to compile what is not in a folder."""
-    return Turns(folder)
+def _locks(folder: Path) -> KernelLocks:
+    """Return the locks of the processes that share a folder."""
+    return KernelLocks(folder)
 
 
 class _CompiledKernels(caching.CompileResultCacheImpl):
-    """Makes kernels of what the files of the cache hold."""
+    """Makes kernels from the contents of cache files."""
 
     def rebuild(self, target_context: object, payload: Sequence[Any]) -> object:
-        """Return the kernel, its intermediate code unread until it is compiled into another."""
+        """Return the kernel; its intermediate code is parsed when another kernel inlines it."""
         (name, kind, (machine_code, intermediate_code)), description, *rest = payload
-        # Numba believes in no more functions than the intermediate code tells of.
+        # Numba looks for these functions in the intermediate code: an empty module defines them.
         named = (description.llvm_func_name, description.llvm_cpython_wrapper_name)
         stand_in = "".join(f'define void @"{function}"() {{ ret void }}\n' for function in named)
         code = (name, kind, (machine_code, llvm.parse_assembly(stand_in).as_bitcode()))
-        compiled = _rebuild(target_context, code, description, *rest)
+        rebuild: Any = cast(Any, compiler.CompileResult)._rebuild
+        compiled = rebuild(target_context, code, description, *rest)
 
         @cache
         def module_for_linking() -> object:
@@ -155,30 +175,27 @@ class _CompiledKernels(caching.CompileResultCacheImpl):
 
 
 class _KernelCache(caching.FunctionCache):
-    """Loads kernels without readying the compiler for a compilation, which readies it itself.
+    """Loads kernels without initializing the compiler, and locks them between processes.
 
-    A kernel that is not there is compiled by one process alone, while others wait for it. They wait
-    for no more than what it calls while they hold it themselves: not for each other.
+    A missing kernel is compiled by one process, while others wait for it. Kernels are locked in the
+    order in which they call each other, so processes cannot wait for each other.
     """
 
     _impl_class = _CompiledKernels
 
     def load_overload(self, sig: object, target_context: object) -> object:
-        """Return the kernel of a signature, or None if the cache does not hold it.
-
-        It is this process' turn to compile it then.
-        """
-        _runtime.rtsys.initialize(target_context)  # all that kernels themselves call
-        turns = _turns(kernel_cache_folder())
+        """Return the kernel of a signature, or None if it is missing; it is locked then."""
+        _runtime.rtsys.initialize(target_context)  # what kernels call at run time
+        locks = _locks(kernel_cache_folder())
         if (loaded := self._load(sig, target_context)) is not None:
             return loaded
-        if turns.is_taken(self._kernel_name):
+        if not locks.acquire(self._kernel_name):
             trigger: Any = event.trigger_event
             with trigger(_WAIT):
-                turns.wait(self._kernel_name)
+                locks.wait(self._kernel_name)
         # Another process may have compiled it since.
         if (loaded := self._load(sig, target_context)) is not None:
-            turns.give_back(self._kernel_name)
+            locks.release(self._kernel_name)
         return loaded
 
     @property
@@ -191,33 +208,33 @@ class _KernelCache(caching.FunctionCache):
             loaded = base._load_overload(sig, target_context)
         except OSError:
             return None
-        except Exception:  # noqa: BLE001 - whatever a damaged file leads to
+        except Exception:  # noqa: BLE001 - a damaged file may raise anything
             self._forget()
             return None
-        # Two processes that compile a kernel at once may take one name for two signatures.
+        # Two processes may have used one file name for two signatures.
         if loaded is None or loaded.signature.args != tuple(cast(Any, sig)):
             return None
         return cast(object, loaded)
 
     def save_overload(self, sig: object, data: object) -> None:
-        """Keep a kernel for the next run; if the disk is full, that one compiles it anew."""
+        """Save a kernel for the next run, which compiles it again if the disk is full."""
         with suppress(OSError):
             cast(Any, super()).save_overload(sig, data)
-        _turns(kernel_cache_folder()).give_back(self._kernel_name)
+        _locks(kernel_cache_folder()).release(self._kernel_name)
 
     def _forget(self) -> None:
-        """Have what there is of this kernel written anew."""
+        """Remove the index of this kernel, so that its files are written again."""
         with suppress(OSError):
             Path(cast(Any, self)._cache_file._index_path).unlink(missing_ok=True)
 
 
 class CompileWatch(event.Listener):
-    """Knows whether kernels are compiled, and how long this thread has been held up by it.
+    """Measures the time that a thread spends compiling kernels.
 
     Attributes
     ----------
-    seconds : time that the thread which made the watch has spent compiling, or waiting for another
-        process to compile [s].
+    seconds : time that the thread which created the watch has spent compiling, or waiting for
+        another process to compile [s].
     """
 
     def __init__(self, on_first: Callable[[], None]) -> None:
@@ -228,7 +245,7 @@ class CompileWatch(event.Listener):
         self._start = 0.0
 
     def on_start(self, event: event.Event) -> None:
-        """Note that a compilation begins; they nest, where kernels call others."""
+        """Note that a compilation begins; compilations nest where kernels call others."""
         if self._on_first is not None:
             on_first, self._on_first = self._on_first, None
             on_first()
@@ -251,8 +268,8 @@ def watch_compilation(on_first: Callable[[], None]) -> Iterator[CompileWatch]:
 
     Parameters
     ----------
-    on_first : called, in whichever thread it is, when a kernel has to be compiled for the first
-        time; never if all are in the cache.
+    on_first : called when the first kernel has to be compiled, in the thread that compiles it;
+        never if all are in the cache.
     """
     watch = CompileWatch(on_first)
     install: Any = event.install_listener

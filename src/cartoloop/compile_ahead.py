@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiles what global SLAM and the final map need, in a process beside the first that maps.
+"""Compiles the kernels of global SLAM and of the final map, in a second process of a first run.
 
-That one begins with local SLAM, whose kernels it compiles itself, and finds these in the cache when
-it comes to them: ``python -m cartoloop.compile_ahead``. The process ends when its standard input
-does, at the latest: with the one that started it.
+``python -m cartoloop.compile_ahead``. The process that maps compiles the kernels of local SLAM
+itself meanwhile, and finds the others in the cache. This process ends at the latest when its
+standard input is closed: with the process that started it.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ from zlib import crc32
 import numpy as np
 
 from cartoloop._jit import kernel_cache_folder
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config, ConstraintSearchConfig, GlobalSlamConfig
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.map_output.occupancy_map import compose_map
-from cartoloop.process_memory import look_seldom_for_garbage
-from cartoloop.sensor.pose import FloatArray, Pose
-from cartoloop.stage_timer import StageTimer
+from cartoloop.runtime.process_memory import relax_gc
+from cartoloop.runtime.stage_timer import StageTimer
+from cartoloop.sensor.pose import IDENTITY, Pose
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.probability_grid import ProbabilityGrid
@@ -33,18 +34,19 @@ from cartoloop.submaps.submap import Submap
 
 _WALL_CELLS = 60
 _RESOLUTION = 0.05
-_HALF_ROOM_M = _WALL_CELLS * _RESOLUTION
-_NODES = 24
-_NODES_A_SUBMAP = 4
+"""The walls are this many pixels from the middle of the room; edge of a pixel [m]."""
+
+_NODES, _NODES_PER_SUBMAP = 24, 4
+"""The smallest numbers for which loops close."""
 
 
 def is_done() -> bool:
-    """Return whether what this program compiles is in the cache."""
-    return _sign().exists()
+    """Return whether all that this program compiles is in the cache."""
+    return _done_file().exists()
 
 
-def _sign() -> Path:
-    """Return the file that tells of it; copies of the program keep their kernels apart."""
+def _done_file() -> Path:
+    """Return the file that marks a complete cache; each copy of the program has its own."""
     return kernel_cache_folder() / f"ahead-{crc32(os.fsencode(__file__)):08x}"
 
 
@@ -54,17 +56,19 @@ def compile_ahead() -> None:
     The search comes last: the process that maps needs it soon after the first adjustment, and
     compiles it itself while the rest is compiled here.
     """
-    slam = _close_loops(every_nth_node=_NODES**2)  # too many
+    slam = _close_loops(every_nth_node=_NODES**2)  # no search
     grids = [grid for _, grid in sorted(slam.finished_grids().items())]
     compose_map(grids, slam.graph.submap_poses, Config().local_slam.submaps)
     _close_loops(every_nth_node=1)
-    _sign().touch()
+    _done_file().touch()
 
 
 def _close_loops(every_nth_node: int) -> GlobalSlam:
-    """Return what became of the small room, in which one node in so many is searched for."""
+    """Return global SLAM after mapping the room, with one node in `every_nth_node` searched."""
     search = ConstraintSearchConfig(
-        every_nth_node=every_nth_node, every_nth_bound_node=every_nth_node, final_every_nth_node=1
+        every_nth_node=every_nth_node,
+        every_nth_well_constrained_node=every_nth_node,
+        final_every_nth_node=1,
     )
     config = GlobalSlamConfig(
         optimize_every_n_nodes=_NODES // 2, constraint_search=search, num_threads=1
@@ -82,12 +86,14 @@ def _close_loops(every_nth_node: int) -> GlobalSlam:
 
 
 def _nodes() -> Iterator[Node]:
-    """Yield scans from the middle of a square room, and submaps of a few each."""
-    points = _walls()
+    """Yield scans from the middle of a square room, with submaps of a few scans each."""
+    angles = np.linspace(-math.pi, math.pi, 180, endpoint=False)
+    ranges = square_room_ranges(_WALL_CELLS * _RESOLUTION, IDENTITY, angles)
+    points = ranges[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
     previous, current = None, Submap(0, Pose(0.0, 0.0, 0.0), _room())
     for k in range(_NODES):
         done = None
-        if k and k % _NODES_A_SUBMAP == 0:
+        if k and k % _NODES_PER_SUBMAP == 0:
             done = previous
             previous, current = current, Submap(current.index + 1, Pose(0.0, 0.0, 0.0), _room())
         pose = Pose(1e-3 * k, 0.0, 0.0)
@@ -106,12 +112,21 @@ def _room() -> ProbabilityGrid:
     return grid
 
 
-def _walls() -> FloatArray:
-    """Return what a scanner sees from the middle of the room, shape (n, 2) [m]."""
-    angles = np.linspace(-math.pi, math.pi, 180, endpoint=False)
-    x, y = np.cos(angles), np.sin(angles)
-    distances = _HALF_ROOM_M / np.maximum(np.abs(x), np.abs(y))
-    return np.column_stack((distances * x, distances * y))
+def square_room_ranges(half_edge: float, pose: Pose, angles: FloatArray) -> FloatArray:
+    """Return the ranges [m] to the walls of a square room around the origin, shape (n,).
+
+    Parameters
+    ----------
+    half_edge : distance of the walls from the origin [m].
+    pose : of the scanner, inside.
+    angles : of its beams [rad], shape (n,).
+    """
+    dx, dy = np.cos(pose.theta + angles), np.sin(pose.theta + angles)
+    with np.errstate(divide="ignore"):
+        ranges: FloatArray = np.minimum(
+            (np.copysign(half_edge, dx) - pose.x) / dx, (np.copysign(half_edge, dy) - pose.y) / dy
+        )
+    return ranges
 
 
 def _end_with_input() -> None:
@@ -120,9 +135,11 @@ def _end_with_input() -> None:
 
 
 def main() -> None:
-    """Compile, unless the process that asked for it ends before."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # meant for the process that started this one
-    look_seldom_for_garbage()
+    """Compile until done or until the parent process ends."""
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # it is sent to the process that started this one, too
+    relax_gc()
     threading.Thread(target=_end_with_input, daemon=True).start()
     compile_ahead()
 

@@ -7,9 +7,9 @@ rate) is read off the recording by the sensor profile; ``None`` here means "as p
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import BaseModel, ConfigDict, Field
+
+from cartoloop.kernels.pose_adjustment.losses import Loss
 
 
 class Section(BaseModel):
@@ -21,24 +21,42 @@ class Section(BaseModel):
 
 
 class SensorConfig(Section):
-    """What of a scan is used."""
+    """Which part of a scan is used."""
 
     min_range: float | None = Field(None, ge=0, description="shorter returns are dropped [m]")
     max_range: float | None = Field(None, gt=0, description="longer returns become misses [m]")
+    default_max_range: float = Field(
+        30.0,
+        gt=0,
+        description="max_range where it is not set; beyond, the beams of common scanners are too "
+        "sparse to help [m]",
+    )
     laser_pose: tuple[float, float, float] | None = Field(
-        None, description="where the scanner sits on the robot: x, y [m], yaw [rad]"
+        None, description="pose of the scanner on the robot: x, y [m], yaw [rad]"
     )
     missing_data_ray_length: float = Field(
         5.0, ge=0, description="free space cleared along a beam without a return [m]"
     )
     min_z: float = Field(
         -0.8,
-        description="of tilted scans and clouds, lower points are floor: seen upright from the "
+        description="lower points of tilted scans and clouds are floor; height above the "
         "tracking frame [m]",
     )
-    max_z: float = Field(2.0, description="and higher ones are ceiling [m]")
+    max_z: float = Field(2.0, description="higher points are ceiling [m]")
+    cloud_directions: int = Field(
+        720, ge=8, description="directions into which a point cloud is divided, one return each"
+    )
+    cloud_below: float = Field(
+        0.3,
+        ge=0,
+        description="points of a cloud further below its scanner are dropped where its source "
+        "sets no height limits: floor [m]",
+    )
+    cloud_above: float = Field(0.7, ge=0, description="and points further above it [m]")
     voxel_filter_size: float = Field(
-        0.025, gt=0, description="edge of the fixed filter's cells: one point in each [m]"
+        0.025,
+        gt=0,
+        description="cell edge of the fixed voxel filter, which keeps one point each [m]",
     )
 
 
@@ -51,10 +69,10 @@ class AdaptiveVoxelFilterConfig(Section):
 
 
 class CorrelativeMatcherConfig(Section):
-    """The pixel-accurate matcher for when the prediction is poor."""
+    """The exhaustive pixel-accurate matcher, used where the prediction is poor."""
 
-    linear_search_window: float = Field(0.15, ge=0, description="search this far to each side [m]")
-    angular_search_window_deg: float = Field(20.0, ge=0, description="and so much each way [deg]")
+    linear_search_window: float = Field(0.15, ge=0, description="search window radius [m]")
+    angular_search_window_deg: float = Field(20.0, ge=0, description="search window radius [deg]")
     translation_delta_cost_weight: float = Field(
         0.1, ge=0, description="damping of the score with distance from the prediction [1/m]"
     )
@@ -64,24 +82,40 @@ class CorrelativeMatcherConfig(Section):
     max_rotation_step_range: float = Field(
         10.0, gt=0, description="points farther away do not make the rotation step finer [m]"
     )
+    initial_residual: float = Field(
+        0.5, gt=0, description="typical residual of a match, assumed before the first match"
+    )
+    residual_memory: float = Field(
+        0.02, gt=0, le=1, description="weight of a new match in the typical residual"
+    )
     poor_residual_ratio: float = Field(
-        1.05, ge=0, description="matches this much worse than usual are sought again; 0: all are"
+        1.05,
+        ge=0,
+        description="residual over typical residual above which a scan is matched again with this "
+        "matcher; 0: always",
     )
     lost_residual_ratio: float = Field(
-        1.3, ge=0, description="matches this much worse than usual are sought as if lost"
+        1.3, ge=0, description="residual over typical residual above which the robot may be lost"
     )
     lost_improvement: float = Field(
-        0.85, gt=0, le=1, description="what is then found must fit better by this factor"
+        0.85, gt=0, le=1, description="residual ratio by which a match elsewhere must be better"
     )
-    lost_linear_search_window: float = Field(0.3, ge=0, description="window when lost [m]")
-    lost_angular_search_window_deg: float = Field(60.0, ge=0, description="window when lost [deg]")
+    lost_linear_search_window: float = Field(
+        0.3, ge=0, description="search window radius when lost [m]"
+    )
+    lost_angular_search_window_deg: float = Field(
+        60.0, ge=0, description="search window radius when lost [deg]"
+    )
 
 
 class LeastSquaresMatcherConfig(Section):
     """The least-squares matcher (CS), section IV-C."""
 
     occupied_space_weight: float = Field(
-        0.3, gt=0, description="share of the points' information believed: neighbours err alike"
+        0.3,
+        gt=0,
+        description="weight of the points' information, below 1 because the errors of neighbouring "
+        "points are correlated",
     )
     max_num_iterations: int = Field(20, ge=1, description="maximum number of iterations")
     tolerance: float = Field(
@@ -90,43 +124,87 @@ class LeastSquaresMatcherConfig(Section):
 
 
 class PredictionConfig(Section):
-    """How far the prediction is trusted, as standard deviations of the pull towards it."""
+    """The motion prior of a scan: standard deviations of its predicted pose."""
 
     translation_error_factor: float = Field(
-        2.0,
-        gt=0,
-        description="odometry errs by its typical distance error, as measured, times this",
+        2.0, gt=0, description="sigma of the odometry's distance over its measured typical error"
     )
     rotation_error_factor: float = Field(
-        4.0, gt=0, description="and by its typical rotation error times this"
+        4.0, gt=0, description="sigma of the odometry's rotation over its measured typical error"
     )
     failure_scale: float = Field(
-        4.0, gt=0, description="from so many standard deviations on the pull wanes"
+        4.0, gt=0, description="scale of the Cauchy loss on the motion prior [standard deviations]"
     )
     spurious_information: float = Field(
         0.25,
         ge=0,
         le=1,
-        description="share of a scan's certainty across a corridor that is noise along it",
+        description="share of a scan's information across a corridor that noise adds along it",
     )
-    min_translation_sigma: float = Field(0.01, gt=0, description="but by no less than this [m]")
-    min_rotation_sigma: float = Field(0.005, gt=0, description="and this [rad]")
+    min_translation_sigma: float = Field(
+        0.01, gt=0, description="lower limit of the odometry's sigma [m]"
+    )
+    min_rotation_sigma: float = Field(
+        0.005, gt=0, description="lower limit of the odometry's sigma [rad]"
+    )
     unknown_translation_sigma: float = Field(
-        0.02, gt=0, description="error of odometry not yet measured [m]"
+        0.02, gt=0, description="sigma of odometry that is not yet calibrated [m]"
     )
     unknown_rotation_sigma: float = Field(
-        0.1, gt=0, description="error of odometry not yet measured [rad]"
+        0.1, gt=0, description="sigma of odometry that is not yet calibrated [rad]"
     )
     acceleration: float = Field(
         1.0, gt=0, description="without odometry: typical change of the velocity [m/s^2]"
     )
     angular_acceleration: float = Field(
-        10.0, gt=0, description="and of the angular velocity [rad/s^2]"
+        10.0, gt=0, description="typical change of the angular velocity [rad/s^2]"
+    )
+    velocity_horizon: float = Field(
+        1.0, gt=0, description="longest time over which the velocity is extrapolated [s]"
+    )
+    matched_translation_sigma: float = Field(
+        0.015, gt=0, description="error of a matched step: some tenths of a pixel [m]"
+    )
+    matched_rotation_sigma: float = Field(0.003, gt=0, description="error of a matched step [rad]")
+    gyro_turn_sigma: float = Field(
+        0.005, gt=0, description="error of a gyroscope's turn between two scans [rad]"
+    )
+    gyro_rate_sigma: float = Field(
+        0.02, gt=0, description="its growth with time, bias and scale together [rad/s]"
+    )
+    pixel_noise: float = Field(
+        0.5,
+        gt=0,
+        description="error of a match along a direction that only pixel noise determines [pixels]",
+    )
+    slow_step: float = Field(
+        1.0,
+        ge=0,
+        description="without odometry: a shorter predicted step gets a weak prior, because "
+        "quantization to pixels already favours standing still [pixels]",
     )
     lost_translation_sigma: float = Field(
-        0.2, gt=0, description="error of the prediction at the most, and when lost [m]"
+        0.2, gt=0, description="upper limit of the sigma without odometry, and sigma when lost [m]"
     )
-    lost_rotation_sigma: float = Field(0.2, gt=0, description="the same of its angle [rad]")
+    lost_rotation_sigma: float = Field(
+        0.2,
+        gt=0,
+        description="upper limit of the sigma without odometry, and sigma when lost [rad]",
+    )
+
+
+class DeskewingConfig(Section):
+    """Motion during the sweep of a scanner."""
+
+    motion_step: float = Field(
+        0.01, gt=0, description="time step at which the motion is sampled: walking hardly turns [s]"
+    )
+    min_translation_correction: float = Field(
+        0.005,
+        ge=0,
+        description="change of the motion by a match above which a sweep is deskewed again [m]",
+    )
+    min_rotation_correction: float = Field(0.002, ge=0, description="or by more than this [rad]")
 
 
 class MotionFilterConfig(Section):
@@ -145,28 +223,51 @@ class SubmapConfig(Section):
         90, ge=1, description="scans until the next submap starts; each receives twice as many"
     )
     max_travel: float = Field(
-        25.0, gt=0, description="or metres until then, where scans are sparse: drift is bounded [m]"
+        25.0,
+        gt=0,
+        description="distance after which the next submap starts even if scans are sparse, to "
+        "limit drift [m]",
     )
     hit_probability: float = Field(0.6, gt=0.5, lt=1, description="p_hit of eq. (3)")
     miss_probability: float = Field(0.45, gt=0, lt=0.5, description="p_miss of eq. (3)")
+
+
+class InsertionConfig(Section):
+    """Which scans are inserted without a match, and the information of their poses."""
+
+    min_num_points: int = Field(
+        10, ge=1, description="a scan with fewer points is not matched: its pose is the prediction"
+    )
+    first_translation_information: float = Field(
+        1e4, gt=0, description="of the first scan, whose pose defines its submap [1/m^2]"
+    )
+    first_rotation_information: float = Field(1e5, gt=0, description="of the first scan [1/rad^2]")
+    predicted_translation_information: float = Field(
+        400.0, gt=0, description="of the first scan of a further scanner [1/m^2]"
+    )
+    predicted_rotation_information: float = Field(
+        2500.0, gt=0, description="of the first scan of a further scanner [1/rad^2]"
+    )
 
 
 class LocalSlamConfig(Section):
     """Section IV: scans to poses in the local frame."""
 
     use_odometry: bool = Field(True, description="predict with wheel odometry where there is any")
-    use_imu: bool = Field(True, description="tell heading and gravity by an IMU if there is one")
+    use_imu: bool = Field(True, description="use heading and gravity of an IMU where there is one")
     imu_gravity_time_constant: float = Field(
-        10.0, gt=0, description="gravity is the acceleration's mean over about so long [s]"
+        10.0, gt=0, description="time over which the acceleration is averaged to find gravity [s]"
     )
     project_to_horizontal: bool = Field(
-        True, description="project scans onto the plane across gravity, where an IMU tells it"
+        True, description="project scans onto the horizontal plane where an IMU measures gravity"
     )
     adaptive_voxel_filter: AdaptiveVoxelFilterConfig = AdaptiveVoxelFilterConfig()
     correlative_matcher: CorrelativeMatcherConfig = CorrelativeMatcherConfig()
     least_squares_matcher: LeastSquaresMatcherConfig = LeastSquaresMatcherConfig()
     prediction: PredictionConfig = PredictionConfig()
+    deskewing: DeskewingConfig = DeskewingConfig()
     motion_filter: MotionFilterConfig = MotionFilterConfig()
+    insertion: InsertionConfig = InsertionConfig()
     submaps: SubmapConfig = SubmapConfig()
 
 
@@ -185,22 +286,39 @@ class ConstraintSearchConfig(Section):
         5.0, ge=0, description="W_theta where the relative pose is well known [deg]"
     )
     linear_drift: float = Field(
-        0.05, ge=0, description="growth of W_x and W_y per metre of uncertain way [m/m]"
+        0.05, ge=0, description="growth of W_x and W_y per metre of path between the two [m/m]"
     )
     angular_drift_deg: float = Field(
-        0.5, ge=0, description="growth of W_theta per metre of uncertain way [deg/m]"
+        0.5, ge=0, description="growth of W_theta per metre of path between the two [deg/m]"
     )
-    bound_length: float = Field(
-        15.0, ge=0, description="pairs with a shorter uncertain way are bound already [m]"
+    closure_path_length: float = Field(
+        0.5, ge=0, description="a loop closure is as uncertain as this length of the path [m]"
     )
-    every_nth_node: int = Field(2, ge=1, description="of pairs not bound, search one in so many")
-    every_nth_bound_node: int = Field(10, ge=1, description="of bound pairs, one in so many")
-    max_searches_of_bound_pair: int = Field(
-        5, ge=0, description="nodes of one submap sought in another that is bound to it"
+    well_constrained_length: float = Field(
+        15.0, ge=0, description="pairs with a shorter path between them are well constrained [m]"
+    )
+    every_nth_node: int = Field(
+        2, ge=1, description="of other pairs, one node in n is searched in a submap"
+    )
+    every_nth_well_constrained_node: int = Field(
+        10, ge=1, description="of well constrained pairs, one node in n"
+    )
+    max_searches_of_well_constrained_pair: int = Field(
+        5, ge=0, description="nodes of one submap searched in another, if well constrained"
     )
     max_closures_of_pair: int = Field(
-        12, ge=1, description="closures between two submaps after which no more are sought"
+        12, ge=1, description="closures between two submaps after which searches between them end"
     )
+    search_batch_size: int = Field(
+        50, ge=1, description="nodes that one task of a background thread searches in a submap"
+    )
+    search_stride: int = Field(
+        4, ge=1, description="a task searches every n-th of its nodes first, spread on the path"
+    )
+    min_search_batch: int = Field(
+        12, ge=1, description="searches in a submap are deferred until there are this many"
+    )
+    max_search_deferrals: int = Field(2, ge=0, description="but not more often than this")
     min_num_points: int = Field(20, ge=1, description="scans with fewer points are not searched")
     min_score: float = Field(0.55, ge=0, le=1, description="matches below are rejected")
     min_score_ratio: float = Field(
@@ -211,42 +329,53 @@ class ConstraintSearchConfig(Section):
     )
     least_squares_matcher: LeastSquaresMatcherConfig = LeastSquaresMatcherConfig()
     refinement_sigma_cells: float = Field(
-        2.0, gt=0, description="pull of the refinement towards the coarse match [pixels]"
+        2.0, gt=0, description="sigma of the refinement's prior at the coarse match [pixels]"
+    )
+    usual_residual: float = Field(
+        0.4, gt=0, description="root mean square of 1 - M at the returns of scans that fit"
+    )
+    lever: float = Field(
+        5.0, gt=0, description="typical range of returns: from position to heading error [m]"
     )
     final_passes: int = Field(
-        2, ge=0, description="in the end, match again from the optimised poses so many times"
+        2, ge=0, description="number of passes at the end that match again from adjusted poses"
     )
     final_every_nth_node: int = Field(
-        2, ge=1, description="in the end, match one in so many of the nodes that overlap a submap"
+        2, ge=1, description="at the end, one in n nodes that overlap a submap is matched"
     )
     final_max_submaps_of_node: int = Field(
-        32, ge=1, description="in the end, a node is matched to no more than so many submaps"
+        32, ge=1, description="at the end, a node is matched to this many nearest submaps at most"
     )
     max_start_residual: float = Field(
-        0.75, gt=0, description="in the end, scans that fit worse where they stand are not matched"
+        0.75, gt=0, description="at the end, scans with a larger residual are not matched"
     )
     max_refined_residual: float = Field(
-        0.55, gt=0, description="in the end, matches with a larger residual are rejected"
+        0.55, gt=0, description="at the end, matches with a larger residual are rejected"
     )
     max_refinement: float = Field(
         0.3,
         gt=0,
-        description="in the end, matches further from where they should be are rejected [m]",
+        description="at the end, matches farther from the adjusted pose are rejected [m]",
     )
 
 
 class PoseAdjustmentConfig(Section):
     """Section V-A: the optimisation problem (SPA)."""
 
-    loss: Literal[
-        "none", "huber", "cauchy", "dynamic_covariance_scaling", "graduated_non_convexity"
-    ] = Field("huber", description="loss of loop closures: rho of (SPA)")
-    loss_scale: float = Field(3.0, gt=0, description="whitened residual where the loss bends")
-    intra_submap_weight: float = Field(
-        0.7, gt=0, description="share of the information of matches while mapping: submaps bend"
+    loss: Loss = Field(Loss.HUBER, description="robust loss of loop closures: rho of (SPA)")
+    loss_scale: float | None = Field(
+        None,
+        gt=0,
+        description="residual E beyond which a closure's influence is limited; unless set: "
+        + ", ".join(f"{loss.default_scale:g} ({loss})" for loss in Loss),
     )
-    max_num_iterations: int = Field(50, ge=1, description="steps at the most, while mapping")
-    max_num_final_iterations: int = Field(200, ge=1, description="steps at the most, in the end")
+    intra_submap_weight: float = Field(
+        0.7,
+        gt=0,
+        description="share of the information of scan matches that is used: submaps are distorted",
+    )
+    max_num_iterations: int = Field(50, ge=1, description="steps at most, while mapping")
+    max_num_final_iterations: int = Field(200, ge=1, description="steps at most, in the end")
     tolerance: float = Field(1e-6, gt=0, description="relative decrease of the cost that ends it")
 
 
@@ -255,6 +384,15 @@ class GlobalSlamConfig(Section):
 
     optimize_every_n_nodes: int = Field(
         90, ge=0, description="nodes between two adjustments; 0 switches loop closure off"
+    )
+    searches_per_adjustment: int = Field(
+        2, ge=1, description="how often searches are started from one adjustment to the next"
+    )
+    live_searches_per_adjustment: int = Field(
+        9, ge=1, description="the same in live mapping; what is found joins the graph as often"
+    )
+    max_live_backlog: int = Field(
+        10_000, ge=0, description="searches that wait in live mapping, at most; some seconds' work"
     )
     constraint_search: ConstraintSearchConfig = ConstraintSearchConfig()
     pose_adjustment: PoseAdjustmentConfig = PoseAdjustmentConfig()

@@ -7,18 +7,17 @@ import math
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.global_slam.background import BackgroundGlobalSlam
 from cartoloop.global_slam.global_slam import GlobalSlam
-from cartoloop.global_slam.growing_array import GrowingArray
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.trajectory import optimized_trajectory, path_length
+from cartoloop.growing_array import GrowingArray
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
-from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S
 from cartoloop.map_output.report import (
     AdjustmentSummary,
     InputSummary,
@@ -26,10 +25,10 @@ from cartoloop.map_output.report import (
     summarize_constraints,
 )
 from cartoloop.map_output.result import Result
-from cartoloop.sensor.event_faults import fault_of
+from cartoloop.runtime.stage_timer import StageTimer
+from cartoloop.sensor.event_faults import EventChecker
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
-from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose, compose
-from cartoloop.stage_timer import StageTimer
+from cartoloop.sensor.pose import IDENTITY, Pose, compose
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.submap import Submap
 
@@ -37,7 +36,7 @@ __all__ = ["Mapper", "Result"]
 
 
 class Mapper:
-    """Builds a map out of sensor events, one by one, in the order they happened.
+    """Builds a map from sensor events, one by one, in the order of their times.
 
     >>> mapper = Mapper()
     >>> for event in cartoloop.read("intel.clf.gz"):
@@ -47,18 +46,21 @@ class Mapper:
     Parameters
     ----------
     config : all parameters; the defaults if None.
-    live : whether the scans come from a robot that does not wait. No pose waits for the graph then:
-        it is kept in a thread of its own, searches join it when they are done, and are dropped when
-        too many are behind. Odometry may be late. What comes out depends on the moment.
+    live : whether the events come from a robot in real time. The pose graph then has a thread of
+        its own, so that no pose waits for it; searches join the graph when they are done, and are
+        dropped when too many are pending. Odometry may be late. The result depends on timing.
     """
 
     def __init__(self, config: Config | None = None, *, live: bool = False) -> None:
-        self._config = config or Config()
+        self._config = config = config or Config()
         self._timer = StageTimer()
-        self._local_slam = LocalSlam(self._config, self._timer)
-        self._global_slam = GlobalSlam(
-            self._config.global_slam, self._timer, wait_for_searches=not live
+        self._local_slam = LocalSlam(
+            config.local_slam,
+            config.sensor,
+            config.global_slam.constraint_search.adaptive_voxel_filter,
+            self._timer,
         )
+        self._global_slam = GlobalSlam(config.global_slam, self._timer, wait_for_searches=not live)
         self._back_end = BackgroundGlobalSlam(self._global_slam) if live else None
         self._stamps = GrowingArray((), np.float64)
         self._local_poses = GrowingArray((3,), np.float64)
@@ -67,64 +69,63 @@ class Mapper:
         self._skipped: Counter[str] = Counter()
         self._last_scan: LocalSlamResult | None = None
         self._num_scans = 0
-        self._waiting: deque[LaserScan | PointCloud] = deque()
-        self._first_time = math.nan
-        self._last_time = -math.inf
-        self._last_time_of: dict[str, float] = {}
+        self._queue: deque[LaserScan | PointCloud] = deque()
+        self._checker = EventChecker(accepts_late_odometry=live)
 
     @property
     def num_scans(self) -> int:
-        """How many scans have been added."""
+        """Number of scans added."""
         return self._num_scans
 
     @property
     def num_nodes(self) -> int:
-        """How many of them became nodes of the pose graph."""
+        """Number of scans that became nodes of the pose graph."""
         return len(self._node_scan_index)
 
     @property
     def num_loop_closures(self) -> int:
-        """How many loop closures the pose graph holds."""
+        """Number of loop closures in the pose graph."""
         return self._global_slam.num_loop_closures
 
     @property
     def pose(self) -> Pose:
-        """Where the robot was at the last scan, in the map as adjusted so far."""
+        """Pose of the robot at the last mapped scan, map frame as adjusted so far."""
         return compose(self._global_slam.tf_map_local, self._local_pose)
 
     @property
     def local_pose(self) -> Pose:
-        """Where the robot was at the last scan, in the local frame: it drifts, but never jumps."""
+        """Pose of the robot at the last mapped scan, local frame: it drifts, but never jumps."""
         return self._local_pose
 
     @property
     def global_slam(self) -> GlobalSlam:
-        """The pose graph and the searches; to be looked at, in the thread that `look` calls."""
+        """Pose graph and searches. Read only; live, only in a task of `run_on_graph_thread`."""
         return self._global_slam
 
     @property
     def active_submaps(self) -> tuple[Submap, ...]:
-        """The submaps that still grow, the older first; to be looked at."""
+        """The growing submaps, the older first. Read only."""
         return self._local_slam.active_submaps
 
     @property
     def last_scan(self) -> LocalSlamResult | None:
-        """What became of the last scan that was mapped, None before the first."""
+        """Result of the last mapped scan, None before the first."""
         return self._last_scan
 
     @property
     def skipped(self) -> Mapping[str, int]:
-        """How many scans and events were skipped, by reason."""
+        """Number of skipped scans and events, by reason."""
         return self._skipped
 
     @property
     def recorded_s(self) -> float:
         """Time from the first scan to the last [s], 0 before the first."""
-        return self._last_time - self._first_time if len(self._stamps) else 0.0
+        checker = self._checker
+        return checker.last_time - checker.first_time if len(self._stamps) else 0.0
 
     @property
     def last_stamp(self) -> float:
-        """Stamp of the last scan that was mapped [s], NaN before the first."""
+        """Stamp of the last mapped scan [s], NaN before the first."""
         return float(self._stamps.view[-1]) if len(self._stamps) else math.nan
 
     def node_stamps(self, first: int) -> FloatArray:
@@ -133,48 +134,50 @@ class Mapper:
         stamps: FloatArray = self._stamps.view[np.array(scans, dtype=np.int64)]
         return stamps
 
-    def add(self, event: SensorEvent, on_pose: Callable[[], None] | None = None) -> None:
-        """Take in one sensor event. Bad data does not raise: it is skipped, and counted by reason.
+    def add(self, event: SensorEvent, on_pose: Callable[[], None] | None = None) -> Pose | None:
+        """Add one sensor event. Bad data does not raise: it is skipped, and counted by reason.
 
-        A scan that is measured beam by beam waits until what follows tells how the robot moved
-        meanwhile.
+        A scan that is measured beam by beam is queued until odometry and IMU cover its sweep.
 
         Parameters
         ----------
-        event : what a sensor told.
-        on_pose : called for each scan as soon as `pose` is that of it, before it is inserted into
-            the submaps; must be quick.
+        on_pose : called for each mapped scan as soon as `pose` is its pose, before the scan is
+            inserted into the submaps; must be quick.
+
+        Returns
+        -------
+        The pose of the last scan that this call mapped, map frame as adjusted so far; None if it
+        mapped none.
 
         Raises
         ------
         InputError
-            The pose has gone astray, further than any map could reach. What was mapped before
-            stands; `result` returns it.
+            The pose is further away than any map could reach. `result` still returns what was
+            mapped before.
         """
         if isinstance(event, LaserScan | PointCloud):
             self._num_scans += 1
-        if reason := self._objection(event):
+        if reason := self._checker.reason_to_skip(event):
             self._skipped[reason] += 1
-            return
+            return None
         if isinstance(event, Odometry):
             self._local_slam.add_odometry(event)
         elif isinstance(event, Imu):
             self._local_slam.add_imu(event)
         else:
-            self._last_time = self._last_time_of[event.geometry.sensor] = event.time
-            self._waiting.append(event)
-        # Live, whoever adds scans knows better what may yet come.
-        self._add_scans_that_ended(math.inf if self._back_end is not None else event.time, on_pose)
+            self._queue.append(event)
+        # Live, the sequencer has already waited for late readings.
+        return self._map_queue(math.inf if self._back_end is not None else event.time, on_pose)
 
     def finish(self, note: Callable[[str], None] | None = None) -> Result:
-        """Close the last loops, adjust all and return the map; nothing can be added after.
+        """Close the last loops, adjust all poses and return the map; no event may follow.
 
         Parameters
         ----------
-        note : called with what comes next, in words, now and then, in this thread.
+        note : called with a description of each step as it begins, in this thread.
         """
         try:
-            self._add_scans_that_ended(math.inf)
+            self._map_queue(math.inf)
             if (failure := self._end_back_end()) is not None:
                 raise failure
             self._global_slam.finish(self._local_slam.active_submaps, note)
@@ -183,25 +186,24 @@ class Mapper:
         return self.result()
 
     def close(self) -> None:
-        """End the background threads and drop their searches; only `result` may follow."""
+        """Stop the background threads and drop their searches; only `result` may follow."""
         self._end_back_end()
         self._global_slam.close()
 
-    def look(self, task: Callable[[], None]) -> None:
-        """Have something done while the pose graph stands still, with all nodes so far in it.
+    def run_on_graph_thread(self, task: Callable[[], None]) -> None:
+        """Run a task while the pose graph does not change, with all nodes so far in it.
 
-        At once, or in live mapping soon, in the thread of the graph. Local SLAM does not stand
-        still there.
+        Immediately; in live mapping later, in the thread of the graph, while local SLAM continues.
         """
         if self._back_end is None:
             task()
         else:
             self._back_end.call(task)
 
-    def result_later(self, receive: Callable[[Result], None]) -> None:
-        """Have the map as it stands handed over, without waiting; see `look`.
+    def call_with_result(self, receive: Callable[[Result], None]) -> None:
+        """Call `receive` with the present map, as by `run_on_graph_thread`, without waiting.
 
-        It is the receiver's own: whatever is mapped later does not change it.
+        The map is a copy: later mapping does not change it.
         """
         num_scans, active = len(self._local_poses), self._local_slam.active_submaps
 
@@ -210,17 +212,17 @@ class Mapper:
             graph = result.graph
             receive(replace(result, graph=graph.copy(), closures=result.closures.copy()))
 
-        self.look(hand_over)
+        self.run_on_graph_thread(hand_over)
 
     def result(self) -> Result:
-        """Return the map as it stands, without waiting for searches.
+        """Return the present map, without waiting for searches.
 
-        In live mapping, only after `close`; see `result_later`.
+        In live mapping, only after `close`; see `call_with_result`.
         """
         return self._result(len(self._local_poses), self._local_slam.active_submaps)
 
     def _result(self, num_scans: int, active: Sequence[Submap]) -> Result:
-        """Return the map of so many scans that got a pose, with these submaps still growing."""
+        """Return the map of the first `num_scans` mapped scans and these growing submaps."""
         graph = self._global_slam.graph
         node_scan_index = np.array(self._node_scan_index[: graph.num_nodes], dtype=np.int64)
         local = self._local_poses.view[:num_scans].copy()
@@ -238,44 +240,23 @@ class Mapper:
             node_points=self._global_slam.node_points,
         )
 
-    def _objection(self, event: SensorEvent) -> str | None:
-        """Return why an event cannot be used, or None."""
-        if fault := fault_of(event):
-            return fault
-        if isinstance(event, Imu):
-            return None
-        if isinstance(event, Odometry):
-            # Live, it may come a little after the scan; the track knows what to do.
-            is_late = event.time < self._last_time and self._back_end is None
-            return "time runs backwards" if is_late else None
-        if event.time < self._last_time:
-            return "time runs backwards"
-        repeats = self._last_time_of.get(event.geometry.sensor) == event.time
-        return "two scans at one time" if repeats else None
+    def _map_queue(self, time: float, on_pose: Callable[[], None] | None = None) -> Pose | None:
+        """Map the queued scans whose sweeps ended before a time; return the last pose."""
+        queue, pose = self._queue, None
+        while queue and self._local_slam.ready_time(queue[0]) <= time:
+            self._map_scan(queue.popleft(), on_pose)
+            pose = self.pose
+        return pose
 
-    def _add_scans_that_ended(self, time: float, on_pose: Callable[[], None] | None = None) -> None:
-        """Hand on the scans of which nothing more is to be known at a time."""
-        waiting = self._waiting
-        while waiting:
-            scan = waiting[0]
-            end = scan.time + min(scan.sweep[1], MAX_SWEEP_S)
-            if end > time and self._local_slam.extrapolator.follows_motion:
-                return
-            self._add_scan(waiting.popleft(), on_pose)
-
-    def _add_scan(self, scan: LaserScan | PointCloud, on_pose: Callable[[], None] | None) -> None:
-        if not len(self._stamps):
-            self._first_time = scan.time
-
-        def hand_out(tf_local_tracking: Pose) -> None:
+    def _map_scan(self, scan: LaserScan | PointCloud, on_pose: Callable[[], None] | None) -> None:
+        def publish(tf_local_tracking: Pose) -> None:
             self._local_pose = tf_local_tracking
             if on_pose is not None:
                 on_pose()
 
-        result = self._local_slam.add_scan(scan, hand_out)
+        self._last_scan = result = self._local_slam.add_scan(scan, publish)
         if not result.was_matched and result.node is None:
             self._skipped["too few returns to match: pose as predicted"] += 1
-        self._last_scan = result
         self._stamps.append(scan.stamp)
         self._local_poses.append(result.tf_local_tracking)
         if result.node is not None:
@@ -283,7 +264,7 @@ class Mapper:
             (self._back_end or self._global_slam).add_node(result.node)
 
     def _end_back_end(self) -> Exception | None:
-        """Have all nodes added, and the graph from now on to ourselves; return what failed."""
+        """Add all nodes and stop the thread of the graph; return its failure, if any."""
         if self._back_end is None:
             return None
         back_end, self._back_end = self._back_end, None
@@ -298,56 +279,16 @@ class Mapper:
         return [grids[index] for index in range(graph.num_submaps)]
 
     def _report(self, graph: PoseGraph, trajectory: FloatArray) -> Report:
+        slam, path = self._global_slam, path_length(trajectory)
         return Report(
             input=InputSummary(
-                scans=self._num_scans,
-                duration_s=self.recorded_s,
-                path_length_m=path_length(trajectory),
+                scans=self._num_scans, duration_s=self.recorded_s, path_length_m=path
             ),
             nodes=graph.num_nodes,
             submaps=graph.num_submaps,
-            constraints=summarize_constraints(graph, self._global_slam.closures),
-            adjustment=AdjustmentSummary.of_runs(self._global_slam.adjustments),
+            constraints=summarize_constraints(graph, slam.closures),
+            adjustment=AdjustmentSummary.of_runs(slam.adjustments),
             stages=self._timer.summary(),
             skipped=dict(sorted(self._skipped.items())),
-            extra=self._what_sensors_told() | self._what_was_dropped(),
+            extra=self._local_slam.summary() | slam.closures.summary(),
         )
-
-    def _what_was_dropped(self) -> dict[str, Any]:
-        """Return how many searches were dropped, for the report, where any were."""
-        num_dropped = self._global_slam.closures.num_dropped
-        return {"searches_dropped": num_dropped} if num_dropped else {}
-
-    def _what_sensors_told(self) -> dict[str, Any]:
-        """Return what has turned out about odometry, IMU and scanners, for the report."""
-        extrapolator = self._local_slam.extrapolator
-        model, imu = extrapolator.odometry_model, extrapolator.imu
-        told: dict[str, Any] = {
-            "odometry": {
-                "time_offset_s": model.time_offset,
-                "rotation_scale": model.rotation_scale,
-                "translation_scale": model.translation_scale,
-                "yaw_rad": model.yaw,
-                "lever_m": [model.lever_x, model.lever_y],
-                "rotation_error_rad": model.rotation_error if model.is_known else None,
-                "translation_error_m": model.translation_error if model.is_known else None,
-                "jumps": extrapolator.num_odometry_jumps,
-            },
-        }
-        if imu is not None:
-            calibration = extrapolator.imu_calibration
-            told["imu"] = {
-                "readings": imu.num_readings,
-                "tells_gravity": imu.tells_gravity,
-                "max_tilt_rad": imu.max_tilt,
-                "gyro_bias_rad_s": list(imu.gyro_bias),
-                "rests": imu.num_rests,
-                "tells_heading": calibration.agrees,
-                "time_offset_s": calibration.time_offset if calibration.is_measured else None,
-            }
-        scanners = self._local_slam.num_scans_of
-        if len(scanners) > 1:
-            told["scanners"] = scanners
-        if extrapolator.num_overlong_sweeps:
-            told["sweeps_too_long"] = extrapolator.num_overlong_sweeps
-        return told

@@ -161,7 +161,7 @@ def test_submaps_with_cached_grids_are_not_deferred():
 
 
 def test_every_fourth_request_comes_first():
-    spread = spread_out(np.arange(10, dtype=np.int32))
+    spread = spread_out(np.arange(10, dtype=np.int32), 4)
     assert spread.tolist() == [0, 4, 8, 1, 5, 9, 2, 6, 3, 7]
 
 
@@ -191,7 +191,7 @@ def test_unfinished_searches_are_collected_later(monkeypatch):
     may_end = Event()
 
     def search(submap, rows, requests, node_points, config):
-        assert may_end.wait(10.0)
+        assert may_end.wait(300.0)
         return found_rows(rows)
 
     monkeypatch.setattr(constraint_search, "search", search)

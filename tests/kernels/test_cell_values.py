@@ -32,7 +32,7 @@ def quantized(cells):
 
 @settings(deadline=None, max_examples=100)
 @given(cells_of)
-def test_the_box_holds_all_known_cells_and_is_the_smallest_that_does(cells):
+def test_the_box_is_the_smallest_around_all_known_cells(cells):
     row, col, num_rows, num_cols = known_box(cells)
     known = cells > 0.0
     box = known[row : row + num_rows, col : col + num_cols]
@@ -45,7 +45,7 @@ def test_the_box_holds_all_known_cells_and_is_the_smallest_that_does(cells):
 
 @settings(deadline=None, max_examples=100)
 @given(st.data(), cells_of)
-def test_a_box_is_quantised_as_the_whole_is(data, cells):
+def test_a_box_is_quantised_like_the_whole(data, cells):
     row, col, height, width = a_box(data, cells.shape)
     values = np.empty((height, width), dtype=np.uint8)
     quantize_box(cells, row, col, LOWEST, STEP, values)
@@ -54,7 +54,7 @@ def test_a_box_is_quantised_as_the_whole_is(data, cells):
 
 @settings(deadline=None, max_examples=60)
 @given(st.data(), arrays(np.uint8, array_shapes(min_dims=2, max_dims=2, max_side=9)))
-def test_a_box_of_values_stands_for_what_a_table_says(data, values):
+def test_dequantised_values_equal_a_table(data, values):
     table = (LOWEST + (np.arange(256) - 1) * STEP).astype(np.float32)
     table[0] = 0.0
     row, col, height, width = a_box(data, values.shape)

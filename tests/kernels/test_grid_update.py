@@ -55,7 +55,7 @@ def test_hits_and_misses_update_the_odds(grid, cells, hit_share, hit_probability
     assert np.array_equal(after, expected)
 
 
-def test_runs_of_more_values_than_are_remembered_are_each_updated():
+def test_more_values_than_are_cached_are_all_updated():
     before = np.random.default_rng(3).uniform(0.1, 0.9, (8, MEMORY_SIZE)).astype(np.float32)
     before[::2] = before[1::2]  # each value comes again, after those that displaced it
     rows = np.arange(8)
@@ -66,7 +66,7 @@ def test_runs_of_more_values_than_are_remembered_are_each_updated():
     assert np.array_equal(after.ravel(), np.array(expected).astype(np.float32))
 
 
-def test_the_first_observation_is_the_hit_or_miss_probability_itself():
+def test_the_first_observation_sets_its_probability():
     grid = np.zeros((1, 2), dtype=np.float32)
     update_cells(grid, 0, 0, FIRST_CELL, FIRST_RUN + np.int32([0, 1, 1]), 0.6, 0.45, 0.1, 0.9)
     assert grid[0].tolist() == pytest.approx([0.6, 0.45])

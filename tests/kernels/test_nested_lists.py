@@ -18,7 +18,7 @@ def find(words, start, num_lists):
 
 @settings(deadline=None)
 @given(lists_of_words, st.integers(0, 3), st.integers(0, 3))
-def test_each_list_is_where_it_was_put(lists, before, after):
+def test_each_list_is_found(lists, before, after):
     words, where = [9] * before, []
     for items in lists:
         words.append(len(items))
@@ -32,10 +32,10 @@ def test_each_list_is_where_it_was_put(lists, before, after):
 
 @settings(deadline=None)
 @given(lists_of_words.filter(bool))
-def test_lists_longer_than_the_words_are_told(lists):
+def test_lists_longer_than_the_words_are_reported(lists):
     words = [word for items in lists for word in (len(items), *items)]
     assert find(words[:-1], 0, len(lists))[0] == -1
 
 
-def test_a_length_beyond_all_words_is_told():
+def test_a_length_beyond_all_words_is_reported():
     assert find([2**32 - 1, 0], 0, 2)[0] == -1

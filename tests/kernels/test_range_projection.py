@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each kind of range says: a hit, free space, or nothing (REP 117)."""
+"""The meaning of each kind of range: a hit, free space, or nothing (REP 117)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.kernels.range_projection import project_ranges
+from cartoloop.kernels.range_projection import Position, RangeLimits, project_ranges
 
 MIN_RANGE, MAX_RANGE, NO_RETURN, FREE = 0.5, 10.0, 20.0, 4.0
 AHEAD = np.array([[1.0, 0.0]])
@@ -31,12 +31,8 @@ def project(
     num_returns, num_misses = project_ranges(
         ranges,
         directions,
-        MIN_RANGE,
-        MAX_RANGE,
-        no_return,
-        no_return_is_free,
-        free,
-        *origin,
+        Position(*origin, 0.0),
+        RangeLimits(MIN_RANGE, MAX_RANGE, no_return, no_return_is_free, free),
         returns,
         misses,
     )
@@ -51,17 +47,17 @@ def test_a_range_within_the_limits_is_a_hit(measured):
 
 
 @pytest.mark.parametrize(
-    "said_nothing", [math.nan, -math.inf, -3.0, 0.0, math.nextafter(MIN_RANGE, 0.0)]
+    "measured", [math.nan, -math.inf, -3.0, 0.0, math.nextafter(MIN_RANGE, 0.0)]
 )
 @pytest.mark.parametrize("is_free", [True, False])
-def test_ranges_that_are_no_measurement_say_nothing(said_nothing, is_free):
-    returns, misses = project([said_nothing], no_return_is_free=is_free)
+def test_invalid_ranges_are_ignored(measured, is_free):
+    returns, misses = project([measured], no_return_is_free=is_free)
     assert len(returns) == len(misses) == 0
 
 
 @pytest.mark.parametrize("no_return", [NO_RETURN, math.inf])
 @pytest.mark.parametrize("is_free", [True, False])
-def test_infinity_means_that_the_beam_met_nothing(no_return, is_free):
+def test_infinity_clears_free_space(no_return, is_free):
     returns, misses = project([math.inf], no_return=no_return, no_return_is_free=is_free)
     assert len(returns) == 0
     assert misses.tolist() == [[FREE, 0.0]]
@@ -84,7 +80,7 @@ def test_the_no_return_value_clears_free_space(measured):
 
 
 @pytest.mark.parametrize("measured", [NO_RETURN, 81.91])
-def test_the_no_return_value_says_nothing_where_it_does_not_mean_free_space(measured):
+def test_the_no_return_value_is_ignored_if_it_is_not_free(measured):
     returns, misses = project([measured], no_return_is_free=False)
     assert len(returns) == len(misses) == 0
 
@@ -115,7 +111,7 @@ def test_beams_start_at_the_sensor_and_keep_their_order():
 
 @settings(deadline=None, max_examples=100)
 @given(ranges=st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=30))
-def test_whatever_the_ranges_all_points_are_within_reach(ranges):
+def test_points_are_within_the_limits_for_any_ranges(ranges):
     returns, misses = project(ranges)
     assert len(returns) + len(misses) <= len(ranges)
     assert ((returns[:, 0] >= MIN_RANGE) & (returns[:, 0] <= MAX_RANGE)).all()

@@ -58,13 +58,13 @@ def test_a_hit_wins_over_rays_that_pass_through_its_pixel():
     assert missed == [(0, 0), (1, 0), (3, 0), (5, 0)]
 
 
-def test_a_scan_of_nothing_has_no_cells():
+def test_an_empty_scan_has_no_cells():
     hits, missed, _ = all_cells((0.0, 0.0), [], [], 0.1)
     assert hits == missed == []
 
 
 @pytest.mark.parametrize("far", [1e3, -1e8, 1e9, -1e12, 1e300, -1e300, np.inf, -np.inf, np.nan])
-def test_of_a_scan_that_spans_more_than_any_submap_nothing_is_marked(far):
+def test_a_scan_larger_than_any_submap_has_no_cells(far):
     near, wide = np.array([(1.0, 0.5)]), np.array([(1.0, far), (far, 1.0)])
     nothing = np.empty((0, 2))
     cases = [(far, far, near, nothing)]

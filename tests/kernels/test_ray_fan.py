@@ -114,9 +114,7 @@ def each_alone(start, ends):
     seed=st.integers(0, 99),
     order=st.sampled_from(("as turned", "backwards", "to and fro", "shuffled")),
 )
-def test_close_rays_mark_what_each_of_them_intersects_alone(
-    start, first_deg, step_deg, num_rays, seed, order
-):
+def test_close_rays_mark_what_single_rays_mark(start, first_deg, step_deg, num_rays, seed, order):
     random = np.random.default_rng(seed)
     start = tuple(FAN_PIXELS // 2 * SUBPIXELS + offset for offset in start)
     angles = np.radians(first_deg + step_deg * np.arange(num_rays))
@@ -133,13 +131,13 @@ def test_close_rays_mark_what_each_of_them_intersects_alone(
     assert ray_cells(start, ends, FAN_PIXELS) == each_alone(start, ends)
 
 
-def test_rays_that_turn_back_after_one_in_the_same_direction_are_all_marked():
+def test_rays_that_reverse_their_order_are_all_marked():
     start = pixels(50.5, 2.5)
     ends = [pixels(50.5 + 0.02 * x, 42.5) for x in (0, 80, 80)] + [pixels(50.5, 42.5)]
     assert ray_cells(start, ends, FAN_PIXELS) == each_alone(start, ends)
 
 
-def test_the_far_ends_of_close_rays_do_not_fill_what_lies_between_them():
+def test_far_ends_of_close_rays_are_not_filled():
     """A pixel fits between two rays from just as far as they are a pixel apart."""
     start, reach = pixels(50.5, 1.5), 96
     gaps = 0
@@ -151,7 +149,7 @@ def test_the_far_ends_of_close_rays_do_not_fill_what_lies_between_them():
     assert gaps > 10
 
 
-def test_of_a_smooth_wall_all_round_little_but_the_far_end_of_each_ray_is_traced():
+def test_rays_to_a_smooth_wall_are_traced_at_their_ends():
     start = pixels(FAN_PIXELS / 2, FAN_PIXELS / 2)
     angles = np.linspace(0.0, math.tau, 720, endpoint=False)
     ends = fan(angles, np.full(720, 45.0), start)

@@ -48,10 +48,10 @@ def test_ranges_are_those_of_the_naive_intersection(walls, x, y, angle):
     assert nearest[0] - 1e-6 <= ranges[0] <= farthest[0] + 1e-6
 
 
-def test_the_nearest_wall_ahead_counts_and_none_behind():
+def test_the_nearest_wall_ahead_is_hit_and_none_behind():
     walls = [(2.0, -1.0, 2.0, 1.0), (5.0, -1.0, 5.0, 1.0), (-1.0, -1.0, -1.0, 1.0)]
     assert cast(walls, [(0.0, 0.0, 1.0, 0.0), (3.0, 0.0, 1.0, 0.0)]).tolist() == [2.0, 2.0]
 
 
-def test_what_is_out_of_reach_is_not_seen():
+def test_walls_beyond_the_maximum_range_are_not_hit():
     assert cast([(13.0, -1.0, 13.0, 1.0)], [(0.0, 0.0, 1.0, 0.0)]) == pytest.approx([np.inf])

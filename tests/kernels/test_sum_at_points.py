@@ -18,7 +18,7 @@ LEAST, ORIGIN_X, ORIGIN_Y, RESOLUTION = 3, -0.7, 0.2, 0.05
 
 @settings(deadline=None, max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(0, 4))
-def test_each_point_adds_the_cell_that_it_lies_in(seed, count):
+def test_each_point_adds_its_cell(seed, count):
     rng = np.random.default_rng(seed)
     cells = rng.integers(0, 256, rng.integers(1, 30, 2), dtype=np.uint8)
     scans = [rng.uniform(-1.0, 1.5, (int(rng.integers(0, 20)), 2)) for _ in range(count)]

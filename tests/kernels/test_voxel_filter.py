@@ -38,7 +38,7 @@ def test_equals_the_first_point_of_each_cell_in_order(points, edge):
 
 @settings(deadline=None, max_examples=30)
 @given(points=point_lists)
-def test_filtering_in_place_equals_filtering_into_another_array(points):
+def test_filtering_works_in_place(points):
     expected = thinned(points, 0.5)
     in_place = np.array(points, dtype=np.float64).reshape(-1, 2)
     kept = voxel_filter(in_place, len(in_place), 0.5, in_place)
@@ -61,7 +61,7 @@ def test_cells_whose_keys_fall_into_one_slot_are_kept_apart():
     assert len(thinned(points, 1.0)) == 4096
 
 
-def test_points_kilometres_away_are_told_apart():
+def test_points_kilometres_away_are_distinguished():
     far = 5e5
     points = [(far, far), (far + 0.03, far), (far, -far), (-far, far), (far, far)]
     assert len(thinned(points, 0.025)) == 4
@@ -74,9 +74,7 @@ def test_points_kilometres_away_are_told_apart():
     min_num_points=st.integers(1, 60),
     max_range=st.sampled_from((1.0, 2.5, NO_LIMIT)),
 )
-def test_the_adaptive_filter_keeps_enough_where_there_are(
-    points, max_length, min_num_points, max_range
-):
+def test_the_adaptive_filter_keeps_enough_points(points, max_length, min_num_points, max_range):
     near = [(x, y) for x, y in points if x * x + y * y <= max_range * max_range]
     kept = [
         tuple(point)
@@ -87,19 +85,19 @@ def test_the_adaptive_filter_keeps_enough_where_there_are(
     assert all(point in remaining for point in kept), "not a subset in the points' order"
 
 
-def test_the_adaptive_filter_is_as_coarse_as_allowed_where_that_keeps_enough():
+def test_the_adaptive_filter_is_as_coarse_as_allowed():
     points = np.random.default_rng(5).uniform(-4.0, 4.0, (500, 2))
     coarsest = thinned(points, 0.5)
     assert np.array_equal(adaptively_thinned(points, 0.5, len(coarsest)), coarsest)
 
 
 @pytest.mark.parametrize("wanted", [35, 60, 100, 170, 300])
-def test_the_adaptive_filter_keeps_few_more_than_asked_for(wanted):
+def test_the_adaptive_filter_keeps_few_points_too_many(wanted):
     points = np.random.default_rng(5).uniform(-1.0, 1.0, (2000, 2))
     assert wanted <= len(adaptively_thinned(points, 1.0, wanted)) <= 1.35 * wanted + 5
 
 
 @pytest.mark.parametrize("spread", [1e-3, 0.0])
-def test_the_adaptive_filter_keeps_enough_of_points_that_lie_close_together(spread):
+def test_the_adaptive_filter_keeps_enough_close_points(spread):
     points = np.random.default_rng(5).uniform(0.0, spread, (300, 2))
     assert len(adaptively_thinned(points, 0.5, 200)) >= 200

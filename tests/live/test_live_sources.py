@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import socket
-import time
 from contextlib import contextmanager
 from threading import Event, Thread
 
@@ -19,6 +18,7 @@ from cartoloop.live.growing_file import GrowingFile
 from cartoloop.live.notices import Notices
 from cartoloop.live.sockets import TcpSource, WebSocketSource
 from cartoloop.sensor.events import LaserScan, Odometry
+from tests.limits import LIMIT_S, wait_until
 from tests.live.live_room import drive
 
 READING = b'{"type": "odometry", "x": 1, "y": 2, "theta": 0}\n'
@@ -37,10 +37,7 @@ class Running:
         self.thread.start()
 
     def wait_for(self, condition):
-        until = time.monotonic() + 10.0
-        while not condition():
-            assert time.monotonic() < until, (len(self.received), self.reported)
-            time.sleep(0.005)
+        wait_until(condition, period_s=0.005)
 
 
 @contextmanager
@@ -51,7 +48,7 @@ def running(source):
         yield it
     finally:
         it.stop.set()
-        it.thread.join(3.0)
+        it.thread.join(LIMIT_S)
         assert not it.thread.is_alive()
 
 

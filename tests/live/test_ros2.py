@@ -7,7 +7,6 @@ import importlib.util
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 from threading import Event, Thread
 
@@ -17,6 +16,7 @@ from cartoloop.errors import InputError
 from cartoloop.live.notices import Notices
 from cartoloop.live.ros2 import LOOPBACK_ONLY, Ros2Source
 from cartoloop.sensor.events import LaserScan, Odometry
+from tests.limits import LIMIT_S, wait_until
 
 ROOT = Path(__file__).parents[2]
 needs_dds = pytest.mark.skipif(
@@ -43,14 +43,14 @@ def test_a_robots_topics_are_received(monkeypatch):
             cwd=ROOT,
             capture_output=True,
             text=True,
-            timeout=60.0,
+            timeout=LIMIT_S,
             check=False,
         )
         assert publisher.returncode == 0, publisher.stderr
-        time.sleep(0.3)
+        wait_until(lambda: len(received) >= 50)
     finally:
         stop.set()
-        receiver.join(10.0)
+        receiver.join(LIMIT_S)
 
     scans = [message for message in received if isinstance(message, LaserScan)]
     odometry = [message for message in received if isinstance(message, Odometry)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A furnished room to drive round in, small enough that a test can map it."""
+"""A furnished room to drive through, small enough that a test can map it."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 
 from cartoloop.config import Config
 from cartoloop.local_slam.local_slam import LocalSlam
+from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.events import LaserScan, Odometry
 from cartoloop.sensor.pose import compose_all, relative_all
 from cartoloop.simulation import FloorPlan, Lidar, World, simulate
-from cartoloop.stage_timer import StageTimer
 
 LIDAR = Lidar(num_beams=541, angle_min=math.radians(-135.0), angle_increment=math.radians(0.5))
 
 
 def furnished_room():
-    """A room of 9 x 7 m with a cupboard, a pillar and a table, and a round in it."""
+    """A room of 9 x 7 m with a cupboard, a pillar and a table, and a route around it."""
     plan = FloorPlan()
     for start, end in (((0, 0), (9, 0)), ((9, 0), (9, 7)), ((0, 7), (9, 7)), ((0, 0), (0, 7))):
         plan.wall(start, end)
@@ -34,9 +34,14 @@ def record(odometry=None, duration=20.0, seed=5):
     return simulate(furnished_room(), LIDAR, odometry, seed=seed, duration=duration)
 
 
+def local_slam(config):
+    node_filter = config.global_slam.constraint_search.adaptive_voxel_filter
+    return LocalSlam(config.local_slam, config.sensor, node_filter, StageTimer())
+
+
 def run(events, config=None):
-    """Local SLAM over events: the poses of all scans, shape (n, 3), the results, the SLAM."""
-    slam = LocalSlam(config or Config(), StageTimer())
+    """Run local SLAM over events: the poses of all scans, shape (n, 3), the results, the SLAM."""
+    slam = local_slam(config or Config())
     results = []
     for event in events:
         if isinstance(event, Odometry):
@@ -50,7 +55,7 @@ def run(events, config=None):
 
 
 def errors(poses, truth, anchor=0):
-    """Distance [m] and angle [rad] of each pose from the truth, given that `anchor` is right."""
+    """Distance [m] and angle [rad] of each pose from the truth, aligned at the pose `anchor`."""
     in_map = compose_all(truth[anchor], relative_all(poses[anchor], poses))
     off = relative_all(truth, in_map)
     return np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2])

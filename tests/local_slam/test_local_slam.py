@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Local SLAM on short simulated drives: true poses, nodes, and scans that show nothing."""
+"""Local SLAM on short simulated drives: errors against true poses, nodes, and blind scans."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ import pytest
 
 from cartoloop.config import Config, LocalSlamConfig
 from cartoloop.errors import InputError
-from cartoloop.local_slam.local_slam import MIN_RETURNS
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
 from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import OdometryModel, make_world, simulate
 from tests.local_slam.small_world import errors, record, run
+
+MIN_POINTS = LocalSlamConfig().insertion.min_num_points
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def mapped(recording):
 
 
 def with_scans_changed(recording, change, first=0.0, last=math.inf):
-    """The events, the ranges of scans between two times after the start passed through `change`."""
+    """The events, with `change` applied to ranges between two times after the start."""
     for event in recording.events():
         elapsed = event.time - recording.stamps[0]
         if isinstance(event, LaserScan) and first <= elapsed <= last:
@@ -42,21 +43,21 @@ def all_set_to(value):
     return lambda ranges: np.full_like(ranges, value)
 
 
-def test_every_scan_is_within_a_few_centimetres_of_the_truth(recording, mapped):
+def test_poses_with_odometry_have_errors_of_centimetres(recording, mapped):
     distance, angle = errors(mapped[0], recording.true_poses)
     assert len(distance) == len(recording.stamps)
     assert distance.max() < 0.05
     assert math.degrees(angle.max()) < 1.0
 
 
-def test_every_scan_is_within_a_few_centimetres_without_odometry(recording):
+def test_poses_without_odometry_have_errors_of_centimetres(recording):
     poses, _, _ = run(recording.events(with_odometry=False))
     distance, angle = errors(poses, recording.true_poses)
     assert distance.max() < 0.05
     assert math.degrees(angle.max()) < 1.0
 
 
-def test_odometry_that_is_late_and_ill_calibrated_does_no_harm():
+def test_late_and_miscalibrated_odometry_is_corrected():
     bad = OdometryModel(rotation_scale=1.15, translation_scale=0.93, time_offset=0.15)
     recording = record(bad)
     poses, _, slam = run(recording.events())
@@ -66,7 +67,7 @@ def test_odometry_that_is_late_and_ill_calibrated_does_no_harm():
     assert slam.extrapolator.odometry_model.rotation_scale == pytest.approx(1 / 1.15, rel=0.05)
 
 
-def test_odometry_switched_off_is_as_good_as_not_there(recording):
+def test_disabled_odometry_equals_absent_odometry(recording):
     config = Config(local_slam={"use_odometry": False})
     switched_off, _, _ = run(recording.events(), config)
     absent, _, _ = run(recording.events(with_odometry=False))
@@ -78,7 +79,7 @@ def test_the_same_events_give_the_same_bits(recording, mapped):
     assert np.array_equal(again, mapped[0])
 
 
-def test_nodes_are_numbered_and_tell_of_their_scans(recording, mapped):
+def test_nodes_are_numbered_and_hold_their_scans(recording, mapped):
     _, results, _ = mapped
     nodes = [(scan, result.node) for scan, result in enumerate(results) if result.node]
     assert [node.index for _, node in nodes] == list(range(len(nodes)))
@@ -87,7 +88,7 @@ def test_nodes_are_numbered_and_tell_of_their_scans(recording, mapped):
         assert node.tf_local_tracking == results[scan].tf_local_tracking
         assert node.time == recording.stamps[scan]
         assert 1 <= len(node.submaps) <= 2
-        assert len(node.points) >= MIN_RETURNS
+        assert len(node.points) >= MIN_POINTS
         assert np.linalg.eigvalsh(node.information).min() > 0.0
 
 
@@ -103,8 +104,8 @@ def test_submaps_begin_and_end_with_nodes(recording):
     assert [submap.index for submap in slam.active_submaps] == seen[len(finished) :]
 
 
-def test_the_walls_of_the_map_are_where_the_walls_are(recording, mapped):
-    """Cells that are surely occupied lie on walls, give or take a pixel."""
+def test_occupied_cells_are_on_the_true_walls(recording, mapped):
+    """Cells of high probability are within about a pixel of the walls."""
     _, _, slam = mapped
     start = recording.true_poses[0]
     submap = slam.active_submaps[0]
@@ -127,37 +128,37 @@ def test_scans_without_returns_are_bridged_by_odometry(recording, value):
     events = with_scans_changed(recording, all_set_to(value), 8.0, 9.0)
     poses, results, _ = run(events)
     blind = [k for k, result in enumerate(results) if not result.was_matched]
-    assert blind[0] == 0  # the first scan has nothing to be matched to
+    assert blind[0] == 0  # the first scan cannot be matched
     assert len(blind) == 1 + 6
     assert all(results[k].node is None for k in blind[1:])
     distance, _ = errors(poses, recording.true_poses)
     assert distance.max() < 0.2
 
 
-def test_a_recording_that_begins_blind_begins_to_map_when_it_sees(recording):
+def test_mapping_starts_with_the_first_returns(recording):
     poses, results, _ = run(with_scans_changed(recording, all_set_to(math.nan), 0.0, 1.0))
     assert [result.node is not None for result in results[:7]] == [False] * 6 + [True]
     distance, _ = errors(poses[6:], recording.true_poses[6:])
     assert distance.max() < 0.06
 
 
-def test_a_recording_that_never_sees_has_poses_but_no_nodes(recording):
+def test_a_recording_without_returns_has_poses_but_no_nodes(recording):
     poses, results, slam = run(with_scans_changed(recording, all_set_to(math.inf)))
     assert len(poses) == len(recording.stamps)
     assert not any(result.node or result.was_matched for result in results)
     assert slam.active_submaps == ()
 
 
-def test_a_scan_with_a_handful_of_returns_is_not_matched(recording):
+def test_scans_with_too_few_returns_are_not_matched(recording):
     def blinded(ranges):
-        ranges[MIN_RETURNS - 1 :] = math.nan
+        ranges[MIN_POINTS - 1 :] = math.nan
         return ranges
 
     _, results, _ = run(with_scans_changed(recording, blinded, 8.0, 9.0))
     assert sum(not result.was_matched for result in results) == 1 + 6
 
 
-def test_beams_that_drop_out_here_and_there_do_no_harm(recording):
+def test_random_missing_beams_do_no_harm(recording):
     rng = np.random.default_rng(8)
 
     def thinned(ranges):
@@ -169,7 +170,7 @@ def test_beams_that_drop_out_here_and_there_do_no_harm(recording):
     assert distance.max() < 0.06
 
 
-def test_a_jump_of_the_odometry_is_survived(recording):
+def test_a_jump_of_the_odometry_does_no_harm(recording):
     def jumping():
         for event in recording.events():
             if isinstance(event, Odometry) and event.time - recording.stamps[0] > 10.0:
@@ -184,7 +185,7 @@ def test_a_jump_of_the_odometry_is_survived(recording):
     assert distance.max() < 0.2
 
 
-def test_odometry_that_stops_coming_is_survived(recording):
+def test_odometry_that_ends_early_does_no_harm(recording):
     events = (
         event
         for event in recording.events()
@@ -195,7 +196,7 @@ def test_odometry_that_stops_coming_is_survived(recording):
     assert distance.max() < 0.2
 
 
-def test_a_robot_that_never_moves_stays_where_it_is(recording):
+def test_a_robot_at_rest_keeps_its_pose(recording):
     scans = [event for event in recording.events() if isinstance(event, LaserScan)]
     rng = np.random.default_rng(9)
     still = [
@@ -209,7 +210,7 @@ def test_a_robot_that_never_moves_stays_where_it_is(recording):
     assert sum(result.node is not None for result in results) < 8
 
 
-def test_a_gyroscope_that_disagrees_with_the_scans_does_no_harm(recording, mapped):
+def test_a_gyroscope_that_contradicts_scans_is_not_used(recording, mapped):
     def with_imu():
         for event in recording.events():
             yield Imu(event.stamp, event.time, (0.0, 0.0, 9.81), (0.0, 0.0, 0.3))
@@ -221,7 +222,7 @@ def test_a_gyroscope_that_disagrees_with_the_scans_does_no_harm(recording, mappe
     assert not slam.extrapolator.imu_calibration.agrees
 
 
-def test_an_imu_can_be_left_out(recording, mapped):
+def test_an_imu_can_be_disabled(recording, mapped):
     def with_imu():
         for event in recording.events():
             yield Imu(event.stamp, event.time, (0.0, 1.0, 9.81), (0.0, 0.0, 0.3))
@@ -231,15 +232,15 @@ def test_an_imu_can_be_left_out(recording, mapped):
     assert np.array_equal(run(with_imu(), config)[0], mapped[0])
 
 
-def test_no_scan_at_all_is_no_error():
+def test_no_event_is_no_error():
     poses, results, slam = run([])
     assert poses.shape == (0, 3)
     assert results == []
     assert slam.active_submaps == ()
 
 
-def test_a_walker_without_odometry_sets_off_from_rest():
-    # In this museum the pixels held the walker fast for metres when a velocity of nought did, too.
+def test_a_walker_without_odometry_is_tracked_from_rest():
+    # A regression: here a velocity prior of zero kept the walker at rest for metres.
     recording = simulate(make_world("museum", 4), seed=4, duration=9.0)
     poses, _, _ = run(recording.events())
     distance, _ = errors(poses, recording.true_poses)
@@ -247,8 +248,8 @@ def test_a_walker_without_odometry_sets_off_from_rest():
     assert distance.max() < 0.2
 
 
-def lost_for_so_long(recording, distance, pause):
-    """The events, those after 5 s later and further away; the scans about then show nothing."""
+def moved_and_delayed(recording, distance, pause):
+    """The events, shifted after 5 s by a distance [m] and a pause [s], with blind scans then."""
     for event in with_scans_changed(recording, all_set_to(np.inf), first=5.0, last=6.0):
         if event.time - recording.stamps[0] < 5.0:
             yield event
@@ -261,15 +262,13 @@ def lost_for_so_long(recording, distance, pause):
 
 
 @pytest.mark.parametrize("distance", [1e5, 1e8, 1e9, 1e18])
-def test_scans_further_apart_than_any_submap_are_an_error_that_says_where_and_why(
-    recording, distance
-):
+def test_scans_further_apart_than_a_submap_raise(recording, distance):
     with pytest.raises(InputError, match=r"at the scan with stamp .* odometry jumped"):
-        run(lost_for_so_long(recording, distance, pause=distance))
+        run(moved_and_delayed(recording, distance, pause=distance))
 
 
-def test_scans_so_far_apart_are_mapped_without_odometry(recording):
+def test_scans_far_apart_are_mapped_without_odometry(recording):
     config = Config(local_slam=LocalSlamConfig(use_odometry=False))
-    poses, _, _ = run(lost_for_so_long(recording, 1e9, pause=1e9), config)
+    poses, _, _ = run(moved_and_delayed(recording, 1e9, pause=1e9), config)
     assert np.isfinite(poses).all()
     assert np.abs(poses).max() < 100.0

@@ -30,7 +30,7 @@ def moved(distance=0.0, turned_deg=0.0):
     )
 
 
-def test_the_first_scan_is_new_whenever_and_wherever():
+def test_the_first_scan_is_always_new():
     for time, pose in ((-1e9, Pose(0.0, 0.0, 0.0)), (1e9, Pose(1e6, -1e6, 3.0))):
         assert MotionFilter(LIMITS).is_new(time, pose)
 
@@ -52,7 +52,7 @@ def test_a_turn_across_the_half_turn_is_small(motion_filter):
     assert not motion_filter.is_new(100.2, Pose(START.x, START.y, -3.141))
 
 
-def test_small_motions_add_up_to_the_last_scan_that_was_new(motion_filter):
+def test_small_motions_add_up_since_the_last_new_scan(motion_filter):
     new = [motion_filter.is_new(100.0 + 0.1 * k, moved(0.05 * k)) for k in range(1, 16)]
     assert [k + 1 for k, is_new in enumerate(new) if is_new] == [5, 10, 15]
 

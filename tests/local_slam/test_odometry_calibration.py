@@ -49,7 +49,7 @@ def at(times, way):
 
 
 def reported_by(model, way):
-    """What odometry tells on that way whose errors `model` makes good, at the scans' stamps."""
+    """Odometry of that drive with the errors that `model` corrects, at the scans' stamps."""
     fine_times, poses = way
     reporting_point = compose_all(poses, np.array((-model.lever_x, -model.lever_y, 0.0)))
     steps = relative_all(reporting_point[:-1], reporting_point[1:])
@@ -100,7 +100,7 @@ def test_the_scale_of_distance_is_found(scale):
 
 
 @pytest.mark.parametrize("yaw_deg", [-3.0, 0.0, 1.0])
-def test_a_scanner_that_looks_askew_is_found_out(yaw_deg):
+def test_the_yaw_of_a_scanner_is_found(yaw_deg):
     """Half a degree unknown bends long corridors: each prediction lies to the side of the truth."""
     found = calibrated(OdometryModel(yaw=math.radians(yaw_deg), lever_x=0.1))
     assert found.yaw == pytest.approx(math.radians(yaw_deg), abs=math.radians(0.2))
@@ -113,7 +113,7 @@ def test_the_lever_arm_is_found(lever):
     assert (found.lever_x, found.lever_y) == pytest.approx(lever, abs=0.02)
 
 
-def test_all_together_predict_the_motion_to_the_noise():
+def test_the_model_predicts_the_motion_up_to_noise():
     true = OdometryModel(0.2, 0.9, 1.05, yaw=-0.03, lever_x=0.15, lever_y=-0.05)
     found = calibrated(true)
     assert found.is_known
@@ -121,13 +121,13 @@ def test_all_together_predict_the_motion_to_the_noise():
     assert found.translation_error < 0.012
 
 
-def test_the_errors_tell_what_the_odometry_is_worth():
+def test_the_errors_are_those_of_the_odometry():
     good, bad = (calibrated(UNKNOWN, noise=noise) for noise in ((0.002, 0.001), (0.02, 0.01)))
     assert good.translation_error < 0.3 * bad.translation_error
     assert good.rotation_error < 0.3 * bad.rotation_error
 
 
-def test_now_and_then_a_false_match_does_no_harm():
+def test_occasional_false_matches_do_no_harm():
     way = winding_way()
     stamps, odometry = reported_by(OdometryModel(0.1, 0.9, 1.05), way)
     poses = matched(stamps, way)
@@ -138,14 +138,14 @@ def test_now_and_then_a_false_match_does_no_harm():
     assert found.translation_scale == pytest.approx(1.05, rel=0.02)
 
 
-def test_a_robot_that_does_not_move_teaches_nothing():
+def test_a_robot_at_rest_does_not_change_the_model():
     stamps = np.arange(0.0, 60.0, PERIOD)
     noise = np.random.default_rng(2).normal(scale=1e-3, size=(len(stamps), 3))
     before = OdometryModel(0.1, 0.95, rotation_error=0.01, translation_error=0.01)
     assert estimate(stamps, noise, stamps, np.zeros_like(noise), before) is before
 
 
-def test_straight_driving_tells_scale_and_yaw_but_neither_clock_nor_rotation():
+def test_straight_driving_determines_only_scale_and_yaw():
     stamps = np.arange(0.0, 60.0, PERIOD)
     reported = np.column_stack((0.5 * stamps, 0.0 * stamps, 0.0 * stamps))
     yaw, scale = 0.02, 1.05
@@ -160,20 +160,20 @@ def test_straight_driving_tells_scale_and_yaw_but_neither_clock_nor_rotation():
     assert model.yaw == pytest.approx(yaw, abs=1e-3)
 
 
-def test_a_robot_that_stands_teaches_nothing():
+def test_a_standing_robot_does_not_change_the_model():
     stamps = np.arange(0.0, 60.0, PERIOD)
     poses = np.zeros((len(stamps), 3))
     assert estimate(stamps, poses, stamps, poses, UNKNOWN) is UNKNOWN
 
 
-def test_odometry_that_stands_still_while_the_robot_turns_is_not_believed():
+def test_odometry_at_rest_during_a_turn_is_not_used():
     way = winding_way()
     stamps = np.arange(0.0, 100.0, PERIOD)
     frozen = np.zeros((len(stamps), 3))
     assert estimate(stamps, matched(stamps, way), stamps, frozen, UNKNOWN) is UNKNOWN
 
 
-def test_no_odometry_at_all_teaches_nothing():
+def test_no_odometry_does_not_change_the_model():
     stamps = np.arange(0.0, 10.0, PERIOD)
     poses = matched(stamps, winding_way())
     for count in (0, 1):
@@ -204,7 +204,7 @@ def test_the_model_is_estimated_while_scans_come_in():
     assert calibration.model.translation_scale == pytest.approx(1.05, rel=0.02)
 
 
-def test_the_model_at_first_takes_the_odometry_as_it_is():
+def test_the_initial_model_is_the_identity():
     step = Pose(0.3, -0.1, 0.4)
     assert UNKNOWN.predict(step) == pytest.approx(step)
     assert not UNKNOWN.is_known
@@ -237,9 +237,7 @@ def test_a_lever_arm_moves_the_tracking_frame_as_a_rigid_body(lever, start, step
     yaw=st.floats(-0.3, 0.3),
     lever=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)),
 )
-def test_many_predictions_equal_one_after_the_other_to_the_last_bit(
-    seed, rotation_scale, yaw, lever
-):
+def test_predictions_of_an_array_equal_single_ones(seed, rotation_scale, yaw, lever):
     model = OdometryModel(0.0, rotation_scale, 1.1, yaw, *lever)
     reported = np.random.default_rng(seed).normal(scale=(1.0, 0.2, 0.5), size=(20, 3))
     each = [model.predict(Pose(*step)) for step in reported.tolist()]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a prediction, good or bad, to the matched pose."""
+"""Matched poses from good and bad predictions."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 from cartoloop.config import LocalSlamConfig
-from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator, Prediction
+from cartoloop.local_slam.pose_extrapolator import (
+    Prediction,
+    isotropic_information,
+)
 from cartoloop.local_slam.scan_matcher import (
     ScanMatcher,
+    constrain_degenerate_direction,
     degenerate_direction,
-    hold_open_direction,
 )
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
@@ -38,7 +41,7 @@ def submap():
     nowhere = np.zeros((0, 2))
     for seed in range(20):
         active.insert(Pose(0.37, -0.21, 0.0), walls(seed), nowhere)
-    return active.matching
+    return active.submaps[0]
 
 
 def points(truth=TRUTH):
@@ -46,11 +49,15 @@ def points(truth=TRUTH):
 
 
 def matched(submap, prediction, last=TRUTH, by_odometry=True, matcher=None):
-    """The pose found for a scan at TRUTH; `last` is where the robot was a moment before."""
-    extrapolator = PoseExtrapolator(CONFIG.prediction, use_odometry=True)
-    extrapolator.add_pose(0.0, last)
+    """The match of a scan at TRUTH; `last` is the pose of the scan before."""
+    config = CONFIG.prediction
+    information = isotropic_information(
+        config.unknown_translation_sigma if by_odometry else config.lost_translation_sigma,
+        config.unknown_rotation_sigma if by_odometry else config.lost_rotation_sigma,
+    )
+    prior = Prediction(prediction, by_odometry, information, lambda: (last, last))
     matcher = matcher or ScanMatcher(CONFIG)
-    return matcher.match(submap, points(), Prediction(prediction, by_odometry), extrapolator, 0.2)
+    return matcher.match(submap, points(), prior)
 
 
 def assert_near(found, truth, distance=0.03, angle=0.02):
@@ -69,7 +76,7 @@ def test_a_good_prediction_is_refined(submap, error, by_odometry):
     assert_near(found.tf_local_tracking, TRUTH)
 
 
-def test_the_pose_is_in_the_local_frame_and_the_match_in_the_submap_s(submap):
+def test_the_match_is_in_the_submap_frame(submap):
     assert submap.tf_local_submap != Pose(0.0, 0.0, 0.0)
     found = matched(submap, TRUTH)
     in_local = compose(submap.tf_local_submap, found.match.tf_submap_scan)
@@ -77,9 +84,9 @@ def test_the_pose_is_in_the_local_frame_and_the_match_in_the_submap_s(submap):
 
 
 @pytest.mark.parametrize("jump", [(5.0, 3.0, 0.0), (-20.0, 0.0, 1.5), (0.0, 0.0, 1.0)])
-def test_after_a_jump_of_the_odometry_the_robot_is_found_near_its_last_pose(submap, jump):
+def test_after_a_jump_of_odometry_fallback_poses_are_searched(submap, jump):
     matcher = ScanMatcher(CONFIG)
-    for _ in range(30):  # until it knows how well scans fit
+    for _ in range(30):  # until the typical residual has settled
         matched(submap, TRUTH, matcher=matcher)
     before = matcher.num_lost
     last = Pose(TRUTH.x - 0.1, TRUTH.y + 0.1, TRUTH.theta - 0.1)
@@ -88,7 +95,7 @@ def test_after_a_jump_of_the_odometry_the_robot_is_found_near_its_last_pose(subm
     assert matcher.num_lost == before + 1
 
 
-def test_scans_that_fit_as_usual_need_no_wider_search(submap):
+def test_scans_that_fit_well_need_no_wider_search(submap):
     matcher = ScanMatcher(CONFIG)
     for _ in range(60):
         matched(submap, TRUTH, matcher=matcher)
@@ -105,13 +112,13 @@ def test_the_same_scans_give_the_same_pose(submap):
 
 
 def match_of(information):
-    """A match with this information, whatever else it tells."""
+    """A match with this information; all else is zero."""
     fields = dict.fromkeys(LeastSquaresMatch._fields, 0.0)
     return LeastSquaresMatch(**fields | {"information": np.array(information, dtype=np.float64)})
 
 
 @pytest.mark.parametrize("along", [0.0, 0.4, math.pi / 2, 2.8])
-def test_a_corridor_s_direction_is_the_one_that_the_scan_leaves_open(along):
+def test_the_degenerate_direction_is_along_the_corridor(along):
     ahead = np.array((math.cos(along), math.sin(along)))
     across = np.array((-math.sin(along), math.cos(along)))
     information = np.eye(3)
@@ -121,29 +128,29 @@ def test_a_corridor_s_direction_is_the_one_that_the_scan_leaves_open(along):
     assert abs(math.remainder(direction - along, math.pi)) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_room_is_open_in_no_direction():
+def test_a_square_room_has_no_degenerate_direction():
     assert degenerate_direction(match_of(np.eye(3)))[0] == pytest.approx(1.0)
 
 
-def test_a_match_that_saw_nothing_is_open_in_every_direction():
+def test_a_match_without_information_is_degenerate():
     assert degenerate_direction(match_of(np.zeros((3, 3))))[0] == 0.0
 
 
 def corridor_match(along=0.06):
-    """A match off the prediction by `along` in a direction of which the scan says little."""
+    """A match displaced from the prediction by `along` in a degenerate direction."""
     information = np.diag((100.0, 10.0, 500.0))
     return LeastSquaresMatch(Pose(0.0, along, 0.0), information, 0.2, 1.0, 5)
 
 
 @pytest.mark.parametrize(("pixel_information", "kept"), [(0.0, 0.0), (1e4, 0.5), (math.inf, 1.0)])
-def test_an_open_direction_is_held_to_the_prediction_as_far_as_it_is_better(
-    pixel_information, kept
-):
+def test_the_prior_decides_along_a_degenerate_direction(pixel_information, kept):
     prior, sigma = Pose(0.0, 0.0, 0.0), 0.01
-    pull = np.array((sigma**-2, 0.0, 0.0, sigma**-2, 0.0, 1.0))
+    prior_information = np.array((sigma**-2, 0.0, 0.0, sigma**-2, 0.0, 1.0))
     config = CONFIG.prediction.model_copy(update={"failure_scale": 1e6})
-    along = 0.06 * 1e5 / (1e5 + sigma**-2)  # where points of that weight and the pull meet
-    held = hold_open_direction(corridor_match(along), prior, pull, 1e4, config, pixel_information)
+    along = 0.06 * 1e5 / (1e5 + sigma**-2)  # where points of that weight and the prior balance
+    held = constrain_degenerate_direction(
+        corridor_match(along), prior, prior_information, 1e4, config, pixel_information
+    )
     assert held.x == pytest.approx(0.0)
     expected = along if math.isinf(pixel_information) else kept * 0.06
     assert held.y == pytest.approx(expected, abs=1e-6)

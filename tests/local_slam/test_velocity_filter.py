@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The velocity without odometry: smoothed where scans are fast, followed where they are slow."""
+"""The velocity without odometry: smoothed for fast scans, followed for slow ones."""
 
 from __future__ import annotations
 
@@ -8,16 +8,20 @@ import math
 import numpy as np
 import pytest
 
-from cartoloop.local_slam.velocity_filter import HORIZON_S, TRANSLATION_NOISE, VelocityFilter
+from cartoloop.config import PredictionConfig
+from cartoloop.local_slam.velocity_filter import VelocityFilter
 from cartoloop.sensor.pose import IDENTITY, Pose
+
+CONFIG = PredictionConfig(acceleration=1.0, angular_acceleration=3.0)
+HORIZON_S, TRANSLATION_NOISE = CONFIG.velocity_horizon, CONFIG.matched_translation_sigma
 
 
 @pytest.fixture
 def velocity():
-    return VelocityFilter(acceleration=1.0, angular_acceleration=3.0)
+    return VelocityFilter(CONFIG)
 
 
-def test_before_two_scans_nothing_is_known(velocity):
+def test_before_two_scans_the_velocity_is_unknown(velocity):
     assert velocity.step(0.1) == IDENTITY
     assert velocity.sigmas(0.1) == (math.inf, math.inf)
 
@@ -27,12 +31,12 @@ def test_first_step_is_taken_as_it_is(velocity):
     assert velocity.step(0.25) == pytest.approx(Pose(0.1, 0.005, 0.05))
 
 
-def test_steps_of_no_duration_tell_nothing(velocity):
+def test_steps_without_duration_are_ignored(velocity):
     velocity.update(Pose(0.2, 0.0, 0.0), 0.0)
     assert velocity.step(0.1) == IDENTITY
 
 
-def test_velocity_is_held_for_a_while_only(velocity):
+def test_velocity_is_extrapolated_for_a_limited_time(velocity):
     velocity.update(Pose(0.1, 0.0, 0.0), 0.1)
     assert velocity.step(3600.0) == pytest.approx(Pose(HORIZON_S, 0.0, 0.0))
 
@@ -64,10 +68,10 @@ def test_uncertainty_grows_with_the_time_between_scans(velocity):
     assert sigmas[2][0] > 0.2
 
 
-def test_error_of_the_prediction_is_as_large_as_it_says():
+def test_sigma_equals_the_error_of_the_prediction():
     rng = np.random.default_rng(2)
-    duration, acceleration = 0.1, 1.0
-    velocity = VelocityFilter(acceleration, 3.0)
+    duration, acceleration = 0.1, CONFIG.acceleration
+    velocity = VelocityFilter(CONFIG)
     true_velocity, last_noise, errors = 1.0, 0.0, []
     for _ in range(4000):
         noise = rng.normal(0.0, TRANSLATION_NOISE)

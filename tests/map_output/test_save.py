@@ -25,7 +25,7 @@ from cartoloop.map_output.report import (
     peak_memory_mb,
 )
 from cartoloop.map_output.save import prepare_folder, save, save_report, write_file
-from cartoloop.stage_timer import StageTimer
+from cartoloop.runtime.stage_timer import StageTimer
 from tests.map_output.small_result import small_result
 
 FILES = {

@@ -12,10 +12,12 @@ import cartoloop
 from cartoloop.evaluation.relations import evaluate_relations, read_relations
 from cartoloop.evaluation.trajectories import read_tum
 
+pytestmark = [pytest.mark.slow, pytest.mark.data]
+
 DATA = Path(os.environ.get("CARTOLOOP_DATA", Path(__file__).parents[2] / "../shared/data"))
 
 
-def test_mit_csail_is_mapped_as_exactly_as_the_paper_does(tmp_path):
+def test_mit_csail_is_as_accurate_as_in_the_paper(tmp_path):
     log, relations = (DATA / f"radish/mit-csail.{end}" for end in ("clf.gz", "relations"))
     if not (log.exists() and relations.exists()):
         pytest.skip(f"{log} is absent: set CARTOLOOP_DATA to the folder of the recordings")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live mapping: the same map, poses at once, and looks at the map while it grows."""
+"""Live mapping: the same map, poses without delay, and access to the growing map."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 from cartoloop.config import Config
-from cartoloop.global_slam.global_slam import SEARCHES_A_LIVE_PERIOD
 from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import LaserScan, Odometry
 from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import make_world, simulate
+from tests.limits import LIMIT_S
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +33,7 @@ def small_submaps():
     return config.model_copy(update={"local_slam": local_slam, "global_slam": global_slam})
 
 
-def test_poses_are_those_of_a_recording_and_so_is_the_map(drive):
+def test_live_poses_and_map_equal_those_of_a_recording(drive):
     results = []
     for live in (False, True):
         mapper = Mapper(small_submaps(), live=live)
@@ -51,7 +53,7 @@ def test_poses_are_those_of_a_recording_and_so_is_the_map(drive):
 def test_no_pose_waits_for_the_graph(drive):
     mapper = Mapper(live=True)
     may_go_on = Event()
-    mapper.look(lambda: may_go_on.wait(30.0) and None)
+    mapper.run_on_graph_thread(lambda: may_go_on.wait(LIMIT_S) and None)
     for event in drive.events(with_odometry=True):
         mapper.add(event)
         if mapper.num_scans == 50:
@@ -65,9 +67,9 @@ def test_no_pose_waits_for_the_graph(drive):
     assert mapper.finish().graph.num_nodes == mapper.num_nodes
 
 
-def test_a_map_that_is_handed_over_grows_no_more(drive):
+def test_a_handed_out_result_does_not_change(drive):
     mapper = Mapper(small_submaps(), live=True)
-    handed_over, contents, times = [], [], []
+    handed_out, contents, times = [], [], []
 
     def content(result):
         return (
@@ -77,26 +79,26 @@ def test_a_map_that_is_handed_over_grows_no_more(drive):
         )
 
     def take(result):
-        handed_over.append(result)
+        handed_out.append(result)
         contents.append(content(result))
 
     for event in drive.events(with_odometry=True):
         mapper.add(event)
         if isinstance(event, LaserScan) and mapper.num_scans % 60 == 0:
-            mapper.result_later(take)
+            mapper.call_with_result(take)
             times.append((mapper.num_scans, mapper.num_nodes))
     mapper.finish()
 
-    assert [(len(r.stamps), r.graph.num_nodes) for r in handed_over] == times
-    assert [content(result) for result in handed_over] == contents
-    assert [len(result.node_points) for result in handed_over] == [nodes for _, nodes in times]
-    for result in handed_over:
+    assert [(len(r.stamps), r.graph.num_nodes) for r in handed_out] == times
+    assert [content(result) for result in handed_out] == contents
+    assert [len(result.node_points) for result in handed_out] == [nodes for _, nodes in times]
+    for result in handed_out:
         assert len(result.submap_grids) == result.graph.num_submaps
         assert len(result.trajectory) == len(result.stamps)
         assert len(result.node_scan_index) == result.graph.num_nodes
 
 
-def test_late_odometry_counts_live_and_not_in_a_recording(drive):
+def test_late_odometry_is_used_only_live(drive):
     events = [e for e in drive.events() if isinstance(e, LaserScan)][:3]
     late = Odometry(0.0, events[-1].time - 0.01, Pose(0.0, 0.0, 0.0))
     for live, skipped in ((True, {}), (False, {"time runs backwards": 1})):
@@ -117,12 +119,12 @@ def test_a_failure_of_the_graph_ends_the_run(drive, monkeypatch):
     mapper.close()
 
 
-def test_a_pose_is_out_before_its_scan_is_inserted(drive):
+def test_a_pose_is_published_before_its_scan_is_inserted(drive):
     mapper = Mapper(small_submaps(), live=True)
-    handed_out, nodes_then = [], []
+    published, nodes_then = [], []
 
     def on_pose():
-        handed_out.append(mapper.local_pose)
+        published.append(mapper.local_pose)
         nodes_then.append(mapper.num_nodes)
 
     nodes_before = []
@@ -137,7 +139,7 @@ def test_a_pose_is_out_before_its_scan_is_inserted(drive):
     assert nodes_then == nodes_before
     assert nodes_then[0] == 0
     assert result.graph.num_nodes > 10
-    assert np.array_equal(result.local_trajectory, np.array(handed_out))
+    assert np.array_equal(result.local_trajectory, np.array(published))
 
 
 def test_closures_join_long_before_the_next_adjustment(drive):
@@ -146,10 +148,10 @@ def test_closures_join_long_before_the_next_adjustment(drive):
     slam = mapper.global_slam
     for event in drive.events(with_odometry=True):
         mapper.add(event)
-        if isinstance(event, LaserScan):  # at a robot's pace, all is done before the next one
+        if isinstance(event, LaserScan):  # in real time, searches end before the next scan
             done = Event()
-            mapper.look(done.set)
-            assert done.wait(30.0)
+            mapper.run_on_graph_thread(done.set)
+            assert done.wait(LIMIT_S)
             while slam.search.num_running:
                 time.sleep(0.001)
             joined.append((slam.graph.num_nodes, slam.num_loop_closures))
@@ -162,5 +164,5 @@ def test_closures_join_long_before_the_next_adjustment(drive):
     assert len(came_at) > 1
     waited = slam.closures.num_nodes_to_join()
     assert len(waited) == slam.closures.num_found > 0
-    assert waited.max() <= 2 * (period // SEARCHES_A_LIVE_PERIOD) + 1
+    assert waited.max() <= 2 * (period // config.global_slam.live_searches_per_adjustment) + 1
     assert slam.num_put_off == 0

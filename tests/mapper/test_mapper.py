@@ -15,13 +15,12 @@ from cartoloop.evaluation.trajectories import absolute_trajectory_error
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closures import Status
 from cartoloop.sensor.events import LaserScan
-from cartoloop.simulation import office, ring, simulate
+from cartoloop.simulation import office, simulate
 
 
 @pytest.fixture(scope="module")
-def recording():
-    """Twice round a ring of corridors of 24 m, with odometry that slips and drifts."""
-    return simulate(ring(), seed=1)
+def recording(two_rounds):
+    return two_rounds
 
 
 def map_events(events, **global_slam):
@@ -35,8 +34,8 @@ def mean_error(result, recording):
     return float(absolute_trajectory_error(result.trajectory, recording.true_poses).mean())
 
 
-def test_closing_loops_halves_the_error_at_least(recording):
-    closed = map_events(recording.events())
+def test_closing_loops_at_least_halves_the_error(recording, two_rounds_result):
+    closed = two_rounds_result
     drifted = map_events(recording.events(), optimize_every_n_nodes=0)
 
     assert mean_error(closed, recording) < 0.10
@@ -49,7 +48,7 @@ def test_closing_loops_halves_the_error_at_least(recording):
     assert np.allclose(drifted.trajectory, drifted.local_trajectory, atol=1e-9)
 
 
-def test_a_run_stopped_in_the_last_pass_keeps_its_loop_closures(recording, monkeypatch):
+def test_stopping_the_last_pass_keeps_the_loop_closures(recording, monkeypatch):
     match_again = refinement.match_again
 
     def stopped_at_the_third(submap, *rest):
@@ -68,7 +67,7 @@ def test_a_run_stopped_in_the_last_pass_keeps_its_loop_closures(recording, monke
     assert result.graph.num_loop_closures == result.closures.num_found > 0
 
 
-def test_every_scan_gets_a_pose_and_every_node_its_place(recording):
+def test_every_scan_has_a_pose_and_nodes_are_among_them(recording):
     result = map_events(islice(recording.events(), 600))
 
     assert np.array_equal(result.stamps, recording.stamps[:300])
@@ -79,7 +78,7 @@ def test_every_scan_gets_a_pose_and_every_node_its_place(recording):
     assert np.allclose(at_nodes, result.graph.node_poses, atol=1e-12)
 
 
-def test_where_there_is_something_to_see_the_scans_are_enough_without_odometry():
+def test_an_office_is_mapped_without_odometry():
     recording = simulate(office(), seed=1, duration=60.0)
 
     result = map_events(recording.events(with_odometry=False))
@@ -116,7 +115,7 @@ def test_events_that_cannot_be_used_are_skipped_and_counted(recording):
     assert np.array_equal(result.trajectory, expected.trajectory)
 
 
-def test_inertial_readings_are_taken_without_complaint(recording):
+def test_inertial_readings_are_accepted(recording):
     mapper = Mapper()
     for event in islice(recording.events(), 20):
         mapper.add(Imu(event.time, event.time, np.array((0.0, 0.0, 9.8)), np.zeros(3)))
@@ -125,7 +124,7 @@ def test_inertial_readings_are_taken_without_complaint(recording):
     assert mapper.finish().report.skipped == {}
 
 
-def test_the_map_can_be_had_in_the_middle_and_mapping_goes_on(recording):
+def test_mapping_continues_after_an_intermediate_result(recording):
     events = list(islice(recording.events(), 400))
     mapper = Mapper()
     for event in events[:200]:
@@ -155,6 +154,15 @@ def test_counters_and_pose_follow_the_events(recording):
     mapper.close()
 
 
+def test_add_returns_the_pose_of_a_mapped_scan(recording):
+    mapper = Mapper()
+    for event in islice(recording.events(with_odometry=False), 20):
+        pose = mapper.add(event)
+        assert pose == (mapper.pose if isinstance(event, LaserScan) else None)
+    assert mapper.add(event) is None  # skipped: two scans at one time
+    mapper.close()
+
+
 @pytest.mark.parametrize("ask", [Mapper.result, Mapper.finish])
 def test_without_events_there_is_an_empty_result(ask, tmp_path):
     result = ask(Mapper())
@@ -167,7 +175,7 @@ def test_without_events_there_is_an_empty_result(ask, tmp_path):
     assert (tmp_path / "map.png").exists()
 
 
-def test_finish_can_follow_result_and_close_can_follow_finish(recording):
+def test_result_finish_and_close_can_follow_each_other(recording):
     mapper = Mapper()
     for event in islice(recording.events(), 100):
         mapper.add(event)
@@ -178,7 +186,7 @@ def test_finish_can_follow_result_and_close_can_follow_finish(recording):
     assert np.array_equal(mapper.result().trajectory, first.trajectory)
 
 
-def test_a_growing_map_can_be_looked_at(recording):
+def test_a_growing_map_can_be_read(recording):
     mapper = Mapper()
     assert mapper.last_scan is None
     assert mapper.recorded_s == 0.0

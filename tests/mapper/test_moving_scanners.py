@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scanners that tilt, turn while they sweep, are several, or see in space: maps against the truth.
+"""Maps of tilting, sweeping, multiple and 3D scanners, compared with the truth.
 
-Loop closure is off: the errors are those of local SLAM in a room that it keeps seeing.
+Loop closure is off: the errors are those of local SLAM in a room that stays in view.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from cartoloop.simulation.motion import delayed
 from cartoloop.simulation.rig import MountedLidar
 from tests.local_slam.small_world import furnished_room
 
+pytestmark = pytest.mark.slow
+
 WIDE = Lidar(
     num_beams=541, angle_min=math.radians(-135.0), angle_increment=math.radians(0.5), rate=10.0
 )
@@ -43,7 +45,7 @@ def mapped(events, **local_slam):
 
 
 def error(result, recording):
-    """Root mean square distance [m] of the trajectory, laid onto the truth as well as it can be."""
+    """Root mean square distance [m] of the trajectory, after the best alignment with the truth."""
     found, truth = (
         (poses[:, 0] - poses[:, 0].mean()) + 1j * (poses[:, 1] - poses[:, 1].mean())
         for poses in (result.trajectory, recording.true_poses)
@@ -60,7 +62,7 @@ def walk(seed=1, speed=1.0, turn_rate=1.0, rounds=2, **kwargs):
 
 
 def at_once(events):
-    """The events, of scans that do not tell that they were measured beam by beam."""
+    """The events, with scans whose beams seem to be measured at once."""
     geometries = {}
     for event in events:
         if isinstance(event, LaserScan):
@@ -72,7 +74,7 @@ def at_once(events):
             yield event
 
 
-def test_swaying_by_eight_degrees_costs_less_than_half_as_much_again_with_gravity():
+def test_gravity_corrects_most_of_the_error_of_swaying():
     walker = Gait(math.radians(8.0), bounce=0.015, start=STANDING_S)
     scanners = [MountedLidar(WIDE, sweep=0.075)]
     level, swaying, unprojected = [], [], []
@@ -87,9 +89,9 @@ def test_swaying_by_eight_degrees_costs_less_than_half_as_much_again_with_gravit
     assert np.mean(unprojected) > 1.5 * np.mean(level)
 
 
-@pytest.mark.parametrize("told_by", ["odometry", "imu"])
-def test_turning_at_two_radians_a_second_costs_less_than_a_third_more_when_undone(told_by):
-    sensors = {told_by: OdometryModel() if told_by == "odometry" else ImuModel()}
+@pytest.mark.parametrize("source", ["odometry", "imu"])
+def test_deskewing_corrects_most_of_the_error_of_turning(source):
+    sensors = {source: OdometryModel() if source == "odometry" else ImuModel()}
     still, undone, distorted = [], [], []
     for seed in (1, 2):
         plain = walk(seed, 0.8, 2.0, scanners=[MountedLidar(WIDE)], **sensors)
@@ -101,7 +103,7 @@ def test_turning_at_two_radians_a_second_costs_less_than_a_third_more_when_undon
     assert np.mean(distorted) > 3.0 * np.mean(still)
 
 
-def test_scans_alone_tell_the_motion_during_their_sweeps_nearly_as_well():
+def test_scans_alone_are_deskewed_nearly_as_well():
     still, undone = [], []
     for seed in (1, 2):
         plain = walk(seed, 0.8, 2.0, scanners=[MountedLidar(WIDE)])
@@ -131,7 +133,7 @@ def test_two_scanners_make_one_map():
     assert 0.5 < nodes.count("rear") / nodes.count("front") < 1.1
 
 
-def test_two_scanners_that_measure_at_the_same_moments_both_count():
+def test_two_scanners_can_measure_at_the_same_times():
     twin = replace(REAR, lidar=replace(REAR.lidar, rate=10.0), delay=0.0, sweep=0.05)
     recording = walk(rounds=1, scanners=[FRONT, twin], odometry=OdometryModel())
     result = mapped(recording.events())
@@ -168,7 +170,7 @@ def test_a_cloud_and_a_scan_of_a_swaying_body_make_one_map():
     assert error(mapped(recording.events()), recording) < 0.03
 
 
-def test_a_scanner_that_is_mounted_pitched_and_one_upside_down_see_the_same_room():
+def test_pitched_and_upside_down_scanners_make_one_map():
     scanners = [
         replace(FRONT, pitch=math.radians(10.0)),
         replace(REAR, roll=math.pi, height=0.2),
@@ -177,7 +179,7 @@ def test_a_scanner_that_is_mounted_pitched_and_one_upside_down_see_the_same_room
     assert error(mapped(recording.events()), recording) < 0.03
 
 
-def test_odometry_that_is_reset_on_the_way_does_no_harm():
+def test_a_reset_of_the_odometry_does_no_harm():
     recording = walk(rounds=1, scanners=[FRONT], odometry=OdometryModel())
 
     def with_reset():
@@ -208,28 +210,28 @@ def test_wheels_that_slip_do_little_harm(slips):
 
 
 @pytest.mark.parametrize("offset", [-0.2, 0.14, 0.64])
-def test_the_offset_of_the_odometry_s_clock_is_told(offset):
+def test_the_offset_of_the_odometrys_clock_is_reported(offset):
     recording = walk(rounds=1, scanners=[FRONT], odometry=OdometryModel(time_offset=offset))
     result = mapped(recording.events())
     assert result.report.extra["odometry"]["time_offset_s"] == pytest.approx(offset, abs=0.02)
-    # Until the robot has turned enough to tell, the odometry misleads.
+    # Until the robot has turned enough, the odometry is wrong.
     assert error(result, recording) < 0.06
 
 
-def test_what_the_imu_told_stands_in_the_report():
+def test_the_report_contains_the_imu_estimates():
     recording = walk(
         rounds=1,
         scanners=[FRONT],
         gait=Gait(math.radians(8.0), 0.015, STANDING_S),
         imu=ImuModel(),
     )
-    told = mapped(recording.events()).report.extra["imu"]
-    assert told["readings"] == sum(isinstance(event, Imu) for event in recording.events())
-    assert told["tells_gravity"]
-    assert told["tells_heading"]
-    assert told["rests"] >= 1
-    assert math.radians(5.0) < told["max_tilt_rad"] < math.radians(13.0)
-    assert told["gyro_bias_rad_s"] == pytest.approx(ImuModel().gyro_bias, abs=0.003)
+    imu = mapped(recording.events()).report.extra["imu"]
+    assert imu["readings"] == sum(isinstance(event, Imu) for event in recording.events())
+    assert imu["tells_gravity"]
+    assert imu["tells_heading"]
+    assert imu["rests"] >= 1
+    assert math.radians(5.0) < imu["max_tilt_rad"] < math.radians(13.0)
+    assert imu["gyro_bias_rad_s"] == pytest.approx(ImuModel().gyro_bias, abs=0.003)
 
 
 def test_the_same_events_give_the_same_map():
@@ -238,7 +240,7 @@ def test_the_same_events_give_the_same_map():
     assert np.array_equal(first.trajectory, second.trajectory)
 
 
-def test_scans_that_still_wait_are_mapped_in_the_end():
+def test_queued_scans_are_mapped_in_the_end():
     recording = walk(rounds=1, scanners=[FRONT], odometry=OdometryModel())
     scans = [event for event in recording.events() if isinstance(event, LaserScan)]
     mapper = Mapper()
@@ -250,7 +252,7 @@ def test_scans_that_still_wait_are_mapped_in_the_end():
     assert len(mapper.finish().stamps) == 2
 
 
-def test_a_sweep_that_is_said_to_last_for_minutes_does_not_keep_scans_waiting():
+def test_an_overlong_sweep_does_not_delay_scans():
     recording = walk(rounds=1, scanners=[FRONT], odometry=OdometryModel())
     scans = [event for event in recording.events() if isinstance(event, LaserScan)]
     endless = replace(scans[0].geometry, time_increment=10.0)

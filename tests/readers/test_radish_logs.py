@@ -11,6 +11,8 @@ import pytest
 from cartoloop.readers import open_log
 from cartoloop.sensor.events import LaserScan
 
+pytestmark = pytest.mark.data
+
 DATA = Path(os.environ.get("CARTOLOOP_DATA", Path(__file__).parents[2] / "../shared/data"))
 
 # name: scans, beams, no return [m], range_max [m], rate [Hz], duration [s], odometry path [m]

@@ -256,6 +256,7 @@ FILES = {
 }
 
 
+@pytest.mark.data
 @pytest.mark.parametrize("name", FILES)
 def test_real_recordings_are_read_whole(name):
     path = DATA / f"other/{name}.gz"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which pairs are due to be searched, one by one and in words of one syllable."""
+"""Which pairs are due to be searched, one by one, in plain words."""
 
 from __future__ import annotations
 
@@ -8,40 +8,34 @@ import numpy as np
 from cartoloop.sensor.pose import Pose, relative
 
 
-def naive_tie(node, travelled, node_submaps, submap_travelled, ties, closure_length):
-    """The submap that a node is best tied to, and the way to it."""
+def naive_anchor(node, paths):
+    """The submap that a node is best constrained to, and the path length to it."""
+    travelled, node_submaps, submap_travelled, closures, closure_length = paths
     own = node_submaps[node, 0]
-    ways = [(abs(travelled[node] - submap_travelled[own]), 0, own)]
-    closed = [(other, submap) for other, submap in ties.T.tolist()]
+    candidates = [(abs(travelled[node] - submap_travelled[own]), 0, own)]
+    closed = [(other, submap) for other, submap in closures.T.tolist()]
     before = [pair for pair in closed if pair[0] < node][-1:]
-    behind = [pair for pair in closed if pair[0] >= node][:1]
-    for preference, (other, submap) in enumerate(before + behind, start=1):
-        way = abs(travelled[node] - travelled[other]) + closure_length
-        ways.append((way, preference, submap))
-    way, _, submap = min(ways)
-    return submap, way
+    after = [pair for pair in closed if pair[0] >= node][:1]
+    for preference, (other, submap) in enumerate(before + after, start=1):
+        length = abs(travelled[node] - travelled[other]) + closure_length
+        candidates.append((length, preference, submap))
+    length, _, submap = min(candidates)
+    return submap, length
 
 
-def naive_due_pairs(
-    submaps, nodes, submap_poses, node_poses, max_distance, is_sought, travelled, node_submaps,
-    submap_travelled, ties, closure_length, known_ways, ways_from_submap, bound_length, every,
-    every_bound,
-):  # fmt: skip
-    """Rows of (submap, node, the node's first submap, shortest way, tf_submap_node)."""
-    rows = []
-    for submap in submaps:
-        for node in nodes:
-            tf_map_submap, tf_map_node = Pose(*submap_poses[submap]), Pose(*node_poses[node])
-            apart = np.hypot(tf_map_node.x - tf_map_submap.x, tf_map_node.y - tf_map_submap.y)
-            if apart > max_distance or submap in node_submaps[node] or not is_sought[node]:
-                continue
-            length = abs(travelled[node] - submap_travelled[submap])
-            tie, way = naive_tie(
-                node, travelled, node_submaps, submap_travelled, ties, closure_length
-            )
-            if max(submap, tie) < len(known_ways):
-                length = min(length, known_ways[tie if ways_from_submap else submap] + way)
-            if (submap + node) % (every_bound if length < bound_length else every) == 0:
-                seen = relative(tf_map_submap, tf_map_node)
-                rows.append((submap, node, node_submaps[node, 0], length, *seen))
-    return np.array(rows, dtype=np.float64).reshape(-1, 7)
+def naive_pair(submap, node, submap_poses, node_poses, paths, known_length, rule):
+    """Row of (submap, node, path length, tf_submap_node), or None where it is not due.
+
+    known_length : from the node's anchor to the submap, None where it is not known.
+    """
+    tf_map_submap, tf_map_node = Pose(*submap_poses[submap]), Pose(*node_poses[node])
+    apart = np.hypot(tf_map_node.x - tf_map_submap.x, tf_map_node.y - tf_map_submap.y)
+    if apart > rule.max_distance or submap in paths.node_submaps[node]:
+        return None
+    length = abs(paths.travelled[node] - paths.submap_travelled[submap])
+    if known_length is not None:
+        length = min(length, known_length + naive_anchor(node, paths)[1])
+    is_known_well = length < rule.well_constrained_length
+    if (submap + node) % (rule.every_well_constrained if is_known_well else rule.every) != 0:
+        return None
+    return (submap, node, length, *relative(tf_map_submap, tf_map_node))

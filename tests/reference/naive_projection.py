@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The slow, obvious twins of cartoloop.kernels.sweep_projection and cloud_projection."""
+"""Slow, obvious references of cartoloop.kernels.sweep_projection and cloud_projection."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 def naive_place_upright(point, time, start, step, knots):
-    """Return a point of the moving, tilted tracking frame in the level one at time 0."""
+    """Return a point of the moving, tilted tracking frame in the level frame at time 0."""
     moments = start + step * np.arange(len(knots))
     x, y, theta, roll, pitch = (np.interp(time, moments, column) for column in np.transpose(knots))
     turn = about(2, theta) @ about(1, pitch) @ about(0, roll)
@@ -25,20 +25,21 @@ def about(axis, angle):
     return matrix
 
 
-def naive_sweep(ranges, directions, origin, time_increment, motion, limits, no_return_is_free):
+def naive_sweep(ranges, directions, origin, increment, motion, limits, heights, is_free):
     """Return returns and misses, lists of points."""
-    shortest, longest, no_return, free, low, high = limits
+    shortest, longest, no_return, _, free = limits
+    low, high = heights
     returns, misses = [], []
     for k, measured in enumerate(ranges):
         if math.isnan(measured) or measured < shortest or measured <= 0.0:
             continue
         is_hit = measured <= longest and measured < no_return
-        says_free = measured < no_return or no_return_is_free or measured == math.inf
+        says_free = measured < no_return or is_free or measured == math.inf
         if not is_hit and not (says_free and free > 0.0):
             continue
         length = measured if is_hit else min(measured, free)
         end = np.asarray(origin) + length * directions[k]
-        x, y, z = naive_place_upright(end, k * time_increment, *motion)
+        x, y, z = naive_place_upright(end, k * increment, *motion)
         if low <= z <= high:
             (returns if is_hit else misses).append((x, y))
     return returns, misses

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Events that are useless by themselves, each with its reason."""
+"""Events that cannot be used, each with its reason."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cartoloop.sensor.event_faults import fault_of
+from cartoloop.sensor.event_faults import EventChecker, fault_of
 from cartoloop.sensor.events import (
     CloudGeometry,
     Imu,
@@ -69,7 +69,7 @@ def test_each_fault_has_its_reason(event, reason):
         replace(IMU, linear_acceleration=(0.0, 0.0, 1e5)),
     ],
 )
-def test_glitches_of_an_imu_are_more_than_it_can_measure(event):
+def test_implausible_imu_readings_are_faults(event):
     assert "than" in str(fault_of(event))
 
 
@@ -82,7 +82,7 @@ def test_glitches_of_an_imu_are_more_than_it_can_measure(event):
         {"tf_tracking_sensor": IDENTITY._replace(x=math.nan)},
     ],
 )
-def test_a_scanner_must_be_somewhere_and_look_somewhere(values):
+def test_the_geometry_of_a_scanner_must_be_finite(values):
     assert "of the scanner" in str(
         fault_of(replace(SCAN, geometry=replace(SCAN.geometry, **values)))
     )
@@ -90,3 +90,35 @@ def test_a_scanner_must_be_somewhere_and_look_somewhere(values):
     if both:
         broken = replace(CLOUD, geometry=replace(CLOUD.geometry, **both))
         assert "of the scanner" in str(fault_of(broken))
+
+
+def reasons(*events, late=False):
+    checker = EventChecker(accepts_late_odometry=late)
+    return [checker.reason_to_skip(event) for event in events]
+
+
+def test_scans_must_be_in_order_and_differ_in_time():
+    earlier = replace(SCAN, time=0.5)
+    assert reasons(SCAN, earlier, SCAN) == [None, "time runs backwards", "two scans at one time"]
+
+
+def test_scans_of_two_scanners_can_have_one_time():
+    assert reasons(SCAN, replace(CLOUD, geometry=CloudGeometry(sensor="other"))) == [None, None]
+
+
+def test_faulty_scans_are_not_compared_with():
+    faulty = replace(SCAN, time=9.0, ranges=np.ones(4))
+    assert reasons(faulty, SCAN)[1] is None
+
+
+@pytest.mark.parametrize(("late", "reason"), [(True, None), (False, "time runs backwards")])
+def test_late_odometry_is_accepted_where_configured(late, reason):
+    assert reasons(SCAN, replace(ODOMETRY, time=0.5), late=late) == [None, reason]
+
+
+def test_the_times_of_accepted_scans_are_kept():
+    checker = EventChecker(accepts_late_odometry=False)
+    assert math.isnan(checker.first_time)
+    for time in (1.0, 3.0, 2.0):
+        checker.reason_to_skip(replace(SCAN, time=time))
+    assert (checker.first_time, checker.last_time) == (1.0, 3.0)

@@ -22,7 +22,7 @@ from cartoloop.sensor.events import (
 from cartoloop.sensor.pose import IDENTITY
 
 
-def test_geometry_of_a_plain_scanner_is_level_and_measures_all_beams_at_once():
+def test_a_geometry_is_level_and_without_sweep_by_default():
     geometry = ScanGeometry(-1.0, 0.5, 5, 0.1, 20.0)
 
     assert geometry.angles.tolist() == [-1.0, -0.5, 0.0, 0.5, 1.0]
@@ -31,7 +31,7 @@ def test_geometry_of_a_plain_scanner_is_level_and_measures_all_beams_at_once():
     assert geometry.sensor == ""
 
 
-def test_cloud_geometry_leaves_no_point_out_by_default():
+def test_a_cloud_geometry_drops_no_point_by_default():
     geometry = CloudGeometry()
 
     assert geometry.tf_tracking_sensor == IDENTITY

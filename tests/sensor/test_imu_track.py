@@ -33,32 +33,32 @@ def steady(duration, acceleration=UP, rate=(0.0, 0.0, 0.0), begin=0.0):
 
 def test_a_level_robot_at_rest_is_level():
     track = track_of(steady(3.0))
-    assert track.tells_gravity
+    assert track.measures_gravity
     assert track.at(np.array((0.5, 2.5))) == pytest.approx(np.zeros((2, 3)))
     assert track.max_tilt == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.1, 0.0), (0.0, 0.1), (-0.2, 0.3)])
-def test_roll_and_pitch_are_read_off_gravity(roll, pitch):
+def test_roll_and_pitch_follow_from_gravity(roll, pitch):
     up = (-math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll))
     track = track_of(steady(1.0, tuple(9.81 * part for part in up)))
     assert track.at(np.array((0.5,)))[0, :2] == pytest.approx((roll, pitch))
 
 
-def test_an_acceleration_without_gravity_tells_neither_up_nor_tilts_the_heading():
+def test_an_acceleration_without_gravity_is_ignored():
     track = track_of(steady(5.0, (0.3, 0.0, 0.2), (0.0, 0.0, 0.5)))
-    assert not track.tells_gravity
+    assert not track.measures_gravity
     assert track.max_tilt == 0.0
     assert np.ptp(track.at(np.array((1.0, 3.0)))[:, 2]) == pytest.approx(1.0)
 
 
-def test_the_gyroscope_tells_the_heading_and_carries_it_on_a_little():
+def test_the_heading_is_integrated_and_shortly_extrapolated():
     track = track_of(steady(2.0, rate=(0.0, 0.0, 0.5)))
     turned = track.at(np.array((1.0, 2.0, 2.0 + MAX_REACH_S, 9.0)))[:, 2]
     assert np.diff(turned) == pytest.approx((0.5, 0.5 * MAX_REACH_S, 0.0))
 
 
-def test_a_short_push_hardly_moves_up_but_a_lasting_one_does():
+def test_only_lasting_accelerations_change_the_tilt():
     pushed = steady(20.0) + steady(0.5, (2.0, 0.0, 9.81), begin=20.01)
     assert abs(track_of(pushed).at(np.array((20.5,)))[0, 1]) < 0.02
     leaning = steady(20.0) + steady(60.0, (2.0, 0.0, 9.81), begin=20.01)
@@ -67,7 +67,7 @@ def test_a_short_push_hardly_moves_up_but_a_lasting_one_does():
     )
 
 
-def test_the_bias_is_what_the_gyroscope_tells_at_rest():
+def test_the_bias_is_the_mean_rate_at_rest():
     track = track_of(steady(2.5, rate=(0.01, -0.02, 0.03)))
     assert track.num_rests == 2
     assert track.gyro_bias == pytest.approx((0.01, -0.02, 0.03), abs=5e-4)
@@ -75,7 +75,7 @@ def test_the_bias_is_what_the_gyroscope_tells_at_rest():
     assert after - before == pytest.approx(0.0, abs=1e-4)
 
 
-def test_a_steady_turn_that_scans_have_seen_is_no_bias():
+def test_a_steady_turn_that_scans_confirm_is_no_bias():
     track = ImuTrack(10.0)
     for time, acceleration, rate in steady(3.0, rate=(0.0, 0.0, 0.05)):
         track.add(Imu(time, time, acceleration, rate))
@@ -88,7 +88,7 @@ def test_a_fast_turn_is_no_bias():
     assert track_of(steady(3.0, rate=(0.0, 0.0, 0.5))).num_rests == 0
 
 
-def test_a_walker_s_tilt_is_found_within_a_degree():
+def test_a_walkers_tilt_is_estimated_within_a_degree():
     route = np.array([(0.0, 0.0), (9.0, 0.0), (9.0, 6.0), (0.0, 6.0), (0.0, 0.0)])
     motion = delayed(drive(route, speed=1.2), 3.0)
     gait = Gait(math.radians(8.0), 0.015, start=3.0)
@@ -105,13 +105,13 @@ def test_a_walker_s_tilt_is_found_within_a_degree():
     assert math.degrees(np.abs(gait.attitudes_at(times)).max()) > 5.0
 
 
-def test_an_imu_that_is_turned_on_its_side_tells_no_gravity():
-    assert not track_of(steady(1.0, (9.81, 0.0, 0.0))).tells_gravity
+def test_an_imu_on_its_side_does_not_measure_gravity():
+    assert not track_of(steady(1.0, (9.81, 0.0, 0.0))).measures_gravity
 
 
-def test_an_imu_without_acceleration_tells_the_heading_alone():
+def test_an_imu_without_acceleration_gives_the_heading():
     track = track_of(steady(1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
-    assert not track.tells_gravity
+    assert not track.measures_gravity
     assert np.ptp(track.at(np.array((0.0, 1.0)))[:, 2]) == pytest.approx(1.0)
 
 
@@ -125,7 +125,7 @@ def test_headings_are_not_known_across_gaps_nor_outside():
     assert not ImuTrack(10.0).covers(0.0, 1.0)
 
 
-def test_readings_that_come_late_or_twice_are_left_out():
+def test_late_and_repeated_readings_are_ignored():
     track = track_of([*steady(1.0), (0.5, UP, (0.0, 0.0, 9.0)), (1.0, UP, (0.0, 0.0, 9.0))])
     assert track.num_readings == 101
     assert track.at(np.array((1.0,)))[0, 2] == 0.0

@@ -70,7 +70,7 @@ def test_a_pose_and_its_inverse_cancel(a):
 
 @properties
 @given(a=poses, b=poses)
-def test_the_relative_pose_leads_from_one_to_the_other(a, b):
+def test_composing_with_the_relative_pose_gives_the_other(a, b):
     assert_same(relative(a, b), compose(inverse(a), b))
     assert_same(compose(a, relative(a, b)), b)
 
@@ -92,7 +92,7 @@ def test_transforming_points_twice_equals_the_composition(a, b, point):
 
 @properties
 @given(a=poses, points=st.lists(st.tuples(coordinate, coordinate), max_size=5))
-def test_a_point_is_transformed_like_the_place_of_a_pose(a, points):
+def test_a_point_is_transformed_like_the_position_of_a_pose(a, points):
     transformed = transform_points(a, np.array(points).reshape(-1, 2))
     assert transformed.shape == (len(points), 2)
     for point, place in zip(points, transformed, strict=True):
@@ -101,14 +101,14 @@ def test_a_point_is_transformed_like_the_place_of_a_pose(a, points):
 
 @properties
 @given(a=poses, b=poses)
-def test_interpolation_begins_at_one_end_and_ends_at_the_other(a, b):
+def test_interpolation_starts_and_ends_at_the_given_poses(a, b):
     assert_same(interpolate(a, b, 0.0), a)
     assert_same(interpolate(a, b, 1.0), b)
 
 
 @properties
 @given(a=poses, b=poses, fraction=st.floats(0.0, 1.0))
-def test_interpolation_is_straight_and_turns_the_shorter_way(a, b, fraction):
+def test_interpolation_is_straight_and_turns_less_than_pi(a, b, fraction):
     between = interpolate(a, b, fraction)
     expected = (a.x + fraction * (b.x - a.x), a.y + fraction * (b.y - a.y))
     assert between[:2] == pytest.approx(expected)
@@ -116,7 +116,7 @@ def test_interpolation_is_straight_and_turns_the_shorter_way(a, b, fraction):
     assert turned == pytest.approx(fraction * abs(wrap_angle(b.theta - a.theta)), abs=1e-9)
 
 
-def test_interpolation_across_the_half_turn_does_not_go_round():
+def test_interpolation_across_pi_turns_the_shorter_angle():
     between = interpolate(Pose(0.0, 0.0, 3.1), Pose(0.0, 0.0, -3.1), 0.5)
     assert abs(between.theta) == pytest.approx(math.pi)
 
@@ -131,7 +131,7 @@ def test_wrapping_changes_angles_by_whole_turns(theta):
 
 
 @pytest.mark.parametrize("theta", BESIDE_PI)
-def test_angles_beside_the_half_turn_are_wrapped_into_the_interval(theta):
+def test_angles_beside_pi_are_wrapped_into_the_interval(theta):
     assert -math.pi < wrap_angle(theta) <= math.pi
     assert -math.pi < wrap_angles(np.array([theta]))[0] <= math.pi
 
@@ -144,7 +144,7 @@ def test_the_half_turn_is_positive(theta):
 
 @properties
 @given(theta=st.floats(-math.pi, math.pi, exclude_min=True))
-def test_angles_within_the_interval_are_kept_to_the_last_bit(theta):
+def test_angles_in_the_interval_keep_every_bit(theta):
     assert wrap_angle(theta) == theta
     assert wrap_angles(np.array([theta]))[0] == theta
 
@@ -161,7 +161,7 @@ def test_wrapping_an_array_equals_wrapping_each_angle(angles):
 @pytest.mark.parametrize(("of_all", "of_one"), [(compose_all, compose), (relative_all, relative)])
 @settings(deadline=None, max_examples=40)
 @given(a=pose_lists, data=st.data())
-def test_arrays_of_poses_equal_one_pose_after_the_other(of_all, of_one, a, data):
+def test_arrays_of_poses_equal_single_poses(of_all, of_one, a, data):
     b = data.draw(st.lists(poses, min_size=len(a), max_size=len(a)))
     results = of_all(np.array(a), np.array(b))
     assert results.shape == (len(a), 3)
@@ -173,7 +173,7 @@ def test_arrays_of_poses_equal_one_pose_after_the_other(of_all, of_one, a, data)
 @pytest.mark.parametrize(("of_all", "of_one"), [(compose_all, compose), (relative_all, relative)])
 @settings(deadline=None, max_examples=40)
 @given(many=pose_lists, single=poses)
-def test_one_pose_stands_for_all_rows(of_all, of_one, many, single):
+def test_one_pose_is_broadcast_to_all_rows(of_all, of_one, many, single):
     for result, one in zip(of_all(np.array(many), np.array(single)), many, strict=True):
         assert_same(result, of_one(one, single))
     for result, one in zip(of_all(np.array(single), np.array(many)), many, strict=True):

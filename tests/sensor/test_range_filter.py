@@ -12,8 +12,10 @@ import pytest
 from cartoloop.config import AdaptiveVoxelFilterConfig, SensorConfig
 from cartoloop.sensor.events import CloudGeometry, LaserScan, PointCloud, ScanGeometry
 from cartoloop.sensor.pose import Pose
-from cartoloop.sensor.range_filter import USEFUL_RANGE, RangeFilter, thin
+from cartoloop.sensor.range_filter import RangeFilter, thin
 from cartoloop.sensor.sweep_motion import AT_REST, SweepMotion
+
+USEFUL_RANGE = SensorConfig().default_max_range
 
 QUARTER_TURNS = ScanGeometry(
     angle_min=-math.pi / 2,
@@ -33,7 +35,7 @@ def assert_points(points, expected):
     assert points == pytest.approx(np.array(expected).reshape(-1, 2), abs=1e-12)
 
 
-def test_beams_look_counter_clockwise_from_the_first_angle():
+def test_beams_are_counter_clockwise_from_the_first_angle():
     data = filtered([1.0, 2.0, 3.0])
     assert_points(data.returns, [(0.0, -1.0), (2.0, 0.0), (0.0, 3.0)])
     assert_points(data.misses, [])
@@ -44,7 +46,7 @@ def test_a_clockwise_scanner_has_a_negative_increment():
     assert_points(filtered([3.0, 2.0, 1.0], clockwise).returns, [(0, 3), (2, 0), (0, -1)])
 
 
-def test_points_are_in_the_tracking_frame_wherever_the_sensor_sits():
+def test_points_are_in_the_tracking_frame():
     mounted = replace(QUARTER_TURNS, tf_tracking_sensor=Pose(0.5, -0.25, math.pi / 2))
     data = filtered([1.0, math.inf, 3.0], mounted, missing_data_ray_length=2.0)
     assert_points(data.returns, [(1.5, -0.25), (-2.5, -0.25)])
@@ -52,19 +54,19 @@ def test_points_are_in_the_tracking_frame_wherever_the_sensor_sits():
     assert data.tf_tracking_sensor == mounted.tf_tracking_sensor
 
 
-def test_the_scanner_s_own_limits_hold_where_none_are_configured():
+def test_range_limits_are_the_scanners_by_default():
     data = filtered([0.1, 0.2, 20.0])
     assert_points(data.returns, [(0.2, 0.0)])
     assert len(data.misses) == 1
 
 
-def test_configured_limits_take_the_place_of_the_scanner_s():
+def test_configured_limits_replace_those_of_the_scanner():
     data = filtered([0.1, 1.5, 3.0], min_range=0.05, max_range=2.0, missing_data_ray_length=1.0)
     assert_points(data.returns, [(0.0, -0.1), (1.5, 0.0)])
     assert_points(data.misses, [(0.0, 1.0)])
 
 
-def test_returns_too_far_to_tell_much_only_clear_free_space():
+def test_returns_beyond_the_default_range_clear_free_space():
     far = replace(QUARTER_TURNS, range_max=80.0)
     data = filtered([USEFUL_RANGE + 1.0, 5.0, USEFUL_RANGE - 1.0], far)
     assert len(data.returns) == 2
@@ -73,9 +75,7 @@ def test_returns_too_far_to_tell_much_only_clear_free_space():
 
 @pytest.mark.parametrize("no_return_is_free", [True, False])
 @pytest.mark.parametrize("measured", [20.0, 81.91])
-def test_ranges_at_the_scanner_s_end_clear_free_space_only_where_they_mean_it(
-    no_return_is_free, measured
-):
+def test_maximum_ranges_clear_free_space_if_they_mean_it(no_return_is_free, measured):
     geometry = replace(QUARTER_TURNS, no_return_is_free=no_return_is_free)
     data = filtered([1.0, measured, math.inf], geometry, missing_data_ray_length=2.0)
     assert_points(data.returns, [(0.0, -1.0)])
@@ -87,13 +87,13 @@ def test_a_ray_length_of_zero_clears_nothing():
     assert len(filtered([math.inf, 81.91, 1.0], missing_data_ray_length=0.0).misses) == 0
 
 
-@pytest.mark.parametrize("said_nothing", [math.nan, -math.inf, -1.0, 0.0])
-def test_a_scan_that_says_nothing_has_no_points(said_nothing):
-    data = filtered([said_nothing] * 3)
+@pytest.mark.parametrize("measured", [math.nan, -math.inf, -1.0, 0.0])
+def test_a_scan_without_valid_ranges_has_no_points(measured):
+    data = filtered([measured] * 3)
     assert data.returns.shape == data.misses.shape == (0, 2)
 
 
-def test_returns_and_misses_are_one_a_voxel():
+def test_each_voxel_has_one_return_and_one_miss():
     close = ScanGeometry(0.0, 1e-4, 100, 0.1, 20.0)
     ranges = np.where(np.arange(100) < 50, 1.01, math.inf)
     data = filtered(ranges, close, voxel_filter_size=0.1, missing_data_ray_length=3.03)
@@ -109,7 +109,7 @@ def test_a_filter_follows_a_change_of_the_scanner():
         assert_points(range_filter.apply(LaserScan(0.0, 0.0, ranges, geometry)).returns, [(x, 0)])
 
 
-def test_the_scan_s_ranges_are_left_alone():
+def test_the_ranges_of_the_scan_are_not_changed():
     ranges = np.array([1.0, math.nan, math.inf])
     filtered(ranges)
     assert np.array_equal(ranges, [1.0, math.nan, math.inf], equal_nan=True)
@@ -128,7 +128,7 @@ def test_thinning_of_no_points_gives_none():
     assert thin(np.zeros((0, 2)), AdaptiveVoxelFilterConfig()).shape == (0, 2)
 
 
-def test_a_configured_mounting_takes_the_place_of_the_recorded_one():
+def test_a_configured_mounting_replaces_the_recorded_one():
     geometry = ScanGeometry(0.0, math.pi / 2, 2, 0.1, 20.0, True, Pose(9.0, 9.0, 9.0))
     scan = LaserScan(0.0, 0.0, np.array([1.0, 2.0]), geometry)
 
@@ -138,7 +138,7 @@ def test_a_configured_mounting_takes_the_place_of_the_recorded_one():
     np.testing.assert_allclose(data.returns, [[0.5, 1.0], [-1.5, 0.0]], atol=1e-12)
 
 
-def test_several_scanners_are_kept_apart():
+def test_several_scanners_have_their_own_mountings():
     other = replace(QUARTER_TURNS, sensor="rear", tf_tracking_sensor=Pose(-1.0, 0.0, math.pi))
     range_filter = RangeFilter(SensorConfig())
     for _ in range(2):
@@ -167,25 +167,25 @@ def test_a_configured_pose_is_that_of_the_first_scanner():
     assert_points(seen[1].returns, [(-3.0, 0.0)])
 
 
-def test_a_scanner_that_hangs_upside_down_looks_the_other_way_round():
+def test_beams_of_an_upside_down_scanner_are_mirrored():
     hanging = replace(QUARTER_TURNS, roll=math.pi)
     assert_points(filtered([1.0, 2.0, 3.0], hanging).returns, [(0, 1), (2, 0), (0, -3)])
 
 
-def test_what_a_pitched_scanner_sees_of_the_floor_is_no_wall():
+def test_a_pitched_scanner_ignores_the_floor():
     pitched = replace(QUARTER_TURNS, pitch=math.radians(30.0), height=0.5)
     data = filtered([1.0, 2.0, math.nan], pitched)
     assert_points(data.returns, [(0.0, -1.0), (2.0 * math.cos(math.radians(30.0)), 0.0)])
     assert_points(filtered([1.0, 3.0, math.nan], pitched).returns, [(0.0, -1.0)])
 
 
-def test_a_level_robot_at_rest_sees_the_same_with_and_without_being_told_so():
-    told = RangeFilter(SensorConfig()).apply(
+def test_a_motion_at_rest_equals_no_motion():
+    moving = RangeFilter(SensorConfig()).apply(
         LaserScan(0.0, 0.0, np.array((1.0, math.inf, 3.0)), QUARTER_TURNS), AT_REST
     )
     plain = filtered([1.0, math.inf, 3.0])
-    assert_points(told.returns, plain.returns)
-    assert_points(told.misses, plain.misses)
+    assert_points(moving.returns, plain.returns)
+    assert_points(moving.misses, plain.misses)
 
 
 def cloud_of(points, times=None, config=None, motion=None, **geometry):
@@ -193,18 +193,18 @@ def cloud_of(points, times=None, config=None, motion=None, **geometry):
     return RangeFilter(config or SensorConfig()).apply(cloud, motion)
 
 
-def test_the_nearest_point_of_each_direction_of_a_cloud_counts():
+def test_the_nearest_point_in_each_direction_is_used():
     data = cloud_of([(3.0, 0.0, 0.0), (2.0, 0.001, 0.3), (0.0, 4.0, 0.0), (math.nan, 1.0, 0.0)])
     assert sorted(map(tuple, data.returns.tolist())) == [(0.0, 4.0), (2.0, 0.001)]
     assert len(data.misses) == 0
 
 
-def test_of_a_cloud_what_is_about_as_high_as_its_scanner_counts():
+def test_points_near_the_scanners_height_are_used():
     points = [(3.0, 0.0, -0.5), (0.0, 3.0, 0.0), (-3.0, 0.0, 0.9)]
     assert_points(cloud_of(points, height=0.6).returns, [(0.0, 3.0)])
 
 
-def test_a_cloud_is_cut_at_the_heights_that_are_told_and_configured():
+def test_a_cloud_is_cropped_at_both_height_limits():
     points = [(3.0, 0.0, -0.5), (0.0, 3.0, 0.0), (-3.0, 0.0, 0.9)]
     low = cloud_of(points, min_z=-0.6, max_z=0.5)
     assert_points(low.returns, [(3.0, 0.0), (0.0, 3.0)])
@@ -213,16 +213,16 @@ def test_a_cloud_is_cut_at_the_heights_that_are_told_and_configured():
     assert_points(high.returns, [(0.0, 3.0), (-3.0, 0.0)])
 
 
-def test_a_cloud_is_cut_at_the_ranges_of_its_scanner():
+def test_a_cloud_is_cropped_at_the_ranges_of_its_scanner():
     near_and_far = [(0.2, 0.0, 0.0), (0.0, 2.0, 0.0), (-9.0, 0.0, 0.0)]
     assert_points(cloud_of(near_and_far, range_min=0.5, range_max=8.0).returns, [(0.0, 2.0)])
 
 
-def test_points_of_a_cloud_are_moved_back_by_their_own_time():
+def test_points_of_a_cloud_are_deskewed_by_their_own_times():
     ahead = SweepMotion(-0.1, 0.1, np.array([(-0.3, 0, 0, 0, 0), (0.0, 0, 0, 0, 0)]))
     data = cloud_of([(2.0, 0.0, 0.0), (0.0, 2.0, 0.0)], times=np.array((-0.1, 0.0)), motion=ahead)
     assert_points(sorted(data.returns.tolist()), [(0.0, 2.0), (1.7, 0.0)])
 
 
-def test_an_empty_cloud_shows_nothing():
+def test_an_empty_cloud_has_no_returns():
     assert len(cloud_of(np.empty((0, 3))).returns) == 0

@@ -25,7 +25,7 @@ def test_each_scan_has_its_points():
     np.testing.assert_array_equal(scans[-1], SCANS[-1])
 
 
-def test_some_scans_are_taken_in_any_order_without_copying():
+def test_scans_can_be_selected_without_copying_points():
     scans = ScanPoints.of(SCANS)
     taken = scans.take(np.array((2, 0, 2)))
     same(taken, [SCANS[2], SCANS[0], SCANS[2]])
@@ -33,7 +33,7 @@ def test_some_scans_are_taken_in_any_order_without_copying():
     same(scans[1:], SCANS[1:])
 
 
-def test_there_may_be_no_scans():
+def test_no_scans_are_allowed():
     assert len(ScanPoints.of([])) == 0
     with pytest.raises(IndexError):
         ScanPoints.of([])[0]

@@ -55,13 +55,13 @@ def test_a_pile_up_at_the_top_is_the_no_return_value(no_return):
     assert profile.share_no_return == pytest.approx(np.mean(driven() >= 9.0), abs=0.02)
 
 
-def test_a_jittering_no_return_value_is_cut_off_below_its_jitter():
+def test_the_range_limit_is_below_a_jittering_no_return():
     profile = profile_sensor(scans(driven(51.06, limit=9.0, jitter=0.06).round(2)))
     assert profile.no_return == pytest.approx(51.06, abs=0.07)
     assert 50.0 < profile.range_max < 51.0
 
 
-def test_a_scanner_that_clips_at_its_maximum_piles_up_without_a_gap():
+def test_a_scanner_that_clips_at_its_maximum_is_recognized():
     profile = profile_sensor(scans(np.minimum(driven(), 8.0)))
     assert profile.no_return == pytest.approx(8.0)
     assert 7.9 < profile.range_max < 8.0
@@ -81,7 +81,7 @@ def test_infinity_and_zero_can_stand_for_no_return():
     assert zero.range_min >= 0.05
 
 
-def test_walls_of_a_hall_are_no_returns_of_nothing():
+def test_walls_of_a_hall_are_not_a_no_return_value():
     profile = profile_sensor(scans(driven().round(2)))
     assert profile.no_return is None
     assert profile.range_max == math.inf
@@ -89,7 +89,7 @@ def test_walls_of_a_hall_are_no_returns_of_nothing():
 
 
 @pytest.mark.parametrize("theta", [0.0, 0.5, 1.5])
-def test_a_long_wall_before_a_robot_that_stands_still_is_a_wall(theta):
+def test_a_long_wall_before_a_robot_at_rest_is_a_wall(theta):
     rng = np.random.default_rng(1)
     still = hall(2.0, 6.0, theta, width=42.0, depth=12.0)
     ranges = (still + rng.normal(0.0, 0.01, (100, 180))).round(2)
@@ -103,7 +103,7 @@ def test_a_far_wall_behind_a_door_is_a_wall():
     assert find_no_return(ranges, DEGREE).value is None
 
 
-def test_a_robot_that_never_moves_still_tells_no_returns_by_their_arc_or_distance():
+def test_no_returns_of_a_robot_at_rest_are_recognized():
     still = hall(2.0, 6.0, 0.0)
     arc = np.tile(np.where(still > 11.0, 12.5, still), (50, 1))
     assert find_no_return(arc, DEGREE).value == 12.5
@@ -113,7 +113,7 @@ def test_a_robot_that_never_moves_still_tells_no_returns_by_their_arc_or_distanc
 
 
 @pytest.mark.parametrize("value", [81.91, 30.0])
-def test_all_beams_missing_leave_no_measurement(value):
+def test_without_returns_there_is_no_measurement(value):
     profile = profile_sensor(scans(np.full((3, 180), value)))
     assert (profile.no_return, profile.share_no_return) == (value, 1.0)
     assert profile.range_noise == 0.0
@@ -165,7 +165,7 @@ def test_the_step_of_the_ranges_is_found(quantum):
 
 @pytest.mark.parametrize("sigma", [0.003, 0.01, 0.03])
 @pytest.mark.parametrize("quantum", [0.0, 0.01])
-def test_noise_is_measured_while_the_robot_stands_still(sigma, quantum):
+def test_noise_is_measured_at_rest(sigma, quantum):
     rng = np.random.default_rng(7)
     exact = np.repeat([hall(*pose) for pose in drive(40)], 3, axis=0)
     ranges = exact + rng.normal(0.0, sigma, exact.shape)
@@ -178,13 +178,13 @@ def test_noise_is_measured_while_the_robot_stands_still(sigma, quantum):
     assert found == pytest.approx(expected, rel=0.35)
 
 
-def test_noise_of_a_robot_that_never_stands_still_is_taken_along_the_beams():
+def test_noise_without_rest_is_measured_along_the_beams():
     rng = np.random.default_rng(7)
     ranges = driven() + rng.normal(0.0, 0.02, (60, 180))
     assert estimate_range_noise(ranges, math.inf, 0.0) == pytest.approx(0.022, rel=0.4)
 
 
-def test_a_profile_limits_a_geometry_but_never_widens_it():
+def test_a_profile_narrows_a_geometry_but_never_widens_it():
     profile = profile_sensor(scans(driven(81.91, limit=9.0)))
     applied = profile.apply(SICK)
     assert applied.range_max == profile.range_max

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Times of a stream: the stamps where these make sense, and what arrival tells otherwise."""
+"""Times of a stream: plausible stamps, and times of arrival otherwise."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_clock_that_is_set_does_not_move_the_times():
     assert clock.num_set == 1
 
 
-def test_a_pause_is_one_and_a_stall_is_none():
+def test_pauses_are_kept_and_stalls_removed():
     paused, clock = times([1.0, 1.1, 61.1], [0.0, 0.1, 60.1])
     stalled, same = times([1.0, 1.1, 1.2, 1.3], [0.0, 0.1, 30.0, 30.0])
 
@@ -49,7 +49,7 @@ def test_a_pause_is_one_and_a_stall_is_none():
     assert clock.num_set == same.num_set == 0
 
 
-def test_sensors_with_another_clock_are_put_on_the_same_scale():
+def test_sensors_with_another_clock_are_synchronized():
     stamps = [1e9, 10.0, 1e9 + 0.1, 10.1, 1e9 + 0.2]
     found, clock = times(stamps, [0.0, 0.05, 0.1, 0.15, 0.2])
 
@@ -64,7 +64,7 @@ def test_sensors_with_another_clock_are_put_on_the_same_scale():
         max_size=50,
     )
 )
-def test_whatever_comes_times_are_finite_and_never_far_back(steps):
+def test_times_are_finite_and_never_far_back(steps):
     clock = StreamClock()
     arrival, front = 1e9, -math.inf
     for stamp, step in steps:
@@ -75,7 +75,7 @@ def test_whatever_comes_times_are_finite_and_never_far_back(steps):
         front = max(front, time)
 
 
-def test_scans_that_repeat_or_run_back_are_spread_as_they_arrived():
+def test_repeated_and_backward_scans_follow_their_arrival():
     scans = SensorTimes()
     found = [
         scans.increasing(time, arrival)

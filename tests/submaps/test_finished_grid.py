@@ -38,13 +38,13 @@ def test_every_cell_value_survives_the_round_trip():
     assert np.array_equal(quantize_probabilities(dequantized(values)), values)
 
 
-def test_the_limits_of_the_clamp_are_the_first_and_the_last_value():
+def test_the_clamping_limits_are_the_extreme_values():
     limits = np.array([[MIN_PROBABILITY, MAX_PROBABILITY]], dtype=np.float32)
     assert quantize_probabilities(limits).tolist() == [[1, 255]]
     assert dequantized(np.array([[1, 255]], np.uint8))[0] == pytest.approx(limits[0])
 
 
-def test_never_observed_stays_so():
+def test_unknown_cells_stay_unknown():
     assert quantize_probabilities(np.zeros((2, 3), np.float32)).tolist() == [[0, 0, 0], [0, 0, 0]]
     assert dequantized(np.zeros((2, 3), np.uint8)).tolist() == [[0.0] * 3] * 2
 
@@ -59,7 +59,7 @@ def test_quantisation_keeps_the_order(a, b):
 
 @settings(deadline=None, max_examples=60)
 @given(st.lists(st.integers(1, 255), min_size=1, max_size=30))
-def test_the_mean_of_values_stands_for_the_mean_of_probabilities(values):
+def test_mean_values_correspond_to_mean_probabilities(values):
     values = np.array([values], dtype=np.uint8)
     expected = float(dequantized(values).mean(dtype=np.float64))
     assert mean_probability(float(values.mean())) == pytest.approx(expected, abs=1e-6)

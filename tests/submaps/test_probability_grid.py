@@ -28,7 +28,7 @@ def read(grid, col, row):
 
 @settings(deadline=None, max_examples=60)
 @given(st.lists(boxes, min_size=1, max_size=8))
-def test_all_cells_asked_for_are_within_the_grid(boxes):
+def test_all_requested_cells_are_within_the_grid(boxes):
     grid = ProbabilityGrid(0.05)
     for first_col, first_row, last_col, last_row in boxes:
         grid.cover(first_col, first_row, last_col, last_row)
@@ -39,7 +39,7 @@ def test_all_cells_asked_for_are_within_the_grid(boxes):
 
 @settings(deadline=None, max_examples=60)
 @given(st.lists(st.tuples(lattice, lattice), min_size=1, max_size=12, unique=True))
-def test_growth_keeps_what_was_written_and_adds_nothing_known(places):
+def test_growth_keeps_known_cells_and_adds_unknown_ones(places):
     grid = ProbabilityGrid(0.05)
     written = {}
     for k, (col, row) in enumerate(places):
@@ -49,7 +49,7 @@ def test_growth_keeps_what_was_written_and_adds_nothing_known(places):
         assert np.count_nonzero(grid.cells) == len(written)
 
 
-def test_a_grid_that_is_large_enough_stays_as_it_is():
+def test_a_grid_that_is_large_enough_does_not_grow():
     grid = ProbabilityGrid(0.05)
     grid.cover(-10, -10, 50, 50)
     cells = grid.cells
@@ -57,7 +57,7 @@ def test_a_grid_that_is_large_enough_stays_as_it_is():
     assert grid.cells is cells
 
 
-def test_growth_leaves_room_so_that_it_is_seldom_needed():
+def test_growth_adds_a_margin():
     grid = ProbabilityGrid(0.05)
     reallocations = 0
     for col in range(1000):
@@ -68,7 +68,7 @@ def test_growth_leaves_room_so_that_it_is_seldom_needed():
 
 
 @pytest.mark.parametrize("place", [(0, 0), (-70, 12), (500, -500)])
-def test_a_finished_grid_is_cropped_to_what_is_known_and_stands_where_it_stood(place):
+def test_a_finished_grid_is_cropped_to_its_known_cells(place):
     grid = ProbabilityGrid(0.1)
     col, row = place
     write(grid, col, row, 0.9)
@@ -87,7 +87,7 @@ def test_a_finished_grid_is_cropped_to_what_is_known_and_stands_where_it_stood(p
 
 
 @pytest.mark.parametrize("covered", [False, True])
-def test_a_grid_that_knows_nothing_finishes_empty(covered):
+def test_a_grid_without_known_cells_finishes_empty(covered):
     grid = ProbabilityGrid(0.1)
     if covered:
         grid.cover(0, 0, 5, 5)
@@ -96,7 +96,7 @@ def test_a_grid_that_knows_nothing_finishes_empty(covered):
     assert finished.probabilities().shape == (0, 0)
 
 
-def test_finishing_leaves_the_grid_as_it_is():
+def test_finishing_does_not_change_the_grid():
     grid = ProbabilityGrid(0.1)
     write(grid, 2, 3, 0.7)
     grid.finish()

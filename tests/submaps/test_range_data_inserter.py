@@ -48,7 +48,7 @@ def insert(grid, sensor, returns, misses=()):
     place=st.tuples(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4)),
     offsets=st.tuples(point_lists, point_lists),
 )
-def test_the_sets_equal_exact_geometry_wherever_the_scan_was_taken(place, offsets):
+def test_the_sets_equal_exact_geometry_at_any_position(place, offsets):
     returns, misses = ([(place[0] + x, place[1] + y) for x, y in part] for part in offsets)
     found = scan_cells(Pose(*place, 0.7), points(returns), points(misses), RESOLUTION)
     all_points = points([place, *returns, *misses])
@@ -67,7 +67,7 @@ def test_cells_are_those_of_the_nearest_grid_points():
     assert found.free.tolist() == [[0, 0, 3]]
 
 
-def test_hits_and_misses_of_a_first_scan_get_their_probabilities():
+def test_a_first_scan_sets_hit_and_miss_probabilities():
     grid = ProbabilityGrid(RESOLUTION)
     insert(grid, (0.0, 0.0), [(0.3, 0.0)], [(0.0, 0.2)])
     assert probability(grid, 3, 0) == pytest.approx(0.6)
@@ -109,7 +109,7 @@ def test_a_scan_without_any_ray_changes_nothing():
     assert grid.cells.size == 0
 
 
-def test_a_scan_all_round_leaves_no_hole_within():
+def test_a_full_scan_leaves_no_hole():
     angles = np.linspace(0.0, math.tau, 361)[:-1]
     circle = 2.0 * np.column_stack((np.cos(angles), np.sin(angles)))
     grid = ProbabilityGrid(RESOLUTION)
@@ -121,7 +121,7 @@ def test_a_scan_all_round_leaves_no_hole_within():
 
 
 @pytest.mark.parametrize("place", [(2e3, 2e3), (-2e3, 2e3), (1e12, 0.0), (0.0, -1e300)])
-def test_a_grid_does_not_grow_to_what_no_submap_is(place):
+def test_a_grid_does_not_grow_beyond_the_largest_submap(place):
     grid = ProbabilityGrid(RESOLUTION)
     insert(grid, (0.0, 0.0), [(1.0, 0.0)])
     before = grid.cells.copy()

@@ -8,8 +8,8 @@ from queue import SimpleQueue
 from threading import Thread
 
 from cartoloop.global_slam.global_slam import GlobalSlam
+from cartoloop.runtime.thread_priority import lower_thread_priority
 from cartoloop.submaps.node import Node
-from cartoloop.thread_priority import step_back
 
 Task = Callable[[], None]
 
@@ -60,7 +60,7 @@ class BackgroundGlobalSlam:
         self._thread.join()
 
     def _run(self) -> None:
-        step_back()  # the threads that search are started by this one
+        lower_thread_priority()  # the threads that search are started by this one
         while (task := self._tasks.get()) is not None:
             try:
                 task()

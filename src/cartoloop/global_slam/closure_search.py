@@ -18,12 +18,6 @@ from cartoloop.scan_matching.match_information import match_informations
 from cartoloop.sensor.pose import FloatArray, wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
 
-USUAL_RESIDUAL = 0.4
-"""Root mean square of 1 - M at the returns of scans that fit: scales the cost to sigmas."""
-
-LEVER_M = 5.0
-"""Typical distance of the returns [m]: converts an error of position into one of heading."""
-
 
 class SearchOutcome(NamedTuple):
     """What the search of some requests in one submap came to.
@@ -118,7 +112,7 @@ def refine_all(
         tf_submap_node,
         _prior_information(smooth_map, config),
         least_squares.MatchOptions(
-            matcher.occupied_space_weight / USUAL_RESIDUAL**2,
+            matcher.occupied_space_weight / config.usual_residual**2,
             matcher.max_num_iterations,
             matcher.tolerance,
         ),
@@ -129,7 +123,7 @@ def refine_all(
 def _prior_information(smooth_map: SmoothMap, config: ConstraintSearchConfig) -> FloatArray:
     """Return the information of the prior at the start, upper triangle, shape (6,)."""
     sigma = config.refinement_sigma_cells * smooth_map.resolution
-    translation, rotation = sigma**-2, (sigma / LEVER_M) ** -2
+    translation, rotation = sigma**-2, (sigma / config.lever) ** -2
     return np.array((translation, 0.0, 0.0, translation, 0.0, rotation))
 
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cartoloop.global_slam.growing_array import GrowingArray
+from cartoloop.growing_array import GrowingArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -235,6 +235,19 @@ class Matched:
     def __len__(self) -> int:
         return len(self.row)
 
+    def take(self, which: IntArray) -> Matched:
+        """Return some of them, by index."""
+        return Matched(
+            self.row[which],
+            self.submap[which],
+            self.node[which],
+            self.tf_submap_node[which],
+            self.information[which],
+            self.residual[which],
+            self.score[which],
+            self.runner_up[which],
+        )
+
 
 class Closures:
     """All pairs of submap and node that were ever requested, searched or matched.
@@ -302,6 +315,10 @@ class Closures:
     def num_dropped(self) -> int:
         """Number of requests that were dropped because too many were waiting."""
         return int(np.count_nonzero(self.search_status == Status.DROPPED))
+
+    def summary(self) -> dict[str, int]:
+        """Return the number of dropped searches, for the report; empty if none."""
+        return {"searches_dropped": self.num_dropped} if self.num_dropped else {}
 
     @property
     def submap(self) -> RowArray:
@@ -390,6 +407,12 @@ class Closures:
     def moved(self) -> FloatArray:
         """How far the newest refinement moved, shape (len(self), 2) [m, rad]; NaN without one."""
         return self._spread(self._newest_match, self._moves.view)
+
+    @property
+    def has_final_match(self) -> NDArray[np.bool_]:
+        """Whether the last pass measured each pair, shape (len(self),)."""
+        has_match: NDArray[np.bool_] = self._final_match.view >= 0
+        return has_match
 
     @property
     def found(self) -> Matched:
@@ -485,7 +508,7 @@ class Closures:
     def add_found(self, matches: SearchMatches, num_nodes: int) -> None:
         """Note what searches found, in the order in which it joins the graph of `num_nodes`."""
         self._set_search_status(matches.row, Status.FOUND, Reason.REACHED_THRESHOLD)
-        self._found_match.view[matches.row] = self._add_matches(
+        numbers = self._add_matches(
             matches.tf_submap_node,
             matches.information,
             matches.residual,
@@ -495,6 +518,8 @@ class Closures:
         self._scores.extend(matches.score)
         self._runner_ups.extend(matches.runner_up)
         self._joined_at.grow(len(matches.row))[:] = num_nodes
+        # Last: the viewer's thread may read the record, and must not find a match without a score.
+        self._found_match.view[matches.row] = numbers
 
     def note_last_pass(
         self, not_matched: CodeArray, passes: Iterable[FinalMatches]

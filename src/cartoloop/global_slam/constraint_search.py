@@ -16,8 +16,8 @@ from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_search import NO_MATCHES, SearchOutcome, search
 from cartoloop.global_slam.closures import Closures, Reason, Requests, SearchMatches
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.growing_array import GrowingArray
 from cartoloop.global_slam.node_points import NodePoints
+from cartoloop.growing_array import GrowingArray
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -25,17 +25,6 @@ RowArray = NDArray[np.int32]
 
 MAX_THREADS = 4
 """Upper limit of the number of search threads chosen by default: more have nothing to do."""
-
-BATCH = 50
-"""Requests in one submap that one task of a background thread searches, at most."""
-
-STRIDE = 4
-"""A task searches every STRIDE-th node first, then those between: closures between two submaps are
-spread along the path, and after ``max_closures_of_pair`` of them the rest is not searched."""
-
-MIN_BATCH, MAX_DEFERRALS = 12, 2
-"""Requests in a submap are deferred until there are MIN_BATCH of them, at most MAX_DEFERRALS times:
-precomputing the grids of a submap takes as long as about that many searches."""
 
 PRECOMPUTED_BYTES = 32 * 2**20
 """Size of the cache of precomputed grids [bytes]."""
@@ -112,6 +101,7 @@ class ConstraintSearch:
         ----------
         may_defer : whether submaps with few requests may wait for more of them.
         """
+        config = self._config
         waiting = by_submap(self._waiting.view, self._closures.submap)
         self._waiting = GrowingArray((), np.int32)
         if may_defer:
@@ -120,18 +110,21 @@ class ConstraintSearch:
         for index in sorted(waiting, key=lambda i: (i not in self._kept, waiting[i][0])):
             submap, rows = self._submaps[index], waiting[index]
             self._keep(submap, waiting)
-            for first in range(0, len(rows), BATCH):
-                batch = spread_out(rows[first : first + BATCH])
+            for first in range(0, len(rows), config.search_batch_size):
+                batch = spread_out(
+                    rows[first : first + config.search_batch_size], config.search_stride
+                )
                 requests = self._closures.requests(batch)
                 future = self._threads.submit(self._run, submap, batch, requests)
                 self._pending.append((future, len(batch)))
 
     def _defer(self, waiting: dict[int, RowArray]) -> None:
         """Take out the submaps that may wait: to precompute their grids takes longer."""
+        config = self._config
         for index in list(waiting):
             times = self._num_deferrals.get(index, 0)
-            enough = len(waiting[index]) >= MIN_BATCH
-            if index in self._kept or enough or times == MAX_DEFERRALS:
+            enough = len(waiting[index]) >= config.min_search_batch
+            if index in self._kept or enough or times == config.max_search_deferrals:
                 self._num_deferrals.pop(index, None)
             else:
                 self._num_deferrals[index] = times + 1
@@ -204,6 +197,10 @@ def by_submap(rows: RowArray, submap_of_row: RowArray) -> dict[int, RowArray]:
     return dict(zip(numbers.tolist(), np.split(rows[order], firsts[1:]), strict=False))
 
 
-def spread_out(rows: RowArray) -> RowArray:
-    """Return the requests, every :data:`STRIDE`-th first."""
-    return rows[np.argsort(np.arange(len(rows)) % STRIDE, kind="stable")]
+def spread_out(rows: RowArray, stride: int) -> RowArray:
+    """Return the requests, every `stride`-th first.
+
+    Closures between two submaps are spread along the path then, and after
+    ``max_closures_of_pair`` of them the rest is not searched.
+    """
+    return rows[np.argsort(np.arange(len(rows)) % stride, kind="stable")]

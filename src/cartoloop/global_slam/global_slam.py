@@ -16,6 +16,7 @@ from cartoloop.global_slam.closures import Closures, FinalMatches, Reason, Reque
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
 from cartoloop.global_slam.node_points import NodePoints
+from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
     PoseAdjuster,
@@ -28,24 +29,12 @@ from cartoloop.global_slam.pose_graph import (
     ConstraintKind,
     PoseGraph,
 )
-from cartoloop.global_slam.robust_loss import Loss
-from cartoloop.global_slam.search_requests import SearchRequests
+from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
 from cartoloop.sensor.scan_points import ScanPoints
-from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import Submap
-
-SEARCHES_A_PERIOD = 2
-"""Search batches per adjustment period. Those started right after an adjustment are done long
-before the next one, which does not have to wait for them then."""
-
-SEARCHES_A_LIVE_PERIOD = 9
-"""The same in live mapping; what is found joins the graph as often."""
-
-MAX_BACKLOG = 10_000
-"""Limit of the searches that wait in live mapping: some seconds' work."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +64,7 @@ class GlobalSlam:
     timer : takes its times.
     wait_for_searches : whether an adjustment waits for the searches that were started before it,
         so that the result is always the same. Otherwise what is found joins when it is found, and
-        requests beyond :data:`MAX_BACKLOG` are dropped.
+        requests beyond ``max_live_backlog`` are dropped.
 
     Attributes
     ----------
@@ -104,11 +93,11 @@ class GlobalSlam:
             self._finished,
             self._node_points,
             config.num_threads,
-            max_backlog=None if wait_for_searches else MAX_BACKLOG,
+            max_backlog=None if wait_for_searches else config.max_live_backlog,
         )
         self.num_put_off = 0
         self.adjustments: list[AdjustmentRun] = []
-        self._requests = SearchRequests(config.constraint_search)
+        self._pairs = PairSelection(config.constraint_search)
         self._submap_nodes: list[set[int]] = []
         self._tf_local_last_submap = IDENTITY
         self._tf_map_local = IDENTITY
@@ -141,7 +130,8 @@ class GlobalSlam:
             self._request_nodes_in(finished)
         if self.graph.num_nodes % every == 0:
             self._close_loops(self._config.pose_adjustment.max_num_iterations, wait=waits)
-        searches = SEARCHES_A_PERIOD if waits else SEARCHES_A_LIVE_PERIOD
+        config = self._config
+        searches = config.searches_per_adjustment if waits else config.live_searches_per_adjustment
         if self.graph.num_nodes % max(every // searches, 1) == 0:
             if not waits:
                 self._take_in_closures(wait=False)
@@ -189,7 +179,7 @@ class GlobalSlam:
         graph = self.graph
         pose = node.tf_local_tracking
         graph.add_node(compose(self._tf_map_local, pose))
-        self._requests.add_node(node)
+        self._pairs.add_node(node)
         self._node_points.append(node.points)
         for submap in node.submaps:
             if submap.index == graph.num_submaps:
@@ -224,12 +214,12 @@ class GlobalSlam:
     def _request_node(self, node: int) -> None:
         """Request searches for a node in the finished submaps nearby."""
         with self._timer.measure("select pairs"):
-            self._submit(self._requests.of_node(self.graph, node, len(self._finished)))
+            self._submit(self._pairs.of_node(self.graph, node, len(self._finished)))
 
     def _request_nodes_in(self, submap: FinishedSubmap) -> None:
         """Request searches in a submap that has just been finished, for the nodes nearby."""
         with self._timer.measure("select pairs"):
-            self._submit(self._requests.in_submap(self.graph, submap.index))
+            self._submit(self._pairs.in_submap(self.graph, submap.index))
 
     def _submit(self, requests: Requests) -> None:
         if len(requests.submap):
@@ -253,7 +243,7 @@ class GlobalSlam:
             return
         submaps, nodes = self.closures.submap[found.row], self.closures.node[found.row]
         self.closures.add_found(found, self.graph.num_nodes)
-        self._requests.note_found(submaps, nodes)
+        self._pairs.note_found(submaps, nodes)
         self.graph.add_loop_closures(
             ClosureConstraints(found.row, submaps, nodes, found.tf_submap_node, found.information)
         )
@@ -261,7 +251,7 @@ class GlobalSlam:
     def _adjust(self, max_num_iterations: int) -> None:
         config = self._config.pose_adjustment
         options = AdjustmentOptions(
-            loss=Loss(config.loss),
+            loss=config.loss,
             loss_scale=config.loss_scale,
             max_iterations=max_num_iterations,
             relative_tolerance=config.tolerance,
@@ -283,7 +273,7 @@ class GlobalSlam:
         newest = Pose(*self.graph.submap_poses[-1].tolist())
         self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
         closures, is_violated = self._violated_closures()
-        self._requests.note_adjusted(self.graph, closures[~is_violated])
+        self._pairs.note_adjusted(self.graph, closures[~is_violated])
 
     def _violated_closures(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Return the constraints that are loop closures, and which of them must be false."""

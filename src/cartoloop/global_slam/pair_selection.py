@@ -1,60 +1,306 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well the graph knows pairs of node and finished submap, and how large a window that asks for.
+"""Which pairs of node and finished submap are searched, with which window, and why not.
 
-The window need not be 7 m where the graph knows the relative pose to half a metre. What it knows
-is told by the shortest way from the one to the other, along the robot's path and across the loop
-closures found so far: dead reckoning errs in proportion to it. From a node it leads first to the
-submap that it was inserted into, or along the path to the nearest node that closed a loop.
+The window does not have to be 7 m where the graph knows the relative pose to half a metre. How well
+it is known follows from the shortest path from the one to the other, along the robot's path and
+across the loop closures found so far: the error of dead reckoning grows in proportion to it. From a
+node it leads first to the submap that it was inserted into, or along the path to the nearest node
+that closed a loop: its anchor.
+
+Here pairs are limited by distance, number and path length, and between two submaps by the searches
+and closures so far. That limit of closures counts once more within one task of the search
+(``closure_search``), where closures are found that have not joined the graph yet.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.config import ConstraintSearchConfig
-from cartoloop.kernels.shortest_ways import shortest_ways
+from cartoloop.global_slam.closures import Closures, Requests
+from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.growing_array import GrowingArray
+from cartoloop.kernels.due_pairs import (
+    NodePlace,
+    PairRule,
+    Paths,
+    nearest_anchor,
+    pairs_of_node,
+    pairs_of_submap,
+)
+from cartoloop.kernels.shortest_paths import shortest_paths
+from cartoloop.submaps.node import Node
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _NOTHING: FloatArray = np.empty(0)
 
-CLOSURE_LENGTH_M = 0.5
-"""A loop closure is as good as so much of dead reckoning."""
+_SHORTEST_STEP_M = 1e-3
+"""Path length between two submaps, at least: path lengths must be positive [m]."""
+
+
+class WhyNot(Enum):
+    """Why a pair is not requested."""
+
+    OWN_SUBMAP = "the node was inserted into this submap"
+    FEW_POINTS = "the scan has too few returns"
+    TOO_FAR = "submap and node are too far apart"
+    EVERY_NTH_NODE = "only every n-th node is searched"
+    WELL_CONSTRAINED = "the pair is well constrained, and only every n-th such node is searched"
+    ENOUGH_SEARCHES = "enough nodes of the same submap were searched: they are well constrained"
+    ENOUGH_CLOSURES = "enough closures between the two submaps were found"
+
+
+class PairVerdict(NamedTuple):
+    """Whether a pair would be requested.
+
+    Attributes
+    ----------
+    why_not : None if it would.
+    distance : between submap and node [m].
+    path_length : of the shortest known path between them [m].
+    """
+
+    why_not: WhyNot | None
+    distance: float
+    path_length: float
 
 
 class PairSelection:
-    """Knows how far apart submaps and nodes are along the ways that the graph knows."""
+    """Chooses the pairs to search, given nodes and the loop closures so far."""
 
     def __init__(self, config: ConstraintSearchConfig) -> None:
         self._config = config
-        self._num_submaps = 0
-        self._firsts = np.zeros(1, dtype=np.int64)
-        self._neighbours = np.empty(0, dtype=np.int64)
-        self._edge_lengths = np.empty(0, dtype=np.float64)
-        self._lengths: dict[int, FloatArray] = {}
+        self._rule = PairRule(
+            config.max_constraint_distance,
+            config.well_constrained_length,
+            config.every_nth_node,
+            config.every_nth_well_constrained_node,
+        )
+        self._node_submaps = GrowingArray((2,), np.int64)
+        self._travelled = GrowingArray((), np.float64)
+        self._submap_travelled = GrowingArray((), np.float64)
+        self._is_searchable = GrowingArray((), np.bool_)
+        self._last_position = (0.0, 0.0)
+        self._closures = np.empty((2, 0), dtype=np.int64)
         self._num_found: Counter[tuple[int, int]] = Counter()
-        self._num_sought_bound: Counter[tuple[int, int]] = Counter()
+        self._num_searches: Counter[tuple[int, int]] = Counter()
+        self._submap_paths = SubmapPaths(config)
 
-    def update(self, submap_travelled: FloatArray, closures: IntArray) -> None:
-        """Learn of the closures found so far.
+    def add_node(self, node: Node) -> None:
+        """Note a node, and the submap that begins with it."""
+        self.add(
+            node.tf_local_tracking[:2],
+            len(node.points),
+            (node.submaps[0].index, node.submaps[-1].index),
+        )
+
+    def add(self, position: tuple[float, ...], num_points: int, submaps: tuple[int, int]) -> None:
+        """Note a node.
 
         Parameters
         ----------
-        submap_travelled : shape (m,), how far the robot had come when each submap was begun [m].
-        closures : int64, shape (k, 2): submap, and the submap that the node was inserted into.
+        position : of the robot, local frame [m].
+        num_points : number of its returns.
+        submaps : the first and the last that it was inserted into.
         """
-        m = len(submap_travelled)
+        step = math.dist(position, self._last_position)
+        travelled = self._travelled.view[-1] + step if len(self._travelled) else 0.0
+        self._last_position = (position[0], position[1])
+        self._travelled.append(travelled)
+        self._is_searchable.append(num_points >= self._config.min_num_points)
+        self._node_submaps.append(submaps)
+        if submaps[1] == len(self._submap_travelled):
+            self._submap_travelled.append(travelled)
+
+    def note_found(self, submaps: NDArray[np.integer], nodes: NDArray[np.integer]) -> None:
+        """Note loop closures that searches found."""
+        node_submaps = self._node_submaps.view[nodes, 0]
+        self._num_found.update(zip(submaps.tolist(), node_submaps.tolist(), strict=True))
+
+    def note_requested(self, closures: Closures) -> None:
+        """Note what was requested and found, as it stands in a record."""
+        found, config = closures.found, self._config
+        self.note_found(found.submap, found.node)
+        drift = closures.linear_window - config.min_linear_search_window
+        known_well = drift < config.well_constrained_length * config.linear_drift
+        submaps = closures.submap[: closures.num_requested][known_well].tolist()
+        self._num_searches.update(
+            zip(submaps, closures.node_submap[known_well].tolist(), strict=True)
+        )
+
+    def note_adjusted(self, graph: PoseGraph, closures: IntArray) -> None:
+        """Note which constraints of the graph are loop closures that hold, shape (k,)."""
+        nodes, submaps = graph.index_b[closures], graph.index_a[closures]
+        ends = np.column_stack((submaps, self._node_submaps.view[nodes, 0]))
+        self._submap_paths = SubmapPaths(self._config, self._submap_travelled.view, ends)
+        order = np.argsort(nodes, kind="stable")
+        self._closures = np.array((nodes[order], submaps[order]))
+
+    def of_node(self, graph: PoseGraph, node: int, num_finished: int) -> Requests:
+        """Return the requests for a node in the finished submaps, which are the first."""
+        place = self._place(graph, node)
+        submaps = np.empty(num_finished, dtype=np.int64)
+        lengths, poses = np.empty(num_finished), np.empty((num_finished, 3))
+        num_due = 0
+        if self._is_searchable.view[node]:
+            num_due = pairs_of_node(
+                place,
+                num_finished,
+                graph.submap_poses,
+                self._submap_travelled.view,
+                self._submap_paths.lengths_from(place.anchor),
+                self._rule,
+                submaps,
+                lengths,
+                poses,
+            )
+        nodes = np.full(num_due, node)
+        return self._requests(submaps[:num_due], nodes, lengths[:num_due], poses)
+
+    def in_submap(self, graph: PoseGraph, submap: int) -> Requests:
+        """Return the requests for all nodes in one submap."""
+        count = graph.num_nodes
+        nodes = np.empty(count, dtype=np.int64)
+        lengths, poses = np.empty(count), np.empty((count, 3))
+        num_due = pairs_of_submap(
+            submap,
+            graph.submap_poses[submap],
+            graph.node_poses,
+            self._is_searchable.view,
+            self._paths,
+            self._submap_paths.lengths_from(submap),
+            self._rule,
+            nodes,
+            lengths,
+            poses,
+        )
+        return self._requests(np.full(num_due, submap), nodes[:num_due], lengths[:num_due], poses)
+
+    def verdict(self, graph: PoseGraph, submap: int, node: int) -> PairVerdict:
+        """Return whether a pair would be requested now, or why not."""
+        place = self._place(graph, node)
+        x, y, _ = graph.submap_poses[submap].tolist()
+        distance = math.dist((place.x, place.y), (x, y))
+        length = abs(place.travelled - float(self._submap_travelled.view[submap]))
+        known = self._submap_paths.lengths_from(place.anchor)
+        if submap < len(known):
+            length = min(length, float(known[submap]) + place.anchor_length)
+        return PairVerdict(self._why_not(place, submap, distance, length), distance, length)
+
+    def _why_not(
+        self, place: NodePlace, submap: int, distance: float, length: float
+    ) -> WhyNot | None:
+        config, number = self._config, submap + place.node
+        pair = (submap, place.first_submap)
+        well_constrained = length < config.well_constrained_length
+        skipped = number % config.every_nth_node != 0
+        skipped_well_constrained = number % config.every_nth_well_constrained_node != 0
+        searched_enough = self._num_searches[pair] >= config.max_searches_of_well_constrained_pair
+        tests = {
+            WhyNot.OWN_SUBMAP: submap in (place.first_submap, place.last_submap),
+            WhyNot.FEW_POINTS: not self._is_searchable.view[place.node],
+            WhyNot.TOO_FAR: distance > config.max_constraint_distance,
+            WhyNot.WELL_CONSTRAINED: well_constrained and skipped_well_constrained,
+            WhyNot.EVERY_NTH_NODE: skipped and not well_constrained,
+            WhyNot.ENOUGH_CLOSURES: self._num_found[pair] >= config.max_closures_of_pair,
+            WhyNot.ENOUGH_SEARCHES: well_constrained and searched_enough,
+        }
+        return next((reason for reason, applies in tests.items() if applies), None)
+
+    @property
+    def _paths(self) -> Paths:
+        return Paths(
+            self._travelled.view,
+            self._node_submaps.view,
+            self._submap_travelled.view,
+            self._closures,
+            self._config.closure_path_length,
+        )
+
+    def _place(self, graph: PoseGraph, node: int) -> NodePlace:
+        anchor, length = nearest_anchor(node, *self._paths)
+        x, y, theta = graph.node_poses[node].tolist()
+        travelled = float(self._travelled.view[node])
+        first, last = self._node_submaps.view[node].tolist()
+        return NodePlace(node, x, y, theta, travelled, first, last, anchor, length)
+
+    def _requests(
+        self, submaps: IntArray, nodes: IntArray, lengths: FloatArray, poses: FloatArray
+    ) -> Requests:
+        """Return the requests for those of the pairs that the counts allow."""
+        if len(submaps) == 0:
+            return NO_REQUESTS
+        node_submaps = self._node_submaps.view[nodes, 0]
+        pairs = zip(submaps.tolist(), node_submaps.tolist(), strict=True)
+        taken = np.array(
+            [
+                i
+                for i, (pair, length) in enumerate(zip(pairs, lengths.tolist(), strict=True))
+                if self._take(pair, length)
+            ],
+            dtype=np.int64,
+        )
+        return Requests(
+            submaps[taken].astype(np.int32),
+            nodes[taken].astype(np.int32),
+            node_submaps[taken].astype(np.int32),
+            poses[taken],
+            *windows(self._config, lengths[taken]),
+        )
+
+    def _take(self, pair: tuple[int, int], path_length: float) -> bool:
+        """Return whether a pair that is due is searched, and count it if so.
+
+        Parameters
+        ----------
+        pair : submap, and the first submap that the node was inserted into.
+        """
+        config = self._config
+        if self._num_found[pair] >= config.max_closures_of_pair:
+            return False
+        if path_length < config.well_constrained_length:
+            if self._num_searches[pair] >= config.max_searches_of_well_constrained_pair:
+                return False
+            self._num_searches[pair] += 1
+        return True
+
+
+class SubmapPaths:
+    """The shortest paths between submaps, along the robot's path and across loop closures.
+
+    Parameters
+    ----------
+    config : gives the path length of a closure, and the longest that matters.
+    submap_travelled : shape (m,), path length of the robot when each submap was begun [m].
+    closures : int64, shape (k, 2): submap, and the submap that the node was inserted into.
+    """
+
+    def __init__(
+        self,
+        config: ConstraintSearchConfig,
+        submap_travelled: FloatArray = _NOTHING,
+        closures: IntArray | None = None,
+    ) -> None:
+        self._num_submaps = m = len(submap_travelled)
+        self._longest = longest_path(config)
+        self._lengths: dict[int, FloatArray] = {}
+        if closures is None or m == 0:
+            return
         first, second = closures.min(axis=1), closures.max(axis=1)
         pairs = np.unique((first * m + second)[second - first > 1])
         chain = np.arange(m - 1) * (m + 1) + 1
         lengths = np.concatenate(
             (
-                np.maximum(np.diff(submap_travelled), 1e-3),
-                np.full(len(pairs), CLOSURE_LENGTH_M),
+                np.maximum(np.diff(submap_travelled), _SHORTEST_STEP_M),
+                np.full(len(pairs), config.closure_path_length),
             )
         )
         one, other = np.divmod(np.concatenate((chain, pairs)), m)
@@ -63,63 +309,47 @@ class PairSelection:
         self._firsts = np.searchsorted(ends[order], np.arange(m + 1))
         self._neighbours = np.concatenate((other, one))[order]
         self._edge_lengths = np.tile(lengths, 2)[order]
-        self._num_submaps = m
-        self._lengths = {}
 
-    @property
-    def _longest_way(self) -> float:
-        """Beyond this, windows grow no more [m]."""
-        config = self._config
-        linear = config.linear_search_window - config.min_linear_search_window
-        return linear / max(config.linear_drift, 1e-6) + 1.0
+    def lengths_from(self, submap: int) -> FloatArray:
+        """Return the lengths [m] of the shortest known paths from a submap, shape (m,).
 
-    def ways_from(self, submap: int) -> FloatArray:
-        """Return the lengths [m] of the shortest known ways from a submap to all those known.
-
-        Shape (m,), of the submaps when :meth:`update` was called last; empty where this one is not
-        among them; inf for very long ways.
+        Empty where the submap is not known yet; inf for paths too long to matter.
         """
         if submap >= self._num_submaps:
             return _NOTHING
         if submap not in self._lengths:
             lengths = self._lengths[submap] = np.empty(self._num_submaps)
-            shortest_ways(
+            shortest_paths(
                 self._firsts,
                 self._neighbours,
                 self._edge_lengths,
                 submap,
-                self._longest_way,
+                self._longest,
                 lengths,
             )
         return self._lengths[submap]
 
-    def windows(self, uncertain_lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the linear [m] and angular [rad] search windows for uncertain lengths [m]."""
-        config = self._config
-        linear = config.min_linear_search_window + config.linear_drift * uncertain_lengths
-        angular_deg = (
-            config.min_angular_search_window_deg + config.angular_drift_deg * uncertain_lengths
-        )
-        return (
-            np.minimum(linear, config.linear_search_window),
-            np.radians(np.minimum(angular_deg, config.angular_search_window_deg)),
-        )
 
-    def take(self, submap: int, node_submap: int, uncertain_length: float) -> bool:
-        """Return whether a pair that is due is to be searched, and count it if so.
+_NO_ROWS = np.zeros(0, np.int32)
+NO_REQUESTS = Requests(_NO_ROWS, _NO_ROWS, _NO_ROWS, np.zeros((0, 3)), _NOTHING, _NOTHING)
 
-        Of pairs whose relative pose is known, some are, until enough of them are found.
-        """
-        config = self._config
-        pair = (submap, node_submap)
-        if self._num_found[pair] >= config.max_closures_of_pair:
-            return False
-        if uncertain_length < config.bound_length:
-            if self._num_sought_bound[pair] >= config.max_searches_of_bound_pair:
-                return False
-            self._num_sought_bound[pair] += 1
-        return True
+LEAST_DRIFT = 1e-6
+"""Drift per metre, at least, where a path length is divided by it."""
 
-    def note_found(self, submap: int, node_submap: int) -> None:
-        """Count a closure between a submap and a node inserted into another."""
-        self._num_found[(submap, node_submap)] += 1
+
+def longest_path(config: ConstraintSearchConfig) -> float:
+    """Return a path length beyond which windows grow no more, with 1 m to spare [m]."""
+    linear = config.linear_search_window - config.min_linear_search_window
+    return linear / max(config.linear_drift, LEAST_DRIFT) + 1.0
+
+
+def windows(
+    config: ConstraintSearchConfig, path_lengths: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the radii [m], [rad] of the search windows for path lengths [m], shape (n,)."""
+    linear = config.min_linear_search_window + config.linear_drift * path_lengths
+    angular_deg = config.min_angular_search_window_deg + config.angular_drift_deg * path_lengths
+    return (
+        np.minimum(linear, config.linear_search_window),
+        np.radians(np.minimum(angular_deg, config.angular_search_window_deg)),
+    )

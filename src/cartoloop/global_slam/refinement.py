@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.config import ConstraintSearchConfig
-from cartoloop.global_slam.closure_search import LEVER_M, refine_all
+from cartoloop.global_slam.closure_search import refine_all
 from cartoloop.global_slam.closures import FinalMatches, Matched, Reason
 from cartoloop.global_slam.finished_submap import FinishedSubmap
 from cartoloop.scan_matching.match_information import match_informations
@@ -48,7 +48,7 @@ def final_limits(config: ConstraintSearchConfig, own_score: float) -> FinalLimit
     return FinalLimits(
         config.max_refined_residual + allowance,
         config.max_refinement,
-        config.max_refinement / LEVER_M,
+        config.max_refinement / config.lever,
     )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Probabilities as bytes and back, and where in a grid there are any."""
+"""Quantization of probabilities to bytes and back, and the box of known cells."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import ByteArray
 
 FloatCells = NDArray[np.float32]
-ByteCells = NDArray[np.uint8]
 
 
 @kernel
@@ -48,15 +48,15 @@ def quantize_box(
     first_col: int,
     lowest: float,
     step: float,
-    out_values: ByteCells,
+    out_values: ByteArray,
 ) -> None:
     """Write the values that stand for the probabilities in a box of cells into `out_values`.
 
     Parameters
     ----------
     cells : float32, shape (num_rows, num_cols), C-contiguous, probabilities; 0: never observed.
-    first_row, first_col : where the box begins.
-    lowest, step : the probability that 1 stands for, and by how much the next one is larger.
+    first_row, first_col : first cell of the box.
+    lowest, step : probability of value 1, and its increase from one value to the next.
     out_values : uint8, of the shape of the box; 0 where never observed.
     """
     lowest_32, step_32 = np.float32(lowest), np.float32(step)
@@ -71,7 +71,7 @@ def quantize_box(
 
 @kernel
 def dequantize_box(
-    values: ByteCells,
+    values: ByteArray,
     first_row: int,
     first_col: int,
     lowest: float,
@@ -83,8 +83,8 @@ def dequantize_box(
     Parameters
     ----------
     values : uint8, shape (num_rows, num_cols), C-contiguous; 0: never observed.
-    first_row, first_col : where the box begins.
-    lowest, step : the probability that 1 stands for, and by how much the next one is larger.
+    first_row, first_col : first cell of the box.
+    lowest, step : probability of value 1, and its increase from one value to the next.
     out_cells : float32, of the shape of the box, C-contiguous; 0 where never observed.
     """
     zero = np.float32(0.0)

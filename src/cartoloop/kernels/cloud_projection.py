@@ -1,18 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cloud of points in space to what a level scanner in its place would have seen."""
+"""Point clouds to the scans that a level scanner in the same place would have measured."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-from cartoloop.kernels.sweep_projection import place_upright
+from cartoloop.arrays import FloatArray
+from cartoloop.kernels.range_projection import Position
+from cartoloop.kernels.sweep_projection import SweepMotion, place_upright
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+
+class CloudLimits(NamedTuple):
+    """Which points of a cloud are used.
+
+    Attributes
+    ----------
+    min_range : nearer points are dropped [m].
+    no_return_range : points from here on are no measurements [m].
+    min_z, max_z : heights of points, level frame of the robot [m].
+    """
+
+    min_range: float
+    no_return_range: float
+    min_z: float
+    max_z: float
 
 
 @kernel
@@ -20,11 +35,9 @@ def project_cloud(
     points: FloatArray,
     times: FloatArray,
     rotation: FloatArray,
-    translation: FloatArray,
-    knot_start: float,
-    knot_step: float,
-    knots: FloatArray,
-    limits: FloatArray,
+    origin: Position,
+    motion: SweepMotion,
+    limits: CloudLimits,
     centre_x: float,
     centre_y: float,
     nearest: FloatArray,
@@ -34,38 +47,38 @@ def project_cloud(
 
     Parameters
     ----------
-    points : float64, shape (n, 3), sensor frame [m]; may hold NaN and inf, which are left out.
-    times : float64, shape (n,), when each was measured, from the reference time on [s]; shape (0,)
-        if all were then.
-    rotation, translation : float64, shapes (3, 3), (3,): sensor frame to tracking frame.
-    knot_start, knot_step, knots : the motion during the sweep, as `place_upright` takes it.
-    limits : float64, shape (4,) [m]: smallest range, range from which on there is no measurement,
-        lowest and highest point above the tracking frame.
-    centre_x, centre_y : from where directions count, level frame of the robot at the reference
-        time [m].
+    points : float64, shape (n, 3), sensor frame [m]; NaN and inf are ignored.
+    times : float64, shape (n,), when each was measured, relative to the time of the scan [s]; shape
+        (0,) if all were measured then.
+    rotation : float64, shape (3, 3), sensor frame to tracking frame.
+    origin : position of the sensor.
+    motion : of the robot during the sweep.
+    limits : which points are used.
+    centre_x, centre_y : origin of the directions, level frame of the robot at the time of the scan
+        [m].
     nearest : float64, shape (num_directions,), the full turn in equal parts; overwritten.
     out_returns : float64, shape (num_directions, 2), points in the level frame of the robot at the
-        reference time [m], counter-clockwise from the direction -x on.
+        time of the scan [m], counter-clockwise from the direction -x on.
     """
     num_directions = nearest.shape[0]
     nearest[:] = np.inf
     for k in range(points.shape[0]):
         px, py, pz = points[k, 0], points[k, 1], points[k, 2]
         squared = px * px + py * py + pz * pz
-        if not (squared >= limits[0] * limits[0] and squared < limits[1] * limits[1]):
+        if squared < limits.min_range * limits.min_range:
+            continue
+        if not squared < limits.no_return_range * limits.no_return_range:
             continue
         if not squared < np.inf or squared == 0.0:
             continue
         x, y, z = place_upright(
-            translation[0] + rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz,
-            translation[1] + rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz,
-            translation[2] + rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz,
+            origin.x + rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz,
+            origin.y + rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz,
+            origin.z + rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz,
             times[k] if times.shape[0] else 0.0,
-            knot_start,
-            knot_step,
-            knots,
+            motion,
         )
-        if z < limits[2] or z > limits[3]:
+        if z < limits.min_z or z > limits.max_z:
             continue
         dx, dy = x - centre_x, y - centre_y
         share = (math.atan2(dy, dx) + math.pi) / (2.0 * math.pi)

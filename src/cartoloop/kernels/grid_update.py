@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import CellArray
 
 MEMORY_SIZE = 2048
-"""So many outcomes of eq. (3) are remembered; a power of two, many more than ever occur."""
+"""Number of cached results of eq. (3): a power of two, many more than occur in one scan."""
 
 
 @kernel
@@ -17,8 +18,8 @@ def update_cells(
     grid: NDArray[np.float32],
     first_col: int,
     first_row: int,
-    hits: NDArray[np.int32],
-    free: NDArray[np.int32],
+    hits: CellArray,
+    free: CellArray,
     hit_probability: float,
     miss_probability: float,
     min_probability: float,
@@ -37,8 +38,8 @@ def update_cells(
 
     Notes
     -----
-    Free space is most of a scan, and its cells differ by little but the number of times that they
-    were seen: some tens of values. What eq. (3) makes of a value is remembered.
+    Most cells of a scan are free space, and differ mainly in how often they were observed: some
+    tens of values. The result of eq. (3) for each value is cached.
     """
     hit_odds = hit_probability / (1.0 - hit_probability)
     miss_odds = miss_probability / (1.0 - miss_probability)

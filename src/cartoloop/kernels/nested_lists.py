@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lists within a list, as messages hold them: each tells its length, then come its items."""
+"""Lists within a list, as in serialized messages: the length of each, then its items."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import IntArray
 
 
 @kernel
 def find_lists(
     words: NDArray[np.uint32],
     start: int,
-    out_firsts: NDArray[np.int64],
-    out_counts: NDArray[np.int64],
+    out_firsts: IntArray,
+    out_counts: IntArray,
 ) -> int:
-    """Write where each list's first item stands and how many it has; return where the last ends.
+    """Write the index of each list's first item and its length; return the end of the last.
 
     Parameters
     ----------

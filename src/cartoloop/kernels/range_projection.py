@@ -1,27 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ranges to points (section IV-A), and which of them are hits, which only free space."""
+"""Ranges to points (section IV-A): the ends of hits, and of beams that only clear free space."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
+
+class Position(NamedTuple):
+    """Coordinates in the tracking frame [m]."""
+
+    x: float
+    y: float
+    z: float
+
+
+class RangeLimits(NamedTuple):
+    """Which beams are hits, and which clear free space.
+
+    Attributes
+    ----------
+    min_range, max_range : a return in [min_range, max_range] is a hit [m]; beyond, its beam clears
+        free space only.
+    no_return_range : ranges from here on are no measurements [m].
+    no_return_is_free : whether such a range means that there is no obstacle; otherwise it is
+        ignored (+inf itself always counts as free, REP 117).
+    free_ray_length : free space cleared by a beam without a hit [m]; 0 clears nothing.
+    """
+
+    min_range: float
+    max_range: float
+    no_return_range: float
+    no_return_is_free: bool
+    free_ray_length: float
 
 
 @kernel
 def project_ranges(
     ranges: FloatArray,
     directions: FloatArray,
-    min_range: float,
-    max_range: float,
-    no_return_range: float,
-    no_return_is_free: bool,
-    free_ray_length: float,
-    origin_x: float,
-    origin_y: float,
+    origin: Position,
+    limits: RangeLimits,
     out_returns: FloatArray,
     out_misses: FloatArray,
 ) -> tuple[int, int]:
@@ -31,32 +54,29 @@ def project_ranges(
     ----------
     ranges : float64, shape (num_beams,) [m]; may hold NaN, inf and negative values.
     directions : float64, shape (num_beams, 2), unit vectors of the beams, tracking frame.
-    min_range, max_range : a return in [min_range, max_range] is a hit [m]; one beyond is no hit,
-        but its beam clears free space.
-    no_return_range : ranges from here on are no measurements [m].
-    no_return_is_free : whether such a range means that the beam met nothing; otherwise it says
-        nothing (+inf itself always counts as free, REP 117).
-    free_ray_length : free space cleared by a beam without a hit [m]; 0 clears nothing.
-    origin_x, origin_y : where the sensor stands, tracking frame [m].
+    origin : position of the sensor; its height is not used.
+    limits : which beams are hits.
     out_returns, out_misses : float64, shape (num_beams, 2), end points, tracking frame [m].
 
     Notes
     -----
-    NaN, -inf, negative and too short ranges say nothing: neither hit nor free.
+    NaN, -inf, negative and too short ranges are ignored: neither hit nor free.
     """
     num_returns = 0
     num_misses = 0
     for k in range(ranges.shape[0]):
         r = ranges[k]
-        if not r >= min_range or r <= 0.0:
+        if not r >= limits.min_range or r <= 0.0:
             continue
-        if r <= max_range and r < no_return_range:
-            out_returns[num_returns, 0] = origin_x + r * directions[k, 0]
-            out_returns[num_returns, 1] = origin_y + r * directions[k, 1]
+        if r <= limits.max_range and r < limits.no_return_range:
+            out_returns[num_returns, 0] = origin.x + r * directions[k, 0]
+            out_returns[num_returns, 1] = origin.y + r * directions[k, 1]
             num_returns += 1
-        elif free_ray_length > 0.0 and (r < no_return_range or no_return_is_free or r == np.inf):
-            length = min(r, free_ray_length)
-            out_misses[num_misses, 0] = origin_x + length * directions[k, 0]
-            out_misses[num_misses, 1] = origin_y + length * directions[k, 1]
+        elif limits.free_ray_length > 0.0 and (
+            r < limits.no_return_range or limits.no_return_is_free or r == np.inf
+        ):
+            length = min(r, limits.free_ray_length)
+            out_misses[num_misses, 0] = origin.x + length * directions[k, 0]
+            out_misses[num_misses, 1] = origin.y + length * directions[k, 1]
             num_misses += 1
     return num_returns, num_misses

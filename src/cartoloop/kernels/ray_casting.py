@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which grid points a scan hits and misses (section IV-B, figure 2).
+"""The grid points that a scan hits and misses (section IV-B, figure 2).
 
 Cells are named by their lattice coordinates (column, row) = (x, y) / r rounded: the grid points of
 all grids of one resolution in one frame are the same lattice, so the cells of a scan are found
@@ -9,9 +9,9 @@ once and applied to every submap that the scan is inserted into.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import CellArray, FloatArray
 from cartoloop.kernels.pixel_rows import (
     PixelRows,
     RunArray,
@@ -22,15 +22,11 @@ from cartoloop.kernels.pixel_rows import (
 )
 from cartoloop.kernels.ray_fan import SUBPIXELS, mark_rays
 
-FloatArray = NDArray[np.float64]
-CellArray = NDArray[np.int32]
-IntArray = NDArray[np.int64]
-
 FARTHEST = 1 << 30
-"""Lattice coordinates, and differences of two, are within int32 up to here."""
+"""Largest lattice coordinate [cells]: differences of two still fit into int32."""
 
 MAX_CELLS = 1 << 27
-"""So many cells a submap may have, a square of 500 m: more is no submap but a pose gone astray."""
+"""Largest number of cells of a submap: a square of 500 m at 0.05 m. More means a wrong pose."""
 
 
 @kernel
@@ -51,13 +47,13 @@ def scan_cells(
     hits : int32, shape (h, 2), lattice (column, row), each cell once.
     free : int32, shape (f, 3), the misses, as runs along rows: row, first column, column after the
         last.
-    first_col, first_row, last_col, last_row : lattice box that holds origin and ends, as far as
+    first_col, first_row, last_col, last_row : lattice box around origin and ends, clipped to
         `FARTHEST`.
 
     Notes
     -----
-    The hit set wins over the miss set; a miss is every pixel that a ray intersects. Both are empty
-    where the box reaches as far as `FARTHEST` or has more than `MAX_CELLS`.
+    A miss is every pixel that a ray intersects and that is not a hit. Both sets are empty where the
+    box reaches beyond `FARTHEST` or has more than `MAX_CELLS` cells.
     """
     first_col, last_col = _lattice_range(origin_x, returns[:, 0], misses[:, 0], resolution)
     first_row, last_row = _lattice_range(origin_y, returns[:, 1], misses[:, 1], resolution)
@@ -107,7 +103,7 @@ def _lattice_range(
 
 @kernel
 def _lattice_coordinate(cells: float) -> int:
-    """Return the lattice coordinate below, of what is too far or not a number `FARTHEST`."""
+    """Return the coordinate rounded down, clipped to `FARTHEST`, which also stands for NaN."""
     below = np.floor(cells)
     if not abs(below) < FARTHEST:
         return -FARTHEST if below < 0.0 else FARTHEST
@@ -116,7 +112,7 @@ def _lattice_coordinate(cells: float) -> int:
 
 @kernel
 def fits(first_col: int, first_row: int, last_col: int, last_row: int) -> bool:
-    """Return whether a box of cells, given by its first and last, can be one of a submap."""
+    """Return whether a box, given by its first and last cells, is small enough for a submap."""
     if min(first_col, first_row) < -FARTHEST or max(last_col, last_row) > FARTHEST:
         return False
     return bool((last_col - first_col + 1) * (last_row - first_row + 1) <= MAX_CELLS)
@@ -137,13 +133,13 @@ def _take_hits(
     out_marked: PixelRows,
     out_hits: CellArray,
 ) -> int:
-    """Take the returns' cells from `out_marked` to `out_hits`, each once; return how many."""
+    """Move the returns' cells from `out_marked` to `out_hits`, each once; return how many."""
     for k in range(returns.shape[0]):
         col = int(np.floor(returns[k, 0] / resolution + 0.5))
         row = int(np.floor(returns[k, 1] / resolution + 0.5))
         out_hits[k, 0] = col
         out_hits[k, 1] = row
-        # The ray has been there, but for the rounding of its end to subpixels.
+        # Already marked by its ray, except where the end was rounded to another pixel.
         add_span(out_marked, row - first_row, col - first_col, col - first_col)
     num_hits = 0
     for k in range(returns.shape[0]):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pixels that rays from one point intersect, without visiting those near the point each time.
+"""The pixels that rays from one point intersect, without tracing pixels near the point repeatedly.
 
-A ray is traced row by row: in each row it intersects one span of pixels. Neighbouring rays stay
-closer together than a pixel for many rows; there no pixel fits between them, and what they and all
-rays between them intersect is one span, of which only the outermost rays need be traced. So a ray
-is traced no further inwards than to the row up to which both of its neighbours are that close.
+A ray is traced row by row: in each row it intersects one span of pixels. Neighbouring rays are
+closer together than a pixel for many rows. No pixel fits between them there, so that they and all
+rays between them intersect one span, and only the outermost rays have to be traced. So a ray is
+traced inwards only to the row up to which both of its neighbours are that close.
 
 Coordinates are in subpixels: whole numbers, so that borders and corners are met exactly.
 """
@@ -14,31 +14,31 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import IntArray
 from cartoloop.kernels.pixel_rows import PixelRows, add_span
 
-IntArray = NDArray[np.int64]
-
 _SHIFT = 11
+"""Bits of a subpixel: products of a ray's components stay below 2**63 in the largest submap."""
+
 SUBPIXELS = 1 << _SHIFT
 """Ray ends are rounded to this fraction of a pixel, so that the traversal is exact in integers."""
 
 CLOSE = 0.999 * SUBPIXELS
-"""Rays less than this apart are closer than a pixel, however the distance was rounded."""
+"""Distance of rays below which no pixel fits between them [subpixels], less a rounding error."""
 
 
 @kernel
 def mark_rays(start_x: int, start_y: int, ends: IntArray, out_marked: PixelRows) -> int:
-    """Put the pixels that rays from one point intersect into a set; return by how many spans.
+    """Mark the pixels that rays from one point intersect; return the number of spans.
 
     Parameters
     ----------
     start_x, start_y : common start of the rays, subpixels from the corner of pixel (0, 0).
-    ends : int64, shape (n, 2), their ends x, y, likewise. The order does not matter to the result;
-        it is quickest where most rays have their neighbours before and after them.
-    out_marked : as in :mod:`~cartoloop.kernels.pixel_rows`; has room for all.
+    ends : int64, shape (n, 2), their ends x, y, likewise. The result does not depend on the order;
+        it is fastest where neighbouring rays follow each other.
+    out_marked : as in :mod:`~cartoloop.kernels.pixel_rows`; large enough for all rays.
 
     Notes
     -----
@@ -65,9 +65,9 @@ def mark_rays(start_x: int, start_y: int, ends: IntArray, out_marked: PixelRows)
 def _mark_side(
     start_x: int, start_y: int, ends: IntArray, upwards: int, out_marked: PixelRows
 ) -> int:
-    """Mark what the rays up (1) or down (-1) intersect along their length; return how many spans.
+    """Mark the pixels along the rays that go up (1) or down (-1); return the number of spans.
 
-    Ways are in run along x and in rise, > 0, up or down; rows count from the one they begin in.
+    A ray goes by `run` along x and by `rise` > 0 up or down; rows count from its first one.
     """
     start_row = start_y >> _SHIFT if upwards > 0 else (start_y - 1) >> _SHIFT
     border = start_row + 1 if upwards > 0 else start_row
@@ -107,14 +107,14 @@ def _find_close_rows(runs: IntArray, rises: IntArray, first_rise: int, out_close
 
     Parameters
     ----------
-    runs, rises : int64, shape (>= num_rays,), of the rays from start to end along x and y.
+    runs, rises : int64, shape (>= num_rays,), components of the rays along x and y.
     first_rise : the rise at the far border of the row they begin in.
-    out_close : int64, shape (num_rays + 1,); the first and the last ray have but one neighbour.
+    out_close : int64, shape (num_rays + 1,); the first and the last ray have one neighbour only.
 
     Notes
     -----
-    As far as a distance D, no two points between rays that enclose an angle a < 90 degrees are
-    further apart, square to one ray, than D sin a; a pixel needs a whole pixel in any direction.
+    Up to a distance D, two points between rays that enclose an angle a < 90 degrees are at most
+    D sin a apart, perpendicular to one ray; a pixel has a width of one pixel in any direction.
     """
     num_rays = out_close.shape[0] - 1
     out_close[0] = out_close[num_rays] = -1
@@ -122,7 +122,7 @@ def _find_close_rows(runs: IntArray, rises: IntArray, first_rise: int, out_close
     for k in range(1, num_rays):
         out_close[k] = -1
         cross = runs[k - 1] * rises[k] - rises[k - 1] * runs[k]
-        # Where the rays turn back, those between the outermost need not lie between them.
+        # Where the order of the rays reverses, later rays may lie outside of the outermost ones.
         if cross * turn < 0 or runs[k - 1] * runs[k] + rises[k - 1] * rises[k] <= 0:
             turn = 0
             continue
@@ -148,23 +148,23 @@ def _mark_ray(
     out_open: IntArray,
     out_marked: PixelRows,
 ) -> int:
-    """Mark the pixels along a ray, as far as it is not within close ones; return how many spans.
+    """Mark the pixels along a ray outside of its close neighbours; return the number of spans.
 
     Parameters
     ----------
     start_x : x of its start.
-    start_row, upwards : the row that it begins in, and on which side the next is, 1 or -1.
+    start_row, upwards : its first row, and the direction to the next, 1 or -1.
     first_rise : the rise at the far border of that row.
-    run, rise : from its start to its end along x and y.
+    run, rise : components of the ray along x and y.
     close_before, close_after : the last row in which the ray before and after it are close,
-        counted from `start_row`; -1 where in none.
-    out_open : int64, shape (num_rows, 2), by row the span of the first of the rays that are close;
-        it is marked together with that of the last of them, and all between.
+        counted from `start_row`; -1 if in none.
+    out_open : int64, shape (num_rows, 2), by row, the span of the first of the close rays; it is
+        marked together with the span of the last of them, and all between.
     """
     low_x, high_x = min(start_x, start_x + run), max(start_x, start_x + run)
     first = min(close_before, close_after) + 1
     last = (rise - 1 - first_rise + SUBPIXELS) >> _SHIFT
-    # Where it crosses the borders of rows: the whole part, and the rest in units of 1 / rise.
+    # x where it crosses the borders of rows: whole part, and remainder in units of 1 / rise.
     step = run * SUBPIXELS // rise
     step_rest = run * SUBPIXELS - step * rise
     product = run * (first_rise + (first - 1) * SUBPIXELS)

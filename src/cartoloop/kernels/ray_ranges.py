@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far single rays reach among straight walls: for simulated scanners that move meanwhile."""
+"""Ranges of single rays among straight walls, for simulated scanners that move during a sweep."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-
-FloatArray = NDArray[np.float64]
+from cartoloop.arrays import FloatArray
+from cartoloop.kernels.wall_ranges import CORNER_TOLERANCE
 
 
 @kernel
@@ -21,12 +20,12 @@ def ray_ranges(
     ----------
     walls : float64, shape (num_walls, 4), segments x1, y1, x2, y2 [m], world frame.
     rays : float64, shape (n, 4): start x, y [m] and direction x, y, a unit vector, world frame.
-    range_max : walls further away are not seen [m].
+    range_max : walls beyond are not measured [m].
     out_ranges : float64, shape (n,) [m]; inf where a ray meets no wall.
 
     Notes
     -----
-    O(n num_walls). Rays exactly along a wall pass it.
+    O(n num_walls). A ray exactly along a wall does not hit it.
     """
     for k in range(rays.shape[0]):
         x, y, dx, dy = rays[k, 0], rays[k, 1], rays[k, 2], rays[k, 3]
@@ -41,6 +40,6 @@ def ray_ranges(
             if distance < 0.0 or distance >= nearest:
                 continue
             along = (ax * dy - ay * dx) / across
-            if -1e-9 <= along <= 1.0 + 1e-9:
+            if -CORNER_TOLERANCE <= along <= 1.0 + CORNER_TOLERANCE:
                 nearest = distance
         out_ranges[k] = nearest if nearest <= range_max else np.inf

@@ -1,22 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What scans find in a grid of bytes where they stand."""
+"""The sum of the values of a grid at the points of scans."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from cartoloop.arrays import ByteArray, FloatArray, IntArray
 
 
 @kernel
 def sum_at_points(
-    cells: NDArray[np.uint8],
+    cells: ByteArray,
     least: int,
     origin_x: float,
     origin_y: float,
@@ -31,7 +28,7 @@ def sum_at_points(
     Parameters
     ----------
     cells : uint8, shape (num_rows, num_cols).
-    least : what cells count that hold less, or lie outside.
+    least : lower limit of a value, and value of points outside.
     origin_x, origin_y, resolution : centre of cell (0, 0) and edge of a cell [m].
     points : float64, shape (n, 2), scan frame [m].
     firsts, ends : int64, shape (k,): scan i has ``points[firsts[i] : ends[i]]``.

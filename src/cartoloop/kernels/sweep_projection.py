@@ -1,45 +1,60 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Beams of a tilted, moving scanner to points of the plane (section IV, "scan projection")."""
+"""Deskewing: beams of a tilted, moving scanner to points of the plane (section IV)."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray
+from cartoloop.kernels.range_projection import Position, RangeLimits
 
-FloatArray = NDArray[np.float64]
+
+class SweepMotion(NamedTuple):
+    """The motion of the robot during a sweep, sampled at equal time steps.
+
+    Attributes
+    ----------
+    start : time of the first knot, relative to the time of the scan [s].
+    step : time between knots [s], positive.
+    knots : float64, shape (k, 5), k > 0: pose of the robot at each knot, relative to its pose at
+        the time of the scan, x, y [m], theta [rad]; and its roll and pitch [rad].
+    """
+
+    start: float
+    step: float
+    knots: FloatArray
+
+
+class Heights(NamedTuple):
+    """Heights of the ends of beams that are used, level frame of the robot [m]."""
+
+    min_z: float
+    max_z: float
 
 
 @kernel
 def place_upright(
-    x: float,
-    y: float,
-    z: float,
-    time: float,
-    knot_start: float,
-    knot_step: float,
-    knots: FloatArray,
+    x: float, y: float, z: float, time: float, motion: SweepMotion
 ) -> tuple[float, float, float]:
-    """Return a point of the tilted, moving tracking frame in the level one of the reference time.
+    """Return a point of the tilted, moving tracking frame in the level frame of the scan's time.
 
     Parameters
     ----------
     x, y, z : the point as measured, tracking frame [m].
-    time : when it was measured, from the reference time on [s].
-    knot_start, knot_step : time of the first knot from the reference time on, and between knots
-        [s]; the step is positive.
-    knots : float64, shape (num_knots, 5), num_knots > 0: where the robot is at each, seen from
-        where it is at the reference time, x, y [m], theta [rad], and its roll and pitch [rad].
+    time : when it was measured, relative to the time of the scan [s].
+    motion : of the robot during the sweep.
 
     Notes
     -----
-    Between the knots the motion is interpolated linearly, before and after them it rests. The
-    point is turned by Rz(theta) Ry(pitch) Rx(roll) and shifted by (x, y).
+    The motion is interpolated linearly between knots, and constant before and after them. The
+    point is rotated by Rz(theta) Ry(pitch) Rx(roll) and translated by (x, y).
     """
-    at = min(max((time - knot_start) / knot_step, 0.0), knots.shape[0] - 1.0)
+    knots = motion.knots
+    at = min(max((time - motion.start) / motion.step, 0.0), knots.shape[0] - 1.0)
     before = min(np.int64(np.floor(at)), knots.shape[0] - 1)
     after = min(before + 1, knots.shape[0] - 1)
     part = at - before
@@ -61,13 +76,11 @@ def place_upright(
 def project_sweep(
     ranges: FloatArray,
     directions: FloatArray,
-    origin: FloatArray,
+    origin: Position,
     time_increment: float,
-    knot_start: float,
-    knot_step: float,
-    knots: FloatArray,
-    limits: FloatArray,
-    no_return_is_free: bool,
+    motion: SweepMotion,
+    limits: RangeLimits,
+    heights: Heights,
     out_returns: FloatArray,
     out_misses: FloatArray,
 ) -> tuple[int, int]:
@@ -77,45 +90,39 @@ def project_sweep(
     ----------
     ranges : float64, shape (num_beams,) [m]; may hold NaN, inf and negative values.
     directions : float64, shape (num_beams, 3), unit vectors of the beams, tracking frame.
-    origin : float64, shape (3,), where the sensor stands, tracking frame [m].
-    time_increment : from beam to beam [s]; the first is measured at the reference time.
-    knot_start, knot_step, knots : the motion during the sweep, as `place_upright` takes it.
-    limits : float64, shape (6,) [m]: smallest and largest range of a hit, range from which on there
-        is no measurement, free space cleared by a beam without a hit, lowest and highest end of a
-        beam above the tracking frame.
-    no_return_is_free : whether a range without measurement means that the beam met nothing.
+    origin : position of the sensor.
+    time_increment : time between beams [s]; the first is measured at the time of the scan.
+    motion : of the robot during the sweep.
+    limits, heights : which beams are hits.
     out_returns, out_misses : float64, shape (num_beams, 2), end points, level frame of the robot at
-        the reference time [m].
+        the time of the scan [m].
 
     Notes
     -----
-    What ranges mean is as in `cartoloop.kernels.range_projection.project_ranges`. Beams that end
-    lower or higher than allowed have met the floor or the ceiling, and say nothing.
+    Ranges are interpreted as by `cartoloop.kernels.range_projection.project_ranges`. Beams that end
+    below `min_z` or above `max_z` have hit the floor or the ceiling, and are ignored.
     """
-    min_range, max_range, no_return_range, free_ray_length = limits[:4]
     num_returns = 0
     num_misses = 0
     for k in range(ranges.shape[0]):
         r = ranges[k]
-        if not r >= min_range or r <= 0.0:
+        if not r >= limits.min_range or r <= 0.0:
             continue
-        is_hit = r <= max_range and r < no_return_range
+        is_hit = r <= limits.max_range and r < limits.no_return_range
         if not is_hit:
-            if not (r < no_return_range or no_return_is_free or r == np.inf):
+            if not (r < limits.no_return_range or limits.no_return_is_free or r == np.inf):
                 continue
-            r = min(r, free_ray_length)
+            r = min(r, limits.free_ray_length)
             if r <= 0.0:
                 continue
         x, y, z = place_upright(
-            origin[0] + r * directions[k, 0],
-            origin[1] + r * directions[k, 1],
-            origin[2] + r * directions[k, 2],
+            origin.x + r * directions[k, 0],
+            origin.y + r * directions[k, 1],
+            origin.z + r * directions[k, 2],
             k * time_increment,
-            knot_start,
-            knot_step,
-            knots,
+            motion,
         )
-        if z < limits[4] or z > limits[5]:
+        if z < heights.min_z or z > heights.max_z:
             continue
         if is_hit:
             out_returns[num_returns, 0] = x

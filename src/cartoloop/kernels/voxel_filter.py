@@ -4,12 +4,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from cartoloop.arrays import FloatArray
 
 
 @kernel
@@ -50,7 +47,8 @@ def voxel_filter(points: FloatArray, num_points: int, edge: float, out_points: F
 def copy_points(points: FloatArray, num_points: int, out_points: FloatArray) -> int:
     """Write the first of the points, float64, shape (n, 2), into `out_points`; return how many.
 
-    Slices are not assigned: that a compiler may say how their shapes differ doubles its work.
+    A loop instead of a slice assignment: the error path of Numba for different shapes doubles the
+    compile time.
     """
     for k in range(num_points):
         out_points[k, 0] = points[k, 0]
@@ -66,21 +64,21 @@ def adaptive_voxel_filter(
     max_range: float,
     out_points: FloatArray,
 ) -> int:
-    """Write what the coarsest filter keeps that keeps enough into `out_points`; return how many.
+    """Write the points kept by the coarsest filter that keeps enough; return how many.
 
     Parameters
     ----------
     points : float64, shape (n, 2) [m], tracking frame.
-    max_length : the coarsest cell's edge [m].
-    min_num_points : how many points must remain (fewer only where there are fewer).
-    max_range : points further from the frame's origin are left out [m].
+    max_length : edge of the largest cells [m].
+    min_num_points : number of points that must remain, if there are as many.
+    max_range : points further from the frame's origin are dropped [m].
     out_points : float64, shape (>= n, 2) [m].
 
     Notes
     -----
     Halves the edge until enough points remain, then bisects between the last two edges, as
-    Cartographer does, to within a tenth of the edge. Points so close together that even a
-    hundredth of `max_length` leaves too few all remain.
+    Cartographer does, to within a tenth of the edge. All points remain where even a
+    hundredth of `max_length` keeps too few.
     """
     near = np.empty_like(points)
     num_near = 0

@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scanner among straight walls measures: the simulator's exact ray casting."""
+"""Ranges of a scanner among straight walls: the simulator's exact ray casting."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
-
-# Walls that share a corner share it in floating point only up to rounding: a beam that meets a wall
-# this far beyond its end (as a share of its length) still counts, so that no beam slips through.
 CORNER_TOLERANCE = 1e-9
+"""A beam hits a wall up to this far beyond its ends [share of its length]: walls share corners only
+up to rounding, and no beam may pass between them."""
 
 
 @kernel
@@ -34,14 +32,14 @@ def wall_ranges(
     poses : float64, shape (num_poses, 3), the sensor's x [m], y [m], theta [rad], world frame.
     angle_min : angle of beam 0 [rad], sensor frame.
     angle_increment : angle from one beam to the next [rad], positive; all beams within one turn.
-    range_max : walls further away are not seen [m].
+    range_max : walls beyond are not measured [m].
     out_ranges : float64, shape (num_poses, num_beams) [m]; inf where a beam meets no wall.
 
     Notes
     -----
-    Turned inside out: instead of trying all walls for a beam, each wall is met only with the beams
-    between the directions of its two ends, so the cost is O(num_walls + beams that meet a wall)
-    for a scan. A wall is infinitely thin: a beam exactly along it passes.
+    Each wall is intersected only with the beams between the directions of its two ends, so the cost
+    is O(num_walls + beams that hit a wall) for a scan. A wall is infinitely thin: a beam exactly
+    along it does not hit it.
     """
     num_beams = out_ranges.shape[1]
     cos_beam = np.empty(num_beams)
@@ -60,13 +58,13 @@ def wall_ranges(
             ax, ay = cos * dx + sin * dy, cos * dy - sin * dx
             dx, dy = walls[wall_idx, 2] - x, walls[wall_idx, 3] - y
             bx, by = cos * dx + sin * dy, cos * dy - sin * dx
-            _meet_wall(
+            _intersect_wall(
                 ax, ay, bx, by, cos_beam, sin_beam, angle_min, angle_increment, range_max, ranges
             )
 
 
 @kernel
-def _meet_wall(
+def _intersect_wall(
     ax: float,
     ay: float,
     bx: float,
@@ -80,7 +78,7 @@ def _meet_wall(
 ) -> None:
     """Shorten the `out_ranges` of one scan by the wall from a to b [m, sensor frame]."""
     cross = ax * by - ay * bx
-    if cross < 0.0:  # from here on the wall runs counter-clockwise as seen from the sensor
+    if cross < 0.0:  # now the wall runs counter-clockwise as seen from the sensor
         ax, ay, bx, by, cross = bx, by, ax, ay, -cross
     sx, sy = bx - ax, by - ay
     length_squared = sx * sx + sy * sy
@@ -97,7 +95,7 @@ def _meet_wall(
     start = math.atan2(ay, ax) - angle_min
     start -= turn * math.floor(start / turn)
     # A wall across the direction of beam 0 meets the last beams of one turn and the first of the
-    # next; the beams at its very ends are tried too, for the angles are rounded.
+    # next. The beams at its ends are included because the angles are rounded.
     for lap in range(2):
         first = math.floor((start - lap * turn) / angle_increment)
         last = math.ceil((start - lap * turn + width) / angle_increment)

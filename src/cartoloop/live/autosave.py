@@ -58,7 +58,7 @@ class Autosave:
         if self._mapper.num_scans != self._saved_scans and self._mapper.num_nodes:
             self._is_busy = True
             self._saved_scans = self._mapper.num_scans
-            self._mapper.result_later(self._save_elsewhere)
+            self._mapper.call_with_result(self._save_elsewhere)
 
     def close(self) -> None:
         """Wait until the last save is done; only after the mapper was closed."""

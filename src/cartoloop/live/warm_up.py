@@ -7,9 +7,7 @@ import gc
 import math
 import sys
 
-import numpy as np
-
-from cartoloop.arrays import FloatArray
+from cartoloop.compile_ahead import square_room_ranges
 from cartoloop.config import Config, ConstraintSearchConfig, GlobalSlamConfig
 from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry
@@ -47,7 +45,7 @@ def warm_up() -> None:
     local_slam = config.local_slam.model_copy(
         update={"submaps": config.local_slam.submaps.model_copy(update={"num_range_data": 6})}
     )
-    search = ConstraintSearchConfig(bound_length=0.0, every_nth_node=1)
+    search = ConstraintSearchConfig(well_constrained_length=0.0, every_nth_node=1)
     global_slam = GlobalSlamConfig(
         optimize_every_n_nodes=12, constraint_search=search, num_threads=1
     )
@@ -57,17 +55,7 @@ def warm_up() -> None:
     geometry = ScanGeometry(-math.pi, math.radians(2.0), 180, 0.1, 30.0)
     for k in range(_SCANS):
         pose = Pose(0.05 * k - 1.5, 0.2 * math.sin(0.3 * k), 0.05 * k)
-        ranges = _room_ranges(pose, geometry.angles)
+        ranges = square_room_ranges(_ROOM, pose, geometry.angles)
         mapper.add(Odometry(0.1 * k, 0.1 * k, pose))
         mapper.add(LaserScan(0.1 * k, 0.1 * k, ranges, geometry))
     mapper.finish()
-
-
-def _room_ranges(pose: Pose, angles: FloatArray) -> FloatArray:
-    """Return the distances to the walls of a square room [m]."""
-    dx, dy = np.cos(pose.theta + angles), np.sin(pose.theta + angles)
-    with np.errstate(divide="ignore"):
-        distances: FloatArray = np.minimum(
-            (np.copysign(_ROOM, dx) - pose.x) / dx, (np.copysign(_ROOM, dy) - pose.y) / dy
-        )
-    return distances

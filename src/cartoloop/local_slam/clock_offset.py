@@ -1,36 +1,44 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far the clock of another sensor is off that of the scans, from when both turn."""
+"""The offset between the clocks of another sensor and of the scans, from when both turn."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cartoloop.sensor.pose import FloatArray
+from cartoloop.arrays import BoolArray, FloatArray
 
 OFFSETS_S: FloatArray = np.arange(-20.0, 61.0) * 0.02
-"""Clock offsets tried [s]; positive: the reading is newer than the scan of the same stamp."""
+"""Clock offsets tried [s], in steps of a tenth of the usual time between scans; positive: the
+reading is newer than the scan of the same stamp. Radish logs have 0.14 to 0.64 s."""
 
 MIN_TURN_RAD = 0.02
-"""Steps that turn by less tell nothing of the offset."""
+"""Steps that turn by less do not contribute to the offset [rad]: the noise of a match."""
+
+FIRST_ESTIMATE = 50
+"""Number of scans before the first estimate of a calibration: some ten seconds."""
+
+
+def next_estimate(num_scans: int) -> int:
+    """Return after how many scans a calibration is estimated again: later as it settles."""
+    return num_scans + max(FIRST_ESTIMATE, min(num_scans // 4, 10 * FIRST_ESTIMATE))
 
 
 def clock_offset(
     times: FloatArray,
     turns: FloatArray,
-    turning: NDArray[np.bool_],
+    turning: BoolArray,
     reading_times: FloatArray,
     heading: FloatArray,
     max_unexplained: float = 0.9,
 ) -> float | None:
-    """Return the offset [s] at which a sensor turns when the scans do; None if at none it does.
+    """Return the offset [s] at which a sensor turns when the scans do; None without agreement.
 
     Parameters
     ----------
     times : of the scans, shape (n,).
-    turns, turning : rotation of each step between them [rad], and whether it is one to go by.
+    turns, turning : rotation of each step between them [rad], and whether it is used.
     reading_times, heading : of the sensor, shape (k,), heading unwrapped [rad].
-    max_unexplained : share of the turns that the sensor may miss or add, at the best offset.
+    max_unexplained : largest share of the turns that may differ at the best offset.
     """
     costs = np.array(
         [
@@ -47,7 +55,7 @@ def clock_offset(
 
 
 def _refined_minimum(grid: FloatArray, costs: FloatArray, best: int) -> float:
-    """Return where a parabola through the lowest cost and its neighbours is lowest."""
+    """Return the minimum of a parabola through the lowest cost and its neighbours."""
     if not 0 < best < len(grid) - 1:
         return float(grid[best])
     left, middle, right = costs[best - 1 : best + 2]

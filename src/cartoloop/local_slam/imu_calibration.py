@@ -1,43 +1,51 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the IMU relates to the scans: offset of its clock, whether it tells the heading at all."""
+"""Clock offset of the IMU, and whether its gyroscope agrees with the matched scans."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from cartoloop.local_slam.clock_offset import MIN_TURN_RAD, clock_offset
+from cartoloop.arrays import FloatArray
+from cartoloop.local_slam.clock_offset import (
+    FIRST_ESTIMATE,
+    MIN_TURN_RAD,
+    clock_offset,
+    next_estimate,
+)
 from cartoloop.sensor.imu_track import ImuTrack
-from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle, wrap_angles
+from cartoloop.sensor.pose import Pose, wrap_angle, wrap_angles
 
 MIN_TURNS = 25
-"""So many turning steps tell the offset."""
+"""Number of turning steps needed to estimate the offset."""
 
 MIN_OFFSET_S = 0.015
-"""A smaller offset is the search's own step: none."""
+"""A smaller offset counts as none [s]: less than a step of the search."""
 
 MAX_UNEXPLAINED = 0.4
-"""A gyroscope that misses a larger share of the turns is turned itself, or broken."""
+"""Largest share of the turns that the gyroscope may miss; else it is broken or mounted wrongly."""
 
 MIN_STEP_S = 0.15
-"""Scans that follow each other faster are left out: their steps turn too little."""
+"""Least time between the scans that are used [s]: shorter steps turn too little."""
 
 WINDOW = 1500
-"""Scans that are looked at."""
+"""Number of latest scans that are used: some minutes, so that a drifting clock is followed."""
 
 BIAS_TIME_S = 30.0
-"""The bias about gravity follows the scans over about so long."""
+"""Time constant of the bias about gravity, which follows the scans [s]."""
 
 MAX_BIAS_STEP_RAD = 0.03
-"""A larger difference between gyroscope and scans in one step is an error of one of them."""
+"""A larger difference between gyroscope and scans in one step is an outlier [rad]."""
 
 
 class ImuCalibration:
-    """Lays the headings of matched scans against those of the gyroscope.
+    """Compares the headings of matched scans with those of the gyroscope.
 
     Attributes
     ----------
     time_offset : IMU readings of a stamp show the robot this much later than the scan of it [s].
-    is_measured : whether the robot has turned enough to tell.
+    is_measured : whether the robot has turned enough to compare them.
     agrees : whether the gyroscope turns as the scans do; False where an axis or a sign is wrong.
     """
 
@@ -49,10 +57,17 @@ class ImuCalibration:
         self._headings: list[float] = []
         self._last: tuple[float, float] | None = None
         self._num_kept = 0
-        self._due = 50
+        self._due = FIRST_ESTIMATE
+
+    def summary(self) -> dict[str, Any]:
+        """Return the estimates, for the report."""
+        return {
+            "tells_heading": self.agrees,
+            "time_offset_s": self.time_offset if self.is_measured else None,
+        }
 
     def add(self, time: float, pose: Pose, track: ImuTrack) -> None:
-        """Add a scan's pose as matched; now and then, estimate anew."""
+        """Add a scan's pose as matched; from time to time, estimate again."""
         if self._last is not None:
             self._correct_bias(time, pose.theta, *self._last, track)
         self._last = (time, pose.theta)
@@ -62,7 +77,7 @@ class ImuCalibration:
         self._headings.append(pose.theta)
         self._num_kept += 1
         if self._num_kept >= self._due:
-            self._due = self._num_kept + max(50, min(self._num_kept // 4, 500))
+            self._due = next_estimate(self._num_kept)
             del self._times[:-WINDOW], self._headings[:-WINDOW]
             self._estimate(np.array(self._times), np.array(self._headings), track)
 

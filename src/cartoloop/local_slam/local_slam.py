@@ -5,44 +5,37 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cartoloop.config import Config
+from cartoloop.arrays import FloatArray
+from cartoloop.config import AdaptiveVoxelFilterConfig, LocalSlamConfig, SensorConfig
 from cartoloop.errors import InputError
 from cartoloop.local_slam.motion_filter import MotionFilter
-from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator, Prediction
+from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator, Prediction
 from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher
+from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.scan_matching.match_information import match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
-from cartoloop.sensor.pose import FloatArray, Pose, compose, transform_points
+from cartoloop.sensor.pose import Pose, compose, transform_points
 from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
 from cartoloop.sensor.sweep_motion import SweepMotion
-from cartoloop.stage_timer import StageTimer
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import ActiveSubmaps, Submap
-
-MIN_RETURNS = 10
-"""A scan with fewer returns cannot be matched; it gets the predicted pose."""
-
-FIRST_INFORMATION = np.diag((1e4, 1e4, 1e5))
-"""Certainty of a scan's pose in the submap that it founds: by definition, so nearly perfect."""
-
-PREDICTED_INFORMATION = np.diag((400.0, 400.0, 2500.0))
-"""Certainty of the first scan of a further scanner, which is placed as predicted."""
 
 
 @dataclass(frozen=True, slots=True)
 class LocalSlamResult:
-    """Where a scan was taken, and the node that it became.
+    """The pose of a scan, and the node that it became.
 
     Attributes
     ----------
     tf_local_tracking : its pose before loop closure.
-    was_matched : False where there were too few returns, so that the pose is as predicted.
+    was_matched : False where there were too few returns, so that the pose is the prediction.
     node : None unless the scan was inserted into the submaps.
-    returns : float64, shape (n, 2), what it saw [m], tracking frame.
+    returns : float64, shape (n, 2), its returns [m], tracking frame.
     match : the match to the older active submap, None where it was not matched.
     """
 
@@ -53,15 +46,30 @@ class LocalSlamResult:
     match: LeastSquaresMatch | None = None
 
 
-@dataclass(slots=True)
-class _Scanner:
-    """What is kept for each scanner by itself.
+class FilteredScan(NamedTuple):
+    """A scan after deskewing and filtering.
 
     Attributes
     ----------
-    matcher : knows how well its scans usually fit.
-    motion_filter : lets each scanner contribute what it sees.
-    num_scans : how many it took.
+    motion : the motion during the sweep that was assumed; None without any.
+    data : ends of the beams.
+    points : float64, shape (n, 2), the returns to match [m], tracking frame.
+    """
+
+    motion: SweepMotion | None
+    data: RangeData
+    points: FloatArray
+
+
+@dataclass(slots=True)
+class _Scanner:
+    """The state of one scanner.
+
+    Attributes
+    ----------
+    matcher : holds the typical residual of its scans.
+    motion_filter : one for each scanner, so that each contributes to the map.
+    num_scans : number of its scans.
     is_in_map : whether one of its scans was inserted.
     """
 
@@ -72,127 +80,98 @@ class _Scanner:
 
 
 class LocalSlam:
-    """Turns scans into poses in the local frame, and into submaps."""
+    """Turns scans into poses in the local frame, and into submaps.
 
-    def __init__(self, config: Config, timer: StageTimer) -> None:
-        self._config = config.local_slam
-        self._loop_filter = config.global_slam.constraint_search.adaptive_voxel_filter
+    Parameters
+    ----------
+    config : parameters of local SLAM.
+    sensor : which part of a scan is used.
+    node_filter : voxel filter of the points that a node keeps for loop closure.
+    timer : measures the stages.
+    """
+
+    def __init__(
+        self,
+        config: LocalSlamConfig,
+        sensor: SensorConfig,
+        node_filter: AdaptiveVoxelFilterConfig,
+        timer: StageTimer,
+    ) -> None:
+        self._config = config
+        self._node_filter = node_filter
         self._timer = timer
-        self._range_filter = RangeFilter(config.sensor)
+        self._range_filter = RangeFilter(sensor)
         self._scanners: dict[str, _Scanner] = {}
-        self._active = ActiveSubmaps(self._config.submaps)
+        self._active = ActiveSubmaps(config.submaps)
         self._num_nodes = 0
-        self.extrapolator = PoseExtrapolator(
-            self._config.prediction,
-            use_odometry=self._config.use_odometry,
-            use_imu=self._config.use_imu,
-            imu_gravity_time_constant=self._config.imu_gravity_time_constant,
-            project_to_horizontal=self._config.project_to_horizontal,
-        )
+        self.extrapolator = PoseExtrapolator(config)
 
     @property
     def active_submaps(self) -> tuple[Submap, ...]:
-        """The submaps that still grow, the older first."""
+        """The growing submaps, the older first."""
         return self._active.submaps
 
-    @property
-    def num_scans_of(self) -> dict[str, int]:
-        """How many scans each scanner took, by its name."""
-        return {name: scanner.num_scans for name, scanner in sorted(self._scanners.items())}
+    def summary(self) -> dict[str, Any]:
+        """Return the estimates about odometry, IMU and scanners, for the report."""
+        summary = self.extrapolator.summary()
+        if len(self._scanners) > 1:
+            scanners = sorted(self._scanners.items())
+            summary["scanners"] = {name: scanner.num_scans for name, scanner in scanners}
+        return summary
 
     def add_odometry(self, odometry: Odometry) -> None:
-        """Take in a wheel-odometry reading."""
+        """Add a wheel-odometry reading."""
         self.extrapolator.add_odometry(odometry.time, odometry.tf_odom_tracking)
 
     def add_imu(self, imu: Imu) -> None:
-        """Take in an inertial reading."""
+        """Add an inertial reading."""
         self.extrapolator.add_imu(imu)
+
+    def ready_time(self, scan: LaserScan | PointCloud) -> float:
+        """Return when all odometry and IMU readings that affect a scan have been measured [s]."""
+        if not self.extrapolator.measures_motion:
+            return scan.time
+        return scan.time + min(scan.sweep[1], MAX_SWEEP_S)
 
     def add_scan(
         self, scan: LaserScan | PointCloud, on_pose: Callable[[Pose], None] | None = None
     ) -> LocalSlamResult:
-        """Match a scan and insert it where it shows something new.
+        """Match a scan and insert it if the robot moved enough since the last insertion.
 
         Parameters
         ----------
-        on_pose : called with the scan's pose, local frame, as soon as it is known: whoever waits
-            for it need not wait until the scan is inserted.
+        on_pose : called with the scan's pose in the local frame as soon as it is known, before the
+            scan is inserted.
 
         Raises
         ------
         InputError
-            It seems to be so far from the scans before that no submap can hold both.
+            The scan is so far from the previous ones that no submap can hold both.
         """
         scanner = self._scanner_of(scan)
-        with self._timer.measure("filter"):
-            motion = self.extrapolator.sweep_motion(scan.time, *scan.sweep)
-            data = self._range_filter.apply(scan, motion)
-            points = thin(data.returns, self._config.adaptive_voxel_filter)
+        filtered = self._filter(scan)
         with self._timer.measure("predict"):
             prediction = self.extrapolator.predict(scan.time)
-        found: MatchedScan | None = None
-        submap = self._active.matching
-        shows_enough = len(points) >= MIN_RETURNS
-        # The first scan of another scanner may look where nothing is mapped yet.
-        is_first = submap is None or not scanner.is_in_map
-        if submap is not None and shows_enough and not is_first:
-            with self._timer.measure("match"):
-                found = scanner.matcher.match(
-                    submap, points, prediction, self.extrapolator, scan.time
-                )
-            corrected = self.extrapolator.corrected_motion(
-                scan.time, found.tf_local_tracking, motion
-            )
-            if corrected is not None:
-                motion = corrected
-                data, found = self._match_again(scan, motion, submap, found, scanner.matcher)
-        tf_local_tracking = found.tf_local_tracking if found else prediction.tf_local_tracking
+        has_points = len(filtered.points) >= self._config.insertion.min_num_points
+        match = None
+        # The first scan of a further scanner may show a place that is not mapped yet.
+        if has_points and scanner.is_in_map:
+            match = self._match(filtered, prediction, scanner.matcher)
+            filtered, match = self._deskew_again(scan, filtered, match, scanner.matcher)
+        pose = match.tf_local_tracking if match else prediction.tf_local_tracking
         if on_pose is not None:
-            on_pose(tf_local_tracking)
+            on_pose(pose)
         with self._timer.measure("predict"):
-            self.extrapolator.add_pose(scan.time, tf_local_tracking, motion)
+            self.extrapolator.add_pose(scan.time, pose, filtered.motion)
         node = None
-        if (found or (is_first and shows_enough)) and scanner.motion_filter.is_new(
-            scan.time, tf_local_tracking
-        ):
-            information = PREDICTED_INFORMATION if submap else FIRST_INFORMATION
-            if found:
-                information = match_information(found.match)
-            try:
-                with self._timer.measure("insert"):
-                    node = self._insert(scan.time, data, tf_local_tracking, information)
-            except InputError as error:
-                raise InputError(f"at the scan with stamp {scan.stamp:.6f}: {error}") from error
+        if has_points and scanner.motion_filter.is_new(scan.time, pose):
+            node = self._insert(scan, filtered.data, pose, self._information(match))
             scanner.is_in_map = True
-        return LocalSlamResult(
-            tf_local_tracking,
-            found is not None,
-            node,
-            data.returns,
-            None if found is None else found.match,
-        )
-
-    def _match_again(
-        self,
-        scan: LaserScan | PointCloud,
-        motion: SweepMotion,
-        submap: Submap,
-        found: MatchedScan,
-        matcher: ScanMatcher,
-    ) -> tuple[RangeData, MatchedScan]:
-        """Return a scan's beams, and where it fits, for a motion of which the match has told."""
-        with self._timer.measure("filter"):
-            data = self._range_filter.apply(scan, motion)
-            points = thin(data.returns, self._config.adaptive_voxel_filter)
-        if len(points) < MIN_RETURNS:
-            return data, found
-        prediction = Prediction(found.tf_local_tracking, by_odometry=False)
-        with self._timer.measure("match"):
-            again = matcher.match(submap, points, prediction, self.extrapolator, scan.time)
-        return data, again
+        fit = match.match if match else None
+        return LocalSlamResult(pose, match is not None, node, filtered.data.returns, fit)
 
     def _scanner_of(self, scan: LaserScan | PointCloud) -> _Scanner:
-        """Return what is kept for the scanner of a scan, and count the scan."""
+        """Return the state of a scan's scanner, and count the scan."""
         name = scan.geometry.sensor
         scanner = self._scanners.get(name)
         if scanner is None:
@@ -202,22 +181,84 @@ class LocalSlam:
         scanner.num_scans += 1
         return scanner
 
+    def _filter(self, scan: LaserScan | PointCloud) -> FilteredScan:
+        """Return a scan deskewed by the motion that the extrapolator expects."""
+        with self._timer.measure("filter"):
+            motion = self.extrapolator.sweep_motion(scan.time, *scan.sweep)
+            return self._deskewed(scan, motion)
+
+    def _deskewed(self, scan: LaserScan | PointCloud, motion: SweepMotion | None) -> FilteredScan:
+        data = self._range_filter.apply(scan, motion)
+        return FilteredScan(motion, data, thin(data.returns, self._config.adaptive_voxel_filter))
+
+    def _match(
+        self, filtered: FilteredScan, prediction: Prediction, matcher: ScanMatcher
+    ) -> MatchedScan:
+        """Return the match of a scan to the older active submap, which exists."""
+        with self._timer.measure("match"):
+            return matcher.match(self._active.submaps[0], filtered.points, prediction)
+
+    def _deskew_again(
+        self,
+        scan: LaserScan | PointCloud,
+        filtered: FilteredScan,
+        match: MatchedScan,
+        matcher: ScanMatcher,
+    ) -> tuple[FilteredScan, MatchedScan]:
+        """Return a scan and its match, both repeated where the match reveals another motion."""
+        pose = match.tf_local_tracking
+        motion = self.extrapolator.corrected_motion(scan.time, pose, filtered.motion)
+        if motion is None:
+            return filtered, match
+        with self._timer.measure("filter"):
+            filtered = self._deskewed(scan, motion)
+        if len(filtered.points) < self._config.insertion.min_num_points:
+            return filtered, match
+        prediction = self.extrapolator.prediction_from(scan.time, pose)
+        return filtered, self._match(filtered, prediction, matcher)
+
+    def _information(self, match: MatchedScan | None) -> FloatArray:
+        """Return the information matrix of a scan's pose in the older active submap."""
+        if match is not None:
+            return match_information(match.match)
+        config = self._config.insertion
+        if self._active.submaps:
+            translation, rotation = (
+                config.predicted_translation_information,
+                config.predicted_rotation_information,
+            )
+        else:
+            translation, rotation = (
+                config.first_translation_information,
+                config.first_rotation_information,
+            )
+        return np.diag((translation, translation, rotation))
+
     def _insert(
-        self, time: float, data: RangeData, tf_local_tracking: Pose, information: FloatArray
+        self,
+        scan: LaserScan | PointCloud,
+        data: RangeData,
+        tf_local_tracking: Pose,
+        information: FloatArray,
     ) -> Node:
-        insertion = self._active.insert(
-            compose(tf_local_tracking, data.tf_tracking_sensor),
-            transform_points(tf_local_tracking, data.returns),
-            transform_points(tf_local_tracking, data.misses),
-        )
-        node = Node(
-            self._num_nodes,
-            time,
-            tf_local_tracking,
-            thin(data.returns, self._loop_filter),
-            insertion.submaps,
-            information,
-            insertion.finished,
-        )
+        """Insert a scan into the active submaps and return its node."""
+        with self._timer.measure("insert"):
+            try:
+                insertion = self._active.insert(
+                    compose(tf_local_tracking, data.tf_tracking_sensor),
+                    transform_points(tf_local_tracking, data.returns),
+                    transform_points(tf_local_tracking, data.misses),
+                )
+            except InputError as error:
+                raise InputError(f"at the scan with stamp {scan.stamp:.6f}: {error}") from error
+            node = Node(
+                self._num_nodes,
+                scan.time,
+                tf_local_tracking,
+                thin(data.returns, self._node_filter),
+                insertion.submaps,
+                information,
+                insertion.finished,
+            )
         self._num_nodes += 1
         return node

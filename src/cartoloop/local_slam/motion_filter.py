@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps scans out of the submaps that show what the last one inserted showed."""
+"""Drops scans that were taken where the last inserted one was taken."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class MotionFilter:
         self._last_pose = Pose(math.inf, math.inf, 0.0)
 
     def is_new(self, time: float, pose: Pose) -> bool:
-        """Return whether the scan is worth inserting, and if so remember it."""
+        """Return whether the scan is to be inserted; if so, compare the next ones with it."""
         config = self._config
         if (
             time - self._last_time <= config.max_time_seconds

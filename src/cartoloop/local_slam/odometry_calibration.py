@@ -1,46 +1,66 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the odometry relates to the scans: offset of its clock, scale of its rotation and distance.
+"""Calibration of the odometry: offset of its clock, scale of rotation and distance, lever arm.
 
 Odometry stored with a scan is often newer than the scan (0.14 to 0.64 s in the Radish logs) and
-its rotation off by 5 to 20%. Scanners look askew by up to a degree, so that each prediction lies to
-the side of the truth; matches that heed it a little bend long corridors. All this shows when the
-motion between scans as matched is laid against the motion that the odometry reports, and is
-estimated again and again while mapping.
+its rotation is wrong by 5 to 20%. Scanners are mounted with errors of up to a degree, so that the
+predictions are biased to one side, which bends long corridors. These errors follow from comparing
+the motion between matched scans with the motion that the odometry reports, and are estimated
+repeatedly while mapping.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from cartoloop.local_slam.clock_offset import MIN_TURN_RAD, clock_offset
+from cartoloop.arrays import FloatArray
+from cartoloop.local_slam.clock_offset import (
+    FIRST_ESTIMATE,
+    MIN_TURN_RAD,
+    clock_offset,
+    next_estimate,
+)
 from cartoloop.local_slam.odometry_track import OdometryTrack
-from cartoloop.sensor.pose import FloatArray, Pose, relative_all
+from cartoloop.sensor.pose import Pose, relative_all
+
+WINDOW = 1500
+"""Number of latest scans that are used: some minutes, so that a drifting clock is followed."""
 
 MIN_STEPS = 25
-"""How many turning steps tell the clock offset, how many steps in motion the rest."""
+"""Number of turning steps needed for the clock offset, and of moving steps for the rest."""
 
 MIN_MOVE_M = 0.02
-"""Steps shorter than this, and without a turn, tell nothing of the distance's scale."""
+"""Steps shorter than this and without a turn are not used [m]: the noise of a match."""
 
 MIN_SCALE, MAX_SCALE = 0.7, 1.4
-"""Odometry that is further off is broken, not ill calibrated."""
+"""Limits of the scales; odometry beyond them is broken, not badly calibrated."""
+
+SCALE_ROUNDS, LEVER_ROUNDS = 5, 8
+"""Rounds of reweighting, after which the estimates change by less than their noise."""
+
+SCALE_PRIOR, LEVER_PRIOR = 1e-3, 0.02
+"""Weights of the priors of a scale of 1 and of a lever arm of zero, which without turns the
+equations leave undetermined; a lever arm of half a metre is large."""
+
+MIN_TYPICAL_ERROR_M = 1e-4
+"""Lower limit of the typical error of a step [m], so that exact data do not divide by zero."""
 
 
 @dataclass(frozen=True, slots=True)
 class OdometryModel:
-    """What the odometry is worth.
+    """The estimated errors of the odometry.
 
     Attributes
     ----------
-    time_offset : odometry of a stamp shows the robot this much later than the scan of it [s].
+    time_offset : a reading is this much newer than the scan of the same stamp [s].
     rotation_scale, translation_scale : true motion over reported motion.
-    yaw : the direction that odometry calls forward, as seen from the tracking frame [rad].
-    lever_x, lever_y : the tracking frame as seen from the point whose motion is reported [m].
-    rotation_error, translation_error : median error of a step after all that [rad], [m]; NaN
-        before anything is known.
+    yaw : forward direction of the odometry in the tracking frame [rad].
+    lever_x, lever_y : the tracking frame relative to the point whose motion is reported [m].
+    rotation_error, translation_error : median error of a calibrated step [rad], [m]; NaN before
+        the first estimate.
     """
 
     time_offset: float = 0.0
@@ -54,8 +74,20 @@ class OdometryModel:
 
     @property
     def is_known(self) -> bool:
-        """Whether there was enough motion to tell."""
+        """Whether there was enough motion for an estimate."""
         return not math.isnan(self.rotation_error)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the estimates, for the report."""
+        return {
+            "time_offset_s": self.time_offset,
+            "rotation_scale": self.rotation_scale,
+            "translation_scale": self.translation_scale,
+            "yaw_rad": self.yaw,
+            "lever_m": [self.lever_x, self.lever_y],
+            "rotation_error_rad": self.rotation_error if self.is_known else None,
+            "translation_error_m": self.translation_error if self.is_known else None,
+        }
 
     def predict(self, reported: Pose) -> Pose:
         """Return the motion of the tracking frame for a motion that the odometry reports."""
@@ -70,7 +102,7 @@ class OdometryModel:
         )
 
     def predict_all(self, reported: FloatArray) -> FloatArray:
-        """Return what :meth:`predict` does for each row, shape (n, 3), equal to the last bit."""
+        """Return :meth:`predict` of each row, shape (n, 3), equal to the last bit."""
         theta = self.rotation_scale * reported[:, 2]
         # numpy's sine and cosine differ from the C library's in the last digit.
         cos = np.array([math.cos(angle) for angle in theta.tolist()]) - 1.0
@@ -88,9 +120,15 @@ class OdometryModel:
 
 
 class OdometryCalibration:
-    """Collects matched scan poses and estimates the :class:`OdometryModel` from them."""
+    """Collects matched scan poses and estimates the :class:`OdometryModel` from them.
 
-    def __init__(self, window: int = 1500, first: int = 50) -> None:
+    Parameters
+    ----------
+    window : number of latest scans that are used.
+    first : number of scans before the first estimate.
+    """
+
+    def __init__(self, window: int = WINDOW, first: int = FIRST_ESTIMATE) -> None:
         self.model = OdometryModel()
         self._window = window
         self._due = first
@@ -98,11 +136,11 @@ class OdometryCalibration:
         self._poses: list[Pose] = []
 
     def add(self, time: float, tf_local_tracking: Pose, track: OdometryTrack) -> None:
-        """Add a scan's pose as matched; now and then, estimate anew."""
+        """Add a scan's pose as matched; from time to time, estimate again."""
         self._times.append(time)
         self._poses.append(tf_local_tracking)
         if len(self._times) >= self._due:
-            self._due = len(self._times) + max(50, min(len(self._times) // 4, 500))
+            self._due = next_estimate(len(self._times))
             self.model = estimate(
                 np.array(self._times[-self._window :]),
                 np.array(self._poses[-self._window :]),
@@ -118,11 +156,11 @@ def estimate(
     odometry_poses: FloatArray,
     previous: OdometryModel,
 ) -> OdometryModel:
-    """Return the model that explains the motion between scans best; `previous` if too little moves.
+    """Return the model that fits the motion between scans best; `previous` if too few steps move.
 
     Parameters
     ----------
-    times, poses : float64, shapes (n,), (n, 3): scans as matched.
+    times, poses : float64, shapes (n,), (n, 3): matched scans.
     odometry_times, odometry_poses : float64, shapes (k,), (k, 3), times increasing.
     """
     if len(odometry_times) < 2:
@@ -159,9 +197,9 @@ def estimate(
 
 
 def _robust_scale(reported: FloatArray, true: FloatArray) -> float:
-    """Return the factor from reported to true motion, by the half of the steps that agree best."""
+    """Return the factor from reported to true motion, from the better half of the steps."""
     scale = 1.0
-    for _ in range(5):
+    for _ in range(SCALE_ROUNDS):
         error = np.abs(true - scale * reported)
         agreeing = error <= np.median(error)
         weight = float(np.sum(reported[agreeing] ** 2))
@@ -174,7 +212,7 @@ def _robust_scale(reported: FloatArray, true: FloatArray) -> float:
 def _scale_yaw_and_lever(
     reported: FloatArray, true: FloatArray
 ) -> tuple[float, float, float, float]:
-    """Return scale of the distance, yaw [rad], lever arm (x, y) [m], by reweighted least squares.
+    """Return scale of the distance, yaw [rad] and lever arm (x, y) [m]: reweighted least squares.
 
     With s the scale, Y the rotation by the yaw, R that of a step and l the lever arm, the step is
     s Y t + (R - 1) l, linear in s cos(yaw), s sin(yaw) and l.
@@ -182,16 +220,15 @@ def _scale_yaw_and_lever(
     cos, sin = np.cos(true[:, 2]) - 1.0, np.sin(true[:, 2])
     rows_x = np.column_stack((reported[:, 0], -reported[:, 1], cos, -sin))
     rows_y = np.column_stack((reported[:, 1], reported[:, 0], sin, cos))
-    # A lever arm of half a metre is a lot: without turns, the equations alone leave it open.
-    held = np.diag((1e-3, 1e-3, 0.02, 0.02))
+    prior = np.diag((SCALE_PRIOR, SCALE_PRIOR, LEVER_PRIOR, LEVER_PRIOR))
     solution = np.array((1.0, 0.0, 0.0, 0.0))
-    for _ in range(8):
+    for _ in range(LEVER_ROUNDS):
         error = np.hypot(rows_x @ solution - true[:, 0], rows_y @ solution - true[:, 1])
-        typical = max(float(np.median(error)), 1e-4)
+        typical = max(float(np.median(error)), MIN_TYPICAL_ERROR_M)
         weight = (1.0 + (error / typical) ** 2) ** -2
-        normal = (rows_x.T * weight) @ rows_x + (rows_y.T * weight) @ rows_y + held
+        normal = (rows_x.T * weight) @ rows_x + (rows_y.T * weight) @ rows_y + prior
         right = rows_x.T @ (weight * true[:, 0]) + rows_y.T @ (weight * true[:, 1])
-        right[0] += held[0, 0]
+        right[0] += prior[0, 0]
         solution = np.linalg.solve(normal, right)
     along, across, lever_x, lever_y = solution.tolist()
     scale = min(max(math.hypot(along, across), MIN_SCALE), MAX_SCALE)

@@ -9,9 +9,9 @@ from itertools import chain
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.sensor.pose import (
     IDENTITY,
-    FloatArray,
     Pose,
     compose,
     interpolate,
@@ -20,24 +20,26 @@ from cartoloop.sensor.pose import (
 )
 
 MAX_EXTRAPOLATION_S = 0.5
-"""Beyond the last reading the motion is continued for so long; then nothing is known of it."""
+"""Longest time after the last reading over which the motion is extrapolated [s]: a few readings
+may be late, but wheels that send nothing have not stopped."""
 
 MAX_PERIOD_S, MAX_HOLD_SHARE = 1.0, 0.05
-"""Readings that are so far apart tell no speed: the robot is taken to be where the last of them was
-for so small a share of the time between them alone."""
+"""Readings further apart than the first [s] do not determine a speed. The robot is then assumed at
+the last reading, for a time that is this share of the time between them."""
 
 MAX_STEP_M, MAX_SPEED = 1.0, 10.0
-"""A step of more than this and that speed [m], [m/s] is no motion, but a counter that was reset."""
+"""A step longer than MAX_STEP_M + MAX_SPEED * duration [m], [m/s] is a reset of the odometry, since
+no robot on wheels is so fast."""
 
 MAX_STEP_RAD, MAX_TURN_RATE = 1.0, 10.0
-"""The same of the heading [rad], [rad/s]."""
+"""The same for the heading [rad], [rad/s]."""
 
 
 class OdometryTrack:
     """The odometry readings so far, by their time.
 
-    Where they jump further than a robot can go, they were reset: the track goes on from where it
-    was, as if the robot had stood meanwhile, which it need not have: see `jumps_between`.
+    A jump further than a robot can move is a reset: the track continues from its last pose, as if
+    the robot had not moved. The motion across a jump is not known: see `jumps_between`.
     """
 
     def __init__(self) -> None:
@@ -48,14 +50,14 @@ class OdometryTrack:
 
     @property
     def num_jumps(self) -> int:
-        """How often the readings jumped."""
+        """Number of jumps."""
         return len(self._jump_times)
 
     def __len__(self) -> int:
         return len(self._times)
 
     def add(self, time: float, tf_odom_tracking: Pose) -> None:
-        """Add a reading; of several at one time the last holds, older ones are ignored."""
+        """Add a reading; of several at one time the last is kept, older ones are ignored."""
         if self._times and time <= self._times[-1]:
             if time == self._times[-1]:
                 self._poses.pop()
@@ -69,7 +71,7 @@ class OdometryTrack:
         self._poses.append(self._in_track(time, tf_odom_tracking))
 
     def _in_track(self, time: float, tf_odom_tracking: Pose) -> Pose:
-        """Return a new reading in the frame of the track, anchored anew if it jumps."""
+        """Return a new reading in the frame of the track, which is shifted if it jumps."""
         pose = tf_odom_tracking
         if self.num_jumps:
             pose = compose(self._tf_track_odom, pose)
@@ -90,18 +92,18 @@ class OdometryTrack:
             return interpolate(poses[after - 1], poses[after], fraction)
         beyond = time - times[-1]
         span = times[-1] - times[-2] if len(times) > 1 else MAX_PERIOD_S
-        tells_speed = span < MAX_PERIOD_S
-        # Wheels that fall silent have not stopped: held there, they would drag the scans along.
-        if beyond > (MAX_EXTRAPOLATION_S if tells_speed else MAX_HOLD_SHARE * span):
+        gives_speed = span < MAX_PERIOD_S
+        if beyond > (MAX_EXTRAPOLATION_S if gives_speed else MAX_HOLD_SHARE * span):
             return None
-        if beyond == 0.0 or not tells_speed:
+        if beyond == 0.0 or not gives_speed:
             return poses[-1]
         return interpolate(poses[-2], poses[-1], 1.0 + beyond / span)
 
     def jumps_between(self, begin: float, end: float) -> bool:
-        """Return whether the motion between two times is not known, since the readings jumped.
+        """Return whether the motion between two times is unknown because the readings jumped.
 
-        That from the last reading before a jump on, or to what is told by the jump alone.
+        It is unknown from the last reading before a jump to the first after it, and wherever it
+        would be extrapolated from a jump.
         """
         times, jumps = self._times, self._jump_times
         if not jumps:
@@ -115,13 +117,13 @@ class OdometryTrack:
 
     def arrays(self) -> tuple[FloatArray, FloatArray]:
         """Return times, shape (n,), and poses, shape (n, 3)."""
-        # Five times as fast as an array of a list of tuples.
+        # Five times as fast as np.array of a list of tuples.
         poses = np.fromiter(chain.from_iterable(self._poses), np.float64, 3 * len(self._poses))
         return np.array(self._times), poses.reshape(-1, 3)
 
 
 def _is_jump(before: Pose, after: Pose, duration: float) -> bool:
-    """Return whether no robot goes from one pose to the other in a time [s]."""
+    """Return whether no robot can move from one pose to the other in a time [s]."""
     distance = math.hypot(after.x - before.x, after.y - before.y)
     turn = abs(wrap_angle(after.theta - before.theta))
     return (

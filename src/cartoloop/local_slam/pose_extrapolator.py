@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the robot is expected to be, before its scan is matched, and how it moves meanwhile."""
+"""The motion prior: the predicted pose of a scan, its uncertainty, and the motion of a sweep."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cartoloop.config import PredictionConfig
+from cartoloop.arrays import FloatArray
+from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.imu_calibration import ImuCalibration
 from cartoloop.local_slam.odometry_calibration import OdometryCalibration, OdometryModel
 from cartoloop.local_slam.odometry_track import OdometryTrack
@@ -18,66 +21,59 @@ from cartoloop.sensor.imu_track import ImuTrack
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
 from cartoloop.sensor.sweep_motion import SweepMotion
 
-KNOT_S = 0.01
-"""During a sweep the motion is told so often: walking hardly turns in between."""
-
 MAX_SWEEP_S = 1.0
-"""No scanner sweeps for longer; one that says so is taken to measure all at once."""
-
-GYRO_RATE_ERROR = 0.02
-"""How far off an angular velocity is at the most, bias and scale together [rad/s]."""
-
-MIN_CORRECTION_M, MIN_CORRECTION_RAD = 0.005, 0.002
-"""A sweep is not taken anew for a smaller change of its motion."""
+"""Longest plausible sweep [s]: no scanner is slower than 1 Hz. A longer one is a wrong time
+increment, and its beams count as measured at once."""
 
 STANDING_SPEED, STANDING_RATE = 0.05, 0.03
-"""Scans that tell of less motion tell of none [m/s], [rad/s]."""
+"""Velocities below which matched scans do not contradict rest [m/s], [rad/s]: their noise."""
 
 
-@dataclass(frozen=True, slots=True)
-class Prediction:
-    """Where the robot is expected.
+class Prediction(NamedTuple):
+    """The motion prior of a scan: all that the scan matcher needs besides scan and submap.
 
     Attributes
     ----------
-    tf_local_tracking : the best guess.
-    by_odometry : whether odometry was at hand for it; constant velocity otherwise.
+    tf_local_tracking : predicted pose.
+    by_odometry : whether it is predicted by odometry; by constant velocity otherwise.
+    information : float64, shape (6,), information matrix of the pose, upper triangle (xx, xy, xt,
+        yy, yt, tt).
+    fallbacks : returns other poses to try if the prediction fails: at rest and at constant
+        velocity. Valid until the pose of the scan is added.
     """
 
     tf_local_tracking: Pose
     by_odometry: bool
+    information: FloatArray
+    fallbacks: Callable[[], tuple[Pose, Pose]]
+
+
+def isotropic_information(translation_sigma: float, rotation_sigma: float) -> FloatArray:
+    """Return an information matrix as its upper triangle (xx, xy, xt, yy, yt, tt), shape (6,)."""
+    translation, rotation = 1.0 / translation_sigma**2, 1.0 / rotation_sigma**2
+    return np.array((translation, 0.0, 0.0, translation, 0.0, rotation))
 
 
 class PoseExtrapolator:
-    """Predicts by odometry where it is at hand, by constant velocity otherwise.
+    """Predicts by odometry where it is available, by constant velocity otherwise.
 
     Where there is an IMU, the heading is predicted by its gyroscope.
 
     Attributes
     ----------
-    imu : what the IMU told; None without any.
-    imu_calibration : how it relates to the scans.
-    num_overlong_sweeps : how many sweeps were said to last longer than any does.
+    imu : readings of the IMU; None without any.
+    imu_calibration : clock offset and plausibility of the gyroscope.
+    num_overlong_sweeps : number of sweeps longer than `MAX_SWEEP_S`.
     """
 
-    def __init__(
-        self,
-        config: PredictionConfig,
-        *,
-        use_odometry: bool,
-        use_imu: bool = True,
-        imu_gravity_time_constant: float = 10.0,
-        project_to_horizontal: bool = True,
-    ) -> None:
-        self._use_odometry = use_odometry
-        self._use_imu = use_imu
-        self._time_constant = imu_gravity_time_constant
-        self._projects = project_to_horizontal
+    def __init__(self, config: LocalSlamConfig) -> None:
+        self._config = config
+        self._prediction = config.prediction
         self._odometry = OdometryTrack()
         self._calibration = OdometryCalibration()
         self._time = 0.0
         self._tf_local_tracking = IDENTITY
-        self._velocity = VelocityFilter(config.acceleration, config.angular_acceleration)
+        self._velocity = VelocityFilter(config.prediction)
         self._middle_time, self._middle = 0.0, IDENTITY
         self._num_poses = 0
         self.imu: ImuTrack | None = None
@@ -85,45 +81,45 @@ class PoseExtrapolator:
         self.num_overlong_sweeps = 0
 
     @property
-    def last_time(self) -> float:
-        """Time of the last pose [s]."""
-        return self._time
-
-    @property
     def odometry_model(self) -> OdometryModel:
-        """What the odometry has turned out to be worth."""
+        """The estimated calibration of the odometry."""
         return self._calibration.model
 
     @property
-    def num_odometry_jumps(self) -> int:
-        """How often the odometry jumped further than a robot can go."""
-        return self._odometry.num_jumps
-
-    @property
-    def follows_motion(self) -> bool:
-        """Whether odometry or an IMU tells how the robot moves between scans."""
+    def measures_motion(self) -> bool:
+        """Whether odometry or an IMU measures the motion between scans."""
         return len(self._odometry) > 0 or self.imu is not None
 
+    def summary(self) -> dict[str, Any]:
+        """Return the estimates about odometry and IMU, for the report."""
+        jumps = {"jumps": self._odometry.num_jumps}
+        summary: dict[str, Any] = {"odometry": self.odometry_model.summary() | jumps}
+        if self.imu is not None:
+            summary["imu"] = self.imu.summary() | self.imu_calibration.summary()
+        if self.num_overlong_sweeps:
+            summary["sweeps_too_long"] = self.num_overlong_sweeps
+        return summary
+
     def add_odometry(self, time: float, tf_odom_tracking: Pose) -> None:
-        """Take in a wheel-odometry reading."""
-        if self._use_odometry:
+        """Add a wheel-odometry reading."""
+        if self._config.use_odometry:
             self._odometry.add(time, tf_odom_tracking)
 
     def add_imu(self, imu: Imu) -> None:
-        """Take in an inertial reading."""
-        if not self._use_imu:
+        """Add an inertial reading."""
+        if not self._config.use_imu:
             return
         if self.imu is None:
-            self.imu = ImuTrack(self._time_constant)
+            self.imu = ImuTrack(self._config.imu_gravity_time_constant)
         self.imu.add(imu)
 
     def add_pose(
         self, time: float, tf_local_tracking: Pose, motion: SweepMotion | None = None
     ) -> None:
-        """Take in the pose of a scan as matched, and the motion during its sweep.
+        """Add the matched pose of a scan, and the motion assumed during its sweep.
 
-        A sweep is found as a whole: that its middle is where it is holds whatever the motion, and
-        so velocity, offsets and biases are read off the middles.
+        A sweep is matched as a whole, so the pose of its middle is correct even if the assumed
+        motion is not. Velocity, clock offsets and biases are therefore estimated from the middles.
         """
         middle_time, middle = _middle(time, tf_local_tracking, motion)
         if self._num_poses:
@@ -139,48 +135,75 @@ class PoseExtrapolator:
             self.imu_calibration.add(middle_time, middle, self.imu)
 
     def predict(self, time: float) -> Prediction:
-        """Return where the robot is expected at a time not before the last pose."""
+        """Return the motion prior of a scan at a time not before the last pose."""
         if self._num_poses == 0:
-            return Prediction(IDENTITY, by_odometry=False)
+            return self.prediction_from(time, IDENTITY)
         step = self._odometry_step(self._time, time)
-        if step is not None:
-            step = self._turned_by_imu(step, self._time, time)
-            return Prediction(compose(self._tf_local_tracking, step), by_odometry=True)
-        return Prediction(self.at_constant_velocity(time), by_odometry=False)
+        if step is None:
+            return self.prediction_from(time, self._at_constant_velocity(time))
+        pose = compose(self._tf_local_tracking, self._with_gyro_turn(step, self._time, time))
+        return Prediction(pose, True, self._odometry_information(), partial(self._fallbacks, time))
 
-    def at_constant_velocity(self, time: float) -> Pose:
-        """Return the pose if the robot moves on as it did; it turns as its gyroscope tells."""
+    def prediction_from(self, time: float, tf_local_tracking: Pose) -> Prediction:
+        """Return the motion prior around a pose that does not rely on odometry."""
+        information = self._velocity_information(time, tf_local_tracking)
+        return Prediction(tf_local_tracking, False, information, partial(self._fallbacks, time))
+
+    def _odometry_information(self) -> FloatArray:
+        config, model = self._prediction, self._calibration.model
+        if not model.is_known:
+            return isotropic_information(
+                config.unknown_translation_sigma, config.unknown_rotation_sigma
+            )
+        return isotropic_information(
+            max(
+                config.translation_error_factor * model.translation_error,
+                config.min_translation_sigma,
+            ),
+            max(config.rotation_error_factor * model.rotation_error, config.min_rotation_sigma),
+        )
+
+    def _velocity_information(self, time: float, moved: Pose) -> FloatArray:
+        config, rest = self._prediction, self._tf_local_tracking
+        pixel, duration = self._config.submaps.resolution, time - self._time
+        translation, rotation = self._velocity.sigmas(duration)
+        if self._gyro_turn(self._time, time) is not None:
+            rotation = min(rotation, config.gyro_turn_sigma + config.gyro_rate_sigma * duration)
+        is_slow = math.hypot(moved.x - rest.x, moved.y - rest.y) < config.slow_step * pixel
+        # Scans that come slowly show a motion of pixels, however slow the robot was before.
+        if is_slow and config.acceleration * duration**2 <= config.pixel_noise * pixel:
+            translation = config.lost_translation_sigma
+        return isotropic_information(
+            min(translation, config.lost_translation_sigma),
+            min(rotation, config.lost_rotation_sigma),
+        )
+
+    def _fallbacks(self, time: float) -> tuple[Pose, Pose]:
+        return self._tf_local_tracking, self._at_constant_velocity(time)
+
+    def _at_constant_velocity(self, time: float) -> Pose:
+        """Return the pose at constant velocity, with the gyroscope's rotation if there is one."""
         step = self._velocity.step(time - self._time)
-        return compose(self._tf_local_tracking, self._turned_by_imu(step, self._time, time))
-
-    def velocity_sigmas(self, time: float) -> tuple[float, float]:
-        """Return how far that pose may be off: distance [m] and angle [rad]; inf if not known."""
-        translation, rotation = self._velocity.sigmas(time - self._time)
-        if self._imu_turn(self._time, time) is not None:
-            rotation = min(rotation, 0.005 + GYRO_RATE_ERROR * (time - self._time))
-        return translation, rotation
-
-    def at_rest(self) -> Pose:
-        """Return the pose if the robot has not moved since the last scan."""
-        return self._tf_local_tracking
+        return compose(self._tf_local_tracking, self._with_gyro_turn(step, self._time, time))
 
     def sweep_motion(self, time: float, first: float, last: float) -> SweepMotion | None:
-        """Return how the robot moves and tilts during a sweep; None if nothing tells of either.
+        """Return the predicted motion and tilt during a sweep; None if neither is to be corrected.
 
         Parameters
         ----------
         time : of the scan [s], not before the last pose.
-        first, last : when the sweep begins and ends, from `time` on [s].
+        first, last : begin and end of the sweep relative to `time` [s].
         """
         if last - first > MAX_SWEEP_S:
             self.num_overlong_sweeps += 1
             first = last = 0.0
-        imu = self.imu if self._projects else None
-        if imu is not None and not imu.tells_gravity:
+        imu = self.imu if self._config.project_to_horizontal else None
+        if imu is not None and not imu.measures_gravity:
             imu = None
         if imu is None and last <= first:
             return None
-        num_steps = max(math.ceil((last - first) / KNOT_S), 1 if last > first else 0)
+        motion_step = self._config.deskewing.motion_step
+        num_steps = max(math.ceil((last - first) / motion_step), 1 if last > first else 0)
         moments = np.linspace(first, last, num_steps + 1)
         knots = np.zeros((num_steps + 1, 5))
         if num_steps:
@@ -192,15 +215,15 @@ class PoseExtrapolator:
     def corrected_motion(
         self, time: float, tf_local_tracking: Pose, motion: SweepMotion | None
     ) -> SweepMotion | None:
-        """Return the motion during a sweep anew, given where it was matched.
+        """Return a better estimate of the motion during a sweep, given the matched pose.
 
-        None where the motion is known from other sensors, or is as it was assumed. The middle of a
-        sweep is where it was found, however wrong the motion was; so the velocity follows from the
-        middles of this sweep and the last.
+        None where other sensors measure the motion, or where it is as assumed. The pose of the
+        middle of a sweep is correct even if the assumed motion is not; so the velocity follows
+        from the middles of this sweep and the last.
         """
         if motion is None or len(motion.knots) < 2 or not self._num_poses:
             return None
-        if self._is_told(time, time + motion.start + (len(motion.knots) - 1) * motion.step):
+        if self._is_measured(time, time + motion.start + (len(motion.knots) - 1) * motion.step):
             return None
         middle_time, middle = _middle(time, tf_local_tracking, motion)
         duration = middle_time - self._middle_time
@@ -210,31 +233,38 @@ class PoseExtrapolator:
         moments = motion.start + motion.step * np.arange(len(motion.knots))
         knots = motion.knots.copy()
         knots[:, :3] = moments[:, None] / duration * np.array(step)
-        off = np.abs(knots[:, :3] - motion.knots[:, :3]).max(axis=0)
-        if max(off[0], off[1]) < MIN_CORRECTION_M and off[2] < MIN_CORRECTION_RAD:
+        change = np.abs(knots[:, :3] - motion.knots[:, :3]).max(axis=0)
+        config = self._config.deskewing
+        if (
+            max(change[0], change[1]) < config.min_translation_correction
+            and change[2] < config.min_rotation_correction
+        ):
             return None
         return SweepMotion(motion.start, motion.step, knots)
 
-    def _is_told(self, begin: float, end: float) -> bool:
-        """Return whether odometry or gyroscope tell how the robot turned between two times."""
-        return self._odometry_step(begin, end) is not None or self._imu_turn(begin, end) is not None
+    def _is_measured(self, begin: float, end: float) -> bool:
+        """Return whether odometry or gyroscope measure the rotation between two times."""
+        return (
+            self._odometry_step(begin, end) is not None or self._gyro_turn(begin, end) is not None
+        )
 
     def _step_between(self, begin: float, end: float) -> Pose:
         """Return the motion from one time to another, which may be earlier."""
         step = self._odometry_step(begin, end)
         if step is None:
             step = self._velocity.step(end - begin)
-        return self._turned_by_imu(step, begin, end)
+        return self._with_gyro_turn(step, begin, end)
 
-    def _turned_by_imu(self, step: Pose, begin: float, end: float) -> Pose:
-        """Return a step with the rotation that the gyroscope tells, if it does."""
-        turn = self._imu_turn(begin, end)
+    def _with_gyro_turn(self, step: Pose, begin: float, end: float) -> Pose:
+        """Return a step with the rotation that the gyroscope measured, if it did."""
+        turn = self._gyro_turn(begin, end)
         return step if turn is None else Pose(step.x, step.y, turn)
 
-    def _imu_turn(self, begin: float, end: float) -> float | None:
+    def _gyro_turn(self, begin: float, end: float) -> float | None:
+        """Return the rotation [rad] that the gyroscope measured between two times, or None."""
         if self.imu is None or not self.imu_calibration.agrees:
             return None
-        # Turned over, or of the wrong sign: the scans must have told first.
+        # Upside down, or with a wrong sign: not used before it is compared with matched scans.
         if self.imu.is_askew and not self.imu_calibration.is_measured:
             return None
         begin -= self.imu_calibration.time_offset
@@ -245,6 +275,7 @@ class PoseExtrapolator:
         return float(turned[1] - turned[0])
 
     def _odometry_step(self, begin: float, end: float) -> Pose | None:
+        """Return the calibrated motion that the odometry measured between two times, or None."""
         model = self._calibration.model
         begin, end = begin - model.time_offset, end - model.time_offset
         before, after = self._odometry.at(begin), self._odometry.at(end)

@@ -8,6 +8,7 @@ import sqlite3
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ _MAX_UNIT = 1e300  # of points [m]: times 2^15 still a number
 _MAX_CELLS = 2**27  # of one submap: a square of 500 m; more is no submap but a damaged file
 
 
-def load_map(path: Path) -> Result:
+def load_map(path: str | PathLike[str]) -> Result:
     """Return the result that a map database was made of; times are not kept in it.
 
     Parameters
@@ -50,7 +51,7 @@ def load_map(path: Path) -> Result:
     InputError
         It is not there, is no map database, is damaged, or was written by a newer program.
     """
-    file = path / FILE_NAME if path.is_dir() else path
+    file = Path(path) / FILE_NAME if Path(path).is_dir() else Path(path)
     with _opened(file) as database, _damage_reported(file):
         about: dict[str, str] = dict(_rows(database, "about"))
         graph, closures = _graph(database)
@@ -64,7 +65,7 @@ def load_map(path: Path) -> Result:
             graph=graph,
             node_scan_index=_scan_index(nodes, len(trajectory)),
             submap_grids=[_grid(row) for row in _rows(database, "submaps")],
-            config=Config.model_validate_json(about["config"]),
+            config=_config(about["config"]),
             report=_report(report),
             closures=closures,
             node_points=[_points(*row[5:]) for row in nodes],
@@ -126,6 +127,25 @@ def _poses(rows: Sequence[Row], num_columns: int = 3) -> FloatArray:
     if not np.isfinite(array).all():
         raise ValueError("a pose is not finite")
     return array
+
+
+def _config(saved: str) -> Config:
+    """Return the configuration; of a file of version 2, with the present names of its keys."""
+    content = json.loads(saved)
+    sections = content if isinstance(content, dict) else {}
+    search = sections.get("global_slam", {}).get("constraint_search", {})
+    for old, new in _RENAMED.items():
+        if old in search:
+            search[new] = search.pop(old)
+    return Config.model_validate(content)
+
+
+_RENAMED = {
+    "bound_length": "well_constrained_length",
+    "every_nth_bound_node": "every_nth_well_constrained_node",
+    "max_searches_of_bound_pair": "max_searches_of_well_constrained_pair",
+}
+"""Keys of ``global_slam.constraint_search``, before and now."""
 
 
 def _graph(database: sqlite3.Connection) -> tuple[PoseGraph, Closures]:

@@ -18,7 +18,7 @@ from cartoloop.global_slam.closure_residuals import precision, residuals
 from cartoloop.global_slam.closures import Closures, Status
 from cartoloop.global_slam.pose_adjustment import constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.stage_timer import StageSummary
+from cartoloop.runtime.stage_timer import StageSummary
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.global_slam import AdjustmentRun

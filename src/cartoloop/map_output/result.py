@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING
 
@@ -17,10 +18,11 @@ from cartoloop.map_output.report import Report
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.pose_graph import PoseGraph
+    from cartoloop.map_output.occupancy_map import OccupancyMap
     from cartoloop.submaps.finished_grid import FinishedGrid
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """A finished map, or a growing one as it stands.
 
@@ -48,6 +50,32 @@ class Result:
     report: Report
     closures: Closures = field(default_factory=Closures)
     node_points: Sequence[NDArray[np.float64]] = ()
+
+    def __repr__(self) -> str:
+        counts = self.report.constraints
+        return (
+            f"<Result: {len(self.stamps)} scans, {self.graph.num_nodes} nodes, "
+            f"{self.graph.num_submaps} submaps, {self.graph.num_loop_closures} loop closures "
+            f"({counts.searched} pairs searched)>"
+        )
+
+    def occupancy_map(self) -> OccupancyMap:
+        """Return the map that is exported, composed of all submaps; computed once.
+
+        Raises
+        ------
+        OutputError
+            The map is too large.
+        """
+        return self._occupancy_map
+
+    @cached_property
+    def _occupancy_map(self) -> OccupancyMap:
+        from cartoloop.map_output.occupancy_map import compose_map
+
+        return compose_map(
+            self.submap_grids, self.graph.submap_poses, self.config.local_slam.submaps
+        )
 
     def save(self, out: str | PathLike[str]) -> None:
         """Write map, trajectories, graph, configuration and report into the folder `out`.

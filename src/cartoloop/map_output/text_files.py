@@ -4,11 +4,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-
-FloatArray = NDArray[np.float64]
 
 
 def tum_text(stamps: FloatArray, poses: FloatArray) -> str:
@@ -30,7 +28,7 @@ def tum_text(stamps: FloatArray, poses: FloatArray) -> str:
 
 
 def format_stamp(stamp: float) -> str:
-    """Return a stamp [s] with at least 6 decimals, and as many as tell it from all others."""
+    """Return a stamp [s] with at least 6 decimals, or as many as make it unique."""
     text = f"{stamp:.6f}"
     if float(text) == stamp:
         return text
@@ -40,7 +38,7 @@ def format_stamp(stamp: float) -> str:
 def g2o_text(graph: PoseGraph) -> str:
     """Return the pose graph in g2o's 2D text format.
 
-    Nodes have their indices as ids, submaps follow at an offset that a comment tells.
+    Nodes have their indices as ids, submaps follow at an offset that a comment states.
 
     Notes
     -----

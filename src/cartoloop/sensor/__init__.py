@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What comes in: typed, time-stamped sensor events, poses, range filters, the sensor's profile."""
+"""Sensor events with times, poses, range filters, deskewing, and profiles of sensors."""

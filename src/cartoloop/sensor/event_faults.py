@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What makes a sensor event useless by itself, whatever came before it."""
+"""Sensor events that cannot be used: faulty by themselves, or out of order."""
 
 from __future__ import annotations
 
@@ -18,11 +18,48 @@ from cartoloop.sensor.events import (
 )
 
 MAX_TURN_RATE, MAX_ACCELERATION = 100.0, 1000.0
-"""More than any IMU on a robot can measure [rad/s], [m/s^2]."""
+"""Limits of what an IMU on a robot measures [rad/s], [m/s^2]."""
+
+
+class EventChecker:
+    """Finds events that are to be skipped: faulty ones, and scans and odometry out of order.
+
+    Attributes
+    ----------
+    first_time, last_time : of the first and the last accepted scan [s]; NaN and -inf before.
+
+    Parameters
+    ----------
+    accepts_late_odometry : whether odometry may come after a later scan, as in live mapping.
+    """
+
+    def __init__(self, *, accepts_late_odometry: bool) -> None:
+        self._accepts_late_odometry = accepts_late_odometry
+        self.first_time = math.nan
+        self.last_time = -math.inf
+        self._last_time_of: dict[str, float] = {}
+
+    def reason_to_skip(self, event: SensorEvent) -> str | None:
+        """Return why an event cannot be used, or None; the next scans are compared with it."""
+        if fault := fault_of(event):
+            return fault
+        if isinstance(event, Imu):
+            return None
+        is_late = event.time < self.last_time
+        if isinstance(event, Odometry):
+            return "time runs backwards" if is_late and not self._accepts_late_odometry else None
+        if is_late:
+            return "time runs backwards"
+        if self._last_time_of.get(event.geometry.sensor) == event.time:
+            return "two scans at one time"
+        if math.isnan(self.first_time):
+            self.first_time = event.time
+        self.last_time = self._last_time_of[event.geometry.sensor] = event.time
+        return None
 
 
 def fault_of(event: SensorEvent) -> str | None:
-    """Return what is wrong with an event, in a few words to count it by; None if nothing is."""
+    """Return the fault of an event in a few words, by which it is counted; None without one."""
     if not math.isfinite(event.time):
         return "time is not finite"
     match event:

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sensor events that a recording or a live source yields, in the order they happened.
 
-`stamp` is the time as recorded: it names the scan in trajectories and relations files and is never
-altered. `time` is what the mapper computes with: seconds that never run backwards, repaired from
-the stamps by the reader where these repeat, jump or run back.
+`stamp` is the time as recorded: it identifies the scan in trajectories and relations files and is
+never changed. `time` is what the mapper computes with: seconds that never run backwards, repaired
+from the stamps by the reader where these repeat, jump or run backwards.
 
-Where a scanner sits on the robot is told by a pose in the plane, `tf_tracking_sensor`, and by
-`height` [m], `roll` and `pitch` [rad]: a point p of the sensor frame lies at
+The pose of a scanner on the robot is a pose in the plane, `tf_tracking_sensor`, and `height` [m],
+`roll` and `pitch` [rad]: a point p of the sensor frame is at
 Rz(yaw) Ry(pitch) Rx(roll) p + (x, y, height) in the tracking frame, whose z axis points up where
-the robot stands level.
+the robot is level.
 """
 
 from __future__ import annotations
@@ -17,31 +17,29 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.sensor.pose import IDENTITY, Pose
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class ScanGeometry:
-    """Which beam looks where, and which ranges are measurements. Shared by all scans alike.
+    """Directions of the beams and valid ranges of a scanner; one object for all its scans.
 
     Attributes
     ----------
     angle_min : angle of beam 0 [rad], sensor frame, counter-clockwise from the x axis.
     angle_increment : angle from one beam to the next [rad]; may be negative (clockwise sensors).
-    num_beams : how many ranges a scan has.
+    num_beams : number of ranges of a scan.
     range_min : shorter ranges are no measurements [m].
     range_max : ranges from here on are no measurements [m].
-    no_return_is_free : whether a range at or over `range_max` means that the beam met nothing
-        (SICK logs), and so may clear free space; +inf always means that (REP 117).
-    tf_tracking_sensor : where the scanner sits on the robot, seen from above.
+    no_return_is_free : whether a range of `range_max` or more means that there is no obstacle
+        (SICK logs), so that the beam clears free space; +inf always means that (REP 117).
+    tf_tracking_sensor : pose of the scanner on the robot, seen from above.
     time_increment : from one beam to the next [s]; beam i is measured at
-        ``scan.time + i * time_increment``. 0: all beams at once, or nothing is known of it.
+        ``scan.time + i * time_increment``. 0: all beams at once, or not known.
     sensor : name of the scanner; scans of one name come from one scanner.
-    height, roll, pitch : the rest of where it sits: above the tracking frame [m], tilted [rad].
+    height, roll, pitch : the rest of its pose: above the tracking frame [m], tilted [rad].
     """
 
     angle_min: float
@@ -58,6 +56,11 @@ class ScanGeometry:
     pitch: float = 0.0
 
     @property
+    def is_level(self) -> bool:
+        """Whether the scanner is mounted level."""
+        return self.roll == 0.0 and self.pitch == 0.0
+
+    @property
     def angles(self) -> FloatArray:
         """Beam angles [rad], sensor frame, shape (num_beams,)."""
         return self.angle_min + self.angle_increment * np.arange(self.num_beams, dtype=np.float64)
@@ -65,17 +68,18 @@ class ScanGeometry:
 
 @dataclass(frozen=True, slots=True)
 class CloudGeometry:
-    """Where a scanner of points in space sits, and which of its points count. Shared alike.
+    """Pose and valid points of a scanner of point clouds; one object for all its clouds.
 
     Attributes
     ----------
     sensor : name of the scanner; clouds of one name come from one scanner.
-    tf_tracking_sensor : where it sits on the robot, seen from above.
-    height, roll, pitch : the rest of it: above the tracking frame [m], tilted [rad].
-    range_min, range_max : nearer points, and those from the latter on, are no measurements [m].
-    min_z, max_z : lower and higher points are left out [m], measured upright from the origin of
-        the tracking frame; whatever the configuration cuts off is left out as well. -inf and inf:
-        nothing is told, and what is about as high as the scanner counts.
+    tf_tracking_sensor : pose of the scanner on the robot, seen from above.
+    height, roll, pitch : the rest of its pose: above the tracking frame [m], tilted [rad].
+    range_min, range_max : points nearer than the first, or at least as far as the second, are no
+        measurements [m].
+    min_z, max_z : lower and higher points are dropped [m], height above the tracking frame; the
+        configuration may drop more. -inf and inf: not known; points at about the height of the
+        scanner are used.
     """
 
     sensor: str = ""
@@ -89,16 +93,16 @@ class CloudGeometry:
     max_z: float = math.inf
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class LaserScan:
     """One sweep of a scanner.
 
     Attributes
     ----------
-    stamp : as recorded [s]; the scan's name.
-    time : of the first beam, repaired, never running backwards [s]; the pose that is found for
-        the scan is the robot's at this moment.
-    ranges : float64, shape (geometry.num_beams,) [m]; may be inf, NaN, negative or overlong.
+    stamp : as recorded [s]; identifies the scan.
+    time : of the first beam, repaired, never running backwards [s]; the pose of the scan is the
+        robot's at this time.
+    ranges : float64, shape (geometry.num_beams,) [m]; may be inf, NaN, negative or too long.
     geometry : shared among all scans of a sensor.
     """
 
@@ -109,23 +113,23 @@ class LaserScan:
 
     @property
     def sweep(self) -> tuple[float, float]:
-        """When the first and the last beam are measured, from `time` on [s], the earlier first."""
+        """Times of the first and the last beam relative to `time` [s], the earlier first."""
         last = self.geometry.time_increment * max(self.geometry.num_beams - 1, 0)
         return (last, 0.0) if last < 0.0 else (0.0, last)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class PointCloud:
-    """One sweep of a scanner of points in space.
+    """One sweep of a scanner of point clouds.
 
     Attributes
     ----------
-    stamp : as recorded [s]; the cloud's name.
-    time : repaired, never running backwards [s]; the pose that is found for the cloud is the
-        robot's at this moment.
-    points : float64, shape (n, 3) [m], sensor frame; may hold NaN and inf, which are left out.
-    times : float64, shape (n,), when each point was measured [s], from `time` on; None if all
-        were at once, or nothing is known of it.
+    stamp : as recorded [s]; identifies the cloud.
+    time : repaired, never running backwards [s]; the pose of the cloud is the robot's at this
+        time.
+    points : float64, shape (n, 3) [m], sensor frame; NaN and inf are ignored.
+    times : float64, shape (n,), when each point was measured, relative to `time` [s]; None if
+        all at once, or not known.
     geometry : shared among all clouds of a sensor.
     """
 
@@ -137,7 +141,7 @@ class PointCloud:
 
     @property
     def sweep(self) -> tuple[float, float]:
-        """When the first and the last point are measured, from `time` on [s]."""
+        """Times of the first and the last point relative to `time` [s]."""
         if self.times is None or len(self.times) == 0:
             return (0.0, 0.0)
         return (float(self.times.min()), float(self.times.max()))
@@ -154,7 +158,7 @@ class Odometry:
 
 @dataclass(frozen=True, slots=True)
 class Imu:
-    """An inertial reading, turned into the tracking frame by the reader.
+    """An inertial reading, rotated into the tracking frame by the reader.
 
     Attributes
     ----------

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gravity and heading from an IMU (section IV): which way is up, and how the robot turned.
+"""Gravity and heading from an IMU (section IV): roll, pitch and rotation of the robot.
 
-Up is the mean of the acceleration over some seconds, turned along with the robot by what the
-gyroscope tells; the acceleration of a step or of a start averages out. The gyroscope's bias is its
-mean while the robot stands; about the horizontal axes it also shows in that up, as the gyroscope
-turns it, keeps drifting off to one side of the acceleration.
+The direction up is the mean of the acceleration over some seconds, rotated with the robot by the
+gyroscope; the accelerations of steps and starts average out. The bias of the gyroscope is its mean
+while the robot stands. About the horizontal axes it also follows from the direction up, which
+drifts to one side of the acceleration if it is rotated by a biased gyroscope.
 """
 
 from __future__ import annotations
@@ -12,43 +12,50 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.sensor.events import Imu
-from cartoloop.sensor.pose import FloatArray
 
 Vector = tuple[float, float, float]
 
 MAX_GAP_S = 0.5
-"""Across a longer gap between readings nothing is known of the heading."""
+"""Longest gap between readings across which the heading is known [s]."""
 
 MAX_REACH_S = 0.15
-"""The last reading is taken to hold for so long."""
+"""Time for which the last angular velocity is extrapolated [s]: a few readings may be late."""
 
 MAX_TILT_RAD = math.radians(50.0)
-"""A robot that seems more tilted is not: its IMU is turned, or tells no gravity."""
+"""Largest plausible tilt of a robot; beyond it, the IMU is mounted wrongly or without gravity."""
 
 GRAVITY_LIMITS = (6.0, 14.0)
-"""An acceleration that is shorter or longer on average is not that of gravity [m/s^2]."""
+"""Limits of a mean acceleration that is gravity [m/s^2]: 9.8 with errors of scale."""
 
 MAX_BIAS = 0.1
-"""A larger bias is a motion [rad/s]."""
+"""Largest bias [rad/s]; a larger mean is a rotation of the robot."""
 
 REST_S = 1.0
-"""Rest shows in so long a time."""
+"""Time over which rest is detected [s]."""
+
+REST_READINGS = 10
+"""Least number of readings for their spread to mean anything."""
 
 REST_SPREAD = 0.02
-"""Standard deviation of the angular velocity below which the robot stands [rad/s]."""
+"""Largest standard deviation of the angular velocity at rest [rad/s]."""
 
 REST_SHAKE = 0.03
-"""And that of the acceleration, as a share of it."""
+"""Largest standard deviation of the acceleration at rest, as a share of its mean."""
 
 BIAS_FROM_S = 2.0
-"""So long after the start, that up drifts off begins to tell of the bias."""
+"""Time after the start from which the drift of the direction up corrects the bias [s]."""
+
+BIAS_DAMPING = 0.5
+"""Gain of that correction: the loop of direction and bias is well damped."""
 
 MEMORY = 60_000
-"""How many readings are kept at least: minutes, of a fast IMU."""
+"""Least number of readings that are kept: minutes of a fast IMU."""
 
 
 class ImuTrack:
@@ -56,14 +63,14 @@ class ImuTrack:
 
     Attributes
     ----------
-    num_readings : how many were taken in.
-    gyro_bias : what the gyroscope tells at rest, x, y, z [rad/s].
-    num_rests : how often the robot stood and the bias was measured.
+    num_readings : number of readings added.
+    gyro_bias : mean of the gyroscope at rest, x, y, z [rad/s].
+    num_rests : number of times that the bias was measured at rest.
     max_tilt : the largest angle between the robot's z axis and up [rad].
 
     Parameters
     ----------
-    gravity_time_constant : the acceleration is averaged over about so long [s].
+    gravity_time_constant : time over which the acceleration is averaged [s].
     """
 
     def __init__(self, gravity_time_constant: float) -> None:
@@ -85,22 +92,32 @@ class ImuTrack:
         self.max_tilt = 0.0
 
     @property
-    def tells_gravity(self) -> bool:
-        """Whether the acceleration is one that a robot on its feet feels."""
-        return self._feels_gravity and _tilt(self._up) <= MAX_TILT_RAD
+    def measures_gravity(self) -> bool:
+        """Whether the mean acceleration is gravity, as a standing robot measures it."""
+        return self._has_gravity_size and _tilt(self._up) <= MAX_TILT_RAD
 
     @property
     def is_askew(self) -> bool:
-        """Whether gravity comes from elsewhere than below: an axis or a sign may be wrong."""
-        return self._feels_gravity and _tilt(self._up) > MAX_TILT_RAD
+        """Whether gravity has an implausible direction: an axis or a sign may be wrong."""
+        return self._has_gravity_size and _tilt(self._up) > MAX_TILT_RAD
 
     @property
-    def _feels_gravity(self) -> bool:
+    def _has_gravity_size(self) -> bool:
         low, high = GRAVITY_LIMITS
         return self._has_gravity and low < self._size < high
 
+    def summary(self) -> dict[str, Any]:
+        """Return the estimates, for the report."""
+        return {
+            "readings": self.num_readings,
+            "tells_gravity": self.measures_gravity,
+            "max_tilt_rad": self.max_tilt,
+            "gyro_bias_rad_s": list(self.gyro_bias),
+            "rests": self.num_rests,
+        }
+
     def add(self, imu: Imu) -> None:
-        """Take in a reading; one that is not newer than the last is left out."""
+        """Add a reading; one that is not newer than the last is ignored."""
         if self._times and imu.time <= self._times[-1]:
             return
         size = math.hypot(*imu.linear_acceleration)
@@ -118,11 +135,11 @@ class ImuTrack:
         self.num_readings += 1
 
     def note_standing(self, stands: bool) -> None:
-        """Take in whether the scans tell that the robot stands; what is no rest is no bias."""
+        """Add whether the robot stands according to the scans; only then the bias is measured."""
         self._rest.note(stands)
 
     def correct_bias(self, excess: float) -> None:
-        """Take in by how much the turning rate about gravity is too large [rad/s]."""
+        """Correct the bias about gravity by an excess of the angular velocity [rad/s]."""
         x, y, z = self.gyro_bias
         self.gyro_bias = (x, y, _clipped(z + excess))
 
@@ -138,8 +155,8 @@ class ImuTrack:
     def at(self, times: FloatArray) -> FloatArray:
         """Return roll, pitch and heading at `times` [s], shape (n, 3) [rad].
 
-        Before the first reading they are those of the first; after the last the heading goes on.
-        The heading is not wrapped; only its differences mean anything.
+        Before the first reading they are those of the first; after the last the heading is
+        extrapolated. The heading is not wrapped; only its differences have a meaning.
         """
         first = max(bisect_right(self._times, float(times.min())) - 1, 0)
         last = bisect_right(self._times, float(times.max())) + 1
@@ -153,24 +170,24 @@ class ImuTrack:
         return np.column_stack(columns)
 
     def headings(self) -> tuple[FloatArray, FloatArray]:
-        """Return times [s] and headings [rad], shapes (n,), of the readings that are kept."""
+        """Return times [s] and headings [rad], shapes (n,), of the stored readings."""
         return np.array(self._times), np.array(self._headings)
 
     def _turn(self, imu: Imu, duration: float) -> None:
-        """Turn up, which stands still, against the robot, and the heading with it."""
+        """Rotate the direction up, fixed in the world, against the robot; integrate the heading."""
         rx, ry, rz = (
             rate - bias for rate, bias in zip(imu.angular_velocity, self.gyro_bias, strict=True)
         )
         self._up = _turned(self._up, (-rx * duration, -ry * duration, -rz * duration))
-        # Without gravity up is nowhere, and the IMU is taken to be level.
-        roll, pitch = _roll_and_pitch(self._up) if self._feels_gravity else (0.0, 0.0)
+        # Without gravity the robot is assumed level.
+        roll, pitch = _roll_and_pitch(self._up) if self._has_gravity_size else (0.0, 0.0)
         # The rate of the yaw angle of Rz(yaw) Ry(pitch) Rx(roll).
         rate = (ry * math.sin(roll) + rz * math.cos(roll)) / max(math.cos(pitch), 0.1)
         self._heading_step = 0.5 * (rate + self._last_rate) * duration
         self._last_rate = rate
 
     def _lean(self, imu: Imu, size: float) -> None:
-        """Move up towards the acceleration, and the bias towards what explains the way there."""
+        """Move the direction up towards the acceleration, and the bias towards what explains it."""
         x, y, z = (part / size for part in imu.linear_acceleration)
         if not self._has_gravity:
             self._up, self._has_gravity, self._size = (x, y, z), True, size
@@ -184,8 +201,7 @@ class ImuTrack:
         off = (uy * z - uz * y, uz * x - ux * z, ux * y - uy * x)
         self._up = _unit(ux + share * (x - ux), uy + share * (y - uy), uz + share * (z - uz))
         if elapsed > BIAS_FROM_S:
-            # Well damped: up alone decays with the constant, as far as that has grown.
-            gain = 0.5 * duration / constant**2
+            gain = BIAS_DAMPING * duration / constant**2
             bx, by, bz = self.gyro_bias
             self.gyro_bias = (_clipped(bx + gain * off[0]), _clipped(by + gain * off[1]), bz)
 
@@ -196,7 +212,7 @@ class ImuTrack:
         self._rolls.append(roll)
         self._pitches.append(pitch)
         self._headings.append(heading)
-        if self._feels_gravity:
+        if self._has_gravity_size:
             self.max_tilt = max(self.max_tilt, _tilt(self._up))
         if len(self._times) >= 2 * MEMORY:
             for values in (self._times, self._rolls, self._pitches, self._headings):
@@ -208,7 +224,7 @@ class ImuTrack:
 
 
 class _RestDetector:
-    """Finds the mean angular velocity of a while in which nothing moved."""
+    """Finds the mean angular velocity over a time of rest."""
 
     def __init__(self) -> None:
         self._begin = math.nan
@@ -217,10 +233,11 @@ class _RestDetector:
         self._stands = True
 
     def note(self, stands: bool) -> None:
+        """Add whether the robot stands according to the scans."""
         self._stands = self._stands and stands
 
     def add(self, imu: Imu) -> Vector | None:
-        """Return the mean angular velocity when a while of rest is over."""
+        """Add a reading; return the mean angular velocity at the end of a time of rest."""
         if not self._rates:
             self._begin = imu.time
         self._rates.append(imu.angular_velocity)
@@ -229,7 +246,7 @@ class _RestDetector:
             return None
         rates, sizes, stood = np.array(self._rates), np.array(self._sizes), self._stands
         self._rates, self._sizes, self._stands = [], [], True
-        if not stood or len(rates) < 10 or rates.std(axis=0).max() > REST_SPREAD:
+        if not stood or len(rates) < REST_READINGS or rates.std(axis=0).max() > REST_SPREAD:
             return None
         if sizes.std() > REST_SHAKE * sizes.mean():
             return None
@@ -238,7 +255,7 @@ class _RestDetector:
 
 
 def _roll_and_pitch(up: Vector) -> tuple[float, float]:
-    """Return roll and pitch [rad] of a robot that sees up in this direction."""
+    """Return roll and pitch [rad], given the direction up in the tracking frame."""
     x, y, z = up
     return math.atan2(y, z), math.atan2(-x, math.hypot(y, z))
 

@@ -15,9 +15,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from cartoloop.arrays import FloatArray as FloatArray  # noqa: PLC0414 - still imported from here
 
 
 class Pose(NamedTuple):
@@ -58,7 +57,7 @@ def inverse(tf_a_b: Pose) -> Pose:
 
 
 def relative(tf_a_b: Pose, tf_a_c: Pose) -> Pose:
-    """Return tf_b_c, where c stands as seen from b: ``compose(inverse(tf_a_b), tf_a_c)``."""
+    """Return tf_b_c, the pose of c in b: ``compose(inverse(tf_a_b), tf_a_c)``."""
     cos, sin = math.cos(tf_a_b.theta), math.sin(tf_a_b.theta)
     dx, dy = tf_a_c.x - tf_a_b.x, tf_a_c.y - tf_a_b.y
     return Pose(
@@ -69,7 +68,7 @@ def relative(tf_a_b: Pose, tf_a_c: Pose) -> Pose:
 
 
 def interpolate(tf_a_b: Pose, tf_a_c: Pose, fraction: float) -> Pose:
-    """Return the pose a `fraction` of the way from b to c, straight in x, y, shorter in theta."""
+    """Return the pose at a `fraction` from b to c, straight in x, y, by less than pi in theta."""
     turn = wrap_angle(tf_a_c.theta - tf_a_b.theta)
     return Pose(
         tf_a_b.x + fraction * (tf_a_c.x - tf_a_b.x),
@@ -89,7 +88,7 @@ def transform_points(tf_a_b: Pose, points_b: FloatArray) -> FloatArray:
 
 
 def wrap_angles(angles: FloatArray) -> FloatArray:
-    """Return angles [rad] of any shape in (-pi, pi]; those that are so already keep every bit."""
+    """Return angles [rad] of any shape in (-pi, pi]; angles already there keep every bit."""
     wrapped = angles - math.tau * np.rint(angles / math.tau)
     # Rounding may leave an angle just outside, and -pi stays -pi.
     wrapped = np.where(wrapped <= -math.pi, wrapped + math.tau, wrapped)

@@ -9,32 +9,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config import AdaptiveVoxelFilterConfig, SensorConfig
-from cartoloop.kernels.cloud_projection import project_cloud
-from cartoloop.kernels.range_projection import project_ranges
-from cartoloop.kernels.sweep_projection import project_sweep
+from cartoloop.kernels.cloud_projection import CloudLimits, project_cloud
+from cartoloop.kernels.range_projection import Position, RangeLimits, project_ranges
+from cartoloop.kernels.sweep_projection import Heights, project_sweep
 from cartoloop.kernels.voxel_filter import adaptive_voxel_filter, voxel_filter
 from cartoloop.sensor.events import CloudGeometry, LaserScan, PointCloud, ScanGeometry
-from cartoloop.sensor.pose import FloatArray, Pose
-from cartoloop.sensor.sweep_motion import (
-    AT_REST,
-    SweepMotion,
-    is_level,
-    rotation,
-    sensor_in_sweep,
-)
-
-USEFUL_RANGE = 30.0
-"""Beyond this the beams of common scanners lie so far apart that their returns tell little [m]."""
-
-CLOUD_DIRECTIONS = 720
-"""In so many directions a cloud has one return, its nearest."""
-
-CLOUD_BELOW, CLOUD_ABOVE = 0.3, 0.7
-"""The part of a cloud that counts where nothing is told of it: so far below its scanner, where
-there is no floor yet, and so far above [m]."""
+from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.sweep_motion import AT_REST, SweepMotion, rotation, sensor_in_sweep
 
 _MAX_GEOMETRIES = 64
+"""Number of geometries that are cached; only wrong readers make a new one for each scan."""
 
 
 class RangeData(NamedTuple):
@@ -42,9 +28,10 @@ class RangeData(NamedTuple):
 
     Attributes
     ----------
-    tf_tracking_sensor : where the beams start; where they do so from several places, the middle.
-    returns, misses : float64, shapes (n, 2), (k, 2) [m], tracking frame: ends of beams that hit
-        something, and of those that met nothing as far as that.
+    tf_tracking_sensor : start of the beams; of a moving scanner, its pose in the middle of the
+        sweep.
+    returns, misses : float64, shapes (n, 2), (k, 2) [m], tracking frame: ends of beams with a
+        return, and of the free space along beams without one.
     """
 
     tf_tracking_sensor: Pose
@@ -54,27 +41,50 @@ class RangeData(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Scanner:
-    """What depends on a scanner's geometry alone.
+    """What depends only on the geometry of a laser scanner and on the configuration.
 
     Attributes
     ----------
-    geometry : held, so that no other object gets its identity.
-    mounting : seen from above.
-    directions : of the beams, float64, shape (num_beams, 2) or, if it is tilted, also the third
-        component; (3, 3) for clouds: sensor frame to tracking frame.
+    geometry : referenced, so that no other object gets its identity.
+    mounting, origin : pose seen from above, and position.
+    directions : unit vectors of the beams, tracking frame, float64, shape (num_beams, 3); of a
+        level scanner, shape (num_beams, 2).
+    limits : which beams are hits.
     """
 
-    geometry: ScanGeometry | CloudGeometry
+    geometry: ScanGeometry
     mounting: Pose
+    origin: Position
     directions: FloatArray
+    limits: RangeLimits
+
+
+@dataclass(frozen=True, slots=True)
+class _CloudScanner:
+    """What depends only on the geometry of a scanner of point clouds and on the configuration.
+
+    Attributes
+    ----------
+    geometry : referenced, so that no other object gets its identity.
+    origin : position on the robot.
+    rotation : float64, shape (3, 3), sensor frame to tracking frame.
+    limits : which points are used.
+    """
+
+    geometry: CloudGeometry
+    origin: Position
+    rotation: FloatArray
+    limits: CloudLimits
 
 
 class RangeFilter:
-    """Crops and thins scans as configured; keeps what depends on the beams' geometry alone."""
+    """Crops and thins scans as configured; caches what depends only on a scanner's geometry."""
 
     def __init__(self, config: SensorConfig) -> None:
         self._config = config
         self._scanners: dict[int, _Scanner] = {}
+        self._cloud_scanners: dict[int, _CloudScanner] = {}
+        self._heights = Heights(config.min_z, config.max_z)
         self._first_sensor: str | None = None
 
     def apply(self, scan: LaserScan | PointCloud, motion: SweepMotion | None = None) -> RangeData:
@@ -82,103 +92,123 @@ class RangeFilter:
 
         Parameters
         ----------
-        scan : of a scanner, or a cloud, of which the nearest point of each direction counts.
-        motion : the robot's during the sweep; None if it stands level and still. Points are where
-            they would have been seen at the time of the scan, by a level robot.
+        scan : of a laser scanner, or a point cloud, whose nearest point in each direction is used.
+        motion : of the robot during the sweep; None if it is level and at rest. Points are
+            deskewed: in the level frame of the robot at the time of the scan.
         """
-        known = self._scanners.get(id(scan.geometry)) or self._take_in(scan.geometry)
         if isinstance(scan, PointCloud):
-            return self._apply_to_cloud(scan, known, motion or AT_REST)
-        geometry, config = scan.geometry, self._config
+            return self._apply_to_cloud(scan, motion or AT_REST)
+        geometry = scan.geometry
+        scanner = self._scanners.get(id(geometry)) or self._add_scanner(geometry)
         returns = np.empty((geometry.num_beams, 2))
         misses = np.empty((geometry.num_beams, 2))
-        limits = (
-            geometry.range_min if config.min_range is None else config.min_range,
-            min(geometry.range_max, USEFUL_RANGE) if config.max_range is None else config.max_range,
-            geometry.range_max,
-        )
-        sensor = known.mounting
-        if motion is None and is_level(geometry):
+        mounting = scanner.mounting
+        if motion is None and geometry.is_level:
             num_returns, num_misses = project_ranges(
-                scan.ranges,
-                known.directions,
-                *limits,
-                geometry.no_return_is_free,
-                config.missing_data_ray_length,
-                known.mounting.x,
-                known.mounting.y,
-                returns,
-                misses,
+                scan.ranges, scanner.directions, scanner.origin, scanner.limits, returns, misses
             )
         else:
             motion = motion or AT_REST
             num_returns, num_misses = project_sweep(
                 scan.ranges,
-                _in_space(known),
-                np.array((sensor.x, sensor.y, geometry.height)),
+                _in_space(scanner.directions),
+                scanner.origin,
                 geometry.time_increment,
-                *motion,
-                np.array((*limits, config.missing_data_ray_length, config.min_z, config.max_z)),
-                geometry.no_return_is_free,
+                motion,
+                scanner.limits,
+                self._heights,
                 returns,
                 misses,
             )
-            sensor = sensor_in_sweep(sensor, geometry.height, motion)
-        edge = config.voxel_filter_size
+            mounting = sensor_in_sweep(mounting, geometry.height, motion)
+        edge = self._config.voxel_filter_size
         num_returns = voxel_filter(returns, num_returns, edge, returns)
         num_misses = voxel_filter(misses, num_misses, edge, misses)
-        return RangeData(sensor, returns[:num_returns], misses[:num_misses])
+        return RangeData(mounting, returns[:num_returns], misses[:num_misses])
 
-    def _apply_to_cloud(self, cloud: PointCloud, known: _Scanner, motion: SweepMotion) -> RangeData:
-        config, geometry, mounting = self._config, cloud.geometry, known.mounting
-        sensor = sensor_in_sweep(mounting, geometry.height, motion)
-        min_z, max_z = geometry.min_z, geometry.max_z
-        if math.isinf(min_z) and math.isinf(max_z):
-            min_z, max_z = geometry.height - CLOUD_BELOW, geometry.height + CLOUD_ABOVE
-        max_range = USEFUL_RANGE if config.max_range is None else config.max_range
-        returns = np.empty((CLOUD_DIRECTIONS, 2))
+    def _apply_to_cloud(self, cloud: PointCloud, motion: SweepMotion) -> RangeData:
+        geometry, config = cloud.geometry, self._config
+        scanner = self._cloud_scanners.get(id(geometry)) or self._add_cloud_scanner(geometry)
+        sensor = sensor_in_sweep(geometry.tf_tracking_sensor, geometry.height, motion)
+        returns = np.empty((config.cloud_directions, 2))
         num_returns = project_cloud(
             cloud.points,
             np.empty(0) if cloud.times is None else cloud.times,
-            known.directions,
-            np.array((mounting.x, mounting.y, geometry.height)),
-            *motion,
-            np.array(
-                (
-                    geometry.range_min if config.min_range is None else config.min_range,
-                    min(geometry.range_max, max_range),
-                    max(min_z, config.min_z),
-                    min(max_z, config.max_z),
-                )
-            ),
+            scanner.rotation,
+            scanner.origin,
+            motion,
+            scanner.limits,
             sensor.x,
             sensor.y,
-            np.empty(CLOUD_DIRECTIONS),
+            np.empty(config.cloud_directions),
             returns,
         )
         num_returns = voxel_filter(returns, num_returns, config.voxel_filter_size, returns)
         return RangeData(sensor, returns[:num_returns], np.empty((0, 2)))
 
-    def _take_in(self, geometry: ScanGeometry | CloudGeometry) -> _Scanner:
-        """Return what depends on the geometry, which is new."""
+    def _add_scanner(self, geometry: ScanGeometry) -> _Scanner:
+        config, mounting = self._config, geometry.tf_tracking_sensor
+        if self._first_sensor is None:
+            self._first_sensor = geometry.sensor
+        if config.laser_pose is not None and geometry.sensor == self._first_sensor:
+            mounting = Pose(*config.laser_pose)
         if len(self._scanners) >= _MAX_GEOMETRIES:
             self._scanners.clear()
-        mounting = geometry.tf_tracking_sensor
-        if isinstance(geometry, CloudGeometry):
-            directions = rotation(geometry.roll, geometry.pitch, mounting.theta)
-        else:
-            if self._first_sensor is None:
-                self._first_sensor = geometry.sensor
-            if self._config.laser_pose is not None and geometry.sensor == self._first_sensor:
-                mounting = Pose(*self._config.laser_pose)
-            directions = _beam_directions(geometry, mounting)
-        known = self._scanners[id(geometry)] = _Scanner(geometry, mounting, directions)
-        return known
+        scanner = self._scanners[id(geometry)] = _Scanner(
+            geometry,
+            mounting,
+            _position(mounting, geometry.height),
+            _beam_directions(geometry, mounting),
+            RangeLimits(
+                self._min_range(geometry),
+                self._max_range(geometry.range_max),
+                float(geometry.range_max),
+                bool(geometry.no_return_is_free),
+                config.missing_data_ray_length,
+            ),
+        )
+        return scanner
+
+    def _add_cloud_scanner(self, geometry: CloudGeometry) -> _CloudScanner:
+        config, mounting = self._config, geometry.tf_tracking_sensor
+        min_z, max_z = geometry.min_z, geometry.max_z
+        if math.isinf(min_z) and math.isinf(max_z):
+            min_z = geometry.height - config.cloud_below
+            max_z = geometry.height + config.cloud_above
+        if len(self._cloud_scanners) >= _MAX_GEOMETRIES:
+            self._cloud_scanners.clear()
+        scanner = self._cloud_scanners[id(geometry)] = _CloudScanner(
+            geometry,
+            _position(mounting, geometry.height),
+            rotation(geometry.roll, geometry.pitch, mounting.theta),
+            CloudLimits(
+                self._min_range(geometry),
+                min(float(geometry.range_max), self._max_range(math.inf)),
+                float(max(min_z, config.min_z)),
+                float(min(max_z, config.max_z)),
+            ),
+        )
+        return scanner
+
+    def _min_range(self, geometry: ScanGeometry | CloudGeometry) -> float:
+        configured = self._config.min_range
+        return float(geometry.range_min if configured is None else configured)
+
+    def _max_range(self, range_max: float) -> float:
+        """Return the largest range of a hit [m], given the scanner's own limit."""
+        config = self._config
+        if config.max_range is not None:
+            return config.max_range
+        return float(min(range_max, config.default_max_range))
+
+
+def _position(mounting: Pose, height: float) -> Position:
+    return Position(float(mounting.x), float(mounting.y), float(height))
 
 
 def _beam_directions(geometry: ScanGeometry, mounting: Pose) -> FloatArray:
     """Return unit vectors of the beams in the tracking frame, shape (n, 2), tilted ones (n, 3)."""
-    if is_level(geometry):
+    if geometry.is_level:
         angles = geometry.angles + mounting.theta
         return np.column_stack((np.cos(angles), np.sin(angles)))
     angles = geometry.angles
@@ -187,9 +217,8 @@ def _beam_directions(geometry: ScanGeometry, mounting: Pose) -> FloatArray:
     return np.ascontiguousarray(turned)
 
 
-def _in_space(known: _Scanner) -> FloatArray:
+def _in_space(directions: FloatArray) -> FloatArray:
     """Return the beams' directions with three components."""
-    directions = known.directions
     if directions.shape[1] == 3:
         return directions
     return np.column_stack((directions, np.zeros(len(directions))))

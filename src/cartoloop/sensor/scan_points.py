@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The points of many scans in one array, as kernels want them that go through many scans."""
+"""The points of many scans in one array, for kernels that process many scans."""
 
 from __future__ import annotations
 
@@ -7,19 +7,16 @@ from collections.abc import Sequence
 from typing import overload
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cartoloop.sensor.pose import FloatArray
-
-IntArray = NDArray[np.int64]
+from cartoloop.arrays import FloatArray, IntArray
 
 
 class ScanPoints(Sequence[FloatArray]):
-    """The points of each of many scans, shapes (k, 2) [m]; to be read only.
+    """The points of each of many scans, shapes (k, 2) [m]. Read only.
 
     Attributes
     ----------
-    points : float64, shape (n, 2), of these scans and maybe others.
+    points : float64, shape (n, 2), of these scans and possibly others.
     firsts, ends : int64, shape (len(self),): scan i has ``points[firsts[i] : ends[i]]``.
     """
 
@@ -39,11 +36,11 @@ class ScanPoints(Sequence[FloatArray]):
 
     @property
     def counts(self) -> IntArray:
-        """How many points each scan has, shape (len(self),)."""
+        """Number of points of each scan, shape (len(self),)."""
         return self.ends - self.firsts
 
     def take(self, scans: IntArray) -> ScanPoints:
-        """Return some of the scans; no point is copied."""
+        """Return the scans with these indices, without copying points."""
         return ScanPoints(self.points, self.firsts[scans], self.ends[scans])
 
     def __len__(self) -> int:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a recording says of its scanner: beams, range limits, no-return value, rate, noise."""
+"""The profile of a scanner: beams, range limits, no-return value, rate and noise."""
 
 from __future__ import annotations
 
@@ -8,22 +8,35 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.sensor.events import LaserScan, ScanGeometry
 from cartoloop.sensor.no_return import find_no_return, median
 
-FloatArray = NDArray[np.float64]
+RANGE_MIN_LIMITS = (0.05, 0.3)
+"""Limits of the smallest range [m]: below the first, scanners send error codes."""
 
-RANGE_MIN_LIMITS = (0.05, 0.3)  # below the first scanners send error codes [m]
-ABSURD_RANGE = 1e6  # beyond, a number stands for infinity [m]
-_QUANTA = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)  # steps of ranges in use [m]
-_MIN_STILL_TRIPLES = 5
+ABSURD_RANGE = 1e6
+"""Ranges beyond stand for infinity [m]."""
+
+_QUANTA = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
+"""Usual steps of ranges [m]."""
+
+_QUANTUM_TOLERANCE, _QUANTUM_SHARE = 1e-3, 0.95
+"""Deviation from a multiple of the step [steps], and share of the ranges within it."""
+
+_MIN_STILL_TRIPLES, _MAX_STILL_CHANGE = 5, 0.005
+"""Least number of triples of scans at rest for a measurement of the noise, and median change of a
+range at rest [m]."""
+
+_SIGMA_PER_MAD, _OUTLIER_SIGMAS = 1.4826, 3.0
+"""Standard deviation of a normal distribution over the median of absolute values; and from how many
+of them on a value is an outlier."""
 
 
 @dataclass(frozen=True, slots=True)
 class SensorProfile:
-    """What is read off the recording; everything else in the configuration is the same for all.
+    """Properties of a scanner that are estimated from a recording.
 
     Attributes
     ----------
@@ -31,14 +44,14 @@ class SensorProfile:
     field_of_view : from the first beam to the last [rad].
     angular_resolution : from one beam to the next [rad].
     range_min : shorter ranges are no measurements [m].
-    range_max : ranges from here on are no measurements [m]; inf if no end was seen.
-    no_return : the value sent when a beam meets nothing [m] (inf and 0 occur), or None if no such
-        value was seen.
-    share_no_return : which part of all beams met nothing.
+    range_max : ranges from here on are no measurements [m]; inf if not found.
+    no_return : the value sent for a beam without a return [m] (inf and 0 occur), or None if none
+        was found.
+    share_no_return : share of the beams without a return.
     range_quantum : step of the ranges [m], 0 if they are continuous.
     range_noise : standard deviation of a range [m]; see `estimate_range_noise`.
-    rate : scans a second, from the median time between scans [Hz]; 0 if it is not known.
-    num_scans : how many scans this was read off.
+    rate : scans a second, from the median time between scans [Hz]; 0 if not known.
+    num_scans : number of scans used.
     has_odometry, has_imu : whether the recording holds such events.
     """
 
@@ -91,14 +104,14 @@ class SensorProfile:
 def profile_sensor(
     scans: Iterable[LaserScan], *, has_odometry: bool = False, has_imu: bool = False
 ) -> SensorProfile:
-    """Return what the scans say of their scanner.
+    """Return the profile of the scanner of some scans.
 
     Parameters
     ----------
     scans : some scans of one scanner in the order of time, best a few hundred in groups of three
-        successive ones that are spread over the recording; one is enough. Other beam counts than
-        the most frequent are left out.
-    has_odometry, has_imu : taken over.
+        successive ones, spread over the recording; one is enough. Scans with other beam counts
+        than the most frequent are ignored.
+    has_odometry, has_imu : copied into the profile.
 
     Raises
     ------
@@ -120,7 +133,7 @@ def profile_sensor(
         num_beams=geometry.num_beams,
         field_of_view=abs(geometry.angle_increment) * (geometry.num_beams - 1),
         angular_resolution=abs(geometry.angle_increment),
-        # A sample has not seen the nearest range there will be.
+        # A sample does not contain the shortest range of the recording.
         range_min=float(np.clip(0.5 * nearest, *RANGE_MIN_LIMITS)),
         range_max=range_max,
         no_return=no_return.value,
@@ -145,7 +158,7 @@ def _most_frequent_geometry(scans: Sequence[LaserScan]) -> list[LaserScan]:
 
 
 def find_range_quantum(measured: FloatArray) -> float:
-    """Return the widest usual step [m] of which nearly all ranges are multiples, 0 if none is.
+    """Return the largest usual step [m] that divides nearly all ranges, 0 if none does.
 
     Parameters
     ----------
@@ -155,23 +168,22 @@ def find_range_quantum(measured: FloatArray) -> float:
         return 0.0
     for quantum in _QUANTA:
         steps = measured / quantum
-        if np.mean(np.abs(steps - np.round(steps)) < 1e-3) > 0.95:
+        if np.mean(np.abs(steps - np.round(steps)) < _QUANTUM_TOLERANCE) > _QUANTUM_SHARE:
             return quantum
     return 0.0
 
 
 def estimate_range_noise(ranges: FloatArray, range_max: float, quantum: float) -> float:
-    """Return the standard deviation of a range [m], as far as the scans tell.
+    """Return an estimate of the standard deviation of a range [m].
 
-    Where the robot stands still, a second difference in time, r(k-1) - 2 r(k) + r(k+1), holds
-    nothing but noise, of 6 times its variance. Without enough such moments, differences along the
-    beams are taken, which smooth walls leave small too. Both are freed of outliers by the median
-    of their absolute values; ranges given in steps are never better than a step's own spread,
-    step / sqrt(12).
+    Where the robot stands still, a second difference in time, r(k-1) - 2 r(k) + r(k+1), contains
+    only noise, of 6 times its variance. Without enough such scans, differences along the beams are
+    used, which are small on smooth walls. Outliers are removed by the median of the absolute
+    values. The noise of quantized ranges is at least that of the quantization, step / sqrt(12).
 
     Parameters
     ----------
-    ranges : float64, shape (num_scans, num_beams); groups of three successive scans count.
+    ranges : float64, shape (num_scans, num_beams); in groups of three successive scans.
     range_max : ranges from here on are no measurements [m].
     quantum : step of the ranges [m], or 0.
     """
@@ -182,7 +194,7 @@ def estimate_range_noise(ranges: FloatArray, range_max: float, quantum: float) -
         grouped = valid[: 3 * triples].reshape(triples, 3, -1)
         change = np.abs(grouped[:, 2] - grouped[:, 0])
         moved = np.array([_median_of_finite(row) for row in change])
-        still = grouped[moved <= max(quantum, 0.005)]
+        still = grouped[moved <= max(quantum, _MAX_STILL_CHANGE)]
         if len(still) >= _MIN_STILL_TRIPLES:
             second = still[:, 0] - 2.0 * still[:, 1] + still[:, 2]
             return max(floor, _robust_spread(second, quantum) / math.sqrt(6.0))
@@ -200,7 +212,7 @@ def _robust_spread(values: FloatArray, quantum: float) -> float:
     finite = values[np.isfinite(values)]
     if len(finite) == 0:
         return 0.0
-    spread = 1.4826 * float(np.median(np.abs(finite)))
-    # The median of values in steps is itself a step: refine it by the spread of what is near.
-    near = finite[np.abs(finite) <= 3.0 * max(spread, quantum)]
+    spread = _SIGMA_PER_MAD * float(np.median(np.abs(finite)))
+    # The median of quantized values is quantized: refine it by the spread of the inliers.
+    near = finite[np.abs(finite) <= _OUTLIER_SIGMAS * max(spread, quantum)]
     return float(np.sqrt(np.mean(near**2))) if len(near) else spread

@@ -1,36 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the robot moves and tilts while a scanner sweeps, and how a scanner is mounted in space."""
+"""The motion of the robot during a sweep, and the pose of a scanner in space."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.kernels.sweep_projection import place_upright
-from cartoloop.sensor.events import CloudGeometry, ScanGeometry
-from cartoloop.sensor.pose import FloatArray, Pose
+from cartoloop.arrays import FloatArray
+from cartoloop.kernels.sweep_projection import SweepMotion, place_upright
+from cartoloop.sensor.pose import Pose
 
-
-class SweepMotion(NamedTuple):
-    """The robot during a sweep, at moments equally far apart.
-
-    Attributes
-    ----------
-    start : the first moment, from the time of the scan on [s].
-    step : from one to the next [s], positive.
-    knots : float64, shape (k, 5): where the robot is at each, seen from where it is at the time of
-        the scan, x, y [m], theta [rad], and its roll and pitch [rad].
-    """
-
-    start: float
-    step: float
-    knots: FloatArray
-
+__all__ = ["AT_REST", "SweepMotion", "rotation", "sensor_in_sweep"]
 
 AT_REST = SweepMotion(0.0, 1.0, np.zeros((1, 5)))
-"""A level robot that stands still."""
+"""A level robot at rest."""
 
 
 def rotation(roll: float, pitch: float, yaw: float) -> FloatArray:
@@ -47,17 +31,12 @@ def rotation(roll: float, pitch: float, yaw: float) -> FloatArray:
     )
 
 
-def is_level(geometry: ScanGeometry | CloudGeometry) -> bool:
-    """Return whether the scanner sits level on the robot."""
-    return geometry.roll == 0.0 and geometry.pitch == 0.0
-
-
 def sensor_in_sweep(mounting: Pose, height: float, motion: SweepMotion) -> Pose:
-    """Return where a sensor stands in the middle of a sweep.
+    """Return the pose of a sensor in the middle of a sweep.
 
     Parameters
     ----------
-    mounting, height : where it sits on the robot; the height in metres.
+    mounting, height : its pose on the robot, and height [m].
     motion : during the sweep.
 
     Returns
@@ -65,6 +44,6 @@ def sensor_in_sweep(mounting: Pose, height: float, motion: SweepMotion) -> Pose:
     The pose in the robot's level frame at the time of the scan.
     """
     middle = motion.start + 0.5 * (len(motion.knots) - 1) * motion.step
-    x, y, _ = place_upright(mounting.x, mounting.y, height, middle, *motion)
+    x, y, _ = place_upright(mounting.x, mounting.y, height, middle, motion)
     turned = motion.knots[len(motion.knots) // 2, 2]
     return Pose(x, y, mounting.theta + float(turned))

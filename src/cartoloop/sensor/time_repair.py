@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """From the stamps of a recording to times that never run backwards.
 
-The order of the file is the true order; stamps may be written late (bursts that run backwards),
-repeat, be missing, be wild, or start anew. All functions are pure functions of arrays.
+The order of the file is the true order. Stamps may be written late (bursts that run backwards),
+repeat, be missing, be wild, or be reset. All functions are pure functions of arrays.
 """
 
 from __future__ import annotations
@@ -13,39 +13,47 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 
-NOMINAL_PERIOD = 0.2  # of a log without any stamps: the usual scanner of such logs sends at 5 Hz
-MIN_JUMP = 10.0  # shorter jumps are delays, not gaps [s]
-JUMP_PERIODS = 20.0  # nor are jumps of fewer periods, in logs with few scans
-WILD_AT_THE_END = (
-    3600.0  # how far a first or last stamp that is in order must be off to be wild [s]
-)
-AGREEING_STAMPS = 5  # neighbours on either side that outvote a stamp
-BURSTY_SHARE = 0.01  # of stamps running backwards: from here on none of a stretch is trusted
-BURSTY_COUNT = 10
-BLOCK_SCANS = 100  # over how many scans bursty stamps are averaged
+NOMINAL_PERIOD = 0.2
+"""Period of a log without any stamps [s]: the usual scanner of such logs sends at 5 Hz."""
+
+MIN_JUMP, JUMP_PERIODS = 10.0, 20.0
+"""Least length of a jump [s], [periods]: shorter ones are delays; periods count in sparse logs."""
+
+WILD_AT_THE_END = 3600.0
+"""Deviation from which on a first or last stamp is wild although it is in order [s]."""
+
+AGREEING_STAMPS = 5
+"""Neighbours on either side by whose median a stamp is judged."""
+
+BURSTY_SHARE, BURSTY_COUNT = 0.01, 10
+"""Share and number of stamps that run backwards from which on a section is bursty: then none of its
+stamps is used by itself."""
+
+BLOCK_SCANS = 100
+"""Number of scans over which bursty stamps are averaged."""
+
+SAME_SHIFT_S = 1e-9
+"""Shifts of two scans closer than this are equal but for rounding [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class TimeReport:
-    """What was wrong with the stamps of a recording.
+    """The faults of the stamps of a recording.
 
     Attributes
     ----------
-    num_stamps : how many stamps were looked at.
-    num_missing : lines without a stamp.
+    num_stamps : number of stamps.
+    num_missing : number of lines without a stamp.
     num_backwards : steps to an earlier stamp; `largest_backwards` [s] is the longest of them.
     num_repeated : steps to an equal stamp.
-    num_wild : stamps far off on their own, which their neighbours outvote.
-    num_repaired : times that differ from their stamps.
+    num_wild : single stamps far from their neighbours.
+    num_repaired : number of times that differ from their stamps.
     period : typical time from one stamp to the next [s].
-    gaps : indices of the stamps after a real gap, as long as `gap_lengths` [s] tells.
-    resets : indices of the stamps from which on the clock had started anew.
+    gaps, gap_lengths : indices of the stamps after real gaps, and their lengths [s].
+    resets : indices of the first stamps after resets of the clock.
     """
 
     num_stamps: int
@@ -79,7 +87,7 @@ class TimeReport:
         if self.num_wild:
             parts.append(f"{self.num_wild} wild")
         if self.resets:
-            parts.append(f"the clock starts anew {len(self.resets)} times")
+            parts.append(f"the clock is reset {len(self.resets)} times")
         if self.gaps:
             parts.append(f"{len(self.gaps)} gaps (up to {max(self.gap_lengths):.4g} s)")
         if not parts:
@@ -90,21 +98,21 @@ class TimeReport:
 def repair_times(
     stamps: FloatArray, nominal_period: float = NOMINAL_PERIOD
 ) -> tuple[FloatArray, TimeReport]:
-    """Return strictly increasing times for `stamps`, and what was wrong with them.
+    """Return strictly increasing times for `stamps`, and the faults of these.
 
     Parameters
     ----------
     stamps : float64, shape (n,), in the true order; NaN where missing [s].
-    nominal_period : from one time to the next, if there is no stamp at all [s].
+    nominal_period : time between scans, if there is no stamp [s].
 
     Returns
     -------
-    times : float64, shape (n,) [s]. The stamps themselves where these are in order. Stretches
-        that real gaps bound are repaired on their own: where at least 1% of the steps run
-        backwards, no stamp of the stretch is trusted and the times are spread evenly along a line
-        through the medians of blocks of 100; otherwise the largest set of stamps that are in
+    times : float64, shape (n,) [s]. The stamps themselves where these are in order. Sections
+        between real gaps are repaired separately: where at least 1% of the steps run
+        backwards, no stamp of the section is used by itself: the times follow a polyline through
+        the medians of blocks of 100; otherwise the largest set of stamps that are in
         order is kept and the others are spread between them.
-    report : what was wrong.
+    report : the faults.
 
     Notes
     -----
@@ -119,7 +127,7 @@ def repair_times(
     period = _typical_period(clean, np.flatnonzero(present), nominal_period)
     wild = _find_wild(clean, period)
     kept = np.flatnonzero(present)[~wild]
-    kept_times, gaps, resets = _repair_in_stretches(stamps[kept], period)
+    kept_times, gaps, resets = _repair_in_sections(stamps[kept], period)
     times = strictly_increasing(_fill(kept, kept_times, num, period))
     report = TimeReport(
         num_stamps=num,
@@ -138,12 +146,12 @@ def repair_times(
 
 
 def jump_length(period: float) -> float:
-    """Return from where on a step between stamps is a jump [s], given the typical step."""
+    """Return the least length of a jump between stamps [s], given the typical step."""
     return max(MIN_JUMP, JUMP_PERIODS * period)
 
 
 def _typical_period(stamps: FloatArray, places: IntArray, nominal_period: float) -> float:
-    """Return the mean step without jumps [s]: the median would misjudge bursts."""
+    """Return the mean step without jumps [s]; the median would be wrong for bursts."""
     steps = np.diff(stamps) / np.diff(places)  # stamps may be missing in between
     moving = np.abs(steps[steps != 0.0])
     if len(moving) == 0:
@@ -155,7 +163,7 @@ def _typical_period(stamps: FloatArray, places: IntArray, nominal_period: float)
 
 
 def _find_wild(stamps: FloatArray, period: float) -> BoolArray:
-    """Return which stamps lie far off from the median of their neighbourhood, and out of order."""
+    """Return which stamps are far from the median of their neighbours, and out of order."""
     half = min(AGREEING_STAMPS, len(stamps) - 1)
     limit = jump_length(period)
     if half < 1 or not (np.abs(np.diff(stamps)) > limit).any():
@@ -166,14 +174,14 @@ def _find_wild(stamps: FloatArray, period: float) -> BoolArray:
     highs = np.pad(stamps, half, constant_values=np.inf)
     earlier = sliding_window_view(lows, half)[: len(stamps)].max(axis=1)
     later = sliding_window_view(highs, half)[half + 1 :].min(axis=1)
-    # In order, only the first and last stamps can be wild; it might be a gap, so be slow to judge.
+    # First and last stamps may be wild although in order; the limit is large since gaps occur.
     at_end = np.ones(len(stamps), dtype=np.bool_)
     at_end[half:-half] = False
     wild: BoolArray = (off > limit) & ((earlier > stamps) | (later < stamps))
     return wild | (at_end & (off > WILD_AT_THE_END))
 
 
-def _repair_in_stretches(
+def _repair_in_sections(
     stamps: FloatArray, period: float
 ) -> tuple[FloatArray, dict[int, float], list[int]]:
     """Return times, index and length of gaps, indices of resets; no stamp is wild or NaN."""
@@ -187,21 +195,21 @@ def _repair_in_stretches(
     for start, stop in zip((0, *cuts), (*cuts, len(stamps)), strict=True):
         if start == stop:
             continue
-        stretch = _repair_stretch(stamps[start:stop], period)
+        section = _repair_section(stamps[start:stop], period)
         if start > 0:
-            # A clock that comes back to where it was needs no shift any more.
-            fitting = [s for s in (0.0, shift) if stretch[0] + s > previous_end]
-            shift = fitting[0] if fitting else previous_end + period - stretch[0]
+            # A clock that was set back to its former time needs no shift.
+            fitting = [s for s in (0.0, shift) if section[0] + s > previous_end]
+            shift = fitting[0] if fitting else previous_end + period - section[0]
             if not fitting:
                 resets.append(int(start))
-            elif stretch[0] + shift - previous_end > limit:
-                gaps[int(start)] = float(stretch[0] + shift - previous_end)
-        times[start:stop] = stretch + shift
+            elif section[0] + shift - previous_end > limit:
+                gaps[int(start)] = float(section[0] + shift - previous_end)
+        times[start:stop] = section + shift
         previous_end = float(times[stop - 1])
     return times, gaps, resets
 
 
-def _repair_stretch(stamps: FloatArray, period: float) -> FloatArray:
+def _repair_section(stamps: FloatArray, period: float) -> FloatArray:
     """Return increasing times for stamps without long jumps."""
     backwards = int((np.diff(stamps) < 0.0).sum())
     if backwards == 0:
@@ -214,7 +222,7 @@ def _repair_stretch(stamps: FloatArray, period: float) -> FloatArray:
 
 
 def _even_times(stamps: FloatArray) -> FloatArray:
-    """Return times along a broken line through the medians of blocks of 100 stamps."""
+    """Return times along a polyline through the medians of blocks of stamps."""
     index = np.arange(len(stamps), dtype=np.float64)
     blocks = np.array_split(np.arange(len(stamps)), max(1, len(stamps) // BLOCK_SCANS))
     slope = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
@@ -272,7 +280,7 @@ def longest_ordered(values: FloatArray) -> IntArray:
 
 
 def strictly_increasing(times: FloatArray) -> FloatArray:
-    """Return the times, lifted by the smallest possible amount wherever they do not increase."""
+    """Return the times, increased by the least amount wherever they do not increase."""
     if len(times) < 2 or (np.diff(times) > 0.0).all():
         return times
     # A ramp of a few rounding errors keeps the running maximum from being flat.
@@ -293,7 +301,7 @@ def _fill(kept: IntArray, kept_times: FloatArray, num: int, period: float) -> Fl
     after = np.searchsorted(kept, index, side="right")
     left = np.clip(after - 1, 0, len(kept) - 1)
     right = np.clip(after, 0, len(kept) - 1)
-    # Missing scans at a gap belong to one side of it, they are not strewn over it.
+    # Missing scans at a gap belong to one side of it.
     room = (kept_times[right] - kept_times[left]) / np.maximum(kept[right] - kept[left], 1)
     spacing = np.where((right == left) | (room > JUMP_PERIODS * period), period, room)
     filled: FloatArray = kept_times[left] + (index - kept[left]) * spacing
@@ -312,15 +320,15 @@ def times_between(
     Parameters
     ----------
     stamps : float64, shape (n,); NaN where missing [s].
-    places : int64, shape (n,), increasing; where the events stand in the file.
+    places : int64, shape (n,), increasing; positions of the events in the file.
     anchor_stamps, anchor_times : float64, shape (m,), m > 0; the scans' stamps and times [s].
-    anchor_places : int64, shape (m,), increasing; where the scans stand in the file.
+    anchor_places : int64, shape (m,), increasing; positions of the scans in the file.
 
     Returns
     -------
-    float64, shape (n,) [s], never running backwards, nor past the scan that follows. Exactly the
-    stamp (shifted like its neighbours) where that is in order and the scans around it are sound;
-    the scan's time where the stamp is the scan's; else evenly spread between the scans.
+    float64, shape (n,) [s], never decreasing, and never after the next scan. Exactly the stamp
+    (shifted like its neighbours) where that is in order and the scans around it are sound; the
+    scan's time where the stamp is the scan's; else evenly spread between the scans.
     """
     before = np.searchsorted(anchor_places, places) - 1
     left = np.maximum(before, 0)
@@ -329,12 +337,12 @@ def times_between(
     shift_right = (anchor_times - anchor_stamps)[right]
     low = np.where(before >= 0, anchor_times[left], -np.inf)
     high = np.where(before + 1 < len(anchor_places), anchor_times[right], np.inf)
-    sound = (shift_left == shift_right) | (np.abs(shift_left - shift_right) < 1e-9)
+    sound = (shift_left == shift_right) | (np.abs(shift_left - shift_right) < SAME_SHIFT_S)
     own = stamps + np.where(before >= 0, shift_left, shift_right)
     own = np.where(sound, own, np.nan)
     own = np.where(stamps == anchor_stamps[left], anchor_times[left], own)
     own = np.where(stamps == anchor_stamps[right], anchor_times[right], own)
-    # Before the first and after the last scan nothing holds a wild stamp but common sense.
+    # Before the first and after the last scan there is only one neighbour to compare with.
     loose = ~(np.isfinite(low) & np.isfinite(high))
     nearest = np.where(before >= 0, anchor_times[left], anchor_times[right])
     own = np.where(loose & ~(np.abs(own - nearest) <= WILD_AT_THE_END), np.nan, own)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The grid of a finished submap: what is known of it, a byte a pixel."""
+"""The grid of a finished submap: one byte for each pixel, compressed."""
 
 from __future__ import annotations
 
@@ -8,21 +8,26 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import ByteArray
 from cartoloop.kernels.cell_values import dequantize_box, quantize_box
-from cartoloop.reused_memory import ReusedMemory
+from cartoloop.runtime.reused_memory import ReusedMemory
 
 MIN_PROBABILITY = 0.1
 MAX_PROBABILITY = 0.9
 """The interval [p_min, p_max] that probabilities are clamped to (section IV-B)."""
 
-PROBABILITY_STEP = (MAX_PROBABILITY - MIN_PROBABILITY) / 254.0
+MAX_STEPS = 254.0
+"""Steps from the smallest cell value of an observed cell, 1, to the largest, 255."""
+
+PROBABILITY_STEP = (MAX_PROBABILITY - MIN_PROBABILITY) / MAX_STEPS
 """Difference between neighbouring cell values."""
 
 _MEMORY = ReusedMemory(max_idle_bytes=8 << 20)
+"""Memory of probabilities: that of two large grids."""
 
 
 class FinishedGrid:
-    """A probability grid that changes no more, kept compressed: its cells are seldom asked for.
+    """A probability grid that does not change, stored compressed since its cells are seldom read.
 
     Parameters
     ----------
@@ -35,7 +40,7 @@ class FinishedGrid:
     __slots__ = ("_packed", "origin_x", "origin_y", "resolution", "shape")
 
     def __init__(
-        self, cells: NDArray[np.uint8], origin_x: float, origin_y: float, resolution: float
+        self, cells: ByteArray, origin_x: float, origin_y: float, resolution: float
     ) -> None:
         self._packed = zlib.compress(cells.tobytes(), level=1)
         self.shape: tuple[int, int] = (cells.shape[0], cells.shape[1])
@@ -45,7 +50,7 @@ class FinishedGrid:
 
     @property
     def size(self) -> int:
-        """How many cells there are."""
+        """Number of cells."""
         return self.shape[0] * self.shape[1]
 
     @property
@@ -54,8 +59,8 @@ class FinishedGrid:
         return self._packed
 
     @property
-    def cells(self) -> NDArray[np.uint8]:
-        """The values of the cells, as given; unpacked anew each time, 1 ms for a million or two."""
+    def cells(self) -> ByteArray:
+        """The values of the cells; decompressed on each access, 1 ms for a million or two."""
         cells = zlib.decompress(self._packed, bufsize=max(self.size, 1))
         return np.frombuffer(cells, dtype=np.uint8).reshape(self.shape)
 
@@ -64,7 +69,7 @@ class FinishedGrid:
         return probabilities_of_part(self.cells, 0, 0, self.shape)
 
 
-def quantize_probabilities(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
+def quantize_probabilities(probabilities: NDArray[np.float32]) -> ByteArray:
     """Return cell values for probabilities within the clamping interval, 0 for never observed."""
     row = np.ascontiguousarray(probabilities).reshape(1, -1)
     return quantize_part(row, 0, 0, row.shape).reshape(probabilities.shape)
@@ -72,17 +77,17 @@ def quantize_probabilities(probabilities: NDArray[np.float32]) -> NDArray[np.uin
 
 def quantize_part(
     probabilities: NDArray[np.float32], first_row: int, first_col: int, shape: tuple[int, int]
-) -> NDArray[np.uint8]:
-    """Return the cell values of a part of a grid, in C order, that begins at a cell."""
+) -> ByteArray:
+    """Return the cell values of a box of a grid in C order, given its first cell."""
     values = np.empty(shape, dtype=np.uint8)
     quantize_box(probabilities, first_row, first_col, MIN_PROBABILITY, PROBABILITY_STEP, values)
     return values
 
 
 def probabilities_of_part(
-    values: NDArray[np.uint8], first_row: int, first_col: int, shape: tuple[int, int]
+    values: ByteArray, first_row: int, first_col: int, shape: tuple[int, int]
 ) -> NDArray[np.float32]:
-    """Return what the cell values of a part of a grid, which begins at a cell, stand for."""
+    """Return the probabilities of a box of cell values, given its first cell."""
     memory = _MEMORY.array(4 * shape[0] * shape[1])
     probabilities = memory.view(np.float32).reshape(shape)
     dequantize_box(values, first_row, first_col, MIN_PROBABILITY, PROBABILITY_STEP, probabilities)
@@ -95,5 +100,5 @@ def mean_probability(mean_value: float) -> float:
 
 
 def mean_value(score: float) -> float:
-    """Return the mean cell value that a score stands for: inverse of :func:`mean_probability`."""
+    """Return the mean cell value of a score: inverse of :func:`mean_probability`."""
     return (score - MIN_PROBABILITY) / PROBABILITY_STEP + 1.0

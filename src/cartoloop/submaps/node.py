@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The record through which local SLAM tells global SLAM of a scan that was inserted."""
+"""The record of an inserted scan, by which local SLAM passes it to global SLAM."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cartoloop.sensor.pose import FloatArray, Pose
+from cartoloop.arrays import FloatArray
+from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.submap import Submap
 
 
@@ -16,12 +17,12 @@ class Node:
     Attributes
     ----------
     index : its number among the nodes.
-    time : when it was taken [s].
+    time : of the scan [s].
     tf_local_tracking : its pose before loop closure.
     points : float64, shape (n, 2), its returns [m], tracking frame, filtered for matching.
-    submaps : those it was inserted into.
+    submaps : those that it was inserted into.
     information : float64, shape (3, 3), of the match to the oldest of `submaps`, local axes.
-    finished : the submap that it completed, or None.
+    finished : the submap that it finished, or None.
     """
 
     index: int

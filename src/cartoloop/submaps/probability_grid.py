@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The probability grid of a submap that still grows (section IV-B)."""
+"""The probability grid of a growing submap (section IV-B)."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from cartoloop.kernels.cell_values import known_box
 from cartoloop.submaps.finished_grid import FinishedGrid, quantize_part
 
 GROWTH_CELLS = 64
-"""A grid that must grow does so by at least this much, so that it seldom must."""
+"""Least growth of a grid, so that it seldom grows [cells]: 3.2 m at 0.05 m."""
 
 
 class Extent(NamedTuple):
-    """The cells of a grid and where they lie, which change together: another thread may look.
+    """The cells of a grid and their position, replaced together since other threads may read them.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class ProbabilityGrid:
     Attributes
     ----------
     resolution : pixel edge r [m].
-    extent : its cells and where they lie.
+    extent : its cells and their position.
     """
 
     def __init__(self, resolution: float) -> None:
@@ -89,7 +89,7 @@ class ProbabilityGrid:
         self.extent = Extent(grown, own_col - left, own_row - below)
 
     def finish(self) -> FinishedGrid:
-        """Return the known part, quantised, for searches and maps."""
+        """Return the known part, quantized, for searches and maps."""
         cells, first_col, first_row = self.extent
         row, col, *shape = known_box(cells)
         return FinishedGrid(
@@ -101,5 +101,5 @@ class ProbabilityGrid:
 
 
 def _growth(shortfall: int) -> int:
-    """Return by how many cells to grow at a side where so many are missing."""
+    """Return the growth at a side where `shortfall` cells are missing [cells]."""
     return shortfall + GROWTH_CELLS if shortfall > 0 else 0

@@ -5,14 +5,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cartoloop.arrays import CellArray, FloatArray
 from cartoloop.config import SubmapConfig
 from cartoloop.errors import InputError
 from cartoloop.kernels import ray_casting
 from cartoloop.kernels.grid_update import update_cells
-from cartoloop.sensor.pose import FloatArray, Pose
+from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY
 from cartoloop.submaps.probability_grid import ProbabilityGrid
 
@@ -25,11 +23,11 @@ class ScanCells(NamedTuple):
     hits : int32, shape (h, 2), lattice (column, row), each once.
     free : int32, shape (f, 3), the misses as runs along rows: lattice row, first column, column
         after the last.
-    first_col, first_row, last_col, last_row : lattice box that holds them all.
+    first_col, first_row, last_col, last_row : lattice box around them all.
     """
 
-    hits: NDArray[np.int32]
-    free: NDArray[np.int32]
+    hits: CellArray
+    free: CellArray
     first_col: int
     first_row: int
     last_col: int
@@ -43,19 +41,19 @@ def scan_cells(
 
     Parameters
     ----------
-    tf_grid_sensor : where the rays start.
+    tf_grid_sensor : start of the rays.
     returns, misses : float64, shapes (n, 2), (k, 2), ends of the rays [m, grid frame].
     resolution : pixel edge r [m].
 
     Raises
     ------
     InputError
-        They lie too far from each other, or from the origin, to be part of any map.
+        They are too far from each other, or from the origin, for any map.
     """
     cells = ScanCells(
         *ray_casting.scan_cells(tf_grid_sensor.x, tf_grid_sensor.y, returns, misses, resolution)
     )
-    _make_sure_it_fits(*cells[2:], resolution)
+    _check_extent(*cells[2:], resolution)
     return cells
 
 
@@ -66,13 +64,13 @@ def insert_cells(
 
     Parameters
     ----------
-    cells : in the lattice of a frame that may differ from the grid's by whole cells.
-    origin : lattice coordinates of the grid's frame in it.
+    cells : in a lattice that may be shifted against the grid's by whole cells.
+    origin : lattice coordinates of the origin of the grid's frame.
 
     Raises
     ------
     InputError
-        They lie too far from what the grid holds to be of the same submap.
+        They are too far from the cells of the grid for one submap.
     """
     if len(cells.hits) + len(cells.free) == 0:
         return
@@ -81,7 +79,7 @@ def insert_cells(
     last_col, last_row = cells.last_col - col, cells.last_row - row
     num_rows, num_cols = grid.cells.shape
     if num_rows:
-        _make_sure_it_fits(
+        _check_extent(
             min(first_col, grid.first_col),
             min(first_row, grid.first_row),
             max(last_col, grid.first_col + num_cols),
@@ -102,10 +100,10 @@ def insert_cells(
     )
 
 
-def _make_sure_it_fits(
+def _check_extent(
     first_col: int, first_row: int, last_col: int, last_row: int, resolution: float
 ) -> None:
-    """Raise an error for the user if no submap can be as large as a lattice box, or lie there."""
+    """Raise an InputError if a lattice box is too large for a submap, or too far away."""
     if ray_casting.fits(first_col, first_row, last_col, last_row):
         return
     width, height = (last_col - first_col) * resolution, (last_row - first_row) * resolution

@@ -1,29 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Submaps: small chunks of the world, each built of a few consecutive scans (section IV-B)."""
+"""Submaps: small parts of the world, each built from consecutive scans (section IV-B)."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config import SubmapConfig
-from cartoloop.sensor.pose import FloatArray, Pose
+from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.probability_grid import ProbabilityGrid
 from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
 
 
 @dataclass(slots=True)
 class Submap:
-    """A probability grid and where it stands.
+    """A probability grid and its pose.
 
     Attributes
     ----------
     index : its number, in the order of creation.
-    tf_local_submap : its pose; unrotated, on a grid point of the local frame, so that the lattices
-        of all submaps coincide.
+    tf_local_submap : its pose; not rotated, on a grid point of the local frame, so that the
+        lattices of all submaps coincide.
     grid : in the submap's frame.
-    num_scans : how many scans have been inserted.
-    travelled : how far the sensor has gone between the first and the last of them [m].
+    num_scans : number of scans inserted.
+    travelled : path length of the sensor between the first and the last of them [m].
     """
 
     index: int
@@ -35,12 +36,12 @@ class Submap:
 
 @dataclass(frozen=True, slots=True)
 class Insertion:
-    """What one scan did to the active submaps.
+    """The result of inserting a scan into the active submaps.
 
     Attributes
     ----------
     submaps : the submaps it was inserted into, the older first.
-    finished : the submap that was completed by it, or None.
+    finished : the submap that it finished, or None.
     """
 
     submaps: tuple[Submap, ...]
@@ -51,8 +52,8 @@ class ActiveSubmaps:
     """The two overlapping submaps that scans are inserted into; the older one is matched against.
 
     A new submap starts every `num_range_data` scans, or every `max_travel` metres where scans are
-    sparse; each lasts twice as long, so that the one that is matched against is always half full
-    after the start.
+    sparse; each lasts twice as long, so that the older one is always at least half full,
+    except after the start.
     """
 
     def __init__(self, config: SubmapConfig) -> None:
@@ -60,11 +61,6 @@ class ActiveSubmaps:
         self._submaps: list[Submap] = []
         self._num_created = 0
         self._last_position: tuple[float, float] | None = None
-
-    @property
-    def matching(self) -> Submap | None:
-        """The submap to match against, or None before the first scan."""
-        return self._submaps[0] if self._submaps else None
 
     @property
     def submaps(self) -> tuple[Submap, ...]:
@@ -78,9 +74,9 @@ class ActiveSubmaps:
 
         Parameters
         ----------
-        tf_local_sensor : where the rays start.
-        returns_local, misses_local : float64, shapes (n, 2), (k, 2), ends of rays that did and did
-            not hit something [m, local frame].
+        tf_local_sensor : start of the rays.
+        returns_local, misses_local : float64, shapes (n, 2), (k, 2), ends of rays with and
+            without a return [m, local frame].
         """
         config = self._config
         if not self._submaps or self._is_half_full(self._submaps[-1]):
@@ -102,7 +98,7 @@ class ActiveSubmaps:
         return Insertion(inserted, finished)
 
     def _is_half_full(self, submap: Submap) -> bool:
-        """Return whether it is time for the next submap to start."""
+        """Return whether the next submap is due to start."""
         config = self._config
         return submap.num_scans >= config.num_range_data or submap.travelled >= config.max_travel
 

@@ -12,6 +12,8 @@ from cartoloop.readers import ReadOptions, open_log
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
 from cartoloop.sensor.pose import Pose
 
+pytestmark = pytest.mark.data
+
 DATA = Path(os.environ.get("CARTOLOOP_DATA", Path(__file__).parents[3] / "../shared/data"))
 
 
