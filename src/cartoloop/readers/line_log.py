@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -98,6 +99,7 @@ class LineLog(LogBase):
         self._head = head_of(self._text)
         self._geometry = self._default_geometry()
         self._geometries: dict[tuple[ScanGeometry, int], ScanGeometry] = {}
+        self._recent: tuple[ScanGeometry | None, ScanGeometry | None] = None, None
         self._index_lines()
         scans = [self._lines_of(scanner) for scanner in self._used]
         odometry = np.flatnonzero(self._kinds == _ODOMETRY)
@@ -110,6 +112,7 @@ class LineLog(LogBase):
         self.profiles: dict[str, SensorProfile] = {}
         self.profiles = {scanner: self._profile(scanner) for scanner in self._used}
         self._geometries.clear()  # those without the profiles
+        self._recent = None, None
         del self._samples, self._stamps
         self._note_what_was_found()
 
@@ -170,6 +173,9 @@ class LineLog(LogBase):
     def _scan(self, reading: Reading, ranges: FloatArray, stamp: float, time: float) -> LaserScan:
         own = self._geometry if reading.geometry is None else reading.geometry
         assert own is not None  # checked while indexing
+        recent, geometry = self._recent
+        if own is recent and geometry is not None and geometry.num_beams == len(ranges):
+            return LaserScan(stamp, time, ranges, geometry)  # comparing geometries takes longer
         geometry = self._geometries.get((own, len(ranges)))
         if geometry is None:
             mounting = self._mountings[own.sensor]
@@ -179,6 +185,7 @@ class LineLog(LogBase):
             if len(self._geometries) >= _MAX_GEOMETRIES:
                 self._geometries.clear()
             self._geometries[own, len(ranges)] = geometry
+        self._recent = own, geometry
         return LaserScan(stamp, time, ranges, geometry)
 
     def _default_geometry(self) -> ScanGeometry | None:
@@ -203,12 +210,13 @@ class LineLog(LogBase):
                 if reading is not None:
                     _check(reading)
                     kind, stamp = self._index_reading(number, reading), reading.stamp
-                    num_poses[kind] += reading.tf_odom_tracking is not None
+                    if reading.tf_odom_tracking is not None:
+                        num_poses[kind] += 1
             except LineError as error:
                 if error.detail and not first_fault:
                     first_fault = f"{self._text.path}:{number + 1}: {error.detail}"
             kinds.append(kind)
-            stamps.append(stamp if math.isfinite(stamp) else math.nan)
+            stamps.append(stamp if isfinite(stamp) else math.nan)
         self._kinds = np.array(kinds, dtype=np.uint16)
         self._stamps: FloatArray = np.array(stamps)
         self._mark_cut_line()
@@ -326,7 +334,7 @@ def _rigid_mounting(stated: Sequence[Pose]) -> Pose | None:
 def _check(reading: Reading) -> None:
     """Raise `LineError` if a reading cannot be used."""
     pose, ranges = reading.tf_odom_tracking, reading.ranges
-    if pose is not None and not all(map(math.isfinite, pose)):
+    if pose is not None and not (isfinite(pose[0]) and isfinite(pose[1]) and isfinite(pose[2])):
         raise LineError("pose not finite", "a number of the pose is NaN or infinite")
     if ranges is not None and len(ranges) == 0:
         raise LineError("scan without ranges", "the scan has no ranges")
