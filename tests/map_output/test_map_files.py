@@ -72,7 +72,7 @@ def test_thresholds_of_the_configuration_decide():
     assert reread(map_of([[0.3, 0.6]]), config) == [[FREE, OCCUPIED]]
 
 
-def test_yaml_tells_resolution_and_origin_in_full():
+def test_yaml_has_resolution_and_origin_in_full():
     text = yaml_text(map_of([[0.1]], (-123.456789, 7.05), 0.025), CONFIG, "map.pgm")
 
     assert parse_yaml(text) == {

@@ -27,7 +27,7 @@ _FLOOR: Colour = (255, 255, 255)
 _WALL: Colour = (33, 37, 43)
 _INK: Colour = (84, 88, 94)
 
-# Of the palette of Okabe and Ito, which people with any sort of colour vision can tell apart.
+# Of the palette of Okabe and Ito, which people with any sort of colour vision distinguish.
 TRAJECTORY_COLOUR: Colour = (0, 114, 178)
 CLOSURE_COLOUR: Colour = (213, 94, 0)
 
@@ -35,7 +35,7 @@ _MARGIN = 40
 _FOOTER = 64
 _FONT_SIZE = 20
 _SMALLEST_EDGE, _LARGEST_EDGE = 1600, 4000
-_STRIP_ROWS = 64  # so many are shaded at a time
+_STRIP_ROWS = 64  # rows that are shaded at a time
 _SMOOTHING = 2  # lines are drawn this much larger, and shrunk
 
 
@@ -88,7 +88,7 @@ class MapPicture:
             self.canvas.paste(shaded.resize(size, Image.Resampling.BICUBIC), (left, _MARGIN))
 
     def draw(self, *, trajectory: FloatArray | None, closures: FloatArray | None) -> None:
-        """Draw what there is, see `draw_map`, and tell what it is and how large."""
+        """Draw all layers, see `draw_map`, with legend and scale."""
         legend: list[tuple[str, Colour]] = []
         if closures is not None:
             ends = np.hstack((self._to_canvas(closures[:, :2]), self._to_canvas(closures[:, 2:])))

@@ -30,7 +30,7 @@ def tum_text(stamps: FloatArray, poses: FloatArray) -> str:
 
 
 def format_stamp(stamp: float) -> str:
-    """Return a stamp [s] with at least 6 decimals, and as many as tell it from all others."""
+    """Return a stamp [s] with at least 6 decimals, and enough to be exact."""
     text = f"{stamp:.6f}"
     if float(text) == stamp:
         return text
@@ -40,7 +40,7 @@ def format_stamp(stamp: float) -> str:
 def g2o_text(graph: PoseGraph) -> str:
     """Return the pose graph in g2o's 2D text format.
 
-    Nodes have their indices as ids, submaps follow at an offset that a comment tells.
+    Nodes have their indices as ids, submaps follow at an offset that a comment states.
 
     Notes
     -----
