@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Global SLAM in a thread of its own: in order, nothing lost, failures told."""
+"""Global SLAM in a thread of its own: in order, nothing lost, failures reported."""
 
 from __future__ import annotations
 

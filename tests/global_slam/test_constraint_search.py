@@ -125,7 +125,7 @@ def test_requests_after_a_start_wait_for_the_next():
 
 
 def searched_after(search, submap, counts):
-    """Return how many searches were made after each start that may put off, of so many new ones."""
+    """Return the searches made after each start that may defer, of `counts` new requests."""
     found = []
     for count in counts:
         search.submit(*((submap, node) for node in range(count)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a finished submap keeps, drops and makes anew, and how well scans fit it."""
+"""What a finished submap keeps, drops and computes again, and how well scans fit it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_no_nodes_and_no_grid_score_nothing():
     assert mean_score(wall(), ScanPoints.of([]), np.zeros((0, 3))) == 0.0
 
 
-def test_a_released_submap_makes_its_grids_anew():
+def test_a_released_submap_computes_its_grids_again():
     submap = FinishedSubmap(0, wall(), 0.9)
     before = submap.smooth_map
     submap.release()

@@ -73,6 +73,6 @@ def test_a_save_that_fails_leaves_what_was_there(result, tmp_path, monkeypatch):
     assert [file.name for file in tmp_path.iterdir()] == [FILE_NAME]
 
 
-def test_a_folder_that_is_gone_is_told(result, tmp_path):
+def test_a_missing_folder_is_reported(result, tmp_path):
     with pytest.raises(OutputError, match="cannot be written"):
         save_growing_map(result, tmp_path / "gone" / FILE_NAME)

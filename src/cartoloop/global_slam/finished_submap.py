@@ -53,7 +53,7 @@ class FinishedSubmap:
         return SEARCH_BYTES_A_PIXEL * self.grid.size
 
     def release(self) -> None:
-        """Drop all but the grid; it is made anew at the next use."""
+        """Drop all but the grid; the rest is computed again at the next use."""
         self.matcher.release()
         with self._lock:
             self._smooth_map = None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The returns of the nodes, which are sought in submaps."""
+"""The returns of the nodes, which searches match to submaps."""
 
 from __future__ import annotations
 

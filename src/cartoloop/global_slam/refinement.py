@@ -106,7 +106,7 @@ def why_not_matched(
     found : n closures.
     overlapping : of each submap, the nodes that overlap it.
     selected : those of them that were to be matched: of the others, nearer submaps were.
-    every : one in so many nodes is matched, ``final_every_nth_node``.
+    every : one in `every` nodes is matched, ``final_every_nth_node``.
 
     Returns
     -------

@@ -63,7 +63,7 @@ def first_fault(
     between_nodes: int,
     asymmetry: float,
 ) -> int:
-    """Return what is wrong with the first constraint of which something is wrong, or `NOTHING`.
+    """Return the fault of the first faulty constraint, or `NOTHING`.
 
     Parameters
     ----------

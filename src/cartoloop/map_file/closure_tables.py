@@ -50,7 +50,7 @@ def constraints_and_closures(database: sqlite3.Connection, graph: PoseGraph) -> 
 
 
 def _closures(database: sqlite3.Connection, table: FloatArray, graph: PoseGraph) -> Closures:
-    """Return the record of which `table` holds the rows."""
+    """Return the record, given its rows."""
     if not np.array_equal(table[:, 0], np.arange(len(table))):
         raise ValueError("rows of closures are missing")
     submap = indices(table[:, 1], "the submap of a closure", graph.num_submaps)

@@ -22,7 +22,7 @@ def numbers_of(rows: Sequence[tuple[Any, ...]], num_columns: int) -> FloatArray:
 
 
 def finite(numbers: FloatArray, what: str) -> FloatArray:
-    """Return the numbers, all of which must be finite.
+    """Return the numbers, if all are finite.
 
     Raises
     ------
