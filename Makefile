@@ -1,10 +1,10 @@
 # Two commands on a fresh machine with Python 3.11 or newer:
 #
 #   make demo    install into .venv, simulate an office floor, map it, name the map's picture
-#   make test    install into .venv, check style, types and architecture, run the tests; chromium
-#                is installed for those of the viewer's page, if need be and if that can be
+#   make test    install into .venv, check style, types and architecture, run the tests; installs
+#                chromium for the tests of the viewer's page, where that is possible
 #
-# While you work on it: make quick (a minute), make boundscheck, make coverage.
+# For development: make quick (a minute), make boundscheck, make coverage.
 #
 # PYTHON chooses the interpreter, OUT the folder of the demo.
 
@@ -13,7 +13,7 @@ OUT ?= cartoloop-demo
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := src bench tests examples
-# One by one, for not each has a wheel for each machine: those of the extra "oracles".
+# The extra "oracles", one by one: not all of them have a wheel for each machine.
 ORACLES := 'import tomllib; \
 	print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["oracles"])'
 
@@ -31,6 +31,16 @@ quick: .venv/.installed-dev
 
 # Kernels with checked indices: they are compiled for it, into a cache folder of their own.
 boundscheck: .venv/.installed-dev
+	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow" tests/kernels
+
+# Lines of the product that tests run: all quick tests, and those of the kernels once more without
+# the compiler, which hides the lines of kernels.
+coverage: .venv/.installed-dev
+	$(BIN)/coverage run -m pytest -m "not slow and not browser and not data"
+	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run --append -m pytest -m "not slow" tests/kernels
+	$(BIN)/coverage report
+
+check: .venv/.installed-dev
 	$(BIN)/ruff check $(SOURCES)
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy src bench

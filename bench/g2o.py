@@ -46,7 +46,7 @@ def read_g2o(path: Path) -> PoseGraph:
     ------
     InputError
         With file and line, if the file cannot be read, a line is malformed, a value not finite, an
-        information matrix not positive semidefinite, an edge ties a vertex to itself, or there is
+        information matrix not positive semidefinite, an edge joins a vertex to itself, or there is
         neither vertex nor edge.
     """
     contents = _parse(path, _lines(path))
@@ -122,7 +122,7 @@ def _numbers(words: list[str], num_ids: int, num_values: int) -> list[float]:
 
 def _check_edge(a: int, b: int, values: list[float]) -> None:
     if a == b:
-        raise ValueError(f"vertex {a} is tied to itself")
+        raise ValueError(f"vertex {a} is joined to itself")
     information = _symmetric(np.array([values]))[0]
     eigenvalues = np.linalg.eigvalsh(information)
     if eigenvalues[0] < -1e-6 * max(eigenvalues[2], 0.0):

@@ -90,7 +90,7 @@ def test_vertices_without_a_line_are_chained_to_those_with_one(tmp_path):
         ("VERTEX_SE2 1 0.0 nan 0.0", "not finite"),
         ("EDGE_SE2 0 1 1 0 0 1 0 0 1 0", "10 numbers where 11 are due"),
         ("EDGE_SE2 0 1 1 0 zero 1 0 0 1 0 1", "malformed"),
-        ("EDGE_SE2 0 0 1 0 0 1 0 0 1 0 1", "tied to itself"),
+        ("EDGE_SE2 0 0 1 0 0 1 0 0 1 0 1", "joined to itself"),
         ("EDGE_SE2 0 1 1 0 0 1 5 0 1 0 1", "not positive semidefinite"),
         ("FIX zero", "malformed"),
     ],

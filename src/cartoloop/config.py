@@ -366,8 +366,8 @@ class PoseAdjustmentConfig(Section):
     loss_scale: float | None = Field(
         None,
         gt=0,
-        description="residual E beyond which a closure's influence is limited; unless set: "
-        + ", ".join(f"{loss.default_scale:g} ({loss})" for loss in Loss),
+        description="residual E beyond which a closure's influence is limited; unless set, the "
+        "default of the loss: 3, or 4 for graduated_non_convexity",
     )
     intra_submap_weight: float = Field(
         0.7,

@@ -202,7 +202,7 @@ def test_signals_are_as_before_afterwards(mapper, log, tmp_path):
     ("failure", "message"),
     [(fail, "unexpected RuntimeError: the unforeseen happened"), (end_of_input, "is cut off")],
 )
-def test_a_failure_saves_what_was_mapped_and_is_reported_in_a_line(
+def test_a_failure_saves_the_map_and_is_reported_in_a_line(
     mapper, log, tmp_path, capsys, failure, message
 ):
     mapper.at_scan = (7, failure)

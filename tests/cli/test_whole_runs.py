@@ -36,7 +36,7 @@ REPORT_KEYS = {
 }
 """The stable keys of ``report.json``, and those below them."""
 
-OFTEN_TOLD = """
+FREQUENT_PROGRESS = """
 from cartoloop.cli import main, progress
 
 progress._LINE_PERIOD_S = 0.1
@@ -153,7 +153,7 @@ def test_ctrl_c_in_the_middle_keeps_what_was_mapped(tmp_path):
     log, out = tmp_path / "office.log.gz", tmp_path / "out"
     simulate(office(), seed=1).write_carmen(log)
 
-    command = [sys.executable, "-c", OFTEN_TOLD, "map", str(log), "-o", str(out)]
+    command = [sys.executable, "-c", FREQUENT_PROGRESS, "map", str(log), "-o", str(out)]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
     )

@@ -18,7 +18,7 @@ def wall():
     return FinishedGrid(cells, 0.0, 0.0, 0.1)
 
 
-def test_the_score_is_the_mean_probability_and_unknown_or_outside_counts_as_the_least():
+def test_unknown_cells_count_as_the_least_probability():
     points = np.array([[0.3, 0.1], [0.3, 0.0], [0.3, 0.2], [9.0, 9.0]])
     expected = (MAX_PROBABILITY + 3.0 * MIN_PROBABILITY) / 4.0
     assert mean_score(wall(), ScanPoints.of([points]), np.zeros((1, 3))) == pytest.approx(expected)

@@ -10,7 +10,7 @@ from cartoloop.global_slam.node_points import NodePoints
 SCANS = [np.random.default_rng(k).uniform(-9.0, 9.0, (k, 2)) for k in (3, 0, 5)]
 
 
-def test_what_was_seen_of_the_nodes_stays_while_others_are_added():
+def test_a_view_of_the_points_stays_valid_while_nodes_are_added():
     nodes = NodePoints()
     views = []
     for count in range(40):

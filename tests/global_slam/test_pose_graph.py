@@ -16,7 +16,7 @@ def small_graph():
     return graph
 
 
-def test_what_is_added_keeps_its_index_and_value_while_the_graph_grows():
+def test_index_and_value_stay_while_the_graph_grows():
     graph = PoseGraph()
     rng = np.random.default_rng(0)
     poses, measured = rng.normal(size=(200, 3)), rng.normal(size=(200, 3))

@@ -54,7 +54,7 @@ def test_a_rigid_move_of_all_nodes_moves_all_scans_alike(seed, num_scans, num_no
 
 @settings(deadline=None, max_examples=60)
 @given(**cases)
-def test_scans_before_the_first_and_after_the_last_node_move_with_it(seed, num_scans, num_nodes):
+def test_scans_outside_the_nodes_move_with_the_nearest_node(seed, num_scans, num_nodes):
     local, index, nodes = random_case(seed, num_scans, num_nodes)
     found = optimized_trajectory(local, index, nodes)
     for node, scans in ((0, slice(0, index[0])), (-1, slice(index[-1], None))):
@@ -71,7 +71,7 @@ def test_all_angles_are_within_one_turn(seed, num_scans, num_nodes):
     assert ((found[:, 2] > -math.pi) & (found[:, 2] <= math.pi)).all()
 
 
-def test_between_two_nodes_the_disagreement_is_shared_by_the_number_of_scans():
+def test_scans_between_nodes_share_the_correction_evenly():
     local = np.column_stack((np.arange(5.0), np.zeros(5), np.zeros(5)))
     nodes = np.array([(0.0, 0.0, 0.0), (4.0, 0.8, 0.0)])  # the second has moved aside
     found = optimized_trajectory(local, np.array([0, 4]), nodes)
@@ -105,7 +105,7 @@ def on_a_circle(count):
 
 
 @pytest.mark.parametrize("count", [100, 1000, 7000])
-def test_the_length_of_a_path_does_not_depend_on_the_rate_of_scans(count):
+def test_path_length_does_not_depend_on_the_scan_rate(count):
     assert path_length(on_a_circle(count)) == pytest.approx(math.tau, rel=0.01)
 
 
@@ -117,7 +117,7 @@ def test_what_poses_differ_by_from_scan_to_scan_is_no_way():
     assert path_length(0.02 * random_poses(np.random.default_rng(1), 50, 1.0)) < STRIDE_M
 
 
-def test_long_steps_are_counted_as_they_are_and_the_last_one_whatever_its_length():
+def test_long_steps_and_the_last_step_are_counted():
     assert path_length(np.array([(0.0, 0.0, 1.0), (3.0, 4.0, 0.0), (3.0, 4.05, 0.0)])) == (
         pytest.approx(5.05)
     )

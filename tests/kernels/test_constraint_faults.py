@@ -61,7 +61,7 @@ def some_constraint(rng):
 
 @settings(deadline=None, max_examples=200)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(0, 4))
-def test_the_first_fault_is_told(seed, count):
+def test_the_first_fault_is_returned(seed, count):
     rng = np.random.default_rng(seed)
     constraints = [some_constraint(rng) for _ in range(count)]
     found = [naive_fault(*constraint) for constraint in constraints]

@@ -53,7 +53,7 @@ def test_writes_every_file_and_leaves_nothing_else(tmp_path):
     assert set(contents(tmp_path / "new" / "out")) == FILES
 
 
-def test_all_but_the_report_are_the_same_whatever_the_times_and_threads(tmp_path):
+def test_files_do_not_depend_on_times_and_threads(tmp_path):
     threads = load_config(settings=["global_slam.num_threads=4"]).config
     save(small_result(wall_s=1.0), tmp_path / "a")
     save(small_result(threads, wall_s=2.0), tmp_path / "b")

@@ -227,8 +227,8 @@ def test_the_report_contains_the_imu_estimates():
     )
     imu = mapped(recording.events()).report.extra["imu"]
     assert imu["readings"] == sum(isinstance(event, Imu) for event in recording.events())
-    assert imu["tells_gravity"]
-    assert imu["tells_heading"]
+    assert imu["measures_gravity"]
+    assert imu["measures_heading"]
     assert imu["rests"] >= 1
     assert math.radians(5.0) < imu["max_tilt_rad"] < math.radians(13.0)
     assert imu["gyro_bias_rad_s"] == pytest.approx(ImuModel().gyro_bias, abs=0.003)

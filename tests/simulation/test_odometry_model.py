@@ -35,7 +35,7 @@ def test_a_scale_error_stretches_the_steps():
     assert turned == pytest.approx(0.9)
 
 
-def test_a_time_offset_shifts_odometry_in_the_first_scan_s_frame():
+def test_a_time_offset_shifts_the_odometry():
     late = measured(replace(PERFECT_ODOMETRY, time_offset=0.4))
     expected = relative_all(TRUTH[0], MOTION.poses_at(TIMES + 0.4))
     assert late == pytest.approx(expected, abs=1e-9)

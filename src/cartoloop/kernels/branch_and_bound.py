@@ -5,7 +5,7 @@ A node of the search tree is a block of 2^h x 2^h translations, eq. (11), for a 
 neighbouring rotations rather than for a single one; see :mod:`cartoloop.kernels.node_bounds` for
 its bound. Candidates are counted as :mod:`cartoloop.kernels.search_window` describes.
 
-A node's *key* orders the search and decides ties: its bound first, then nearness to the estimate
+A node's *key* orders the search and breaks a tie: its bound first, then nearness to the estimate
 (the squared distance in steps), so that of equal scores the nearest to the estimate wins, and of
 equally near ones the first in rotation, row, column. The key of a node is never below that of its
 candidates. ::

@@ -62,7 +62,7 @@ class ImuCalibration:
     def summary(self) -> dict[str, Any]:
         """Return the estimates, for the report."""
         return {
-            "tells_heading": self.agrees,
+            "measures_heading": self.agrees,
             "time_offset_s": self.time_offset if self.is_measured else None,
         }
 

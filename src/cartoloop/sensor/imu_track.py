@@ -110,7 +110,7 @@ class ImuTrack:
         """Return the estimates, for the report."""
         return {
             "readings": self.num_readings,
-            "tells_gravity": self.measures_gravity,
+            "measures_gravity": self.measures_gravity,
             "max_tilt_rad": self.max_tilt,
             "gyro_bias_rad_s": list(self.gyro_bias),
             "rests": self.num_rests,
