@@ -4,6 +4,8 @@
 #   make test    install into .venv, check style, types and architecture, run the tests; chromium
 #                is installed for those of the viewer's page, if need be and if that can be
 #
+# While you work on it: make quick (a minute), make boundscheck, make coverage.
+#
 # PYTHON chooses the interpreter, OUT the folder of the demo.
 
 PYTHON ?= python3
@@ -15,16 +17,20 @@ SOURCES := src bench tests examples
 ORACLES := 'import tomllib; \
 	print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["oracles"])'
 
-.PHONY: demo test check clean
+.PHONY: demo test quick boundscheck coverage check clean
 
 demo: .venv/.installed
 	$(BIN)/cartoloop demo -o $(OUT)
 
-test: check
+test: check boundscheck
 	@tests/viewer/install_browser.sh
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
-check: .venv/.installed-dev
+quick: .venv/.installed-dev
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not browser and not data"
+
+# Kernels with checked indices: they are compiled for it, into a cache folder of their own.
+boundscheck: .venv/.installed-dev
 	$(BIN)/ruff check $(SOURCES)
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy src bench

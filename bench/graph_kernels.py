@@ -40,18 +40,14 @@ def graph_workloads() -> Iterator[Workload]:
         graph = bipartite_graph(nodes, submaps, edges).graph
         case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
         size = len(graph.kinds)
-        adjusting = (
-            "pose_residuals", "node_packing", "node_linearization", "node_elimination",
-            "node_steps", "kept_constraints", "schur_structure", "block_cholesky",
-            "cholesky_ordering", "cholesky_structure",
-        )  # fmt: skip
+        adjusting = ("pose_adjustment", "sparse_cholesky")
         for name, iterations in (("adjust", 50), ("adjust, one step", 1)):
             problem = Problem.of(graph, AdjustmentOptions(max_iterations=iterations))
             yield Workload(
                 name, adjusting, case, OwnProgram(problem).solve, size, "constraints"
             )  # fmt: skip
         yield Workload(
-            "residuals", ("pose_residuals",), case,
+            "residuals", ("pose_adjustment",), case,
             partial(constraint_residuals, graph), size, "constraints",
         )  # fmt: skip
         yield Workload(
@@ -99,10 +95,10 @@ def _pairs_workload() -> Workload:
         selection.every_nth_node,
         selection.every_nth_well_constrained_node,
     )
+    x, y, theta = graph.node_poses[-1].tolist()
     newest = NodePlace(
-        nodes - 1, *graph.node_poses[-1].tolist(), 0.2 * nodes, submaps - 1, submaps - 1,
-        submaps - 1, 0.0,
-    )  # fmt: skip
+        nodes - 1, x, y, theta, 0.2 * nodes, submaps - 1, submaps - 1, submaps - 1, 0.0
+    )
     find = partial(
         pairs_of_node, newest, submaps, graph.submap_poses, travelled,
         np.full(submaps, np.inf), rule,

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Map scans that come from a program instead of a file: ``python examples/feed_your_own_scans.py``.
 
-A robot turns round in a square room of 8 m by 8 m and drives across it. Its scanner sees 270
-degrees; there is no odometry. The poses that come out are compared with the true ones.
+A robot drives across a square room of 8 m by 8 m while it turns. Its scanner has a field of view
+of 270 degrees; there is no odometry. The mapped poses are compared with the true ones.
 """
 
 import math
@@ -11,7 +11,7 @@ import numpy as np
 
 import cartoloop
 
-ROOM = 4.0  # half its edge [m]
+HALF_ROOM_M = 4.0
 
 GEOMETRY = cartoloop.ScanGeometry(
     angle_min=math.radians(-135.0),
@@ -23,14 +23,14 @@ GEOMETRY = cartoloop.ScanGeometry(
 
 
 def measure(x: float, y: float, theta: float) -> np.ndarray:
-    """Return the distances to the walls of the room and to a pillar, as seen from a pose [m]."""
+    """Return the ranges [m] to the walls of the room and to a pillar from a pose."""
     dx, dy = np.cos(theta + GEOMETRY.angles), np.sin(theta + GEOMETRY.angles)
     with np.errstate(divide="ignore"):
         to_walls = np.minimum(
-            (np.copysign(ROOM, dx) - x) / dx,
-            (np.copysign(ROOM, dy) - y) / dy,
+            (np.copysign(HALF_ROOM_M, dx) - x) / dx,
+            (np.copysign(HALF_ROOM_M, dy) - y) / dy,
         )
-    # a pillar of 0.3 m radius at (2, 1): the near end of the chord that a beam cuts
+    # A pillar of 0.3 m radius at (2, 1): the near intersection of each beam with the circle.
     along = (2.0 - x) * dx + (1.0 - y) * dy
     aside = np.hypot(2.0 - x, 1.0 - y) ** 2 - along**2
     cut = (aside < 0.3**2) & (along > 0.0)
@@ -39,7 +39,7 @@ def measure(x: float, y: float, theta: float) -> np.ndarray:
 
 
 def main() -> float:
-    """Map the room; return the greatest error of a position [m]."""
+    """Map the room; return the largest position error [m]."""
     mapper = cartoloop.Mapper()
     truth = [(-2.0 + 0.02 * k, -1.0 + 0.005 * k, 0.01 * k) for k in range(200)]
     for k, pose in enumerate(truth):
@@ -47,10 +47,10 @@ def main() -> float:
         mapper.add(cartoloop.LaserScan(seconds, seconds, measure(*pose), GEOMETRY))
     result = mapper.finish()
 
-    # The map begins where the robot does: bring the true poses into its frame.
+    # The first scan is the origin of the map: transform the true positions to its frame.
     offset = np.array(truth)[:, :2] - truth[0][:2]
     error = float(np.hypot(*(result.trajectory[:, :2] - offset).T).max())
-    print(f"{len(result.stamps)} scans mapped, {error:.3f} m off at most")  # noqa: T201
+    print(f"{len(result.stamps)} scans mapped, {error:.3f} m position error at most")  # noqa: T201
     return error
 
 

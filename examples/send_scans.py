@@ -1,35 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot that sends scans: ``python examples/send_scans.py 7000``.
+"""A robot that sends scans while it drives: ``python examples/send_scans.py [PORT]``.
 
-Start ``cartoloop live tcp://127.0.0.1:7000 -o room`` before. The robot drives through a square room
-of 8 m by 8 m, faster than real robots do, and says when it is done.
+With a port, it sends to ``cartoloop live tcp://127.0.0.1:PORT -o room``, which must be running;
+without one, it starts that program itself. The robot drives through a square room of 8 m by 8 m,
+faster than real robots do, and sends a last message at the end.
 """
 
 import json
 import math
+import re
 import socket
+import subprocess
 import sys
 import time
 
-ROOM = 4.0  # half its edge [m]
+HALF_ROOM_M = 4.0
 NUM_BEAMS = 271
-STEP = math.radians(1.0)
+ANGLE_MIN, STEP = math.radians(-135.0), math.radians(1.0)
 
 
 def measure(x: float, y: float, theta: float) -> list[float]:
-    """Return the distances to the walls of the room, as seen from a pose [m]."""
+    """Return the ranges [m] to the walls of the room from a pose."""
     ranges = []
     for beam in range(NUM_BEAMS):
-        angle = theta - math.radians(135.0) + STEP * beam
+        angle = theta + ANGLE_MIN + STEP * beam
         dx, dy = math.cos(angle), math.sin(angle)
-        to_x = (math.copysign(ROOM, dx) - x) / dx if dx else math.inf
-        to_y = (math.copysign(ROOM, dy) - y) / dy if dy else math.inf
+        to_x = (math.copysign(HALF_ROOM_M, dx) - x) / dx if dx else math.inf
+        to_y = (math.copysign(HALF_ROOM_M, dy) - y) / dy if dy else math.inf
         ranges.append(round(min(to_x, to_y), 3))
     return ranges
 
 
-def main(port: int, num_scans: int = 100, pause: float = 0.01) -> None:
-    """Send a drive to the program that listens at a port of this machine."""
+def send(port: int, num_scans: int = 100, pause: float = 0.01) -> None:
+    """Send a drive to a program that listens on a port of this machine."""
     with socket.create_connection(("127.0.0.1", port)) as connection:
         for k in range(num_scans):
             x, y, theta = -2.0 + 0.03 * k, -1.0 + 0.01 * k, 0.01 * k
@@ -39,7 +42,7 @@ def main(port: int, num_scans: int = 100, pause: float = 0.01) -> None:
                 {
                     "type": "scan",
                     "stamp": stamp,
-                    "angle_min": math.radians(-135.0),
+                    "angle_min": ANGLE_MIN,
                     "angle_increment": STEP,
                     "ranges": measure(x, y, theta),
                 },
@@ -50,5 +53,20 @@ def main(port: int, num_scans: int = 100, pause: float = 0.01) -> None:
         connection.sendall(b'{"type": "end"}\n')
 
 
+def main(port: str | None = None, out: str = "example-room") -> None:
+    """Send a drive to `port`, or to a mapper that is started here and maps into `out`."""
+    if port is not None:
+        send(int(port))
+        return
+    command = ["live", "tcp://127.0.0.1:0", "--no-drop", "-o", out]
+    with subprocess.Popen(
+        [sys.executable, "-m", "cartoloop", *command], stderr=subprocess.PIPE, text=True
+    ) as mapper:
+        assert mapper.stderr is not None
+        for line in mapper.stderr:
+            if match := re.search(r"listening on tcp://127\.0\.0\.1:(\d+)", line):
+                send(int(match[1]))
+
+
 if __name__ == "__main__":
-    main(int(sys.argv[1]))
+    main(*sys.argv[1:])

@@ -1,12 +1,80 @@
 # SPDX-License-Identifier: Apache-2.0
-"""In CI the examples that Hypothesis tries are always the same: a change is judged by itself."""
+"""Simulated drives and their maps, made once in a session, and the markers of the tests.
+
+Hypothesis tries the same examples in every run of the CI, so that a change is judged by itself.
+"""
 
 from __future__ import annotations
 
 import os
 
+import pytest
 from hypothesis import settings
 
+from cartoloop import Mapper
+from cartoloop.simulation import ring, simulate
+from tests.shared_files import SharedFiles
+
 settings.register_profile("ci", derandomize=True)
-if os.environ.get("CI"):
+settings.register_profile("few", derandomize=True, max_examples=10, deadline=None)
+if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+    settings.load_profile("few")  # kernels take a hundred times as long
+elif os.environ.get("CI"):
     settings.load_profile("ci")
+
+
+def pytest_collection_modifyitems(items):
+    """Mark the tests that need Chromium by the fixture that starts it."""
+    for item in items:
+        if "chromium" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.browser)
+
+
+def mapped(events):
+    """Return the result of mapping all events with the default configuration."""
+    mapper = Mapper()
+    for event in events:
+        mapper.add(event)
+    return mapper.finish()
+
+
+@pytest.fixture(scope="session")
+def shared_files(tmp_path_factory):
+    """Files that several tests read, made once in the session."""
+    return SharedFiles(tmp_path_factory.getbasetemp())
+
+
+@pytest.fixture(scope="session")
+def ring_drive():
+    """Once around a ring of corridors and 5 m more, so that loops close: 626 scans in 125 s."""
+    return simulate(ring(), seed=1, duration=125.0)
+
+
+@pytest.fixture(scope="session")
+def ring_events(ring_drive, shared_files):
+    """The events of :func:`ring_drive`, a list."""
+    return shared_files.value("ring_events", lambda: list(ring_drive.events()))
+
+
+@pytest.fixture(scope="session")
+def ring_log(ring_drive, shared_files):
+    """The CARMEN log of :func:`ring_drive`."""
+    return shared_files.path("ring.log.gz", ring_drive.write_carmen)
+
+
+@pytest.fixture(scope="session")
+def ring_result(ring_events, shared_files):
+    """The finished map of :func:`ring_drive`."""
+    return shared_files.value("ring_result", lambda: mapped(ring_events))
+
+
+@pytest.fixture(scope="session")
+def two_rounds():
+    """Twice around a ring of corridors 24 m wide, with odometry that slips and drifts."""
+    return simulate(ring(), seed=1)
+
+
+@pytest.fixture(scope="session")
+def two_rounds_result(two_rounds, shared_files):
+    """The finished map of :func:`two_rounds`."""
+    return shared_files.value("two_rounds_result", lambda: mapped(two_rounds.events()))

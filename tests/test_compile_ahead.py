@@ -8,12 +8,19 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import cartoloop
+from tests.limits import LIMIT_S
+
+pytestmark = pytest.mark.slow
 
 COUNT = """
 import sys
 import numpy as np
 from numba.core import event
+import pytest
+
 from cartoloop.kernels.voxel_filter import adaptive_voxel_filter
 
 class Names(event.Listener):
@@ -104,6 +111,6 @@ def test_the_second_process_ends_with_the_first(tmp_path):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
-    assert process.communicate(timeout=30.0) == (b"", b"")
+    assert process.communicate(timeout=LIMIT_S) == (b"", b"")
     assert process.returncode == 0
     assert not list(tmp_path.rglob("ahead-*"))

@@ -7,8 +7,14 @@ import os
 import subprocess
 import sys
 
+import pytest
+
+pytestmark = pytest.mark.slow
+
 PROGRAM = """
 import numpy as np
+import pytest
+
 from cartoloop._jit import watch_compilation
 from cartoloop.kernels.voxel_filter import voxel_filter
 

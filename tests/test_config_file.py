@@ -10,6 +10,7 @@ import pytest
 from cartoloop.config import Config
 from cartoloop.config_file import MACHINE_PARAMETERS, config_hash, config_toml, load_config
 from cartoloop.errors import ConfigError
+from cartoloop.pose_adjustment import Loss
 
 
 def file_of(tmp_path, text):
@@ -56,8 +57,8 @@ def test_the_rest_of_a_section_keeps_its_defaults(tmp_path):
         ("sensor.max_range= 1e1", 10.0),
         ("sensor.max_range=none", None),
         ("local_slam.use_odometry=false", False),
-        ("global_slam.pose_adjustment.loss=cauchy", "cauchy"),
-        ('global_slam.pose_adjustment.loss="huber"', "huber"),
+        ("global_slam.pose_adjustment.loss=cauchy", Loss.CAUCHY),
+        ('global_slam.pose_adjustment.loss="huber"', Loss.HUBER),
         ("local_slam.submaps.num_range_data=7", 7),
     ],
 )
@@ -121,7 +122,7 @@ def test_an_invalid_value_is_reported_with_its_limits(setting, message):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(b"[local_slam\nx = 1", "is not valid TOML.*line 1"), (b"\xff\xfe\x00", "is no text")],
+    [(b"[local_slam\nx = 1", "is not valid TOML.*line 1"), (b"\xff\xfe\x00", "is not a text file")],
 )
 def test_a_file_that_is_no_toml_is_a_config_error(tmp_path, content, message):
     path = tmp_path / "my.toml"
@@ -156,7 +157,7 @@ def test_written_toml_reads_back_unchanged(tmp_path, settings):
     assert load_config(file_of(tmp_path, text)).config == loaded.config
 
 
-def test_toml_has_meaning_unit_and_origin():
+def test_toml_states_meaning_unit_and_origin():
     loaded = load_config(settings=["local_slam.submaps.resolution=0.1"])
 
     lines = config_toml(loaded.config, loaded.origins).splitlines()
@@ -169,7 +170,7 @@ def test_toml_has_meaning_unit_and_origin():
     assert any(line.startswith("# max_range = none") for line in lines)
 
 
-def test_changed_values_are_marked_without_origins():
+def test_without_origins_changed_values_are_marked():
     config = load_config(settings=["local_slam.submaps.resolution=0.1"]).config
 
     text = config_toml(config, without=MACHINE_PARAMETERS)
@@ -178,7 +179,7 @@ def test_changed_values_are_marked_without_origins():
     assert "num_threads" not in text
 
 
-def test_the_hash_depends_on_what_changes_the_result():
+def test_hash_depends_on_parameters_of_the_result():
     default = config_hash(Config())
 
     assert config_hash(load_config(settings=["global_slam.num_threads=3"]).config) == default

@@ -14,6 +14,8 @@ import pytest
 import cartoloop
 from cartoloop import _jit
 
+pytestmark = pytest.mark.slow
+
 PROGRAM = """
 import sys
 import numpy as np

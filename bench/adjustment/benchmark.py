@@ -25,10 +25,10 @@ from bench.adjustment.foreign_solvers import ForeignSolvers, Method
 from bench.adjustment.problem import OwnProgram, Problem, Program, Solve
 from bench.adjustment.synthetic_graphs import bipartite_graph
 from bench.environment import environment
+from bench.g2o import read_g2o
 from bench.record import Better, Case, Figure, Record, Row
 from cartoloop.global_slam.pose_adjustment import adjust
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.readers.g2o import read_g2o
 from cartoloop.sensor.pose import Pose, compose, compose_all, inverse
 
 OWN_NAME, HELD_NAME = "cartoloop", "cartoloop, graph held"

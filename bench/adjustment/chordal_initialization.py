@@ -16,8 +16,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.global_slam.pose_adjustment import constraint_ends, held_of
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.global_slam.reduced_system import constraint_ends, held_vertices
 from cartoloop.sensor.pose import wrap_angles
 
 ComplexArray = NDArray[np.complex128]
@@ -37,7 +37,7 @@ def initialize_from_constraints(graph: PoseGraph) -> None:
         return
     vertex_a, vertex_b = constraint_ends(graph)
     poses = np.concatenate((graph.submap_poses, graph.node_poses))
-    held = held_vertices(graph, vertex_a, vertex_b)
+    held = held_of(graph)
     measured = graph.relative_poses
     turns = np.exp(1j * measured[:, 2])
     headings = np.exp(1j * poses[:, 2])

@@ -12,10 +12,15 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
-from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, PoseAdjuster, adjust
+from cartoloop.global_slam.pose_adjustment import (
+    AdjustmentOptions,
+    PoseAdjuster,
+    adjust,
+    constraint_ends,
+    held_of,
+)
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.global_slam.reduced_system import constraint_ends, held_vertices
-from cartoloop.global_slam.robust_loss import DEFAULT_SCALE
+from cartoloop.pose_adjustment import scale_of
 
 
 class Solve(NamedTuple):
@@ -76,15 +81,14 @@ class Problem:
             vertex_a,
             vertex_b,
             np.isin(graph.kinds, [int(kind) for kind in options.robust_kinds]),
-            np.flatnonzero(held_vertices(graph, vertex_a, vertex_b)),
+            np.flatnonzero(held_of(graph)),
             np.flatnonzero(is_alone),
         )
 
     @property
     def loss_scale(self) -> float:
         """Whitened residual E from which on the loss reduces the weight."""
-        scale = self.options.loss_scale
-        return DEFAULT_SCALE[self.options.loss] if scale is None else scale
+        return scale_of(self.options.loss, self.options.loss_scale)
 
     def place(self, poses: FloatArray) -> None:
         """Set the poses of the graph, shape (num_vertices, 3)."""

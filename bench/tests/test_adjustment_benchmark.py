@@ -17,6 +17,8 @@ from bench.adjustment.synthetic_graphs import bipartite_graph
 from bench.record import Record
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
 
+pytestmark = pytest.mark.slow
+
 SAME_COST = 1e-5
 
 

@@ -10,6 +10,8 @@ import pytest
 from bench.__main__ import run
 from bench.record import Record
 
+pytestmark = pytest.mark.slow
+
 KERNEL = "simulate a scan"
 """The fastest kernel to measure."""
 

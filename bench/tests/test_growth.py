@@ -2,9 +2,13 @@
 from itertools import pairwise
 from pathlib import Path
 
+import pytest
+
 from bench.growth import Checkpoint, grow
 from bench.scaling import _part, _whole
 from cartoloop.simulation import make_world, simulate
+
+pytestmark = pytest.mark.slow
 
 
 def test_checkpoints_end_with_the_finished_map(tmp_path: Path) -> None:

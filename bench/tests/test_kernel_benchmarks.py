@@ -8,6 +8,8 @@ import cartoloop.kernels
 from bench import graph_kernels, kernels
 from cartoloop.errors import ConfigError
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def workloads():

@@ -3,9 +3,13 @@
 
 from __future__ import annotations
 
+import pytest
+
 from bench.__main__ import run
 from bench.record import read_record
 from cartoloop.simulation import corridor, simulate
+
+pytestmark = pytest.mark.slow
 
 
 def test_latencies_of_a_replay_are_measured(tmp_path, capsys):

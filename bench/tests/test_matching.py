@@ -24,6 +24,8 @@ from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.sensor.pose import Pose, inverse, transform_points
 from cartoloop.submaps.finished_grid import FinishedGrid
 
+pytestmark = pytest.mark.slow
+
 TRUTH = Pose(2.4, 1.9, 0.4)
 
 

@@ -13,7 +13,7 @@ from bench.adjustment.synthetic_graphs import (
 from cartoloop.errors import InputError
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
 from cartoloop.global_slam.pose_graph import ConstraintKind
-from cartoloop.global_slam.robust_loss import Loss
+from cartoloop.pose_adjustment import Loss
 from cartoloop.sensor.pose import relative_all
 
 SIZE = (2_000, 22, 6_200)

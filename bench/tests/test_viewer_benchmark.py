@@ -3,10 +3,14 @@
 
 from __future__ import annotations
 
+import pytest
+
 from bench.__main__ import run
 from bench.record import Figure, Record, Row, read_record
 from bench.view.benchmark import misses
 from cartoloop.simulation import ring, simulate
+
+pytestmark = pytest.mark.slow
 
 
 def test_every_figure_with_a_target_is_measured(tmp_path, capsys, monkeypatch):

@@ -19,7 +19,8 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Origin
 
-from cartoloop.viewer.protocol import MessageType, WireConstraint, messages
+from cartoloop.global_slam.pose_graph import ConstraintKind
+from cartoloop.viewer.protocol import MessageType, messages
 
 Seen = tuple[int, float]
 """A number of loop closures, and the time at which a page had them [s, wall clock]."""
@@ -90,7 +91,7 @@ async def watch_closures(url: str, is_joined: asyncio.Event) -> list[Seen]:
 def _closures(payload: bytes, before: int) -> int:
     """Return the number of closures after a CONSTRAINTS message, given the number before it."""
     first, count = (int.from_bytes(payload[at : at + 4], "little") for at in (0, 4))
-    added = payload[16 + 28 * count :].count(WireConstraint.LOOP_CLOSURE)
+    added = payload[16 + 20 * count :].count(ConstraintKind.LOOP_CLOSURE)
     return added + (before if first else 0)
 
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cartoloop.mapper import Result as Result
     from cartoloop.readers import open_log as open_log
     from cartoloop.readers import read as read
+    from cartoloop.recording_run import map_recording as map_recording
     from cartoloop.sensor.events import CloudGeometry as CloudGeometry
     from cartoloop.sensor.events import Imu as Imu
     from cartoloop.sensor.events import LaserScan as LaserScan
@@ -53,6 +54,7 @@ _HOME = {
     "ScanGeometry": ("sensor.events", "ScanGeometry"),
     "load": ("map_file.load", "load_map"),
     "load_map": ("map_file.load", "load_map"),
+    "map_recording": ("recording_run", "map_recording"),
     "open_log": ("readers", "open_log"),
     "read": ("readers", "read"),
 }

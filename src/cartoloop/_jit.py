@@ -56,8 +56,8 @@ def kernel_cache_folder() -> Path:
     """Return the folder of the compiled kernels of exactly these sources."""
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
     own = Path(__file__)  # the options of the compiler
-    for source in (own, *sorted(own.parent.joinpath("kernels").glob("*.py"))):
-        digest.update(source.name.encode())
+    for source in (own, *sorted(own.parent.joinpath("kernels").rglob("*.py"))):
+        digest.update(source.relative_to(own.parent).as_posix().encode())
         digest.update(source.read_bytes())
     bounds_check = "-checked" if _config.BOUNDSCHECK else ""
     return user_cache_folder() / "kernels" / (digest.hexdigest()[:16] + bounds_check)

@@ -7,9 +7,9 @@ rate) is read off the recording by the sensor profile; ``None`` here means "as p
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import BaseModel, ConfigDict, Field
+
+from cartoloop.kernels.pose_adjustment.losses import Loss
 
 
 class Section(BaseModel):
@@ -362,15 +362,20 @@ class ConstraintSearchConfig(Section):
 class PoseAdjustmentConfig(Section):
     """Section V-A: the optimisation problem (SPA)."""
 
-    loss: Literal[
-        "none", "huber", "cauchy", "dynamic_covariance_scaling", "graduated_non_convexity"
-    ] = Field("huber", description="loss of loop closures: rho of (SPA)")
-    loss_scale: float = Field(3.0, gt=0, description="whitened residual where the loss bends")
-    intra_submap_weight: float = Field(
-        0.7, gt=0, description="share of the information of matches while mapping: submaps bend"
+    loss: Loss = Field(Loss.HUBER, description="robust loss of loop closures: rho of (SPA)")
+    loss_scale: float | None = Field(
+        None,
+        gt=0,
+        description="residual E beyond which a closure's influence is limited; unless set: "
+        + ", ".join(f"{loss.default_scale:g} ({loss})" for loss in Loss),
     )
-    max_num_iterations: int = Field(50, ge=1, description="steps at the most, while mapping")
-    max_num_final_iterations: int = Field(200, ge=1, description="steps at the most, in the end")
+    intra_submap_weight: float = Field(
+        0.7,
+        gt=0,
+        description="share of the information of scan matches that is used: submaps are distorted",
+    )
+    max_num_iterations: int = Field(50, ge=1, description="steps at most, while mapping")
+    max_num_final_iterations: int = Field(200, ge=1, description="steps at most, in the end")
     tolerance: float = Field(1e-6, gt=0, description="relative decrease of the cost that ends it")
 
 

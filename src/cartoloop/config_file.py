@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration from TOML files and ``--set key=value``, and back to TOML.
 
-A key is the path of a parameter, joined by dots: ``local_slam.submaps.resolution``. What is not
-given keeps its default, also within a section of which a part is given.
+A key is the path of a parameter, joined by dots: ``local_slam.submaps.resolution``. Parameters that
+are not given keep their defaults, also within a section that is given in part.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from cartoloop.config import Config
 from cartoloop.errors import ConfigError
 
 MACHINE_PARAMETERS = frozenset({"global_slam.num_threads"})
-"""Parameters that say how the machine is used: the result does not depend on them."""
+"""Parameters of how the machine is used: the result does not depend on them."""
 
 
 @dataclass(frozen=True)
 class LoadedConfig:
-    """A configuration, and who gave which of its values.
+    """A configuration, and the origins of its values.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ def config_toml(
     Parameters
     ----------
     config : what to write.
-    origins : by key, who gave the value; without them values are told from defaults only.
+    origins : by key, the origin of the value; without them values are marked as set or default.
     without : keys to leave out.
     """
     if origins is None:
@@ -117,7 +117,7 @@ def _read(path: Path) -> str:
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: is no text; expected a TOML file") from error
+        raise ConfigError(f"{path}: is not a text file; expected TOML") from error
 
 
 def _parse_toml(text: str, path: Path) -> dict[str, object]:
@@ -128,7 +128,7 @@ def _parse_toml(text: str, path: Path) -> dict[str, object]:
 
 
 def _line_of(key: str, text: str) -> str:
-    """Return ``:line`` of the first line that seems to give a key; the parser does not tell."""
+    """Return ``:line`` of the first line that seems to give a key; parsers do not report it."""
     leaf = re.escape(key.rpartition(".")[2])
     for number, line in enumerate(text.splitlines(), start=1):
         if re.match(rf"[\w\s.\"'{{]*\b{leaf}\b[\"']?\s*=", line):
@@ -137,7 +137,7 @@ def _line_of(key: str, text: str) -> str:
 
 
 def _parse_value(written: str) -> object:
-    """Return a value as TOML reads it; what is no TOML is text, and ``none`` is nothing."""
+    """Return a value as TOML reads it; other text is a string, and ``none`` is None."""
     if written.lower() == "none":
         return None
     try:
@@ -218,7 +218,7 @@ def _write_section(
         if isinstance(value, BaseModel):
             subsections.append((key, value))
         elif key not in without:
-            # TOML has no word for nothing
+            # TOML has no null value
             given = f"# {name} = none" if value is None else f"{name} = {_toml_value(value)}"
             lines.append(f"{given:<40}  # {field.description} ({origins.get(key, 'default')})")
     for key, subsection in subsections:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can go wrong, as the user is told it.
+"""The errors that users see.
 
 CartoloopError
 ├── InputError          the recording (or a file given) cannot be used: what, where, what to do

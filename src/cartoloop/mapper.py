@@ -14,9 +14,9 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.global_slam.background import BackgroundGlobalSlam
 from cartoloop.global_slam.global_slam import GlobalSlam
-from cartoloop.global_slam.growing_array import GrowingArray
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.trajectory import optimized_trajectory, path_length
+from cartoloop.growing_array import GrowingArray
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
 from cartoloop.map_output.report import (
     AdjustmentSummary,
@@ -287,7 +287,7 @@ class Mapper:
             nodes=graph.num_nodes,
             submaps=graph.num_submaps,
             constraints=summarize_constraints(graph, slam.closures),
-            adjustment=AdjustmentSummary.of_runs(self._global_slam.adjustments),
+            adjustment=AdjustmentSummary.of_runs(slam.adjustments),
             stages=self._timer.summary(),
             skipped=dict(sorted(self._skipped.items())),
             extra=self._local_slam.summary() | slam.closures.summary(),

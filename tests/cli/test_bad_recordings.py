@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bad recordings from end to end: what can be mapped is mapped, the rest is told with its place."""
+"""Bad recordings from end to end: the good part is mapped, the rest reported with its place."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from PIL import Image
 from cartoloop.cli.main import run
 from cartoloop.global_slam import constraint_search, global_slam
 from cartoloop.simulation import ring, simulate
+
+pytestmark = pytest.mark.slow
 
 NUM_SCANS = 120
 FILES = {
@@ -165,7 +167,7 @@ def test_nan_infinite_and_negative_ranges_are_no_returns(lines, mapped):
     assert result.num_walls == pytest.approx(num_walls, rel=0.1)
 
 
-def test_zero_scans_are_told_in_a_line(mapped):
+def test_zero_scans_are_reported_in_a_line(mapped):
     result = mapped([f"ODOM {0.1 * k:.2f} 0 0 0.5 0 0 {100 + k} host {100 + k}" for k in range(9)])
 
     assert result.status == 1
@@ -186,7 +188,7 @@ def test_one_scan_makes_a_map(lines, mapped):
     assert result.report["input"]["duration_s"] == 0.0
 
 
-def test_without_any_return_the_map_is_empty_and_that_is_an_error(lines, mapped):
+def test_a_recording_without_returns_is_an_error(lines, mapped):
     def nothing(ranges):
         return ["81.91"] * len(ranges)
 
@@ -198,10 +200,10 @@ def test_without_any_return_the_map_is_empty_and_that_is_an_error(lines, mapped)
     assert np.isfinite(result.trajectory).all()
     assert result.num_walls == 0
     assert result.report["skipped"] == {"too few returns to match: pose as predicted": NUM_SCANS}
-    assert "bad.log: no scan shows enough to be mapped" in result.error
+    assert "bad.log: no scan has enough returns to be mapped" in result.error
 
 
-def test_a_file_name_that_is_no_text_costs_nobody_the_map(lines, mapped):
+def test_a_file_name_that_is_no_text_is_mapped(lines, mapped):
     try:
         result = mapped(lines, os.fsdecode(b"b\xfcro.log"))
     except OSError:
@@ -213,7 +215,7 @@ def test_a_file_name_that_is_no_text_costs_nobody_the_map(lines, mapped):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="names are text there")
-def test_a_file_name_that_the_terminal_cannot_show_is_told_all_the_same():
+def test_a_file_name_that_the_terminal_cannot_show_is_escaped():
     command = subprocess.run(
         [sys.executable, "-m", "cartoloop", "doctor", b"b\xfcro.log"],
         env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"},
@@ -226,7 +228,7 @@ def test_a_file_name_that_the_terminal_cannot_show_is_told_all_the_same():
     assert command.stderr == b""
 
 
-def test_a_gap_of_ten_hours_is_told_and_bridged(lines, mapped):
+def test_a_gap_of_ten_hours_is_reported_and_bridged(lines, mapped):
     middle = scan_places(lines)[60] + 1
     later = [with_stamp(line, lambda stamp: stamp + 36_000.0) for line in lines[middle:]]
 
@@ -261,7 +263,7 @@ def test_a_robot_that_never_moves_stays_where_it_is(lines, mapped):
 @pytest.mark.parametrize(
     ("name", "content"), [("notes.txt", b"no log at all\n" * 9), ("noise.bin", bytes(range(256)))]
 )
-def test_a_file_that_is_no_log_is_told_in_a_line(mapped, name, content):
+def test_a_file_that_is_no_log_is_reported_in_a_line(mapped, name, content):
     result = mapped(content, name)
 
     assert result.status == 1
@@ -271,7 +273,7 @@ def test_a_file_that_is_no_log_is_told_in_a_line(mapped, name, content):
     assert not result.out.exists()
 
 
-def test_a_file_in_the_way_of_the_folder_is_told_before_mapping(lines, mapped, tmp_path):
+def test_a_file_in_place_of_the_folder_is_an_error_first(lines, mapped, tmp_path):
     (tmp_path / "out").write_text("something precious")
 
     result = mapped(lines)
@@ -300,7 +302,7 @@ def test_a_crash_of_a_background_search_does_not_lose_the_map(lines, mapped, mon
     assert 20 < len(result.trajectory) < NUM_SCANS
     assert result.num_walls > 300
     assert "unexpected RuntimeError: the search fell over" in result.last_line
-    assert f"what was mapped before the failure is in {result.out}" in result.error
+    assert f"the map until the failure is in {result.out}" in result.error
 
 
 def test_a_crash_of_the_last_pass_does_not_lose_the_map(lines, mapped, monkeypatch):

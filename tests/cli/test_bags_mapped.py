@@ -13,6 +13,8 @@ from cartoloop.sensor.events import LaserScan
 from cartoloop.simulation import ring, simulate
 from tests.readers.ros.bag_files import FORMATS, START, BagMaker
 
+pytestmark = pytest.mark.slow
+
 DURATION = 12.0
 
 
@@ -76,7 +78,7 @@ def test_all_formats_give_one_map(recordings, tmp_path, capsys):
     assert len(maps) == len(paths) == 1
 
 
-def test_what_is_chosen_may_be_overruled(recordings, tmp_path, capsys):
+def test_the_choice_of_topics_may_be_overruled(recordings, tmp_path, capsys):
     status, captured = mapped(
         capsys, recordings["bag"], "-o", tmp_path / "out",
         "--scan-topic", "/scan", "--odom-topic", "none", "--laser-pose", "0.5,0,1.5",
@@ -98,7 +100,9 @@ def test_what_is_chosen_may_be_overruled(recordings, tmp_path, capsys):
         (["--echo", "last"], 2, "choose first or strongest"),
     ],
 )
-def test_what_cannot_be_is_one_line(recordings, options, status, message, tmp_path, capsys):
+def test_impossible_requests_are_refused_in_one_line(
+    recordings, options, status, message, tmp_path, capsys
+):
     found, captured = mapped(capsys, recordings["bag"], "-o", tmp_path / "out", *options)
     assert found == status
     assert message in captured.err
@@ -121,11 +125,11 @@ def test_a_laser_pose_holds_for_carmen_logs_as_well(tmp_path, capsys):
     assert paths[0] != paths[1]
 
 
-def test_a_recording_cut_off_gives_the_map_of_its_part_and_an_error(recordings, tmp_path, capsys):
+def test_a_truncated_recording_gives_a_map_and_an_error(recordings, tmp_path, capsys):
     data = recordings["bag"].read_bytes()
     path = tmp_path / "cut.bag"
     path.write_bytes(data[: len(data) // 2])
     status, captured = mapped(capsys, path, "-o", tmp_path / "out")
     assert status == 1
-    assert "is of a part of the recording" in captured.err
+    assert "covers a part of the recording" in captured.err
     assert (tmp_path / "out/map.png").exists()

@@ -11,15 +11,16 @@ import pytest
 from cartoloop.cli.main import run
 from cartoloop.simulation import ring, simulate
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
-def mapped(tmp_path_factory):
-    """Twice round a ring: folder with log, truth and the map in ``out``."""
+def mapped(tmp_path_factory, two_rounds, two_rounds_result):
+    """Twice around a ring: folder with log, truth and the map in ``out``."""
     folder = tmp_path_factory.mktemp("ring")
-    recording = simulate(ring(), seed=1)
-    recording.write_carmen(folder / "ring.log")
-    recording.write_truth(folder / "ring.tum")
-    assert run(["map", str(folder / "ring.log"), "-o", str(folder / "out")]) == 0
+    two_rounds.write_carmen(folder / "ring.log")
+    two_rounds.write_truth(folder / "ring.tum")
+    two_rounds_result.save(folder / "out")
     return folder
 
 
@@ -64,8 +65,8 @@ def test_the_table_shows_what_is_known(evaluate):
     paper = evaluate("closures", "OUT")[1]
     full = evaluate("closures", "OUT", "--truth", "TRUTH", "--log", "LOG")[1]
 
-    assert "Precision (20 cm, 1 degree of the map)" in paper
-    assert "of the truth" not in paper
+    assert "Precision (20 cm, 1 deg from the map)" in paper
+    assert "against the truth" not in paper
     assert set(paper.splitlines()) <= set(full.splitlines())
     assert "closed at least once" in full
 
@@ -109,7 +110,7 @@ def test_relations_score_local_slam(mapped, evaluate, tmp_path):
         (("make-relations", "OUT", "-o", "a", "--min-distance", "1e5"), 1, "try a smaller"),
     ],
 )
-def test_bad_input_is_told_in_a_line(
+def test_bad_input_is_reported_in_a_line(
     mapped, evaluate, tmp_path, monkeypatch, arguments, status, message
 ):
     monkeypatch.chdir(tmp_path)

@@ -119,9 +119,11 @@ def test_config_check_accepts_what_config_show_prints(capsys, tmp_path):
 
 def test_simulation_is_the_same_for_the_same_seed(tmp_path):
     for name, seed in (("a", "3"), ("b", "3"), ("c", "4")):
-        assert run(["simulate", "corridor", "-o", str(tmp_path / name), "--seed", seed]) == 0
+        assert (
+            run(["simulate", "corridor", "-o", str(tmp_path / f"{name}.log"), "--seed", seed]) == 0
+        )
 
-    first, second, other = ((tmp_path / name).read_bytes() for name in "abc")
+    first, second, other = ((tmp_path / f"{name}.log").read_bytes() for name in "abc")
     assert first == second
     assert first != other
 
@@ -140,7 +142,7 @@ def test_the_truth_has_no_error(ring, capsys):
     assert error["absolute_rotational_deg"]["mean"] < 1e-2
 
 
-def test_evaluation_prints_the_rows_of_table_ii_and_what_is_missing(ring, capsys, tmp_path):
+def test_evaluation_prints_table_ii_and_missing_poses(ring, capsys, tmp_path):
     half = ring["truth"].read_text().splitlines()
     (tmp_path / "half.tum").write_text("\n".join(half[: len(half) // 2]))
 

@@ -29,14 +29,14 @@ def test_text(log, capsys):
 def test_json_of_several(log, tmp_path, capsys):
     (tmp_path / "none.log").write_text("nothing\n")
     assert run(["doctor", "--json", str(log), str(tmp_path / "none.log")]) == 1
-    told = json.loads(capsys.readouterr().out)
-    assert told["can_be_mapped"] is False
-    assert [r["can_be_mapped"] for r in told["recordings"]] == [True, False]
-    assert told["recordings"][0]["num_scans"] == 101
-    assert told["recordings"][1]["findings"][0]["code"] == "cannot_be_mapped"
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["can_be_mapped"] is False
+    assert [r["can_be_mapped"] for r in shown["recordings"]] == [True, False]
+    assert shown["recordings"][0]["num_scans"] == 101
+    assert shown["recordings"][1]["findings"][0]["code"] == "cannot_be_mapped"
 
 
-def test_no_topic_of_such_a_name_is_told_without_a_traceback(log, capsys):
+def test_an_unknown_topic_is_reported_without_a_traceback(log, capsys):
     assert run(["doctor", "--scan-topic", "/scan", str(log)]) == 1
     captured = capsys.readouterr()
     assert "means nothing here" in captured.out

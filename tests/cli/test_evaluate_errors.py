@@ -86,7 +86,7 @@ def test_trajectory_errors_are_one_line(files, capsys, arguments, status, messag
     assert message in captured.err
 
 
-def test_poses_that_do_not_count_are_told(files, tmp_path, capsys):
+def test_unmatched_poses_are_reported(files, tmp_path, capsys):
     other = tmp_path / "other.tum"
     other.write_text("".join(f"{20 + i} {i} 0 0 0 0 0 1\n" for i in range(15)))
 

@@ -66,9 +66,9 @@ def test_prints_json(floor, capsys):
 
     assert run(["evaluate", "lines", str(floor / "map.yaml"), lines, "--json"]) == 0
 
-    told = json.loads(capsys.readouterr().out)
-    assert told["lines"][0]["map"] == pytest.approx(4.05, abs=0.01)
-    assert told["num_within_a_pixel_at_each_end"] == 1
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["lines"][0]["map"] == pytest.approx(4.05, abs=0.01)
+    assert shown["num_within_a_pixel_at_each_end"] == 1
 
 
 def test_says_so_if_no_line_can_be_compared(floor, capsys):

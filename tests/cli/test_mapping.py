@@ -36,7 +36,7 @@ FILES = {
 
 
 class StandIn:
-    """A mapper that puts every scan at the origin and can be told to do something on the way."""
+    """A mapper that puts every scan at the origin and can be shown to do something on the way."""
 
     made = 0
     at_scan = None  # (number, action)
@@ -132,7 +132,7 @@ def test_writes_all_files_and_names_the_picture(mapper, log, tmp_path, capsys):
     assert str(out / "map.png") in capsys.readouterr().out
 
 
-def test_the_report_tells_name_times_and_what_was_skipped(mapper, log, tmp_path):
+def test_the_report_has_name_times_and_skipped_lines(mapper, log, tmp_path):
     log.write_text(log.read_text() + "FLASER 180 1.0\n")
 
     run(["map", str(log), "-o", str(tmp_path / "out")])
@@ -202,7 +202,7 @@ def test_signals_are_as_before_afterwards(mapper, log, tmp_path):
     ("failure", "message"),
     [(fail, "unexpected RuntimeError: the unforeseen happened"), (end_of_input, "is cut off")],
 )
-def test_a_failure_saves_what_was_mapped_and_is_told_in_a_line(
+def test_a_failure_saves_what_was_mapped_and_is_reported_in_a_line(
     mapper, log, tmp_path, capsys, failure, message
 ):
     mapper.at_scan = (7, failure)
@@ -222,7 +222,7 @@ def test_debug_shows_where_the_unexpected_happened(mapper, log, tmp_path, capsys
     assert "in fail" in capsys.readouterr().err
 
 
-def test_an_unwritable_folder_is_told_before_mapping(mapper, log, tmp_path, capsys):
+def test_an_unwritable_folder_is_reported_before_mapping(mapper, log, tmp_path, capsys):
     assert run(["map", str(log), "-o", str(log / "out")]) == 1
 
     assert mapper.made == 0
@@ -230,7 +230,7 @@ def test_an_unwritable_folder_is_told_before_mapping(mapper, log, tmp_path, caps
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no log at all\n", b"\x1f\x8b\x00"])
-def test_a_file_that_is_no_recording_is_told_in_a_line(mapper, tmp_path, capsys, content):
+def test_a_file_that_is_no_recording_is_reported_in_a_line(mapper, tmp_path, capsys, content):
     path = tmp_path / "bad.log"
     if content is not None:
         path.write_bytes(content)

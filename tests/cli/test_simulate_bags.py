@@ -42,8 +42,8 @@ def test_a_level_bag_holds_odometry(tmp_path):
 @pytest.mark.parametrize(
     ("args", "reason"),
     [
-        (("-o", "walk.log", "--tilt-deg", "8"), "give --out a name on .bag"),
-        (("-o", "walk.log.gz", "--distort"), "give --out a name on .bag"),
+        (("-o", "walk.log", "--tilt-deg", "8"), "give --out a name that ends in .bag"),
+        (("-o", "walk.log.gz", "--distort"), "give --out a name that ends in .bag"),
         (("-o", "walk.bag", "--tilt-deg", "60"), "give 0 to 44"),
         (
             (
@@ -54,7 +54,7 @@ def test_a_level_bag_holds_odometry(tmp_path):
         ),
     ],
 )
-def test_what_cannot_be_done_is_told(args, reason, tmp_path, monkeypatch, capsys):
+def test_impossible_requests_are_reported(args, reason, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert simulate(*args) != 0
     assert reason in capsys.readouterr().err

@@ -13,7 +13,10 @@ import pytest
 
 from cartoloop.cli.main import run
 from cartoloop.simulation import ring, simulate
+from tests.limits import LIMIT_S
 from tests.viewer.page_twin import join, look
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +28,7 @@ def log(tmp_path_factory):
 
 @contextmanager
 def command(*arguments):
-    """Run a command that serves; yield it and the URL that it tells, and end it."""
+    """Run a command that serves; yield it and the URL that it prints, and end it."""
     process = subprocess.Popen(
         [sys.executable, "-u", "-m", "cartoloop", *map(str, arguments)],
         stdout=subprocess.PIPE,
@@ -44,7 +47,7 @@ def command(*arguments):
         process.communicate()
 
 
-def test_a_map_is_watched_while_it_grows_and_served_until_ctrl_c(log, tmp_path):
+def test_a_growing_map_is_served_until_ctrl_c(log, tmp_path):
     with command("map", log, "-o", tmp_path / "out", "--view", "--speed", "50") as (process, url):
         with join(url) as connection:
             page = look(connection)
@@ -53,15 +56,15 @@ def test_a_map_is_watched_while_it_grows_and_served_until_ctrl_c(log, tmp_path):
             look(connection, page, lambda page: page.readings["state"] == "finished")
             assert page.playback["speed"] == 50.0
             assert page.readings["scans"] == page.readings["scans_total"] > 90
-        told = ""
-        while "Ctrl-C ends" not in told:
-            told = process.stdout.readline()
-            assert told
-        assert url in told
+        shown = ""
+        while "Ctrl-C ends" not in shown:
+            shown = process.stdout.readline()
+            assert shown
+        assert url in shown
         with join(url) as connection:
             assert look(connection).readings["state"] == "finished"
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=20.0)
+        process.communicate(timeout=LIMIT_S)
         assert process.returncode == 0
     assert (tmp_path / "out/map.png").exists()
 
@@ -74,7 +77,7 @@ def test_a_view_changes_nothing_in_the_map(log, tmp_path):
     ):
         look(connection, None, lambda page: page.json and page.readings["state"] == "finished")
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=20.0)
+        process.communicate(timeout=LIMIT_S)
     for path in (tmp_path / "a").iterdir():
         if path.name != "report.json":
             assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path.name
@@ -88,7 +91,7 @@ def test_a_finished_map_is_served_until_ctrl_c(log, tmp_path):
             page = look(connection)
         assert (page.hello["mode"], page.hello["name"]) == ("finished", log.name)
         process.send_signal(signal.SIGTERM)
-        _, errors = process.communicate(timeout=20.0)
+        _, errors = process.communicate(timeout=LIMIT_S)
         assert process.returncode == 0
         assert errors == ""
 
@@ -101,7 +104,7 @@ def test_ctrl_c_while_paused_stops_and_saves(log, tmp_path):
             connection.send('{"type": "pause"}')
             look(connection, page, lambda page: page.readings["state"] == "paused")
             process.send_signal(signal.SIGINT)
-            _, errors = process.communicate(timeout=60.0)
+            _, errors = process.communicate(timeout=LIMIT_S)
         assert process.returncode == 130
         assert "the map of these is in" in errors
         assert "Traceback" not in errors
@@ -109,13 +112,13 @@ def test_ctrl_c_while_paused_stops_and_saves(log, tmp_path):
 
 
 @pytest.mark.parametrize("option", [("--host", "0.0.0.0"), ("--port", "9000"), ("--speed", "2")])
-def test_options_of_the_view_mean_nothing_without_it(log, tmp_path, option, capsys):
+def test_options_of_the_view_are_refused_without_it(log, tmp_path, option, capsys):
     assert run(["map", str(log), "-o", str(tmp_path), *option]) == 2
 
-    assert "means nothing without --view" in capsys.readouterr().err
+    assert "has no effect without --view" in capsys.readouterr().err
 
 
-def test_what_is_no_map_is_told(tmp_path, capsys):
+def test_a_folder_without_a_map_is_reported(tmp_path, capsys):
     assert run(["view", str(tmp_path)]) == 1
 
     assert "is not there; give a folder that 'cartoloop map' wrote" in capsys.readouterr().err

@@ -5,16 +5,19 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 
 from cartoloop.cli.main import run
-from cartoloop.simulation import office, ring, simulate
+from cartoloop.simulation import office, simulate
+from tests.limits import LIMIT_S
+
+pytestmark = pytest.mark.slow
 
 REPORT_KEYS = {
     "input": {"name", "scans", "duration_s", "path_length_m"},
@@ -33,22 +36,22 @@ REPORT_KEYS = {
 }
 """The stable keys of ``report.json``, and those below them."""
 
+OFTEN_TOLD = """
+from cartoloop.cli import main, progress
+
+progress._LINE_PERIOD_S = 0.1
+main.main()
+"""
+"""The command line, with a line of progress every tenth of a second."""
+
 MEASURED = {"wall_s", "cpu_s", "peak_memory_mb", "real_time_factor"}
 MEASURED_BELOW = {"ms", "mean_ms", "last_ms", "total_s", "median_ms", "p99_ms"}
 """Times and memory: what may differ between two runs."""
 
 
 @pytest.fixture(scope="module")
-def ring_log(tmp_path_factory):
-    """A way round a ring and on a bit, so that there are loops to close."""
-    path = tmp_path_factory.mktemp("ring") / "ring.log.gz"
-    simulate(ring(), seed=1, duration=125.0).write_carmen(path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def ring_map(ring_log):
-    out = ring_log.parent / "one-thread"
+def ring_map(ring_log, tmp_path_factory):
+    out = tmp_path_factory.mktemp("one-thread")
     assert run(["map", str(ring_log), "-o", str(out), "--threads", "1"]) == 0
     return out
 
@@ -70,7 +73,7 @@ def files_of(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_one_thread_and_four_in_another_process_give_the_same_bytes(ring_log, ring_map):
+def test_one_and_four_threads_give_the_same_bytes(ring_log, ring_map):
     out = ring_log.parent / "four-threads"
     command = [sys.executable, "-m", "cartoloop", "map", str(ring_log), "-o", str(out)]
     subprocess.run(
@@ -115,9 +118,9 @@ def test_the_report_has_its_keys_and_they_make_sense(ring_map):
     assert len(report["config_hash"]) >= 8
 
 
-def test_maps_can_be_drawn_with_all_layers_and_evaluated(ring_log, tmp_path, capsys):
+def test_maps_can_be_drawn_with_all_layers_and_evaluated(ring_log, ring_drive, tmp_path, capsys):
     relations = tmp_path / "ring.relations"
-    simulate(ring(), seed=1, duration=125.0).write_relations(relations)
+    ring_drive.write_relations(relations)
 
     assert run(["map", str(ring_log), "-o", str(tmp_path), "--draw", "trajectory,closures"]) == 0
     trajectory = str(tmp_path / "trajectory.tum")
@@ -150,15 +153,14 @@ def test_ctrl_c_in_the_middle_keeps_what_was_mapped(tmp_path):
     log, out = tmp_path / "office.log.gz", tmp_path / "out"
     simulate(office(), seed=1).write_carmen(log)
 
-    command = [sys.executable, "-m", "cartoloop", "map", str(log), "-o", str(out)]
+    command = [sys.executable, "-c", OFTEN_TOLD, "map", str(log), "-o", str(out)]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
     )
-    while not process.stderr.readline().startswith("mapping"):
+    while not re.match(r"[1-9]\d* of \d+ scans", process.stderr.readline()):
         assert process.poll() is None
-    time.sleep(0.7)
     process.send_signal(signal.SIGINT)
-    output, error = process.communicate(timeout=120)
+    output, error = process.communicate(timeout=LIMIT_S)
 
     assert process.returncode == 130
     assert "Traceback" not in error

@@ -49,7 +49,7 @@ def good_watch(**options):
 
 class TestScans:
     def test_sound_scans_have_no_findings(self):
-        assert scans.check_scans(good_watch(), PROFILE, way_m=10.0) == []
+        assert scans.check_scans(good_watch(), PROFILE, path_m=10.0) == []
 
     def test_scans_without_returns(self):
         nothing = np.full(BEAMS, 50.0)
@@ -85,7 +85,7 @@ class TestScans:
         fast = replace(GEOMETRY, time_increment=0.09 / BEAMS)
         assert scans.check_overlap(good_watch(geometry=fast)) is None
 
-    def test_stamps_in_bursts_are_no_overlap_where_beams_have_no_times(self):
+    def test_stamps_in_bursts_are_no_overlap_without_beam_times(self):
         assert scans.check_overlap(good_watch(period=-0.1)) is None
 
     def test_changing_beam_counts(self):
@@ -106,13 +106,13 @@ class TestScans:
         for number, values in enumerate(ranges):
             values[:4] = 0.31 + 0.005 * (number % 3)
         watch = watch_of(ranges)
-        finding = scans.check_own_body(watch, way_m=5.0)
+        finding = scans.check_own_body(watch, path_m=5.0)
         assert (finding.code, finding.count) == ("own_body", 4)
         assert "sensor.min_range=0.37" in finding.remedy
-        assert scans.check_own_body(watch, way_m=0.5) is None
+        assert scans.check_own_body(watch, path_m=0.5) is None
 
     def test_scans_far_apart(self):
-        finding = scans.check_spacing(good_watch(), way_m=39.0)
+        finding = scans.check_spacing(good_watch(), path_m=39.0)
         assert finding.code == "sparse_scans"
         assert "1.00 m apart" in finding.message
 
@@ -151,9 +151,9 @@ class TestOdometry:
     def test_sound_odometry_has_no_findings(self):
         assert odometry.check_odometry(odometry_of(MOVING), MODEL) == []
 
-    def test_way_and_speed(self):
+    def test_path_length_and_speed(self):
         watch = odometry_of(MOVING)
-        assert watch.way == pytest.approx(4.9)
+        assert watch.path_length == pytest.approx(4.9)
         assert watch.fastest == pytest.approx(1.0)
         assert watch.turned == pytest.approx(0.49)
         assert watch.fastest_turn == pytest.approx(0.1)
@@ -165,11 +165,11 @@ class TestOdometry:
         finding = odometry.check_finite(odometry_of([*MOVING, (math.nan, 0.0, 0.0)]))
         assert (finding.code, finding.count) == ("odometry_not_finite", 1)
 
-    def test_jumps_are_counted_and_are_no_way(self):
+    def test_jumps_are_counted_but_not_in_the_path_length(self):
         watch = odometry_of([*MOVING, (0.0, 0.0, 0.0), (0.1, 0.0, 0.0)])
         finding = odometry.check_jumps(watch)
         assert (finding.code, finding.count, finding.time) == ("odometry_jumps", 1, 55.0)
-        assert watch.way == pytest.approx(5.0)
+        assert watch.path_length == pytest.approx(5.0)
 
     def test_odometry_that_never_moves(self):
         finding = odometry.check_moves(odometry_of([(1.0, 2.0, 0.5)] * 20))
@@ -312,7 +312,7 @@ class TestTimes:
         assert (finding.code, finding.count) == ("stamps_missing", 9)
         assert finding.remedy == "scans are taken to be 0.2 s apart"
 
-    def test_stamps_out_of_order_tell_where_it_begins(self):
+    def test_stamps_out_of_order_name_the_first(self):
         sent = np.array([1.0, 1.1, 1.05, 1.2, 1.2, 1.3])
         finding = times.check_order(repair_times(sent)[1], sent, "FLASER")
         assert (finding.code, finding.count, finding.time) == ("stamps_out_of_order", 2, 1.05)
@@ -323,7 +323,7 @@ class TestTimes:
         assert (finding.code, finding.count) == ("clock_reset", 2)
         assert "first in line 4" in finding.message
 
-    def test_gaps_of_scans_that_odometry_bridges_are_worth_knowing_only(self):
+    def test_gaps_bridged_by_odometry_are_only_info(self):
         halting = np.array([*(0.1 * np.arange(20)), *(9.0 + 0.1 * np.arange(20))])
         scan = Stream("S", "", "scan", 40, True, times=times_of(halting))
         steady = Stream("O", "", "odometry", 99, True, times=times_of(0.1 * np.arange(99)))
@@ -363,7 +363,7 @@ class TestFrames:
     def test_two_topics_in_one_frame(self):
         found = frames.check_frames([topic(), topic("/scan_filtered")], [])
         assert [(f.code, f.count) for f in found] == [("shared_frame", 2)]
-        assert "/scan, /scan_filtered send in one frame, laser" in found[0].message
+        assert "/scan, /scan_filtered have the same frame, laser" in found[0].message
 
     def test_no_frame(self):
         assert [f.code for f in frames.check_frames([topic(frames=("",))], [])] == [

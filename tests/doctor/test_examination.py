@@ -127,12 +127,12 @@ def test_a_log_cut_off_can_be_mapped_and_has_an_error(good_log, tmp_path):
     ("content", "message"),
     [
         (b"", "is empty"),
-        (b"hello\n", "is no CARMEN log"),
+        (b"hello\n", "is not in a known format"),
         (bytes(range(256)), "is binary"),
         (b"\x1f\x8bgarbage", "gzip stream is damaged"),
         (b"ODOM 0 0 0 0 0 0 1 h 1\n", "holds no laser scans"),
         (b"Laser 3 1 x 2\n", "is not a number"),
-        (b"time,r0,r1\n0,1,2\n", "nothing tells angle_min"),
+        (b"time,r0,r1\n0,1,2\n", "angle_min is missing"),
     ],
 )
 def test_what_cannot_be_mapped_is_an_error_with_a_remedy(tmp_path, content, message):
@@ -148,7 +148,7 @@ def test_what_cannot_be_mapped_is_an_error_with_a_remedy(tmp_path, content, mess
     assert "it cannot be mapped" in render(examination)
 
 
-def test_folders_and_missing_files_are_told(tmp_path):
+def test_folders_and_missing_files_are_reported(tmp_path):
     for path in (tmp_path, tmp_path / "nowhere"):
         examination = examine(path)
         assert not examination.can_be_mapped
@@ -178,7 +178,7 @@ def test_a_sound_bag(tmp_path, form):
     assert {s.name for s in examination.contents.streams if s.used} == {"/scan", "/odom", "/imu"}
     assert examination.contents.base_frame == "base_link"
     assert examination.imu.mean_size == pytest.approx(9.8, abs=0.01)
-    assert examination.odometry.way == pytest.approx(0.59)
+    assert examination.odometry.path_length == pytest.approx(0.59)
     frames = {t.child: t.parent for t in examination.contents.transforms}
     assert frames == {"laser": "base_link", "imu": "base_link"}
 
@@ -211,7 +211,7 @@ def test_faults_of_a_bag_are_found(tmp_path):
     assert the(examination, "repeated_scans").count == 1
 
 
-def test_a_bag_without_scans_tells_its_topics_all_the_same(tmp_path):
+def test_a_bag_without_scans_has_its_topics_listed(tmp_path):
     bag = BagMaker()
     for k in range(5):
         bag.add("/imu", bag.make.imu(START + k, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)), float(k))

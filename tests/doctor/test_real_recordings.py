@@ -8,6 +8,8 @@ import pytest
 
 from cartoloop.doctor import examine
 
+pytestmark = pytest.mark.data
+
 DATA = Path(os.environ.get("CARTOLOOP_DATA", Path(__file__).parents[2] / "../shared/data"))
 
 # path: scans, duration [s], way of the odometry [m], its offset [s], findings and their counts
@@ -72,12 +74,12 @@ def test_findings(name):
     if way is None:
         assert examination.odometry is None
         return
-    assert examination.odometry.way == pytest.approx(way, abs=0.1)
+    assert examination.odometry.path_length == pytest.approx(way, abs=0.1)
     # Found by matching: a change of the matcher moves it a little.
     assert examination.calibration.model.time_offset == pytest.approx(offset, abs=0.03)
 
 
-def test_the_stamps_of_intel_are_told_with_the_first_that_runs_backwards():
+def test_the_first_backward_stamp_of_intel_is_reported():
     path = DATA / "radish/intel.clf.gz"
     if not path.exists():
         pytest.skip(f"{path} is absent: set CARTOLOOP_DATA to the folder of the recordings")

@@ -37,7 +37,7 @@ def draw_wall(image, start, end, value=OCCUPIED):
 
 
 def room(width, depth, centre=(5.0, 5.0), angle=0.0, size=10.0, thickness=1, **frame):
-    """A room seen from inside: free floor, walls of so many layers of hits, the rest unknown."""
+    """A room seen from inside: free floor, walls of some layers of hits, the rest unknown."""
     image = unknown_map(size, size, **frame)
     u, v = np.array((np.cos(angle), np.sin(angle))), np.array((-np.sin(angle), np.cos(angle)))
     offset = pixel_centres(image) - centre

@@ -20,7 +20,7 @@ STAMPS = 100.0 + np.arange(6)
 
 
 def closure(submap, node, dx=0.0, dtheta_deg=0.0, score=0.7):
-    """A closure that the poses of the graph disagree with by this much."""
+    """A closure that disagrees with the poses of the graph by an offset."""
     seen = relative(Pose(*SUBMAP_POSES[submap].tolist()), Pose(*NODE_POSES[node].tolist()))
     moved = compose(Pose(dx, 0.0, 0.0), seen)
     turned = moved._replace(theta=moved.theta + math.radians(dtheta_deg))

@@ -12,6 +12,8 @@ from cartoloop.evaluation.closure_plots import closures_plot, draw_closures
 from cartoloop.evaluation.finished_run import read_run
 from tests.evaluation.hand_made_run import closure, hand_made_result
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def run(tmp_path):
@@ -20,7 +22,7 @@ def run(tmp_path):
     return read_run(tmp_path / "out")
 
 
-def test_closures_are_drawn_the_worst_on_top_and_those_rejected_apart(run):
+def test_worst_closures_are_drawn_last_rejected_ones_apart(run):
     figure = pytest.importorskip("matplotlib.figure").Figure()
     draw_closures(figure, run)
 

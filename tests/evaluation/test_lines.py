@@ -140,7 +140,7 @@ def test_furniture_farther_from_the_ends_is_not_in_the_way():
     assert line.length == pytest.approx(4.0, abs=0.1)
 
 
-def test_without_the_tape_a_length_is_told_and_no_error():
+def test_without_the_tape_there_is_a_length_and_no_error():
     error = measure_lines(room(4.0, 3.0), lines_of((3, 5, 7, 5)))
 
     assert error.lines[0].length == pytest.approx(4.0, abs=0.1)
@@ -153,21 +153,21 @@ def test_without_the_tape_a_length_is_told_and_no_error():
 def test_dictionaries_hold_all_and_are_json():
     image = room(4.0, 3.0)
 
-    told = measure_lines(image, lines_of((3, 5, 7, 5, 4.0), (3, 5, 6, 5))).to_dict()
+    content = measure_lines(image, lines_of((3, 5, 7, 5, 4.0), (3, 5, 6, 5))).to_dict()
 
-    assert json.loads(json.dumps(told, allow_nan=False)) == told
-    assert told["num_lines"] == 2
-    assert told["num_compared"] == 1
-    first, second = told["lines"]
+    assert json.loads(json.dumps(content, allow_nan=False)) == content
+    assert content["num_lines"] == 2
+    assert content["num_compared"] == 1
+    first, second = content["lines"]
     assert first["tape"] == 4.0
     assert first["error"] == pytest.approx(first["map"] - 4.0)
     assert first["error_pixels_per_end"] == pytest.approx(first["error"] / 0.1)
-    assert told["mean_absolute_error"] == abs(first["error"])
+    assert content["mean_absolute_error"] == abs(first["error"])
     assert second["walls"][1] is None
     assert second["tape"] is second["map"] is second["error"] is None
 
 
-def test_lines_off_the_map_are_told_with_where_they_are_written():
+def test_lines_off_the_map_are_errors_with_their_place():
     with pytest.raises(
         InputError,
         match=r"lines\.txt:2: end 2 of the line, \(7, 15\), is off the map, 10 m by 10 m",
@@ -206,7 +206,7 @@ def test_reads_lines_with_and_without_the_tape(tmp_path):
         ("0 0 1 1 0\n", ":1: the length is 0; expected metres above 0"),
     ],
 )
-def test_files_that_are_no_lines_are_told_in_one_line(tmp_path, text, message):
+def test_files_without_lines_are_errors_of_one_line(tmp_path, text, message):
     path = tmp_path / "lines.txt"
     path.write_text(text)
 

@@ -30,7 +30,7 @@ def pairs(relations):
     return [tuple(pair) for pair in (relations.stamps - STAMPS[0]).astype(int).tolist()]
 
 
-def test_a_relation_joins_the_middle_of_the_submap_with_the_scan_found_in_it(run_of):
+def test_relation_joins_middle_of_submap_and_matched_scan(run_of):
     # the middle nodes of the submaps are 1, 2 and 4
     relations = make_relations(run_of(closure(0, 5), closure(0, 4), closure(2, 0)), min_distance=1)
 
@@ -55,7 +55,7 @@ def test_closures_that_the_map_disagrees_with_are_left_out(run_of):
     assert pairs(make_relations(run, 1.0, max_rotation=0.03)) == [(1, 3), (1, 4)]
 
 
-def test_no_relation_is_there_twice_nor_joins_a_scan_with_itself(run_of):
+def test_relations_are_unique_and_join_two_scans(run_of):
     # submap 0's middle is node 1, submap 2's is node 4
     run = run_of(closure(0, 4), closure(2, 1), closure(0, 4, 0.1), closure(0, 1), closure(2, 4))
 
@@ -104,6 +104,6 @@ def test_the_text_is_eight_numbers_a_line_without_a_header(run_of):
     assert [len(line.split()) for line in lines] == [8]
 
 
-def test_a_run_without_such_closures_is_told(run_of):
+def test_run_without_such_closures_is_an_error(run_of):
     with pytest.raises(InputError, match=r"of 1 loop closures none .* 100 m of way .* 21 m long"):
         make_relations(run_of(closure(0, 5)))

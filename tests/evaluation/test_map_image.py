@@ -63,7 +63,7 @@ def test_a_folder_stands_for_its_map_yaml(tmp_path):
 
 @pytest.mark.parametrize("image", ["map.pgm", "map.png"])
 @pytest.mark.parametrize("colours", [False, True])
-def test_shades_are_told_apart_in_grey_and_in_colour(tmp_path, image, colours):
+def test_shades_differ_in_grey_and_in_colour(tmp_path, image, colours):
     pixels = np.repeat(SHADES[..., np.newaxis], 3, axis=2) if colours else SHADES
 
     map_image = read_map(write_map(tmp_path, pixels, "map.ppm" if colours else image))
@@ -137,7 +137,7 @@ def test_the_origin_is_the_pose_of_the_lower_left_corner(tmp_path):
         YAML.replace("{negate}", "false"),
     ],
 )
-def test_yaml_may_be_written_in_other_ways(tmp_path, text):
+def test_yaml_may_be_written_differently(tmp_path, text):
     map_image = read_map(write_map(tmp_path, text=text))
 
     assert map_image.origin == Pose(-1.0, 2.0, 0.0)
@@ -173,7 +173,7 @@ def test_the_image_may_have_an_absolute_path(tmp_path):
         ("mode: trinary", "trinary", "map.yaml:2: expected 'key: value', found 'trinary'"),
     ],
 )
-def test_impossible_values_are_told_in_one_line(tmp_path, old, new, message):
+def test_impossible_values_are_errors_of_one_line(tmp_path, old, new, message):
     path = write_map(tmp_path)
     text = path.read_text()
     assert old in text
@@ -187,7 +187,7 @@ def test_impossible_values_are_told_in_one_line(tmp_path, old, new, message):
 
 
 @pytest.mark.parametrize("content", [b"", b"P5\n3 2\n255\nabc", b"no image at all"])
-def test_images_that_are_broken_are_told_in_one_line(tmp_path, content):
+def test_broken_images_are_errors_of_one_line(tmp_path, content):
     path = write_map(tmp_path)
     (tmp_path / "map.pgm").write_bytes(content)
 
@@ -206,7 +206,7 @@ def test_an_image_shorter_than_its_header_says_is_refused(tmp_path):
         read_map(path)
 
 
-def test_a_missing_file_and_a_folder_without_a_map_are_told(tmp_path):
+def test_missing_files_are_errors(tmp_path):
     with pytest.raises(InputError, match=r"none\.yaml: cannot be read: No such file"):
         read_map(tmp_path / "none.yaml")
     with pytest.raises(InputError, match=r"holds no map\.yaml; give the YAML file"):

@@ -54,7 +54,7 @@ def test_pairs_are_those_of_the_naive_search(data):
     )
 
 
-def test_scans_from_one_place_show_the_same_and_those_from_elsewhere_do_not():
+def test_only_scans_from_one_place_overlap():
     poses = np.array([(0, 0, 0), (0.05, 0, 1.0), (0.02, 0.03, 2.0), (9, 0, 0)])
     events = [scan(float(k)) for k in range(4)]
 
@@ -64,7 +64,7 @@ def test_scans_from_one_place_show_the_same_and_those_from_elsewhere_do_not():
     assert pairs.tolist() == [[0, 1], [0, 2]]
 
 
-def test_points_lie_where_the_truth_puts_them_near_a_faraway_origin():
+def test_points_are_exact_far_from_the_origin():
     pose = np.array((4.5e6, -5.4e6, np.pi / 2))
     poses = np.array((pose, pose))
     poses[1, 0] += 1.0
@@ -78,7 +78,7 @@ def test_points_lie_where_the_truth_puts_them_near_a_faraway_origin():
     assert np.diff(scans.sample_start).tolist() == [100, 100]
 
 
-def test_other_events_and_scans_are_passed_over_and_stamps_may_run_back():
+def test_other_events_are_skipped_and_stamps_may_run_back():
     odometry = Odometry(5.0, 5.0, Pose(0, 0, 0))
     events = [scan(5.0), odometry, scan(4.0), scan(4.5), scan(4.0)]
 
@@ -87,14 +87,14 @@ def test_other_events_and_scans_are_passed_over_and_stamps_may_run_back():
     assert len(scans) == 3
 
 
-def test_a_recording_without_a_scan_is_told():
+def test_recording_without_a_node_is_an_error():
     with pytest.raises(InputError, match=r"a\.log: has no scan of stamp 1\.250000 .* node 1"):
         place_scans(
             [scan(0.0), scan(1.0)], np.array((0.0, 1.25)), np.zeros((2, 3)), Config(), "a.log"
         )
 
 
-def test_truth_that_cannot_be_is_told():
+def test_impossible_truth_is_an_error():
     scans = placed([[(0, 0)], [(900000, 0)]], [[(0, 0)], [(0, 0)]])
 
     with pytest.raises(InputError, match="scatters the scans of submap 0 over 90000 m"):

@@ -21,6 +21,8 @@ from cartoloop.evaluation.plots import (
     trajectory_plot,
 )
 
+pytestmark = pytest.mark.slow
+
 RNG = np.random.default_rng(0)
 STAMPS = 1e9 + np.arange(50.0)
 PATH = np.column_stack((np.arange(50.0), np.sin(np.arange(50.0) / 9)))
@@ -127,7 +129,7 @@ def test_the_suffix_chooses_the_format():
         image_format("b.pdf")
 
 
-def test_without_matplotlib_it_is_an_error_that_tells_how_to_get_it(monkeypatch):
+def test_error_without_matplotlib_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
 

@@ -61,7 +61,7 @@ def test_spans_from_every_pose_end_nearest_to_the_delta():
     assert pairs_of(span_pairs(places, 1.0, all_pairs=True)) == [(0, 2)]
 
 
-def test_a_span_ends_at_the_first_of_the_poses_of_a_robot_that_stands():
+def test_span_ends_at_the_first_pose_of_a_standing_robot():
     places = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
 
     assert pairs_of(span_pairs(places, 1.0, all_pairs=True)) == [(0, 2), (1, 2)]

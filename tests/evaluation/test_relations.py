@@ -72,7 +72,7 @@ def test_rotation_error_takes_the_short_way_round():
     assert error.absolute_rotational_deg.std == 0.0
 
 
-def test_relations_with_unknown_stamps_are_reported_and_do_not_count():
+def test_relations_with_unknown_stamps_do_not_count():
     relations = relations_of((10, 11, 1, 0, 0), (10, 13, 0, 0, 0), (14, 13, 0, 0, 0))
 
     error = evaluate_relations(SQUARE, relations)
@@ -114,7 +114,7 @@ def test_converts_to_json_without_the_single_errors():
     ]
 
 
-def test_the_single_errors_are_those_of_the_relations_that_counted():
+def test_single_errors_are_those_of_counted_relations():
     error = evaluate_relations(
         SQUARE,
         relations_of(
@@ -172,6 +172,7 @@ def test_a_missing_relations_file_is_an_input_error(tmp_path):
         read_relations(tmp_path / "none.relations")
 
 
+@pytest.mark.data
 @pytest.mark.parametrize(("name", "count"), [("intel", 2984), ("mit-csail", 1172), ("fr079", 1685)])
 def test_reads_the_published_files(name, count):
     path = DATA / "radish" / f"{name}.relations"

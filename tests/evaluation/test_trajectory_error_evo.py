@@ -16,6 +16,9 @@ import pytest
 
 from cartoloop.evaluation.trajectories import read_tum
 from cartoloop.evaluation.trajectory_error import evaluate_trajectory
+from tests.limits import LIMIT_S
+
+pytestmark = pytest.mark.slow
 
 STATISTICS = ("rmse", "mean", "median", "std", "min", "max")
 
@@ -71,7 +74,7 @@ def run_evo(name, truth, estimate, options, tmp_path):
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=LIMIT_S,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     with zipfile.ZipFile(result) as archive:

@@ -49,7 +49,7 @@ def test_the_face_is_the_middle_of_the_first_two_dark_pixels(columns_m, face):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 0.75])
-def test_grey_pixels_tell_where_in_between_the_face_is(share):
+def test_grey_pixels_give_the_face_within_a_cell(share):
     image = corridor_to(0.05)
     image.occupancy[:, 140:142] = (0.5 + 0.5 * (1.0 - share), 0.5 + 0.5 * share)
 

@@ -18,7 +18,7 @@ class StandIn:
         self.may_go_on = Event()
 
     def add_node(self, node):
-        self.may_go_on.wait(10.0)
+        self.may_go_on.wait(300.0)
         if node == "bad":
             raise RuntimeError("bad node")
         self.nodes.append(node)

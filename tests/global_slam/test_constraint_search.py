@@ -191,7 +191,7 @@ def test_unfinished_searches_are_collected_later(monkeypatch):
     may_end = Event()
 
     def search(submap, rows, requests, node_points, config):
-        assert may_end.wait(10.0)
+        assert may_end.wait(300.0)
         return found_rows(rows)
 
     monkeypatch.setattr(constraint_search, "search", search)

@@ -112,7 +112,7 @@ def plateau_grid(rng, num_values):
     weights=st.just((0.0, 0.0)) | st.tuples(st.floats(0.0, 5.0), st.floats(0.0, 5.0)),
     num_values=st.integers(1, 5) | st.none(),
 )
-def test_what_is_found_is_the_first_best_candidate_to_the_last_bit(
+def test_match_is_the_first_best_candidate_to_the_last_bit(
     seed, x, y, theta, num_points, half_width, half_turns, weights, num_values
 ):
     rng = np.random.default_rng(seed)
@@ -166,9 +166,7 @@ def test_boxes_shrink_to_single_cells_and_quarters_cover_them(width):
     cells=st.lists(st.tuples(st.integers(-40, 50), st.integers(-40, 50)), min_size=1, max_size=12),
     half_width=st.integers(0, 6),
 )
-def test_the_part_of_the_grid_that_is_looked_at_holds_all_windows_that_touch_the_grid(
-    cells, half_width
-):
+def test_grid_part_holds_all_windows_that_touch_the_grid(cells, half_width):
     num_cols, num_rows, width = 17, 14, 2 * half_width + 1
     cols, rows = np.array(cells, dtype=np.int32).T.copy()
     index = np.full(len(cells), -1, dtype=np.int32)
@@ -208,7 +206,7 @@ def test_a_displaced_scan_is_found_to_the_pixel_and_the_step():
     assert score == pytest.approx(0.9)
 
 
-def test_where_nothing_is_known_the_estimate_itself_is_the_match():
+def test_in_unknown_space_the_estimate_is_the_match():
     grid = np.zeros((5, 5), dtype=np.float32)
     pose, score = match(grid, [(0.1, 0.2)], (3.0, 4.0, 0.5), 2, 2, 0.1, (0.1, 0.1))
     assert pose == pytest.approx((3.0, 4.0, 0.5))

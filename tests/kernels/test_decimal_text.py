@@ -40,5 +40,5 @@ def test_numbers_are_those_that_python_reads(parts, blank, count):
 @pytest.mark.parametrize(
     "text", ["1.0", "1.0 2.0x", "1.0 2.0.0", "1.0 --2", "1.0 1234567890123456"]
 )
-def test_a_word_that_is_missing_or_no_plain_number_is_told(text):
+def test_missing_or_malformed_number_gives_minus_one(text):
     assert parse_decimals(text.encode(), POWERS_OF_TEN, np.empty(2)) == -1

@@ -52,7 +52,7 @@ def test_certainty_is_bound_and_what_is_open_is_left_so(seed, count):
 
 
 @pytest.mark.parametrize("curvature", [1e3, 1e8, 1e13])
-def test_along_a_corridor_a_scan_says_nothing_however_much_it_says_across(curvature):
+def test_information_along_a_corridor_stays_small(curvature):
     across = np.array((math.sin(0.3), -math.cos(0.3), 2.0))
     found = np.empty((1, 3, 3))
 
@@ -67,7 +67,7 @@ def test_along_a_corridor_a_scan_says_nothing_however_much_it_says_across(curvat
     assert across @ found[0] @ across > 1e3
 
 
-def test_a_scan_that_tells_nothing_leaves_all_open():
+def test_scan_without_information_keeps_the_minimum():
     found = np.empty((1, 3, 3))
     nothing = np.zeros((1, 3, 3))
     inverse_covariances(nothing, np.ones(1), 0.03, MIN_INFORMATIONS, MIN_VARIANCES, found)

@@ -174,8 +174,8 @@ def total_cost(map_and_origin, points, pose, prior, information, weight, prior_s
     xx, xy, xt, yy, yt, tt = information
     full = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
     off = np.subtract(pose, prior)
-    pull = prior_scale**2 * math.log1p(off @ full @ off / prior_scale**2)
-    return weight * errors @ errors + pull
+    prior_cost = prior_scale**2 * math.log1p(off @ full @ off / prior_scale**2)
+    return weight * errors @ errors + prior_cost
 
 
 def random_information(rng):
@@ -183,7 +183,7 @@ def random_information(rng):
     return (factor.T @ factor + np.eye(3))[np.triu_indices(3)]
 
 
-def test_known_displacements_in_a_room_are_recovered_far_below_a_pixel():
+def test_displacements_in_a_room_are_found_below_a_pixel():
     grid, walls = room()
     rng = np.random.default_rng(0)
     errors = []
@@ -224,13 +224,13 @@ def test_the_minimum_equals_that_of_a_general_solver(seed):
     start = truth + rng.uniform(-0.04, 0.04, 3)
     prior = truth + rng.uniform(-0.05, 0.05, 3)
     information, weight = random_information(rng), 2.0
-    pull = np.zeros((3, 3))
-    pull[np.triu_indices(3)] = information
-    pull = np.linalg.cholesky(pull + np.triu(pull, 1).T).T
+    root = np.zeros((3, 3))
+    root[np.triu_indices(3)] = information
+    root = np.linalg.cholesky(root + np.triu(root, 1).T).T
 
     def residuals(pose):
         errors = naive_errors(grid[0], UNKNOWN, grid[1:], RESOLUTION, points, pose)
-        return np.append(math.sqrt(weight) * errors, pull @ (pose - prior))
+        return np.append(math.sqrt(weight) * errors, root @ (pose - prior))
 
     expected = least_squares(residuals, start, xtol=1e-10, ftol=1e-12, gtol=1e-10)
     found, _ = run(grid, points, start, prior, information, weight)
@@ -242,7 +242,7 @@ def test_the_minimum_equals_that_of_a_general_solver(seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_minimum_equals_that_of_a_general_solver_where_the_pull_wanes(seed):
+def test_minimum_equals_a_general_solver_with_robust_prior(seed):
     rng = np.random.default_rng(seed)
     grid, walls = room()
     truth = rng.uniform(-0.2, 0.2, 3)
@@ -261,7 +261,7 @@ def test_the_minimum_equals_that_of_a_general_solver_where_the_pull_wanes(seed):
     assert found[2] == pytest.approx(expected.x[2], abs=1e-3)
 
 
-def test_a_prediction_that_failed_is_let_go_where_the_pull_wanes():
+def test_robust_loss_releases_a_wrong_prediction():
     grid, walls = room()
     rng = np.random.default_rng(3)
     points = walls + rng.normal(scale=0.01, size=walls.shape)
@@ -274,7 +274,7 @@ def test_a_prediction_that_failed_is_let_go_where_the_pull_wanes():
     assert math.hypot(*released[:2]) < 0.02
 
 
-def test_along_a_corridor_the_prior_holds_and_across_the_walls_do():
+def test_prior_holds_along_a_corridor_and_walls_across():
     grid, walls = corridor()
     points = seen_from((0.3, 0.07, 0.02), walls)
     prior = (0.5, 0.0, 0.0)
@@ -291,7 +291,7 @@ def test_a_strong_prior_outweighs_the_points():
     assert found[:3] == pytest.approx(prior, abs=1e-4)
 
 
-def test_where_the_map_tells_nothing_the_prior_is_the_match():
+def test_in_an_unknown_map_the_prior_is_the_match():
     grid = (np.zeros((10, 10), dtype=np.float32), 0.0, 0.0)
     prior = (0.2, 0.1, 0.3)
     found, _ = run(grid, np.ones((5, 2)), (0.0, 0.0, 0.0), prior, (1e2, 0, 0, 1e2, 0, 1e2))
@@ -299,7 +299,7 @@ def test_where_the_map_tells_nothing_the_prior_is_the_match():
     assert found[3:9] == pytest.approx(np.zeros(6))
 
 
-def test_the_match_tells_the_curvature_and_the_sum_of_squares_at_the_pose_found():
+def test_match_has_curvature_and_squares_at_its_pose():
     grid, walls = room()
     found, _ = run(grid, walls, (0.03, 0.02, 0.01), (0.0, 0.0, 0.0), weight=5.0)
     system = np.empty(9)

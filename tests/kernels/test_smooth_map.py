@@ -79,9 +79,7 @@ def test_the_smooth_map_s_gradient_equals_finite_differences(seed, col, row):
 
 @settings(deadline=None, max_examples=100)
 @given(seed=seeds, border=st.integers(-3, COLS + 2), along=row_places, transposed=st.booleans())
-def test_value_and_gradient_are_continuous_across_borders_of_pixels(
-    seed, border, along, transposed
-):
+def test_value_and_gradient_are_continuous_between_pixels(seed, border, along, transposed):
     grid = random_grid(seed, (COLS, ROWS) if transposed else (ROWS, COLS))
     places = [(border + off, along) for off in (-1e-9, 0.0, 1e-9)]
     if transposed:

@@ -96,7 +96,7 @@ def test_closing_lets_a_source_go():
     assert not sender.is_alive()
 
 
-def test_arrivals_are_told_by_a_clock_that_never_jumps(monkeypatch):
+def test_the_clock_of_arrivals_never_jumps(monkeypatch):
     inbox = Inbox()
     inbox.put(scan(0))
     monkeypatch.setattr("time.time", lambda: 0.0)

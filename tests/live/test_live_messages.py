@@ -71,7 +71,7 @@ def test_other_messages():
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "reported"),
     [
         (b"GET / HTTP/1.1\r", "is no JSON: 'GET / HTTP/1.1"),
         (b"[1, 2]", "is no JSON object"),
@@ -95,11 +95,11 @@ def test_other_messages():
         (b"[" * 100_000, "is no JSON"),
     ],
 )
-def test_nonsense_is_refused_with_what_is_wrong(line, told):
+def test_invalid_messages_are_refused_with_the_reason(line, reported):
     with pytest.raises(MessageError) as error:
         parse_message(line)
 
-    assert told in str(error.value)
+    assert reported in str(error.value)
 
 
 @given(
@@ -124,8 +124,8 @@ def test_no_content_breaks_the_parser(content, kind):
 @given(st.lists(st.integers(0, 60), max_size=20))
 def test_lines_come_whole_however_the_bytes_are_cut(cuts):
     text = b'{"type":"odometry","x":1,"y":2,"theta":0}\n\nno\r\n{"type":"end"}\n{"type":"en'
-    received, told = [], []
-    lines = LineReceiver(received.append, Notices(told.append), "there")
+    received, reported = [], []
+    lines = LineReceiver(received.append, Notices(reported.append), "there")
     start = 0
     for cut in [*sorted(cuts), len(text)]:
         lines.feed(text[start:cut])
@@ -133,17 +133,17 @@ def test_lines_come_whole_however_the_bytes_are_cut(cuts):
     lines.end()
 
     assert [type(message).__name__ for message in received] == ["Odometry", "EndMessage"]
-    assert told[0] == "there: message 3 skipped: is no JSON: 'no\\r'"
+    assert reported[0] == "there: message 3 skipped: is no JSON: 'no\\r'"
 
 
 def test_a_line_without_end_does_not_fill_the_memory(monkeypatch):
     monkeypatch.setattr("cartoloop.live.source.MAX_LINE_BYTES", 1000)
-    received, told = [], []
-    lines = LineReceiver(received.append, Notices(told.append), "there")
+    received, reported = [], []
+    lines = LineReceiver(received.append, Notices(reported.append), "there")
 
     for _ in range(100):
         lines.feed(b"x" * 100)
     lines.feed(b'\n{"type": "end"}\n')
 
     assert len(received) == 1
-    assert told == ["there: message 1 skipped: is longer than 0 MB"]
+    assert reported == ["there: message 1 skipped: is longer than 0 MB"]

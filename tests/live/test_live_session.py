@@ -31,9 +31,9 @@ class Sender:
         put(EndMessage())
 
 
-def run(sent, mapper, told, **options):
-    """Run a session until its source ends; what it tells goes to a list."""
-    notices = Notices(told.append)
+def run(sent, mapper, reported, **options):
+    """Run a session until its source ends; its notices go to a list."""
+    notices = Notices(reported.append)
     LiveSession(
         Sender(sent), mapper, Inbox(waits=True), Sequencer(notices), notices, **options
     ).run(lambda: False)
@@ -64,11 +64,11 @@ def test_it_is_tidied_up_right_after_a_pose_is_out(mapper, monkeypatch):
     happened = []
     monkeypatch.setattr(live_session, "STATUS_S", 0.0)
     monkeypatch.setattr(live_session, "tidy", lambda: happened.append("tidied"))
-    told = []
+    reported = []
 
-    run(lines(10.0), mapper, told, after_scan=lambda scan: happened.append("answered"))
+    run(lines(10.0), mapper, reported, after_scan=lambda scan: happened.append("answered"))
 
     assert "tidied" in happened
     before = [happened[i - 1] for i, what in enumerate(happened) if what == "tidied"]
     assert set(before) == {"answered"}
-    assert any("closures, latency" in line for line in told)
+    assert any("closures, latency" in line for line in reported)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import socket
-import time
 from contextlib import contextmanager
 from threading import Event, Thread
 
@@ -19,6 +18,7 @@ from cartoloop.live.growing_file import GrowingFile
 from cartoloop.live.notices import Notices
 from cartoloop.live.sockets import TcpSource, WebSocketSource
 from cartoloop.sensor.events import LaserScan, Odometry
+from tests.limits import LIMIT_S, wait_until
 from tests.live.live_room import drive
 
 READING = b'{"type": "odometry", "x": 1, "y": 2, "theta": 0}\n'
@@ -29,18 +29,15 @@ class Running:
 
     def __init__(self, source):
         self.source = source
-        self.received, self.told = [], []
+        self.received, self.reported = [], []
         self.opened = source.open()
         self.stop = Event()
-        notices = Notices(self.told.append)
+        notices = Notices(self.reported.append)
         self.thread = Thread(target=source.run, args=(self.received.append, notices, self.stop))
         self.thread.start()
 
     def wait_for(self, condition):
-        until = time.monotonic() + 10.0
-        while not condition():
-            assert time.monotonic() < until, (len(self.received), self.told)
-            time.sleep(0.005)
+        wait_until(condition, period_s=0.005)
 
 
 @contextmanager
@@ -51,7 +48,7 @@ def running(source):
         yield it
     finally:
         it.stop.set()
-        it.thread.join(3.0)
+        it.thread.join(LIMIT_S)
         assert not it.thread.is_alive()
 
 
@@ -68,9 +65,9 @@ def test_tcp_senders_come_and_go():
         with socket.create_connection(it.source.address) as again:
             again.sendall(b"\xff\x00 rubbish\n" + READING)
             it.wait_for(lambda: len(it.received) == 5)
-    assert any("message 1 skipped: is no JSON" in line for line in it.told)
-    assert any(" connected" in line for line in it.told)
-    assert any(" disconnected, after" in line for line in it.told)
+    assert any("message 1 skipped: is no JSON" in line for line in it.reported)
+    assert any(" connected" in line for line in it.reported)
+    assert any(" disconnected, after" in line for line in it.reported)
 
 
 def test_a_sender_that_is_cut_off_is_survived():
@@ -80,12 +77,12 @@ def test_a_sender_that_is_cut_off_is_survived():
         sender.sendall(READING + READING[:10])
         it.wait_for(lambda: it.received)
         sender.close()  # by a reset, as when the network breaks
-        it.wait_for(lambda: len(it.told) == 2)
+        it.wait_for(lambda: len(it.reported) == 2)
         with socket.create_connection(it.source.address) as again:
             again.sendall(READING)
             it.wait_for(lambda: len(it.received) == 2)
-    assert "lost: " in it.told[1]
-    assert not any("skipped" in line for line in it.told)
+    assert "lost: " in it.reported[1]
+    assert not any("skipped" in line for line in it.reported)
 
 
 def test_web_sockets_carry_the_same_messages():
@@ -100,7 +97,7 @@ def test_web_sockets_carry_the_same_messages():
             again.send(READING)
             it.wait_for(lambda: len(it.received) == 4)
     assert all(isinstance(message, Odometry) for message in it.received)
-    assert any("message 4 skipped: is no JSON" in line for line in it.told)
+    assert any("message 4 skipped: is no JSON" in line for line in it.reported)
 
 
 def test_pages_in_a_browser_may_not_send_scans():
@@ -126,12 +123,12 @@ def test_a_log_is_followed_while_it_is_written(tmp_path):
         assert all(len(scan.ranges) == scan.geometry.num_beams for scan in scans)
         assert len(it.received) == 2 * num_scans
 
-        path.write_bytes(text[: half // 4])  # begun anew
+        path.write_bytes(text[: half // 4])  # started again
         it.wait_for(lambda: len(it.received) > 2 * num_scans)
-    assert it.told == ["a.log: the file was begun anew"]
+    assert it.reported == ["a.log: the file was started again"]
 
 
-def test_damaged_lines_of_a_log_are_told(tmp_path):
+def test_damaged_lines_of_a_log_are_reported(tmp_path):
     path = tmp_path / "a.log"
     path.write_bytes(
         b"# comment\nPARAM robot_frontlaser_offset 0.25\nPARAM robot_name karl\nODOM 1 2 3\n"
@@ -144,7 +141,7 @@ def test_damaged_lines_of_a_log_are_told(tmp_path):
     _, odometry, scan = it.received
     assert odometry.tf_odom_tracking.x == 0.5
     assert scan.geometry.tf_tracking_sensor.x == 0.25
-    assert [line.partition(": ")[2] for line in it.told] == [
+    assert [line.partition(": ")[2] for line in it.reported] == [
         "message 4 skipped: an ODOM line has 7 or 10 tokens, this one 4",
         "message 6 skipped: 'x' is not a number",
         "message 7 skipped: unknown line 'HELLO'",
@@ -160,10 +157,10 @@ def test_a_file_of_messages_is_followed_too(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "host", "told"),
+    ("text", "host", "reported"),
     [
-        ("tcp://0.0.0.0:7000", None, "say so with --host 0.0.0.0"),
-        ("ws://robot.local:7000", None, "say so with --host robot.local"),
+        ("tcp://0.0.0.0:7000", None, "allow it with --host 0.0.0.0"),
+        ("ws://robot.local:7000", None, "allow it with --host robot.local"),
         ("tcp://127.0.0.1", None, "names no port"),
         ("tcp://127.0.0.1:99999", None, "Port out of range"),
         ("http://127.0.0.1:80", None, "no such source; known are -, tcp://"),
@@ -172,15 +169,15 @@ def test_a_file_of_messages_is_followed_too(tmp_path):
         ("tcp://127.0.0.1:7000", "no.such.host.invalid", "there is no such host"),
     ],
 )
-def test_what_cannot_be_listened_to_is_told(text, host, told):
+def test_unusable_addresses_are_refused(text, host, reported):
     with pytest.raises(InputError) as error:
         make_source(text, SourceOptions(host)).open()
 
-    assert told in str(error.value)
+    assert reported in str(error.value)
     assert "\n" not in str(error.value)
 
 
-def test_a_port_that_is_taken_is_told():
+def test_a_port_in_use_is_reported():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(InputError, match="cannot listen there: Address already in use"):

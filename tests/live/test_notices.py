@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trouble is told at once, then counted, and nothing of it lost."""
+"""Problems are reported at once, then counted, and none is lost."""
 
 from __future__ import annotations
 
 from cartoloop.live.notices import Notices
 
 
-def test_floods_are_told_in_few_lines():
-    told, clock = [], [0.0]
-    notices = Notices(told.append, period=5.0, now=lambda: clock[0])
+def test_floods_are_reported_in_few_lines():
+    reported, clock = [], [0.0]
+    notices = Notices(reported.append, period=5.0, now=lambda: clock[0])
     for k in range(1000):
         clock[0] = 0.01 * k
         notices.note("garbage", f"line {k} is garbage")
         notices.tick()
     notices.tick(all_of_it=True)
 
-    assert told == [
+    assert reported == [
         "line 0 is garbage",
         "line 500 is garbage (500 more, 501 in all)",
         "line 999 is garbage (499 more, 1000 in all)",
@@ -23,13 +23,13 @@ def test_floods_are_told_in_few_lines():
     assert notices.counts == {"garbage": 1000}
 
 
-def test_kinds_are_told_apart_and_old_ones_again():
-    told, clock = [], [0.0]
-    notices = Notices(told.append, period=5.0, now=lambda: clock[0])
+def test_kinds_are_separate_and_reported_again_later():
+    reported, clock = [], [0.0]
+    notices = Notices(reported.append, period=5.0, now=lambda: clock[0])
     notices.note("one")
     notices.note("other", count=3)
     clock[0] = 6.0
     notices.tick()
     notices.note("one")
 
-    assert told == ["one", "other (3 times)", "one (1 more, 2 in all)"]
+    assert reported == ["one", "other (3 times)", "one (1 more, 2 in all)"]

@@ -7,7 +7,6 @@ import importlib.util
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 from threading import Event, Thread
 
@@ -17,6 +16,7 @@ from cartoloop.errors import InputError
 from cartoloop.live.notices import Notices
 from cartoloop.live.ros2 import LOOPBACK_ONLY, Ros2Source
 from cartoloop.sensor.events import LaserScan, Odometry
+from tests.limits import LIMIT_S, wait_until
 
 ROOT = Path(__file__).parents[2]
 needs_dds = pytest.mark.skipif(
@@ -30,10 +30,10 @@ def test_a_robots_topics_are_received(monkeypatch):
     monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK_ONLY)
     domain = 100 + os.getpid() % 100
     source = Ros2Source(domain)
-    received, told = [], []
+    received, reported = [], []
     stop = Event()
     assert source.open() == f"waiting for topics of ROS 2 in domain {domain}"
-    receiver = Thread(target=source.run, args=(received.append, Notices(told.append), stop))
+    receiver = Thread(target=source.run, args=(received.append, Notices(reported.append), stop))
     receiver.start()
     try:
         paths = [str(ROOT / "src"), str(ROOT), os.environ.get("PYTHONPATH", "")]
@@ -43,18 +43,18 @@ def test_a_robots_topics_are_received(monkeypatch):
             cwd=ROOT,
             capture_output=True,
             text=True,
-            timeout=60.0,
+            timeout=LIMIT_S,
             check=False,
         )
         assert publisher.returncode == 0, publisher.stderr
-        time.sleep(0.3)
+        wait_until(lambda: len(received) >= 50)
     finally:
         stop.set()
-        receiver.join(10.0)
+        receiver.join(LIMIT_S)
 
     scans = [message for message in received if isinstance(message, LaserScan)]
     odometry = [message for message in received if isinstance(message, Odometry)]
-    assert sorted(told) == ["/odom (Odometry)", "/scan (LaserScan)"]
+    assert sorted(reported) == ["/odom (Odometry)", "/scan (LaserScan)"]
     assert 25 <= len(scans) <= 31
     assert 25 <= len(odometry) <= 31
     geometry = scans[0].geometry
@@ -67,7 +67,7 @@ def test_a_robots_topics_are_received(monkeypatch):
 @pytest.mark.skipif(
     importlib.util.find_spec("cyclonedds") is not None, reason="cyclonedds is installed"
 )
-def test_without_the_extra_it_is_told_what_to_install():
+def test_without_the_extra_the_message_names_it():
     with pytest.raises(InputError, match=r"pip install 'cartoloop\[dds\]'"):
         Ros2Source(0).open()
 

@@ -57,7 +57,7 @@ def imu(frame="imu"):
     return bytes(Cdr().header(6.0, frame).put("d", *numbers).data)
 
 
-def test_scans_are_left_out_until_it_is_told_where_they_are_taken():
+def test_scans_are_left_out_until_the_mounting_is_known():
     parser = RosParser(Notices(lambda line: None))
     assert parser.parse("/scan", ros.LASER_SCAN, scan()) is None
 
@@ -74,11 +74,11 @@ def test_scans_are_left_out_until_it_is_told_where_they_are_taken():
 
 def test_the_wait_for_a_transform_is_bounded(monkeypatch):
     monkeypatch.setattr(ros_messages, "TRANSFORM_WAIT_S", 0.0)
-    told = []
-    message = RosParser(Notices(told.append)).parse("/scan", ros.LASER_SCAN, scan())
+    reported = []
+    message = RosParser(Notices(reported.append)).parse("/scan", ros.LASER_SCAN, scan())
 
     assert message.geometry.tf_tracking_sensor == (0.0, 0.0, 0.0)
-    assert told == [
+    assert reported == [
         "/scan: /tf_static has no pose of laser on the robot; it is assumed to be at the robot's "
         "centre, or give --laser-pose X,Y,YAW"
     ]

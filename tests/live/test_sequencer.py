@@ -42,13 +42,13 @@ class Line:
     """A sequencer past its first scans, and what came out of it."""
 
     def __init__(self, sensors=("",), **options):
-        self.told = []
-        self.sequencer = Sequencer(Notices(self.told.append), **options)
+        self.reported = []
+        self.sequencer = Sequencer(Notices(self.reported.append), **options)
         for k in range(FIRST_SCANS):
             for sensor in sensors:
                 self.sequencer.add(Arrival(scan(k * 0.001, sensor), k * 0.001))
         self.first = self.out(1.0)
-        self.told.clear()
+        self.reported.clear()
 
     def add(self, message, arrival):
         self.sequencer.add(Arrival(message, arrival))
@@ -59,17 +59,17 @@ class Line:
         ]
 
 
-def test_first_scans_wait_until_the_scanner_is_known_and_none_is_lost():
-    told = []
-    sequencer = Sequencer(Notices(told.append))
+def test_first_scans_wait_for_the_profile_and_none_is_lost():
+    reported = []
+    sequencer = Sequencer(Notices(reported.append))
     for k in range(FIRST_SCANS):
         assert list(sequencer.ready(0.01 * k)) == []
         sequencer.add(Arrival(scan(0.01 * k), 0.01 * k))
     events = [event for event, _ in sequencer.ready(0.01 * FIRST_SCANS + 1.0)]
 
     assert len(events) == FIRST_SCANS
-    assert told[1] == f"scanner, by its first {FIRST_SCANS} scans:"
-    assert "30 beams" in told[2] or "beams      30" in told[2]
+    assert reported[1] == f"scanner, by its first {FIRST_SCANS} scans:"
+    assert "30 beams" in reported[2] or "beams      30" in reported[2]
 
 
 def test_a_slow_scanner_is_known_after_a_time():
@@ -82,15 +82,15 @@ def test_a_slow_scanner_is_known_after_a_time():
 
 
 def test_the_no_return_value_is_read_off_the_first_scans():
-    told = []
-    sequencer = Sequencer(Notices(told.append))
+    reported = []
+    sequencer = Sequencer(Notices(reported.append))
     for k, line in enumerate(lines(duration=12.0)):
         sequencer.add(Arrival(parse_message(line), 0.05 * k))
     events = [event for event, _ in sequencer.ready(math.inf) if isinstance(event, LaserScan)]
 
     assert 81.0 < events[0].geometry.range_max < 81.91
     assert all(event.geometry is events[0].geometry for event in events)
-    assert any("no return: 81.91" in line for line in told)
+    assert any("no return: 81.91" in line for line in reported)
 
 
 def test_a_no_return_value_that_is_seen_later_is_adopted():
@@ -105,7 +105,7 @@ def test_a_no_return_value_that_is_seen_later_is_adopted():
 
     [(last, _)] = line.sequencer.ready(math.inf)
     assert last.geometry.range_max == pytest.approx(81.91, rel=0.01)
-    assert any("ranges" in text and "81." in text for text in line.told)
+    assert any("ranges" in text and "81." in text for text in line.reported)
 
 
 def test_odometry_a_little_late_is_used_before_its_scan():
@@ -128,7 +128,7 @@ def test_no_scan_waits_for_long():
     assert line.out(2.0701) == [("LaserScan", 2.02)]
 
 
-def test_a_sensor_that_fell_silent_or_never_keeps_up_is_not_waited_for():
+def test_silent_and_late_sensors_are_not_waited_for():
     line = Line(max_delay=0.05)
     line.add(odometry(2.00), 2.0)
     line.add(scan(3.5), 3.5)
@@ -143,7 +143,7 @@ def test_a_sensor_that_fell_silent_or_never_keeps_up_is_not_waited_for():
     assert [kind for kind, _ in line.out(30.0)] == ["Odometry", "LaserScan"]
 
 
-def test_a_sweep_waits_for_what_is_measured_until_it_ends():
+def test_a_sweep_waits_for_messages_until_its_end():
     line = Line()
     line.add(odometry(2.0), 2.0)
     line.add(scan(2.0, time_increment=0.001), 2.03)
@@ -174,9 +174,9 @@ def test_damaged_order_is_repaired_or_counted():
     line.add(odometry(1.5), 2.12)
 
     assert [time for _, time in line.out(3.0)] == [2.0, 2.0, pytest.approx(2.1, abs=0.11)]
-    assert "the same scan again, not used" in line.told
-    assert "stamps of scans repeat or run backwards: repaired" in line.told
-    assert "odometry out of order, not used" in line.told
+    assert "the same scan again, not used" in line.reported
+    assert "stamps of scans repeat or run backwards: repaired" in line.reported
+    assert "odometry out of order, not used" in line.reported
 
 
 def test_clouds_and_imu_need_no_profile():
@@ -197,7 +197,7 @@ def test_nonsense_sensors_do_not_fill_the_memory():
         line.add(scan(2.0 + 0.1 * k, f"scanner {k}"), 2.0 + 0.1 * k)
 
     assert len(line.out(100.0)) == MAX_SENSORS - 1
-    assert f"scans of more than {MAX_SENSORS} sensors, not used" in line.told
+    assert f"scans of more than {MAX_SENSORS} sensors, not used" in line.reported
 
 
 def test_the_pose_of_the_scanner_can_be_given():
@@ -208,7 +208,7 @@ def test_the_pose_of_the_scanner_can_be_given():
     assert event.geometry.tf_tracking_sensor == Pose(0.3, 0.0, 0.1)
 
 
-def test_beams_beyond_a_range_max_that_was_told_say_nothing():
+def test_beams_beyond_a_given_range_max_do_not_clear():
     content = json.loads(lines(1.0)[1]) | {"range_max": 30.0}
     sequencer = Sequencer(Notices(lambda line: None))
     sequencer.add(Arrival(parse_message(json.dumps(content)), 0.0))

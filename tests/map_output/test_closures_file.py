@@ -14,13 +14,13 @@ from cartoloop.config import Config
 from cartoloop.global_slam.closures import Reason
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust, constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.global_slam.robust_loss import Loss
 from cartoloop.map_output.closures_file import (
     CLOSURE_COLUMNS,
     NODE_COLUMNS,
     closures_csv,
     nodes_csv,
 )
+from cartoloop.pose_adjustment import Loss
 from tests.global_slam import closures
 from tests.map_output.small_result import small_result
 

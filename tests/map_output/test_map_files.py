@@ -44,7 +44,7 @@ def reread(occupancy_map, config=CONFIG):
     )
 
 
-def test_map_server_reads_free_occupied_and_unknown_where_they_are():
+def test_map_server_reads_free_occupied_and_unknown_cells():
     occupancy_map = map_of([[0.1, 0.9, -1.0], [0.5, 0.05, 0.66]])
 
     assert reread(occupancy_map) == [[FREE, OCCUPIED, UNKNOWN], [UNKNOWN, FREE, OCCUPIED]]
@@ -72,7 +72,7 @@ def test_thresholds_of_the_configuration_decide():
     assert reread(map_of([[0.3, 0.6]]), config) == [[FREE, OCCUPIED]]
 
 
-def test_yaml_has_resolution_and_origin_in_full():
+def test_yaml_states_resolution_and_origin_in_full():
     text = yaml_text(map_of([[0.1]], (-123.456789, 7.05), 0.025), CONFIG, "map.pgm")
 
     assert parse_yaml(text) == {

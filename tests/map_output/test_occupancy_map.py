@@ -110,7 +110,7 @@ def test_a_quarter_turn_turns_the_map():
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 3.0, 17.0, 30.0, 45.0, 71.0, 90.0])
-def test_walls_stay_unbroken_and_floors_without_holes_when_turned(angle_deg):
+def test_turned_submaps_leave_no_holes_in_walls_and_floors(angle_deg):
     theta = math.radians(angle_deg)
     shift = np.array([[0.013, 0.031, theta]])
 

@@ -28,7 +28,7 @@ def nearness(picture, colour):
     return np.abs(np.asarray(picture).astype(int) - colour).max(axis=2)
 
 
-def test_floor_is_white_walls_are_dark_and_the_rest_is_background():
+def test_floor_is_white_walls_dark_and_unknown_background():
     pixels = np.asarray(draw_map(room()))
 
     zoom = 8

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bench.g2o import read_g2o
 from cartoloop.evaluation.trajectories import read_tum
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.map_output.text_files import format_stamp, g2o_text, tum_text
-from cartoloop.readers.g2o import read_g2o
 from cartoloop.sensor.pose import Pose, relative, wrap_angle
 
 
@@ -88,7 +88,7 @@ def test_lines_are_tum():
     assert lines[1] == "12.500000 1.000000000 0.000000000 0 0 0 0.707106781 0.707106781"
 
 
-def test_g2o_holds_nodes_first_submaps_after_them_and_what_is_fixed():
+def test_g2o_holds_nodes_then_submaps_and_fixed_vertices():
     graph = random_graph()
 
     text = g2o_text(graph)

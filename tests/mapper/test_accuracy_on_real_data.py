@@ -12,6 +12,8 @@ import cartoloop
 from cartoloop.evaluation.relations import evaluate_relations, read_relations
 from cartoloop.evaluation.trajectories import read_tum
 
+pytestmark = [pytest.mark.slow, pytest.mark.data]
+
 DATA = Path(os.environ.get("CARTOLOOP_DATA", Path(__file__).parents[2] / "../shared/data"))
 
 

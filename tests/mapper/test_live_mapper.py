@@ -15,6 +15,9 @@ from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import LaserScan, Odometry
 from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import make_world, simulate
+from tests.limits import LIMIT_S
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +53,7 @@ def test_live_poses_and_map_equal_those_of_a_recording(drive):
 def test_no_pose_waits_for_the_graph(drive):
     mapper = Mapper(live=True)
     may_go_on = Event()
-    mapper.run_on_graph_thread(lambda: may_go_on.wait(30.0) and None)
+    mapper.run_on_graph_thread(lambda: may_go_on.wait(LIMIT_S) and None)
     for event in drive.events(with_odometry=True):
         mapper.add(event)
         if mapper.num_scans == 50:
@@ -148,7 +151,7 @@ def test_closures_join_long_before_the_next_adjustment(drive):
         if isinstance(event, LaserScan):  # in real time, searches end before the next scan
             done = Event()
             mapper.run_on_graph_thread(done.set)
-            assert done.wait(30.0)
+            assert done.wait(LIMIT_S)
             while slam.search.num_running:
                 time.sleep(0.001)
             joined.append((slam.graph.num_nodes, slam.num_loop_closures))

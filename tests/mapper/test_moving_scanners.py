@@ -24,6 +24,8 @@ from cartoloop.simulation.motion import delayed
 from cartoloop.simulation.rig import MountedLidar
 from tests.local_slam.small_world import furnished_room
 
+pytestmark = pytest.mark.slow
+
 WIDE = Lidar(
     num_beams=541, angle_min=math.radians(-135.0), angle_increment=math.radians(0.5), rate=10.0
 )

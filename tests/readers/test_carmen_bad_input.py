@@ -55,7 +55,7 @@ def scans_of(log):
         (b"# only comments\n", "is not in a known format; give one"),
     ],
 )
-def test_what_is_no_log_is_one_clear_line(tmp_path, content, message):
+def test_a_file_that_is_no_log_is_refused_in_one_line(tmp_path, content, message):
     path = tmp_path / "given.clf"
     path.write_bytes(content)
     with pytest.raises(InputError, match=message) as caught:
@@ -64,7 +64,7 @@ def test_what_is_no_log_is_one_clear_line(tmp_path, content, message):
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_and_a_folder_are_told_apart(tmp_path):
+def test_missing_files_and_folders_have_their_own_messages(tmp_path):
     with pytest.raises(InputError, match="does not exist; check the path"):
         read(tmp_path / "nowhere.clf")
     with pytest.raises(InputError, match="is a folder"):
@@ -117,7 +117,7 @@ def test_a_line_cut_anywhere_is_skipped_or_whole(tmp_path_factory, length):
         assert all(p.message.startswith("cut.clf:6: ") for p in log.problems)
 
 
-def test_a_line_cut_in_the_middle_of_the_file_costs_that_line_only(tmp_path):
+def test_a_damaged_line_in_the_middle_costs_that_line_only(tmp_path):
     log = open_log(write(tmp_path / "run.clf", *GOOD[:3], GOOD[3][:300], *GOOD[4:]))
     assert len(scans_of(log)) == 9
     assert log.skipped == {"range count mismatch or line cut off": 1}
@@ -125,7 +125,7 @@ def test_a_line_cut_in_the_middle_of_the_file_costs_that_line_only(tmp_path):
 
 
 @pytest.mark.parametrize("beams", [0, 3, 178, 179, 181, 182, 500])
-def test_a_range_count_that_does_not_match_is_told_with_its_line(tmp_path, beams):
+def test_a_wrong_range_count_is_reported_with_its_line(tmp_path, beams):
     wrong = GOOD[1].replace("FLASER 180", f"FLASER {beams}")
     log = open_log(write(tmp_path / "run.clf", GOOD[0], wrong, GOOD[2]))
     assert [scan.stamp for scan in scans_of(log)] == [0.0, 0.4]
@@ -166,7 +166,7 @@ def test_unusable_ranges_stay_in_the_scan_for_the_filter(tmp_path):
     assert np.array_equal(scan.ranges, expected, equal_nan=True)
 
 
-def test_a_fault_on_every_other_line_is_counted_but_not_told_each_time(tmp_path):
+def test_frequent_faults_are_counted_and_reported_few_times(tmp_path):
     lines = [line for good in GOOD * 20 for line in (good, good[:200])]
     log = open_log(write(tmp_path / "run.clf", *lines))
     assert len(scans_of(log)) == 200
@@ -212,7 +212,7 @@ def test_a_log_with_all_beams_missing_is_read(tmp_path, value):
     assert not np.any(usable)
 
 
-def test_a_gap_of_ten_hours_is_kept_and_told(tmp_path):
+def test_a_gap_of_ten_hours_is_kept_and_reported(tmp_path):
     lines = [flaser(stamp=0.2 * i + 36000.0 * (i >= 20)) for i in range(40)]
     log = open_log(write(tmp_path / "run.clf", *lines))
     assert [scan.time for scan in scans_of(log)] == [scan.stamp for scan in scans_of(log)]
@@ -240,7 +240,7 @@ def test_one_wild_stamp_makes_no_gap(tmp_path):
     assert log.time_report.gaps == ()
 
 
-def test_stamps_that_run_backwards_are_named_as_recorded_and_timed_in_file_order(tmp_path):
+def test_backward_stamps_are_kept_and_times_follow_the_file(tmp_path):
     rng = np.random.default_rng(5)
     stamps = [round(0.2 * i + rng.uniform(0.0, 0.8), 3) for i in range(300)]
     lines = []

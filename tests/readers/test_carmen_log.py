@@ -79,7 +79,7 @@ def test_a_written_line_is_read_back(tmp_path_factory, ranges, odom, corrected, 
         st.floats(-99.0, 99.0).filter(lambda x: abs(x) > 0.5), st.floats(-99.0, 99.0), finite
     ),
 )
-def test_optional_parts_of_a_robotlaser_line_are_told_by_counting_from_the_end(
+def test_optional_parts_of_a_robotlaser_line_are_recognised(
     tmp_path_factory, ranges, remissions, turn_axis, stamp, robot
 ):
     laser = compose(Pose(*robot), Pose(0.25, -0.05, 0.1))
@@ -93,7 +93,7 @@ def test_optional_parts_of_a_robotlaser_line_are_told_by_counting_from_the_end(
     assert scan.geometry.tf_tracking_sensor == pytest.approx((0.25, -0.05, 0.1), abs=1e-6)
 
 
-def test_an_empty_remission_block_is_no_coordinate_even_where_that_puts_laser_and_robot_nearer(
+def test_an_empty_remission_block_is_no_coordinate(
     tmp_path,
 ):
     robot = Pose(1.0, 0.0, 0.0)
@@ -150,7 +150,7 @@ def test_file_order_is_kept_and_each_scan_follows_its_odometry(log_of):
     assert log.skipped == {}
 
 
-def test_an_odom_line_that_repeats_the_scans_pose_and_stamp_is_one_event(log_of):
+def test_a_scan_line_that_repeats_odometry_adds_no_event(log_of):
     log = log_of(
         "ODOM 0.1 0 0 0 0 0 1.0 host 0",
         flaser([1.0] * 180, (0.1, 0.0, 0.0), 1.0),
@@ -160,7 +160,7 @@ def test_an_odom_line_that_repeats_the_scans_pose_and_stamp_is_one_event(log_of)
     assert [event.stamp for event in odometry_of(log)] == [1.0, 1.5, 1.5]
 
 
-def test_iterating_twice_yields_the_same_and_counts_anew(log_of):
+def test_a_second_pass_yields_and_counts_the_same(log_of):
     log = log_of(flaser([1.0] * 180, stamp=1.0), "SYNC tag 1.0 host 0", "FLASER 3 1 1")
     first, counted = [e.stamp for e in log], dict(log.skipped)
     assert [e.stamp for e in log] == first
@@ -201,7 +201,7 @@ def test_param_lines_place_the_front_laser_wherever_they_stand(log_of):
     assert scans_of(log)[0].geometry.tf_tracking_sensor == Pose(0.31, -0.05, 0.0)
 
 
-def test_the_rear_laser_is_a_sensor_of_its_own_that_looks_backwards(log_of):
+def test_the_rear_laser_is_a_second_scanner_facing_back(log_of):
     log = log_of(
         "PARAM robot_rearlaser_offset -0.2",
         flaser([1.0] * 180, stamp=1.0),
@@ -221,7 +221,7 @@ def test_robotlaser_header_gives_angles_and_maximum_range(log_of):
     assert scan.geometry.range_max == 8.0
 
 
-def test_robotlaser_header_without_a_step_spreads_the_beams_over_the_field_of_view(log_of):
+def test_robotlaser_without_a_step_fills_the_field_of_view(log_of):
     header = "0 -2.0 4.0 0.0 0 0.01 0"
     (scan,) = scans_of(log_of(robotlaser([1.0] * 101, (0, 0, 0), (0, 0, 0), 1.0, header=header)))
     assert scan.geometry.angle_increment == pytest.approx(0.04)
@@ -240,7 +240,7 @@ def test_a_corrected_laser_pose_is_no_offset(log_of):
     assert any("moves against the robot" in p.message for p in log.problems)
 
 
-def test_raw_laser_lines_are_used_only_where_no_line_has_the_pose(log_of):
+def test_raw_lines_are_used_only_without_lines_with_poses(log_of):
     raw = "RAWLASER1 0 -1.570796 3.141593 0.017453 81.9 0.01 0 3 1 2 3 2 9 9 1.0 host 0"
     (scan,) = scans_of(log_of("ODOM 1 0 0 0 0 0 1.0 host 0", raw, name="raw.clf"))
     assert scan.ranges.tolist() == [1.0, 2.0, 3.0]
@@ -249,7 +249,7 @@ def test_raw_laser_lines_are_used_only_where_no_line_has_the_pose(log_of):
     assert both.skipped == {"RAWLASER1 (the same scanner as FLASER)": 2}
 
 
-def test_messages_without_use_are_counted_by_name_and_unknown_ones_told(log_of):
+def test_unused_lines_are_counted_unknown_ones_reported(log_of):
     log = log_of(
         flaser([1.0] * 180, stamp=1.0),
         "SYNC a 1.0 host 0",
@@ -262,7 +262,7 @@ def test_messages_without_use_are_counted_by_name_and_unknown_ones_told(log_of):
     assert log.problems == [("warning", "run.clf:5: unknown line 'WARP'", "unknown line")]
 
 
-def test_scans_alike_share_one_geometry_and_another_beam_count_gets_its_own(log_of):
+def test_scans_with_equal_beams_share_one_geometry(log_of):
     log = log_of(*(flaser([1.0] * n, stamp=float(i)) for i, n in enumerate((180, 90, 180, 90))))
     a, b, c, d = (scan.geometry for scan in scans_of(log))
     assert (a is c, b is d) == (True, True)

@@ -156,3 +156,11 @@ def test_a_sample_is_spread_in_groups_of_three():
     assert numbers[:2] == [1, 2]
     assert all(numbers[2 + 3 * k : 5 + 3 * k] == [s, s + 1, s + 2] for k, s in enumerate(starts))
     assert len({b - a for a, b in pairwise(starts)}) == 1
+
+
+def test_a_closed_pass_yields_nothing_more(faulty_path):
+    events = read(faulty_path)
+    next(events)
+    events.close()
+
+    assert list(events) == []

@@ -11,6 +11,8 @@ import pytest
 from cartoloop.readers import open_log
 from cartoloop.sensor.events import LaserScan
 
+pytestmark = pytest.mark.data
+
 DATA = Path(os.environ.get("CARTOLOOP_DATA", Path(__file__).parents[2] / "../shared/data"))
 
 # name: scans, beams, no return [m], range_max [m], rate [Hz], duration [s], odometry path [m]
@@ -52,7 +54,7 @@ def test_a_real_log_is_read_whole_and_its_scanner_known(name):
     assert np.hypot(*np.diff(path_xy, axis=0).T).sum() == pytest.approx(length, rel=0.01)
 
 
-def test_the_stamps_of_intel_are_counted_and_spread_evenly_in_file_order():
+def test_times_of_intel_are_even_and_in_file_order():
     path = DATA / "radish/intel.clf.gz"
     if not path.exists():
         pytest.skip(f"{path} is absent: set CARTOLOOP_DATA to the folder of the recordings")

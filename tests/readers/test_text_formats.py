@@ -57,7 +57,7 @@ class TestDpslam:
         assert events[3].ranges.tolist() == [1, 2, 3, 4, 5]
         assert log.skipped == {}
 
-    def test_beams_span_half_a_turn_whatever_their_number(self, opened):
+    def test_any_number_of_beams_spans_half_a_turn(self, opened):
         log = opened(*self.lines, "Laser 181 " + "2.5 " * 181)
         angles = [scan.geometry.angles for scan in scans_of(log)]
         assert angles[0] == pytest.approx(np.radians([-90, -45, 0, 45, 90]))
@@ -98,7 +98,7 @@ class TestTinyslam:
         assert scans[0].geometry.tf_tracking_sensor == Pose(0.145, 0.0, 0.0)
         assert log.profile.has_odometry
 
-    def test_the_wheels_turn_into_a_way(self, opened):
+    def test_wheel_ticks_become_odometry_poses(self, opened):
         lines = [tinyslam_line(10**5 * k, 500 * k, 1000 * k, WALL) for k in range(9)]
         poses = [event.tf_odom_tracking for event in odometry_of(opened(*lines))]
         assert poses[0] == Pose(0.0, 0.0, 0.0)
@@ -153,7 +153,7 @@ class TestCsv:
             (-2.0, 0.2, 4),
         ]
 
-    def test_what_the_comment_tells_of_the_scanner_is_heeded(self, opened):
+    def test_settings_in_the_comment_are_used(self, opened):
         log = opened(
             "# my robot, angle_min: -1, angle_max: 1",
             "# laser_x=0.2 laser_yaw=3.14 range_max=9",
@@ -188,7 +188,7 @@ class TestCsv:
         ]
         assert [event.time for event in log] == pytest.approx([0.0, 0.0, 0.1, 0.2, 0.3])
 
-    def test_what_rostopic_prints_is_read(self, opened):
+    def test_output_of_rostopic_is_read(self, opened):
         names = "header.seq,header.stamp,header.frame_id,angle_min,angle_max,angle_increment"
         header = ",".join(f"field.{name}" for name in names.split(","))
         log = opened(
@@ -223,14 +223,14 @@ class TestCsv:
     @pytest.mark.parametrize(
         ("lines", "message"),
         [
-            (("time,r0,r1", "0,1,2"), "nothing tells angle_min"),
+            (("time,r0,r1", "0,1,2"), "angle_min is missing"),
             (("# angle_min=0 angle_increment=0", "r0,r1", "1,2"), "angle_increment is 0"),
             ((angles, "r0,time,r1", "1,0,2"), "do not stand side by side"),
             ((angles, "r0,r1", "a,b"), "'a' is not a number; no scan of this CSV file"),
             ((angles, "r0,r1"), "holds no laser scans"),
         ],
     )
-    def test_what_cannot_be_read_is_told_in_a_line(self, opened, lines, message):
+    def test_unreadable_files_are_refused_in_one_line(self, opened, lines, message):
         with pytest.raises(InputError, match=message) as caught:
             opened(*lines)
         assert "given.txt" in str(caught.value)
@@ -256,6 +256,7 @@ FILES = {
 }
 
 
+@pytest.mark.data
 @pytest.mark.parametrize("name", FILES)
 def test_real_recordings_are_read_whole(name):
     path = DATA / f"other/{name}.gz"
@@ -264,10 +265,10 @@ def test_real_recordings_are_read_whole(name):
     num_scans, rate, duration, length, range_max = FILES[name]
     log = open_log(path)
     assert isinstance(log, LineLog)
-    way = np.array([event.tf_odom_tracking[:2] for event in odometry_of(log)])
+    path = np.array([event.tf_odom_tracking[:2] for event in odometry_of(log)])
     assert len(scans_of(log)) == log.num_scans == log.num_odometry == num_scans
     assert log.skipped == {}
     assert log.profile.rate == pytest.approx(rate, rel=0.01)
     assert log.duration == pytest.approx(duration, abs=0.1)
     assert log.profile.range_max == pytest.approx(range_max, abs=0.02)
-    assert np.hypot(*np.diff(way, axis=0).T).sum() == pytest.approx(length, rel=0.005)
+    assert np.hypot(*np.diff(path, axis=0).T).sum() == pytest.approx(length, rel=0.005)

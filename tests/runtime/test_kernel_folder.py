@@ -51,13 +51,12 @@ def test_a_lock_is_held_by_one_process_at_a_time(tmp_path, other):
     assert locks.acquire("voxel_filter")
 
 
-def test_killing_a_process_releases_its_locks(tmp_path, other):
+def test_killing_a_process_releases_its_locks(tmp_path, other, monkeypatch):
+    monkeypatch.setattr(kernel_folder, "_MAX_WAIT_S", 1e9)
     locks = KernelLocks(tmp_path)
     assert not locks.acquire("voxel_filter")
     other.kill()
-    start = time.monotonic()
     locks.wait("voxel_filter")
-    assert time.monotonic() - start < 10.0
     assert locks.acquire("voxel_filter")
 
 
@@ -66,16 +65,15 @@ def test_waiting_is_limited(tmp_path, other, monkeypatch):
     locks = KernelLocks(tmp_path)
     start = time.monotonic()
     locks.wait("voxel_filter")
-    assert 0.05 <= time.monotonic() - start < 10.0
+    assert time.monotonic() - start >= 0.05
 
 
 def test_the_waiting_time_is_limited_over_all_kernels(tmp_path, other, monkeypatch):
     monkeypatch.setattr(kernel_folder, "_MAX_WAIT_S", 0.5)
     locks = KernelLocks(tmp_path)
     locks.wait("voxel_filter")
-    start = time.monotonic()
+    monkeypatch.setattr(time, "sleep", lambda seconds: pytest.fail("waits again"))
     locks.wait("voxel_filter")
-    assert time.monotonic() - start < 0.4
 
 
 def test_without_a_lock_file_no_process_waits(tmp_path):

@@ -162,7 +162,7 @@ def test_equals_exhaustive_search(seed, linear_window, angular_window, min_score
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_equals_exhaustive_search_in_windows_that_need_all_heights(seed):
+def test_equals_exhaustive_search_in_windows_of_all_heights(seed):
     rng = np.random.default_rng(seed)
     grid, points = random_grid(rng, max_side=60, density=0.05), random_scan(rng, max_points=12)
     estimate = Pose(grid.origin_x + 1.0, grid.origin_y + 1.0, rng.uniform(-3, 3))
@@ -186,7 +186,7 @@ def test_equals_exhaustive_search_where_far_points_leap(seed):
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.01, 0.03, 0.1])
-def test_scans_hardly_larger_than_a_pixel_are_matched_at_all_rotations(spread):
+def test_scans_as_small_as_a_pixel_match_at_all_rotations(spread):
     rng = np.random.default_rng(3)
     grid, points = random_grid(rng), rng.normal(0.0, 1.0, (9, 2)) * spread
     assert_same_as_naive(
@@ -207,7 +207,7 @@ def test_every_node_bounds_its_leaves(seed, half_turns):
     heights, boxes = tree_for(grids, window, step, in_cells(extent))
     frame = SearchFrame(*estimate, grid.origin_x, grid.origin_y, RESOLUTION, step)
     places = Places(*np.zeros((3, 64), dtype=np.int32))
-    scan = PlacedScan(points, frame, boxes, places)
+    scan = PlacedScan(len(points), points, frame, boxes, places)
 
     def sums_of(height, group, col, row):
         place_points(heights, scan, window, height, group, 0)
@@ -256,13 +256,13 @@ def test_no_point_leaves_its_box_while_a_group_turns(seed, half_turns, far):
     grids = PrecomputationGrids(np.zeros((5, 7), dtype=np.uint8))
     window = SearchWindow(40, 40, half_turns)
     heights, boxes = tree_for(grids, window, step, in_cells(extent))
-    # Tells how far points move, where the matcher has the grid that is large enough for it.
+    # By how many cells points move, in place of the grid that is large enough for that.
     moves = np.tile(np.arange(boxes.shape[1], dtype=np.int32), (len(heights), 1))
     frame = SearchFrame(*rng.uniform(-3, 3, 5).tolist(), RESOLUTION, step)
 
     def place(height, group):
         places = np.zeros((3, len(points)), dtype=np.int32)
-        scan = PlacedScan(points, frame, moves, Places(*places))
+        scan = PlacedScan(len(points), points, frame, moves, Places(*places))
         place_points(heights, scan, window, height, group, 0)
         return places
 
@@ -277,7 +277,7 @@ def test_no_point_leaves_its_box_while_a_group_turns(seed, half_turns, far):
             assert ((rows >= first_rows) & (rows <= first_rows + moved)).all()
 
 
-def test_probabilities_are_the_same_with_precomputed_grids_and_without():
+def test_probabilities_are_the_same_with_and_without_grids():
     grid, walls = room()
     matcher = SubmapMatcher(grid)
     unpacked = matcher.probabilities()
@@ -351,7 +351,7 @@ def test_of_equal_scores_the_estimate_itself_wins():
     assert match.runner_up == match.score
 
 
-def test_runner_up_is_only_sought_as_far_as_asked():
+def test_runner_up_is_searched_for_within_the_margin():
     rng = np.random.default_rng(5)
     grid, points = random_grid(rng), random_scan(rng)
     estimate = Pose(grid.origin_x + 0.5, grid.origin_y + 0.5, 0.0)
@@ -417,7 +417,7 @@ def test_two_threads_find_the_same():
     assert None not in alone
 
 
-def test_memory_is_that_of_the_precomputed_grids_from_the_first_search_until_released():
+def test_memory_is_that_of_the_grids_until_released():
     grid, walls = room()
     matcher = SubmapMatcher(grid)
     truth = Pose(2.4, 1.9, 0.4)
@@ -483,7 +483,7 @@ def test_many_scans_at_once_are_found_where_each_is_found_alone(seed, min_score)
 
 
 @pytest.mark.parametrize("max_of_group", [1, 2, 5])
-def test_of_a_group_no_more_are_sought_once_enough_are_found(max_of_group):
+def test_group_is_skipped_once_enough_are_found(max_of_group):
     grid, clouds, estimates, linear, angular = many_scans(1, 9)
     groups = np.array((0, 1, 0, 1, 0, 1, 0, 1, 0))
 

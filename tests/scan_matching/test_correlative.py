@@ -88,7 +88,7 @@ def test_a_displaced_scan_is_found_within_a_pixel(grid, off):
     y=st.floats(-9.0, 9.0),
     theta=st.floats(-math.pi, math.pi),
 )
-def test_the_match_is_within_the_window_and_its_score_a_probability(grid, x, y, theta):
+def test_match_is_in_the_window_and_its_score_a_probability(grid, x, y, theta):
     found = match(grid, l_shaped_walls()[::16], Pose(x, y, theta), WINDOW)
     step = step_of_points(l_shaped_walls()[::16], RESOLUTION, MAX_RANGE)
     assert abs(found.tf_submap_scan.x - x) <= WINDOW.linear_search_window + RESOLUTION
@@ -106,8 +106,8 @@ def test_off_the_map_the_estimate_stays(grid):
     assert found.score == pytest.approx(0.1, rel=1e-4)
 
 
-def test_an_estimate_is_kept_where_a_candidate_further_off_is_hardly_better(grid):
-    """The weights tell equally good candidates apart: along a wall the nearest one wins."""
+def test_estimate_is_kept_if_far_candidates_are_hardly_better(grid):
+    """The weights distinguish equally good candidates: along a wall the nearest one wins."""
     wall = np.column_stack((np.linspace(-1.0, 0.5, 31), np.full(31, 1.5)))
     found = match(grid, wall, Pose(0.0, 0.1, 0.0), WINDOW)
     assert found.tf_submap_scan.x == pytest.approx(0.0, abs=1e-9)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Least-squares matching to a map built of scans: poses, angles, what the match tells of itself."""
+"""Least-squares matching to a map built of scans: poses, angles, residual and information."""
 
 from __future__ import annotations
 
@@ -72,15 +72,15 @@ def test_headings_either_side_of_the_half_turn_are_neighbours(room, start, prior
 
 
 @pytest.mark.parametrize(("start", "prior"), [(3.13, -3.13), (-3.13, 3.13)])
-def test_the_pull_across_the_half_turn_is_that_of_the_shorter_way(room, start, prior):
-    points, pull = scan_at(Pose(0, 0, math.pi)), 1e4 * WEAK
+def test_prior_across_the_half_turn_uses_the_smaller_angle(room, start, prior):
+    points, information = scan_at(Pose(0, 0, math.pi)), 1e4 * WEAK
     apart, together = (
         match(
             room,
             points,
             Pose(0, 0, start),
             Pose(0, 0, held_to),
-            pull,
+            information,
             MatchOptions(1.0, 1, TOLERANCE),
         )
         for held_to in (prior, start)
@@ -89,7 +89,7 @@ def test_the_pull_across_the_half_turn_is_that_of_the_shorter_way(room, start, p
     assert apart.cost - together.cost == pytest.approx(1e4 * turn**2, rel=1e-3)
 
 
-def test_the_residual_is_the_root_mean_square_of_what_the_points_lack(room):
+def test_residual_is_root_mean_square_of_one_minus_map(room):
     truth = Pose(0.2, 0.1, 0.3)
     points = scan_at(truth)
     found = match(room, points, truth, truth, WEAK, MatchOptions(10.0, MAX_ITERATIONS, TOLERANCE))
@@ -119,7 +119,7 @@ def test_a_scan_in_its_place_fits_better_than_one_that_is_not(room):
     assert right.residual < 0.5 * held.residual
 
 
-def test_the_information_is_a_symmetric_matrix_that_grows_with_the_points(room):
+def test_information_is_symmetric_and_grows_with_points(room):
     truth = Pose(0.2, 0.1, 0.3)
     points = scan_at(truth)
     once = match(room, points, truth, truth, WEAK, MatchOptions(10.0, MAX_ITERATIONS, TOLERANCE))

@@ -43,7 +43,7 @@ def test_information_is_symmetric_positive_and_bounded(seed, scale, residual):
     assert (sigmas >= np.array((MIN_SIGMA_M, MIN_SIGMA_M, MIN_SIGMA_RAD)) * (1 - 1e-6)).all()
 
 
-def test_the_covariance_is_that_of_the_least_squares_fit_plus_a_floor():
+def test_covariance_is_that_of_the_fit_plus_a_floor():
     curvature, residual = random_curvature(3, 100.0), 0.4
     floor = np.diag((MIN_SIGMA_M**2, MIN_SIGMA_M**2, MIN_SIGMA_RAD**2))
     expected = residual**2 * np.linalg.inv(curvature) + floor
@@ -72,7 +72,7 @@ def test_a_corridor_leaves_its_long_direction_open():
     assert np.sqrt(along @ covariance @ along) > 1.0
 
 
-def test_a_match_that_saw_nothing_is_worth_next_to_nothing_but_still_a_matrix():
+def test_match_without_information_gives_an_invertible_matrix():
     found = information(np.zeros((3, 3)))
     assert np.isfinite(found).all()
     assert (np.diag(np.linalg.inv(found)) >= 1.0).all()

@@ -53,13 +53,13 @@ def test_a_cheap_scanners_noise_grows_from_one_to_three_percent(distance, share)
     assert abs(noise.mean()) < 0.03 * share * distance
 
 
-def test_a_cheap_scanner_tells_nothing_far_as_zero():
+def test_a_cheap_scanner_reports_no_return_as_zero():
     lidar = replace(LIDARS["lds"], dropout=0.0)
     assert measure(np.array([np.inf, 9.0, 0.05]), lidar)[0].tolist() == [0.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("sizes", [[7], [1] * 7, [3, 3, 1], [5, 2]])
-def test_noise_does_not_depend_on_how_many_scans_are_taken_at_a_time(sizes):
+def test_noise_does_not_depend_on_the_block_size(sizes):
     lidar = replace(LIDARS["lds"], dropout=0.2)
     exact = np.random.default_rng(2).uniform(0.1, 7.0, (7, 360))
     noise = RangeNoise(lidar, np.random.default_rng(RNG_SEED), exact.size)
@@ -89,7 +89,7 @@ def test_an_unknown_scanner_is_refused_with_the_nearest_name():
         make_lidar("backpak")
 
 
-def test_beams_drop_out_as_often_as_told():
+def test_beams_drop_out_with_the_given_probability():
     measured = measure(np.full(20_000, 5.0), replace(EXACT, dropout=0.1))
     assert (measured == EXACT.no_return).mean() == pytest.approx(0.1, abs=0.01)
 

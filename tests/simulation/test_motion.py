@@ -28,7 +28,7 @@ def test_speed_and_angular_rate_stay_within_their_limits(route):
 
 @settings(deadline=None, max_examples=60)
 @given(route=routes)
-def test_the_motion_keeps_to_the_route_and_looks_where_it_drives(route):
+def test_the_motion_keeps_to_the_route_and_heads_along_it(route):
     motion = drive(route, corner_radius=0.5)
     assert motion.poses[0, :2] == pytest.approx(route[0])
     assert motion.poses[-1, :2] == pytest.approx(route[-1])

@@ -13,6 +13,8 @@ from cartoloop.simulation.museum_floor import museum_rooms
 from cartoloop.simulation.museum_walls import museum_doors
 from tests.simulation.wall_clearance import clearance_of_route
 
+pytestmark = pytest.mark.slow
+
 SEEDS = range(4)
 museum_of = lru_cache(museum)
 
@@ -86,7 +88,7 @@ def test_the_walk_is_as_long_as_the_papers(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_walk_comes_back_to_earlier_places_every_few_hundred_metres(seed):
+def test_the_walk_returns_every_few_hundred_metres(seed):
     places, walked = way_until(motion_of(museum_of(seed)))
     apart = np.linalg.norm(places[:, None] - places, axis=2)
     again = ((apart < 1.2) & (walked[:, None] - walked > 60.0)).any(axis=1)
@@ -105,7 +107,7 @@ def test_it_is_carried_without_odometry(world):
     assert not world.has_odometry
 
 
-def test_a_large_museum_grows_in_area_and_way():
+def test_a_large_museum_grows_in_area_and_path_length():
     large = large_museum(0, wings=3)
     assert 3 * 2200 < motion_of(large).path_length < 3 * 2310
     width, depth = np.ptp(large.walls.reshape(-1, 2), axis=0)
@@ -114,7 +116,7 @@ def test_a_large_museum_grows_in_area_and_way():
     assert clearance_of_route(large) > 0.4
 
 
-def test_the_museum_again_keeps_its_walls_while_the_way_grows(world):
+def test_museum_again_keeps_its_walls_while_the_path_grows(world):
     again = museum_again(0, walks=3)
     assert np.array_equal(again.walls, world.walls)
     assert np.array_equal(again.route[: len(world.route)], world.route)

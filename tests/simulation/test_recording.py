@@ -54,7 +54,7 @@ def test_scans_are_taken_exactly_at_the_true_poses():
     assert recording.ranges == pytest.approx(expected, abs=1e-9)
 
 
-def test_the_same_seed_gives_the_same_recording_and_another_another(recording):
+def test_only_the_same_seed_gives_the_same_recording(recording):
     same, other = (simulate(RING, SMALL, seed=seed, duration=20.0) for seed in (3, 4))
     assert np.array_equal(recording.ranges, same.ranges)
     assert np.array_equal(recording.odometry_poses, same.odometry_poses)
@@ -80,7 +80,7 @@ def test_a_negative_duration_is_refused():
 
 
 @pytest.mark.parametrize("size", [1, 7, 40, 41, 1000])
-def test_ranges_are_the_same_whatever_the_size_of_the_blocks(recording, size):
+def test_ranges_do_not_depend_on_the_block_size(recording, size):
     firsts, blocks = zip(*recording.range_blocks(size), strict=True)
     assert list(firsts) == list(range(0, 41, size))
     assert np.array_equal(np.vstack(blocks), recording.ranges)
@@ -110,7 +110,7 @@ def test_a_log_without_odometry_reads_back_as_scans_alone(tmp_path, name, mount)
     assert geometry.tf_tracking_sensor == pytest.approx(mount, abs=1e-6)
 
 
-def test_worlds_bring_their_scanner_and_whether_there_is_odometry():
+def test_worlds_have_a_scanner_and_odometry_by_default():
     flat = make_world("flat")
     carried = simulate(flat, duration=3.0)
     assert carried.lidar is LIDARS["lds"]
@@ -151,7 +151,7 @@ def test_events_are_odometry_and_scan_in_turn(recording):
 
 
 @pytest.mark.parametrize("name", ["log.clf", "log.clf.gz"])
-def test_the_log_tells_ranges_odometry_and_stamps_but_never_the_truth(recording, tmp_path, name):
+def test_the_log_has_ranges_odometry_and_stamps_but_no_truth(recording, tmp_path, name):
     recording.write_carmen(tmp_path / name)
     lines = lines_of(tmp_path / name)
     assert [line.split()[0] for line in lines[:4]] == ["#", "#", "PARAM", "PARAM"]
@@ -229,7 +229,7 @@ def test_a_robot_that_stands_has_no_relations():
     assert relation_pairs(np.zeros((9, 3)), 10).shape == (0, 2)
 
 
-def test_an_unwritable_place_is_an_error_that_names_it_and_leaves_nothing(recording, tmp_path):
+def test_an_unwritable_path_is_an_error_and_leaves_no_file(recording, tmp_path):
     with pytest.raises(OutputError, match=r"nowhere.*No such file"):
         recording.write_truth(tmp_path / "nowhere" / "truth.tum")
     (tmp_path / "folder.log").mkdir()
@@ -240,8 +240,8 @@ def test_an_unwritable_place_is_an_error_that_names_it_and_leaves_nothing(record
 
 def test_importing_the_simulation_loads_no_compiler():
     code = "import sys, cartoloop.simulation as s; s.drive; print('numba' in sys.modules)"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "False"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout.strip() == "False"
 
 
 def test_the_default_scanner_sees_the_office():

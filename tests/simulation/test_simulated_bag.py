@@ -99,7 +99,7 @@ def test_quaternions_turn_as_the_angles_do(angles):
     assert np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross == pytest.approx(rotation(*angles))
 
 
-def test_a_place_that_cannot_be_written_is_told(walk, tmp_path):
+def test_an_unwritable_path_is_reported(walk, tmp_path):
     with pytest.raises(OutputError, match="cannot be written"):
         walk.write_bag(tmp_path / "nowhere" / "walk.bag")
     assert list(tmp_path.iterdir()) == []

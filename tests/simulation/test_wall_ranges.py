@@ -36,7 +36,7 @@ def stretched(walls, by):
     field_of_view=st.floats(0.1, math.tau),
     num_beams=st.integers(2, 60),
 )
-def test_ranges_equal_the_naive_intersection_of_all_beams_with_all_walls(
+def test_ranges_equal_the_naive_intersection_with_all_walls(
     walls, poses, angle_min, field_of_view, num_beams
 ):
     ax, ay = walls[:, 0] - poses[:, :1], walls[:, 1] - poses[:, 1:2]
@@ -73,18 +73,18 @@ def test_a_full_turn_sees_a_square_room_at_its_exact_distances():
     assert ranges[0] == pytest.approx([2, diagonal, 2, diagonal, 2, diagonal, 2, diagonal])
 
 
-def test_the_nearest_of_several_walls_counts_whatever_their_order():
+def test_the_nearest_wall_counts_in_any_order():
     walls = np.array([[3, -1, 3, 1], [1, -1, 1, 1], [2, -1, 2, 1]], dtype=float)
     for order in ([0, 1, 2], [1, 0, 2], [2, 1, 0]):
         assert cast(walls[order], np.zeros((1, 3)), 0.0, 1.0, 1)[0, 0] == 1.0
 
 
-def test_walls_out_of_range_behind_or_without_length_are_not_seen():
+def test_walls_out_of_range_behind_or_of_no_length_are_unseen():
     walls = np.array([[13, -1, 13, 1], [-1, -0.5, -1, 0.5], [1, 0, 1, 0]], dtype=float)
     assert np.isinf(cast(walls, np.zeros((1, 3)), -0.1, 0.1, 3)).all()
 
 
-def test_a_long_wall_that_starts_out_of_range_is_seen_where_it_is_near():
+def test_a_wall_that_starts_out_of_range_is_seen_where_near():
     walls = np.array([[-500, 2, 500, 2]], dtype=float)
     ranges = cast(walls, np.zeros((1, 3)), 0.0, math.pi / 180, 181)
     assert ranges[0, 90] == pytest.approx(2.0)

@@ -7,6 +7,8 @@ from cartoloop.simulation import WORLDS, FloorPlan, Opening, drive, make_world
 from cartoloop.simulation.floor_plan import outline_of_boxes
 from tests.simulation.wall_clearance import clearance_of_route
 
+pytestmark = pytest.mark.slow
+
 ROBOT_RADIUS = 0.25
 
 
@@ -42,7 +44,7 @@ def test_the_office_is_a_floor_of_50_by_30_metres():
     assert np.ptp(corners, axis=0) == pytest.approx([50.0, 30.0], abs=0.5)
 
 
-def test_the_office_route_comes_back_to_places_after_long_ways():
+def test_the_office_route_returns_after_long_loops():
     motion = drive(make_world("office").route)
     times = np.arange(0.0, motion.duration, 1.0)
     points = motion.poses_at(times)[:, :2]

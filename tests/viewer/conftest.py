@@ -8,10 +8,10 @@ from contextlib import ExitStack
 import pytest
 
 from bench.browser import NoBrowserError, browser
-from cartoloop import Config, Mapper
+from cartoloop import Config
 from cartoloop.map_file.load import load_map
-from cartoloop.simulation import ring, simulate
 from cartoloop.viewer.view import LiveView, serve_result
+from tests.limits import LIMIT_S
 
 
 @pytest.fixture(scope="module")
@@ -25,15 +25,18 @@ def chromium():
         yield started
 
 
+@pytest.fixture(scope="session", autouse=True)
+def patient_server():
+    """On a busy machine a page may answer pings late."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("cartoloop.viewer.server.PING_TIMEOUT_S", LIMIT_S)
+        yield
+
+
 @pytest.fixture(scope="session")
-def result(tmp_path_factory):
+def result(ring_result, shared_files):
     """A ring of corridors with loops closed, saved and loaded."""
-    mapper = Mapper()
-    for event in simulate(ring(), seed=1, duration=125.0).events():
-        mapper.add(event)
-    out = tmp_path_factory.mktemp("ring")
-    mapper.finish().save(out)
-    return load_map(out)
+    return load_map(shared_files.path("ring_saved", ring_result.save))
 
 
 @pytest.fixture(scope="module")
@@ -46,15 +49,15 @@ def server(result):
 
 
 @pytest.fixture(scope="session")
-def events():
-    """Once round a ring and on a bit: a loop closes."""
-    return list(simulate(ring(), seed=1, duration=150.0).events())
+def events(ring_events):
+    """Once around a ring and a little further: a loop closes."""
+    return ring_events
 
 
 @pytest.fixture
 def view():
     """Shows the ring while it is mapped."""
-    view = LiveView("ring", Config(), scans_total=750, duration_s=150.0, port=0)
+    view = LiveView("ring", Config(), scans_total=626, duration_s=125.0, port=0)
     yield view
     view.close()
     assert view.failure is None

@@ -32,7 +32,7 @@ echo "installing $PACKAGES, for the tests of the viewer's page"
 apt="env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Acquire::Retries=2 -o Acquire::http::Timeout=20"
 log=$(mktemp) || give_up "no temporary file can be written"
 trap 'rm -f "$log"' EXIT
-# Each for some minutes at the most, with what is known of packages if no news can be had.
+# Each for at most some minutes, with the known lists of packages if there are no newer ones.
 timeout 120 $as_root $apt update >"$log" 2>&1 || echo "apt-get update failed: $(tail -n 1 "$log")"
 timeout 300 $as_root $apt install -y --no-install-recommends $PACKAGES >"$log" 2>&1 </dev/null ||
     give_up "apt-get install $PACKAGES failed: $(tail -n 1 "$log")"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A page in Python: reads messages and draws the map as ``docs/viewer-protocol.md`` tells."""
+"""A page in Python: reads messages and draws the map as ``docs/viewer-protocol.md`` describes."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from websockets.sync.client import connect
 
 from cartoloop.viewer.protocol import MessageType, messages
+from tests.limits import LIMIT_S
 
 
 class Page:
@@ -126,11 +127,9 @@ class Page:
                 np.frombuffer(payload, "<u4", count, 16),
                 np.frombuffer(payload, "<u4", count, 16 + 4 * count),
                 np.frombuffer(payload, "<f4", 3 * count, 16 + 8 * count).reshape(-1, 3),
-                np.frombuffer(payload, "<f4", count, 16 + 20 * count),
-                np.frombuffer(payload, "<f4", count, 16 + 24 * count),
-                np.frombuffer(payload, "u1", count, 16 + 28 * count),
+                np.frombuffer(payload, "u1", count, 16 + 20 * count),
             )
-            assert len(payload) == 16 + 29 * count
+            assert len(payload) == 16 + 21 * count
             return np.column_stack(columns).astype(np.float64)
 
         self._rows("constraints", payload, read)
@@ -186,14 +185,17 @@ def read_scan(payload):
 
 
 def join(url, **options):
-    """Return a connection to the server at the URL that it told, as its own page opens it."""
+    """Return a connection to the server at its URL, as its own page opens it."""
     place, _, query = url.partition("?")
     options.setdefault("origin", place.rstrip("/"))
+    options.setdefault("open_timeout", LIMIT_S)
+    options.setdefault("max_queue", None)
+    options.setdefault("ping_interval", None)  # a machine may be too busy to answer in time
     socket = place.replace("http:", "ws:") + "socket" + (f"?{query}" if query else "")
     return connect(socket, max_size=None, compression=None, **options)
 
 
-def look(connection, page=None, until=lambda page: page.is_complete, timeout=60.0):
+def look(connection, page=None, until=lambda page: page.is_complete, timeout=LIMIT_S):
     """Receive until the page knows enough, and return it."""
     page = page or Page()
     end = monotonic() + timeout

@@ -12,12 +12,14 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from tests.limits import LIMIT_S
+
 SIZE = (1280, 800)
 
 SCREENSHOTS = "CARTOLOOP_SCREENSHOTS"
 """Environment variable: a folder in which pictures of the page are kept, for the documentation."""
 
-TIMEOUT_MS = 60_000
+TIMEOUT_MS = 1000.0 * LIMIT_S
 
 
 class RealPage:
@@ -31,7 +33,7 @@ class RealPage:
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
 
     def _note(self, message):
-        # That a server is not there is told by the browser itself, as an error.
+        # The browser itself reports a missing server as an error.
         if message.type in ("error", "warning") and "WebSocket connection to" not in message.text:
             self.complaints.append(message.text)
 
@@ -53,7 +55,7 @@ class RealPage:
         return self.wait(f"s.settled && ({condition})", argument)
 
     def look(self, x, y, scale, rotation=0.0):
-        """Look at a point of the map [m], so many pixels a metre."""
+        """Look at a point of the map [m] at a scale in pixels a metre."""
         wanted = {"x": x, "y": y, "scale": scale, "rotation": rotation}
         self.page.evaluate("view => { cartoloop.view = view; }", wanted)
         self.settle()

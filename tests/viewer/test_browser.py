@@ -19,22 +19,22 @@ PIXEL = """() => {
 }"""
 
 
-def test_what_is_missing_is_told(monkeypatch):
+def test_missing_browser_is_reported(monkeypatch):
     monkeypatch.setattr("shutil.which", lambda name: None)
 
     with pytest.raises(NoBrowserError, match="no Chromium is installed: apt install"), browser():
         pass
 
 
-def test_a_program_that_is_no_browser_is_told(monkeypatch):
+def test_program_that_is_no_browser_is_reported(monkeypatch):
     pytest.importorskip("playwright")
     false = shutil.which("false")
     monkeypatch.setattr("shutil.which", lambda name: false if name == BROWSERS[0] else None)
 
-    with pytest.raises(NoBrowserError) as told, browser():
+    with pytest.raises(NoBrowserError) as error, browser():
         pass
-    assert f"{false} does not start" in str(told.value)
-    assert "\n" not in str(told.value)
+    assert f"{false} does not start" in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def test_it_draws_with_webgl2(chromium):  # last: from here on it runs

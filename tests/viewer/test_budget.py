@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The view tells pages often where it is cheap, and seldom where mapping needs the processor."""
+"""Pages are updated often where it is cheap, and seldom where mapping needs the processor."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ def run(cost, draw_cost, *, flat_out, speed=1.0, duration=60.0):
     return rounds / duration, drawn / duration, clocks.own / clocks.process
 
 
-def test_what_is_cheap_is_told_at_once():
+def test_cheap_updates_come_at_the_shortest_period():
     rounds, drawn, _ = run(1e-4, 1e-4, flat_out=False)
 
     assert rounds == pytest.approx(1.0 / UPDATE_PERIOD_S, rel=0.02)
     assert drawn == pytest.approx(rounds, rel=0.05)
 
 
-def test_what_is_dear_is_told_less_often_but_never_too_seldom():
+def test_expensive_updates_come_less_often_within_limits():
     rounds, drawn, _ = run(0.02, 0.05, flat_out=False)
 
     assert rounds == pytest.approx(1.0 / LONGEST_PERIOD_S, rel=0.02)
@@ -59,7 +59,7 @@ def test_growing_submaps_are_drawn_within_the_share():
 
 
 @pytest.mark.parametrize("speed", [1.6, 1.0, 0.3])
-def test_mapping_flat_out_loses_the_same_share_however_little_it_gets(speed):
+def test_share_is_the_same_flat_out_on_a_busy_machine(speed):
     rounds, drawn, share = run(0.002, 0.008, flat_out=True, speed=speed)
 
     assert 1.0 / FLAT_OUT_PERIODS_S[1] <= rounds * 1.02

@@ -11,11 +11,11 @@ import pytest
 from PIL import Image
 
 from cartoloop.errors import OutputError
-from cartoloop.global_slam.closures import Status
+from cartoloop.global_slam.closures import Reason, Status
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.picture import palette
-from cartoloop.viewer.feed import ConstraintColumns
-from cartoloop.viewer.protocol import MessageType, WireConstraint
+from cartoloop.viewer.feed import rejected_closures
+from cartoloop.viewer.protocol import REJECTED, MessageType
 from cartoloop.viewer.view import serve_result
 from tests.viewer.page_twin import join, look
 
@@ -55,7 +55,7 @@ def test_the_page_draws_the_exported_map(page, result):
     assert len(np.unique(expected[..., 0])) > 50
 
 
-def test_all_of_the_map_comes_in_the_order_told(page, result):
+def test_parts_come_in_the_documented_order(page, result):
     graph = result.graph
     assert page.order[0] == MessageType.HELLO
     assert page.order[-1] == MessageType.COMPLETE
@@ -66,21 +66,20 @@ def test_all_of_the_map_comes_in_the_order_told(page, result):
         MessageType.CONSTRAINTS, MessageType.SCAN, MessageType.COMPLETE,
     ]  # fmt: skip
     assert (page.hello["protocol"], page.hello["mode"], page.hello["name"]) == (
-        1, "finished", "ring",
+        2, "finished", "ring",
     )  # fmt: skip
     assert np.array_equal(page.tables["submap_poses"], graph.submap_poses)
     assert np.allclose(page.tables["nodes"], graph.node_poses, atol=1e-5)
     assert np.array_equal(page.tables["node_times"], result.stamps[result.node_scan_index])
-    num_removed = result.closures.counts()[Status.CONTRADICTED]
-    assert len(page.tables["constraints"]) == graph.num_constraints + num_removed
-    assert np.all(page.tables["constraints"][graph.num_constraints :, 7] == WireConstraint.REJECTED)
+    counts, found = result.closures.counts(), result.closures.found
+    rejected = page.tables["constraints"][graph.num_constraints :]
+    assert counts[Status.CONTRADICTED] <= len(rejected) < len(found) + counts[Status.CONTRADICTED]
+    assert np.all(rejected[:, 5] == REJECTED)
     constraints = page.tables["constraints"][: graph.num_constraints]
     assert np.array_equal(constraints[:, 0], graph.index_a)
     assert np.array_equal(constraints[:, 1], graph.index_b)
     assert np.allclose(constraints[:, 2:5], graph.relative_poses, atol=1e-5)
-    scores = ConstraintColumns.of(graph, result.closures).scores
-    assert np.allclose(constraints[:, 5], scores, atol=1e-6, equal_nan=True)
-    assert np.array_equal(constraints[:, 7], graph.kinds)
+    assert np.array_equal(constraints[:, 5], graph.kinds)
     assert page.readings["state"] == "finished"
     assert page.readings["nodes"] == graph.num_nodes
     assert page.readings["loop_closures"] == result.report.constraints.loop_closure > 0
@@ -100,6 +99,8 @@ def test_details_of_a_closure(connection, page, result):
     assert (closure["submap"], closure["node"]) == (graph.index_a[row], graph.index_b[row])
     score = result.closures.score[graph.closure_rows[row]]
     assert closure["score"] == (None if np.isnan(score) else pytest.approx(score, abs=1e-6))
+    assert (closure["status"], closure["reason"]) == ("final", "fits")
+    assert 0.0 < closure["fit_residual"] < 1.0
     assert closure["residual_m"] < 0.2
     assert closure["residual_deg"] < 1.0
     assert len(closure["points"]) == len(result.node_points[closure["node"]]) > 20
@@ -109,6 +110,21 @@ def test_details_of_a_closure(connection, page, result):
     theirs = place(closure["tf_submap_other"], closure["other_points"])
     distance = np.linalg.norm(ours[:, None] - theirs[None], axis=2).min(axis=1)
     assert np.median(distance) < 0.5
+
+
+def test_card_says_why_a_closure_was_rejected(connection, page, result):
+    closures, first = result.closures, result.graph.num_constraints
+    rows = rejected_closures(closures).closures
+    assert len(rows) > 0
+    for number, row in enumerate(rows.tolist()):
+        _, closure = ask(connection, page, type="closure", id=number, constraint=first + number)
+        assert (closure["submap"], closure["node"]) == (closures.submap[row], closures.node[row])
+        assert closure["status"] == Status(closures.status[row]).text
+        assert closure["status"] in ("poor_fit", "moved_too_far", "contradicted")
+        assert closure["reason"] == Reason(closures.reason[row]).text != ""
+        if row < closures.num_requested:
+            assert closure["window"]["linear_m"] == closures.linear_window[row]
+            assert closure["score"] is None or closure["score"] >= closure["min_score"] > 0.0
 
 
 def test_points_of_a_node(connection, page, result):
@@ -154,7 +170,7 @@ def test_a_picture_that_cannot_be_drawn_is_refused_each_time(result, monkeypatch
         server.close()
 
 
-def test_answers_to_quick_requests_tell_which_they_answer(connection, page):
+def test_answers_name_their_requests(connection, page):
     page.answers.clear()
     for number in range(8):
         connection.send(json.dumps({"type": "node_scan", "id": 100 + number, "node": 7 - number}))
@@ -180,7 +196,7 @@ def test_ping(connection, page):
         ({"type": "node_scan", "node": 10**9}, "there is no node"),
     ],
 )
-def test_what_is_not_there_is_told(connection, page, request_, why):
+def test_requests_for_missing_things_are_refused(connection, page, request_, why):
     kind, problem = ask(connection, page, id=8, **request_)
 
     assert (kind, problem["id"]) == (MessageType.PROBLEM, 8)

@@ -9,13 +9,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.limits import LIMIT_S
+
 SCRIPT = Path(__file__).parent / "install_browser.sh"
 NEEDED = ("sh", "env", "mktemp", "rm", "tail", "timeout", "chmod", "true")
 
 
 @pytest.fixture
 def install(tmp_path):
-    """Run the script where there are these programs only, told as shell scripts, by name."""
+    """Run the script where there are only these programs, given as shell scripts by name."""
 
     def install(**programs):
         folder = tmp_path / "bin"
@@ -32,7 +34,7 @@ def install(tmp_path):
             capture_output=True,
             text=True,
             check=False,
-            timeout=60,
+            timeout=LIMIT_S,
         )
         assert done.returncode == 0, done.stderr
         assert done.stderr == ""
@@ -62,19 +64,19 @@ def test_nothing_is_done_where_there_is_a_browser(install):
 
 
 def test_root_installs_it(install):
-    told = install(id="echo 0", apt_get=apt())
-    assert told == "installing chromium fonts-dejavu-core, for the tests of the viewer's page\n"
+    output = install(id="echo 0", apt_get=apt())
+    assert output == "installing chromium fonts-dejavu-core, for the tests of the viewer's page\n"
 
 
-def test_whoever_may_act_as_root_without_a_password_installs_it(install):
-    told = install(id="echo 1000", sudo='shift; exec "$@"', apt_get=apt())
-    assert told.startswith("installing") and "skipped" not in told
+def test_sudo_without_a_password_installs_it(install):
+    output = install(id="echo 1000", sudo='shift; exec "$@"', apt_get=apt())
+    assert output.startswith("installing") and "skipped" not in output
 
 
 def test_old_lists_of_packages_may_do(install):
-    told = install(id="echo 0", apt_get=apt(update=FAIL))
-    assert "apt-get update failed: E: no network" in told
-    assert "skipped" not in told
+    output = install(id="echo 0", apt_get=apt(update=FAIL))
+    assert "apt-get update failed: E: no network" in output
+    assert "skipped" not in output
 
 
 @pytest.mark.parametrize(
@@ -87,7 +89,7 @@ def test_old_lists_of_packages_may_do(install):
         ({"id": "echo 0", "apt_get": apt(install=":")}, "there is none of: chromium"),
     ],
 )
-def test_where_it_cannot_be_the_reason_is_told(install, programs, why):
-    told = install(**programs)
-    assert why in told
-    assert told.endswith("; the tests of the viewer's page are skipped\n")
+def test_reason_is_given_where_it_cannot_be_installed(install, programs, why):
+    output = install(**programs)
+    assert why in output
+    assert output.endswith("; the tests of the viewer's page are skipped\n")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What pages are told is the latest state, however much happened since they were told last."""
+"""Pages are sent the latest state, however much has happened since the last message."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from collections import Counter
 import pytest
 
 from cartoloop import Config, Mapper
-from cartoloop.simulation import ring, simulate
 from cartoloop.viewer.feed import Feed, whole
 from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.playback import Playback
@@ -18,10 +17,10 @@ from tests.viewer.page_twin import Page
 
 
 @pytest.fixture(scope="module")
-def updates_and_result():
-    """An update after each scan of a way round a ring, and the finished map."""
+def updates_and_result(ring_events):
+    """An update after each scan of a drive around a ring, and the finished map."""
     mapper, feed, updates = Mapper(), Feed(), []
-    for event in simulate(ring(), seed=1, duration=125.0).events():
+    for event in ring_events:
         mapper.add(event)
         feed.after_event(mapper)
         if (update := feed.take()) is not None:
@@ -40,7 +39,7 @@ def everything(subscription, state):
     return b"".join(iter(lambda: subscription.bundle(state.parts), b""))
 
 
-def test_a_page_that_takes_nothing_for_long_is_told_each_thing_once(state, updates_and_result):
+def test_late_page_gets_each_part_once(state, updates_and_result):
     updates, result = updates_and_result
     quick, slow = state.subscribe(), state.subscribe()
     page = Page()
@@ -59,9 +58,9 @@ def test_a_page_that_takes_nothing_for_long_is_told_each_thing_once(state, updat
 
     late = everything(slow, state)
 
-    told = Counter((kind, payload[:4]) for kind, payload in messages(late))
-    assert max(told.values()) == 1
-    assert sum(kind == MessageType.SUBMAP for kind, _ in told) == result.graph.num_submaps
+    sent = Counter((kind, payload[:4]) for kind, payload in messages(late))
+    assert max(sent.values()) == 1
+    assert sum(kind == MessageType.SUBMAP for kind, _ in sent) == result.graph.num_submaps
     assert len(late) < 0.1 * num_bytes
     assert everything(slow, state) == b""
 
@@ -76,10 +75,8 @@ def test_one_that_leaves_is_forgotten(state, updates_and_result):
     assert not subscription.changed.is_set()
 
 
-def test_much_is_sent_in_pieces_between_which_the_state_may_change(
-    state, updates_and_result, monkeypatch
-):
-    monkeypatch.setattr("cartoloop.viewer.live_state.BUNDLE_BYTES", 1000)
+def test_state_may_change_between_two_bundles(state, updates_and_result, monkeypatch):
+    monkeypatch.setattr("cartoloop.viewer.subscriptions.BUNDLE_BYTES", 1000)
     updates, _ = updates_and_result
     for update in updates[:200]:
         state.apply(update)
@@ -97,7 +94,7 @@ def test_much_is_sent_in_pieces_between_which_the_state_may_change(
     assert page.scan["number"] == updates[-1].num_scans
 
 
-def test_nodes_and_constraints_come_in_pieces_until_poses_are_adjusted(state, updates_and_result):
+def test_rows_are_appended_until_poses_are_adjusted(state, updates_and_result):
     updates, _ = updates_and_result
     subscription, page = state.subscribe(), Page()
     firsts = []
@@ -116,7 +113,7 @@ def test_nodes_and_constraints_come_in_pieces_until_poses_are_adjusted(state, up
     assert all(first > 0 for first, adjusted in firsts[1:] if not adjusted)
 
 
-def test_playback_is_told(state):
+def test_playback_is_sent(state):
     page, subscription = Page(), state.subscribe()
     page.receive(everything(subscription, state))
     assert page.playback["can_pause"]

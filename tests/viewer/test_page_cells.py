@@ -48,7 +48,7 @@ OVERTAKEN = """async () => {
 """What stands in the last cell of a submap whose versions came faster than they can be inflated."""
 
 
-def test_a_finished_submap_replaces_what_is_still_being_inflated(chromium, server):
+def test_finished_submap_replaces_one_still_being_inflated(chromium, server):
     with opened(chromium, server.url) as page:
         page.settle()
         shown = page.page.evaluate(OVERTAKEN)
@@ -69,7 +69,7 @@ def test_cells_out_of_sight_are_let_go_and_come_back(chromium, server):
         left, bottom = all_held.page.evaluate("cartoloop.toMap([0, 800])")
         right, top = all_held.page.evaluate("cartoloop.toMap([1280, 0])")
         held = []
-        # Across the map and back; at another scale each, so that all of the picture is drawn anew.
+        # Across the map and back; at another scale each, so that the whole picture is drawn again.
         for step, share in enumerate((0.3, 0.4, 0.5, 0.6, 0.7, 0.4)):
             x, y = left + share * (right - left), bottom + share * (top - bottom)
             for one in (all_held, page):
@@ -94,8 +94,8 @@ def test_where_more_is_seen_than_can_be_held_it_comes_to_rest(chromium, server):
         assert page.state["held"]["squares"] == 3
 
 
-def test_a_server_that_says_nothing_more_is_told(chromium, server):
-    """It need not be gone: who walks out of reach with a tablet is not told by the network."""
+def test_silent_server_is_reported(chromium, server):
+    """It may still run: the network does not report a tablet that is out of reach."""
     hasty = {
         "connection.js": {
             "PING_PERIOD_MS = 5000": "PING_PERIOD_MS = 200",
@@ -115,7 +115,7 @@ def test_a_server_that_says_nothing_more_is_told(chromium, server):
         page.page.route_web_socket("**/socket", relay)
         page.page.goto(server.url)
         page.settle()
-        assert page.page.text_content("#state") == "finished"
+        page.page.get_by_text("finished", exact=True).wait_for()
 
         num_mute = len(routes)
         page.page.get_by_text("no answer from the program", exact=True).wait_for()

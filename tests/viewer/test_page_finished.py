@@ -14,11 +14,12 @@ from cartoloop.global_slam.pose_adjustment import constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.picture import palette
+from cartoloop.viewer.feed import rejected_closures
 from cartoloop.viewer.view import serve_result
 from tests.viewer.real_page import SIZE, opened
 
 WIDTH, CELL = 2.08, 0.05
-"""Between the walls of the ring's corridors [m], in the middle of one of which the map's x axis is,
+"""Between the walls of the ring's corridors [m], and the map's x axis is in the middle of one,
 and edge of a cell of the map, which is as exact as it can be measured."""
 
 
@@ -53,7 +54,8 @@ def test_it_loads_without_a_complaint_under_its_own_policy(chromium, server, res
 
 def test_all_submaps_appear(page, result):
     assert page.state["counts"]["submaps"] == result.graph.num_submaps
-    assert page.state["counts"]["constraints"] == result.graph.num_constraints
+    num_rejected = len(rejected_closures(result.closures).kinds)
+    assert page.state["counts"]["constraints"] == result.graph.num_constraints + num_rejected
     pixels = page.pixels()
     assert np.count_nonzero(pixels.min(axis=2) > 245) > 5_000  # floor
     assert np.count_nonzero(pixels.max(axis=2) < 90) > 500  # walls
@@ -119,7 +121,7 @@ def test_a_tape_is_in_the_picture_that_is_saved(page):
     assert np.count_nonzero((around == (0, 114, 178)).all(axis=2)) > 500  # its label
 
 
-def test_the_newest_closure_is_told_of_by_a_key(page, result):
+def test_key_opens_the_newest_closure(page, result):
     page.page.keyboard.press("c")
     state = page.wait("s.closure !== null")
     kinds = np.asarray(result.graph.kinds)
@@ -128,7 +130,7 @@ def test_the_newest_closure_is_told_of_by_a_key(page, result):
     page.wait("s.closure === null")
 
 
-def test_the_tape_measures_between_points_where_there_is_no_wall(page):
+def test_tape_measures_between_points_without_walls(page):
     page.page.click("#tape")
     page.look(4.0, 0.0, 100.0)
     for x, y in ((3.0, 0.1), (5.0, 0.1)):
@@ -138,7 +140,7 @@ def test_the_tape_measures_between_points_where_there_is_no_wall(page):
     assert abs(tape["metres"] - 2.0) < 2.0 / 100.0
 
 
-def test_a_click_on_a_closure_tells_of_it(page, result):
+def test_click_on_a_closure_opens_its_card(page, result):
     graph = result.graph
     row = int(np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)[0])
     x, y = graph.node_poses[graph.index_b[row], :2]
@@ -146,21 +148,24 @@ def test_a_click_on_a_closure_tells_of_it(page, result):
     page.page.mouse.click(*page.page.evaluate("row => cartoloop.constraint(row).to", row))
     row = page.settle("s.closure !== null")["closure"]
     assert graph.kinds[row] == ConstraintKind.LOOP_CLOSURE
-    told = {
+    card = {
         name: page.page.text_content(f"#closure-{name}")
         for name in ("title", "score", "runner", "residual", "verdict")
     }
-    assert told["title"] == f"Node {graph.index_b[row]} in submap {graph.index_a[row]}"
+    assert card["title"] == f"Node {graph.index_b[row]} in submap {graph.index_a[row]}"
     closures, place = result.closures, graph.closure_rows[row]
     if closures.score[place] > 0.0:
-        assert number(told["score"]) == pytest.approx(closures.score[place], abs=0.006)
+        assert number(card["score"]) == pytest.approx(closures.score[place], abs=0.006)
     if closures.runner_up[place] > 0.0:
-        assert number(told["runner"]) == pytest.approx(closures.runner_up[place], abs=0.006)
+        assert number(card["runner"]) == pytest.approx(closures.runner_up[place], abs=0.006)
     metres, radians = constraint_residuals(graph, np.array([row]))
-    unit = 0.01 if " cm" in told["residual"] else 0.001 if " mm" in told["residual"] else 1.0
-    assert unit * number(told["residual"]) == pytest.approx(metres[0], rel=0.1, abs=2e-4)
-    assert number(told["residual"].split(",")[1]) == pytest.approx(
+    unit = 0.01 if " cm" in card["residual"] else 0.001 if " mm" in card["residual"] else 1.0
+    assert unit * number(card["residual"]) == pytest.approx(metres[0], rel=0.1, abs=2e-4)
+    assert number(card["residual"].split(",")[1]) == pytest.approx(
         np.degrees(radians[0]), abs=0.006
+    )
+    assert number(page.page.text_content("#closure-fit")) == pytest.approx(
+        closures.residual[place], abs=0.006
     )
     assert scans_drawn(page) > 200
     page.keep("closure")
@@ -285,7 +290,7 @@ def test_the_map_can_be_saved(page, result):
         assert np.asarray(picture.convert("RGB")).std() > 3.0
 
 
-def test_when_the_server_goes_it_is_told_and_when_it_is_back_all_is_shown(chromium, result):
+def test_lost_server_is_reported_and_found_again(chromium, result):
     server = serve_result(result, "ring", port=0)
     port = server.port
     with opened(chromium, server.url) as page:

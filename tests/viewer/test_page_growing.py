@@ -11,6 +11,7 @@ import pytest
 
 from cartoloop import Config, Mapper
 from cartoloop.viewer.view import LiveView
+from tests.limits import LIMIT_S
 from tests.viewer.real_page import TIMEOUT_MS, opened
 
 
@@ -105,7 +106,7 @@ def test_one_that_joins_late_or_again_sees_what_the_others_see(chromium, view, m
         same_in_the_end(page, other)
 
 
-def test_finishing_and_the_finished_map_are_told(chromium, view, mapper, events):
+def test_finishing_and_the_finished_map_are_shown(chromium, view, mapper, events):
     with opened(chromium, view.url) as page:
         page.wait("s.complete")
         add(mapper, view, events[:250])
@@ -130,12 +131,12 @@ def test_pausing_and_playing_from_the_page(chromium, view, mapper, events):
         assert mapper.num_scans == 0
         page.page.keyboard.press(" ")
         page.wait("s.readings.state !== 'paused'")
-        mapping.join(60.0)
+        mapping.join(LIMIT_S)
         assert not mapping.is_alive()
         see(page, mapper, view)
 
 
-def test_a_pace_from_the_command_line_is_among_those_to_choose_from(chromium):
+def test_pace_from_the_command_line_can_be_chosen(chromium):
     view = LiveView("ring", Config(), speed=7.0, port=0)
     try:
         with opened(chromium, view.url) as page:

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.viewer import protocol
-from cartoloop.viewer.protocol import ConstraintRows, MessageType, Texture, WireConstraint
+from cartoloop.viewer.protocol import ConstraintRows, MessageType, Texture
 
 REFERENCE = Path(__file__).parents[2] / "docs/viewer-protocol.md"
 
@@ -24,7 +25,7 @@ def only(data):
     return message.payload
 
 
-def test_several_messages_in_one_are_told_apart_and_each_begins_at_a_multiple_of_8():
+def test_bundled_messages_are_separated_and_aligned_to_8_bytes():
     data = protocol.json_message(MessageType.PONG, {"id": 1}) + protocol.message(
         MessageType.PICTURE, b"12345"
     )
@@ -70,14 +71,15 @@ def test_patch():
 
 
 def test_poses_and_times():
-    poses = np.arange(6.0).reshape(2, 3)
+    poses = np.arange(15.0).reshape(5, 3)
+    stamps = np.array([0.0, 0.5, 1.0, 1.5, 2.5])
 
-    submaps = only(protocol.submap_poses_message(5, poses))
-    nodes = only(protocol.nodes_message(6, 3, 5, poses))
-    times = only(protocol.node_times_message(3, 5, np.array([1.5, 2.5])))
+    submaps = only(protocol.table_message(MessageType.SUBMAP_POSES, 5, 0, poses[:2]))
+    nodes = only(protocol.table_message(MessageType.NODES, 6, 3, poses))
+    times = only(protocol.table_message(MessageType.NODE_TIMES, 0, 3, stamps))
 
     assert struct.unpack("<4I6d", submaps) == (0, 2, 2, 5, *range(6))
-    assert struct.unpack("<4I6f", nodes) == (3, 2, 5, 6, *range(6))
+    assert struct.unpack("<4I6f", nodes) == (3, 2, 5, 6, *range(9, 15))
     assert struct.unpack("<4I2d", times) == (3, 2, 5, 0, 1.5, 2.5)
 
 
@@ -86,18 +88,16 @@ def test_constraints():
         np.array([1, 2], np.uint32),
         np.array([3, 4], np.uint32),
         np.arange(6, dtype=np.float32).reshape(2, 3),
-        np.array([0.5, np.nan], np.float32),
-        np.array([0.25, np.nan], np.float32),
-        np.array([WireConstraint.LOOP_CLOSURE, WireConstraint.INTRA_SUBMAP], np.uint8),
+        np.array([ConstraintKind.LOOP_CLOSURE, ConstraintKind.INTRA_SUBMAP]),
+        np.array([7, -1], np.int32),
     )
 
     payload = only(protocol.constraints_message(2, 10, 12, rows))
 
-    values = struct.unpack("<4I2I2I6f2f2f2B", payload)
+    values = struct.unpack("<4I2I2I6f2B", payload)
     assert values[:8] == (10, 2, 12, 2, 1, 2, 3, 4)
     assert values[8:14] == tuple(range(6))
-    assert (values[14], values[16], values[18:]) == (0.5, 0.25, (1, 0))
-    assert math.isnan(values[15])
+    assert values[14:] == (1, 0)
 
 
 def test_scan():

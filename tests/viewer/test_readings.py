@@ -5,18 +5,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 import pytest
 
 from cartoloop import Mapper
-from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.simulation import office, simulate
 from cartoloop.simulation.floor_plan import FloorPlan, World
-from cartoloop.viewer.feed import ConstraintColumns, Feed, Update
+from cartoloop.viewer.feed import Feed, Update, constraints_of
 from cartoloop.viewer.readings import Readings, RealTimeFactor, largest_deviation
+
+NOW = 1000.0
 
 UPDATE = Update(
     submap_poses=np.zeros((0, 3)),
@@ -25,11 +25,17 @@ UPDATE = Update(
     node_stamps=np.zeros(0),
     adjusted=False,
     first_constraint=0,
-    constraints=ConstraintColumns.of(PoseGraph(), Closures()),
+    constraints=constraints_of(PoseGraph()),
     finished={},
     num_scans=7,
     skipped={"too dark": 2},
 )
+
+
+@pytest.fixture(autouse=True)
+def now(monkeypatch):
+    """The clock of the readings, which stands still [s]."""
+    monkeypatch.setattr("cartoloop.viewer.readings.perf_counter", lambda: NOW)
 
 
 def said(readings, *, paused=False):
@@ -40,10 +46,10 @@ def said(readings, *, paused=False):
 def test_what_is_said_from_the_start_to_the_end():
     readings = Readings(10, 100.0)
     assert said(readings) == ("starting", "waiting for the first scan")
-    readings.add(replace(UPDATE, time=perf_counter()))
+    readings.add(replace(UPDATE, time=NOW))
     assert said(readings) == ("mapping", "mapping")
     assert said(readings, paused=True) == ("paused", "paused")
-    readings.add(replace(UPDATE, time=perf_counter(), backlog=312))
+    readings.add(replace(UPDATE, time=NOW, backlog=312))
     assert said(readings) == ("closing_loops", "closing loops: 312 behind")
     readings.end("finishing")
     assert said(readings) == ("finishing", "finishing")
@@ -53,7 +59,7 @@ def test_what_is_said_from_the_start_to_the_end():
     assert said(readings) == ("finished", "finished")
 
 
-def test_a_failure_is_told():
+def test_failure_is_reported():
     readings = Readings(10, 100.0)
     readings.end("failed", "the disk is full")
 
@@ -63,19 +69,19 @@ def test_a_failure_is_told():
 def test_only_a_live_scanner_can_be_silent():
     for live, state in ((True, "silent"), (False, "mapping")):
         readings = Readings(None, None, live=live)
-        readings.add(replace(UPDATE, time=perf_counter() - 3.0))
+        readings.add(replace(UPDATE, time=NOW - 3.0))
         assert said(readings)[0] == state
     assert said(replace_live(Readings(None, None, live=True)))[1] == "sensor silent for 3 s"
 
 
 def replace_live(readings):
-    readings.add(replace(UPDATE, time=perf_counter() - 3.0))
+    readings.add(replace(UPDATE, time=NOW - 3.0))
     return readings
 
 
 def test_figures():
     readings = Readings(10, 100.0)
-    readings.add(replace(UPDATE, time=perf_counter(), recorded_s=5.0, stamp=12.5))
+    readings.add(replace(UPDATE, time=NOW, recorded_s=5.0, stamp=12.5))
 
     content = readings.content({"nodes": 1}, paused=False)
 
@@ -113,16 +119,16 @@ def bare_corridor():
 
 
 @pytest.mark.parametrize(("world", "is_uncertain"), [(bare_corridor, True), (office, False)])
-def test_a_corridor_is_told_and_an_office_is_not(world, is_uncertain):
-    mapper, feed, told = Mapper(), Feed(), []
+def test_only_a_corridor_is_reported_as_uncertain(world, is_uncertain):
+    mapper, feed, reported = Mapper(), Feed(), []
     readings = Readings(None, None)
     for event in simulate(world(), seed=1, duration=40.0).events():
         mapper.add(event)
         feed.after_event(mapper)
         if (update := feed.take()) is not None:
             readings.add(update)
-            told.append(said(readings) == ("uncertain", "corridor: length uncertain"))
+            reported.append(said(readings) == ("uncertain", "corridor: length uncertain"))
     mapper.close()
 
-    share = np.mean(told)
+    share = np.mean(reported)
     assert share > 0.5 if is_uncertain else share < 0.05

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``cartoloop doctor``: what is in a recording, and what is wrong with it."""
+"""``cartoloop doctor``: the contents and the problems of a recording."""
 
 from __future__ import annotations
 
@@ -8,57 +8,50 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cartoloop.cli.options import (
-    EchoOption,
-    ImuTopicOption,
-    LaserPoseOption,
-    OdomTopicOption,
-    ScanTopicOption,
-    UrdfOption,
-    read_options,
-)
+from cartoloop.cli.options import ReadingOptions
 
 if TYPE_CHECKING:
-    from cartoloop.doctor.examination import Tell
+    from cartoloop.doctor.examination import ReportProgress
 
-_COLOURS = {"error": typer.colors.RED, "warning": typer.colors.YELLOW, "info": typer.colors.CYAN}
-_LINE_PERIOD_S = 5.0
+LINE_PERIOD_S = 5.0
+"""Time between two lines of progress [s]."""
 
 
-def doctor_command(
+@dataclass(frozen=True, kw_only=True)
+class DoctorOptions(ReadingOptions):
+    """Options of ``cartoloop doctor``."""
+
     logs: Annotated[
-        list[Path], typer.Argument(metavar="LOG", help="Recording; several are told one by one.")
-    ],
+        list[Path],
+        typer.Argument(metavar="LOG", help="Recording; several are examined one by one."),
+    ]
     as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON; docs/doctor.md explains its keys.")
-    ] = False,
-    scan_topics: ScanTopicOption = None,
-    odom_topic: OdomTopicOption = None,
-    imu_topic: ImuTopicOption = None,
-    urdf: UrdfOption = None,
-    laser_pose: LaserPoseOption = None,
-    echo: EchoOption = "first",
-) -> None:
-    """Tell what is in a recording, what is wrong with it, and what to do about it.
+    ] = False
+
+
+def doctor_command(options: DoctorOptions) -> None:
+    """Examine a recording: its contents, its problems, and what to do about them.
 
     The exit status is 1 if it cannot be mapped.
     """
-    options = read_options(scan_topics, odom_topic, imu_topic, urdf, laser_pose, echo)
+    read_options = options.read_options()
 
-    from cartoloop.cli.mapping import compilation_told
+    from cartoloop.cli.mapping import compilation_notice
     from cartoloop.doctor import examine
 
     examinations = []
-    with compilation_told():
-        for log in logs:
-            with _progress(log.name) as tell:
-                examinations.append(examine(log, options, tell))
-    if as_json:
+    with compilation_notice():
+        for log in options.logs:
+            with _progress(log.name) as report:
+                examinations.append(examine(log, read_options, report))
+    if options.as_json:
         import json
 
         from cartoloop.doctor.document import document
@@ -68,28 +61,25 @@ def doctor_command(
         from cartoloop.doctor.text import render
 
         width = shutil.get_terminal_size((100, 24)).columns
-        typer.echo("\n\n".join(render(e, width, _paint) for e in examinations))
+        texts = [render(e, width, colours=sys.stdout.isatty()) for e in examinations]
+        typer.echo("\n\n".join(texts))
     if not all(examination.can_be_mapped for examination in examinations):
         raise typer.Exit(1)
 
 
-def _paint(severity: str, text: str) -> str:
-    return typer.style(text, fg=_COLOURS[severity])  # without colours where nobody sees them
-
-
 @contextmanager
-def _progress(name: str) -> Iterator[Tell]:
-    """Yield what shows how far it is: a bar on a terminal, now and then a line elsewhere."""
+def _progress(name: str) -> Iterator[ReportProgress]:
+    """Yield a progress callback: a bar on a terminal, a line every few seconds elsewhere."""
     if not sys.stderr.isatty():
         last = time.perf_counter()
 
-        def tell_line(doing: str, done: int, of: int) -> None:
+        def print_line(doing: str, done: int, of: int) -> None:
             nonlocal last
-            if time.perf_counter() - last > _LINE_PERIOD_S:
+            if time.perf_counter() - last > LINE_PERIOD_S:
                 last = time.perf_counter()
                 typer.echo(f"{name}: {doing}" + (f", {done} of {of} scans" if of else ""), err=True)
 
-        yield tell_line
+        yield print_line
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
@@ -98,7 +88,7 @@ def _progress(name: str) -> Iterator[Tell]:
     with Progress(*columns, console=Console(file=sys.stderr), transient=True) as bar:
         task = bar.add_task(f"{name}: opening", total=None)
 
-        def tell_bar(doing: str, done: int, of: int) -> None:
+        def update_bar(doing: str, done: int, of: int) -> None:
             bar.update(task, description=f"{name}: {doing}", completed=done, total=of or None)
 
-        yield tell_bar
+        yield update_bar

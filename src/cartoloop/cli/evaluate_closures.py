@@ -17,26 +17,29 @@ if TYPE_CHECKING:
 def closures_command(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder of a finished map.")],
     truth: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="True poses, TUM: tells which are true.")
+        Path | None,
+        typer.Option(metavar="FILE", help="True poses (TUM), for the share of true closures."),
     ] = None,
     logs: Annotated[
         list[Path] | None,
         typer.Option(
-            "--log", metavar="LOG", help="Recording of OUT (repeat for parts): tells the recall."
+            "--log", metavar="LOG", help="Recording of OUT (repeat for its parts), for the recall."
         ),
     ] = None,
     overlap: Annotated[
         float,
-        typer.Option(min=0.01, max=1.0, help="Recall: share of a scan that its submap shows."),
+        typer.Option(
+            min=0.01, max=1.0, help="For the recall: least share of a scan's returns in the submap."
+        ),
     ] = 0.6,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the closures: .png or .svg.")
     ] = None,
 ) -> None:
-    """Count loop closures and those that hold (table IV of the paper).
+    """Count loop closures, and the share of correct ones (table IV of the paper).
 
-    With the truth: how many are true. With the recording as well: how many there could have been.
+    With --truth: the share of true closures. With --log as well: how many were possible.
     """
     if logs and truth is None:
         raise ConfigError("--log: recall is measured against the truth; give --truth as well")
@@ -81,9 +84,9 @@ def _column(score: StageScore) -> dict[str, str]:
     recall = score.recall
     return {
         "Loop closures": str(score.constraints),
-        "  rejected in the end": str(score.rejected) if score.rejected else "",
-        "Precision (20 cm, 1 degree of the map)": _percent(score.precision),
-        "Precision (of the truth)": _percent(score.true_precision),
+        "  rejected": str(score.rejected) if score.rejected else "",
+        "Precision (20 cm, 1 deg from the map)": _percent(score.precision),
+        "Precision (against the truth)": _percent(score.true_precision),
         "  rejected, but true": str(score.true_rejected) if score.true_rejected else "",
         "Pairs that could have been closed": str(recall.pairs) if recall else "",
         "  closed": _percent(recall.of_pairs) if recall else "",

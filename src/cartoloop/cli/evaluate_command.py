@@ -11,7 +11,7 @@ from cartoloop.cli.evaluate_relations import relations_command
 from cartoloop.cli.evaluate_trajectory import trajectory_command
 from cartoloop.cli.make_relations import make_relations_command
 
-evaluate_app = typer.Typer(help="Judge a result.", no_args_is_help=True, rich_markup_mode=None)
+evaluate_app = typer.Typer(help="Evaluate a result.", no_args_is_help=True, rich_markup_mode=None)
 
 
 @evaluate_app.callback()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``cartoloop evaluate lines``: straight lines in a map against the tape."""
+"""``cartoloop evaluate lines``: distances between walls in a map against tape measurements."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def lines_command(
         ),
     ],
     search: Annotated[
-        float, typer.Option(help="How far from the given ends the walls may be [m].")
+        float, typer.Option(help="Largest distance of a wall from a given end [m].")
     ] = 0.5,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     plot: Annotated[
@@ -31,7 +31,7 @@ def lines_command(
         typer.Option(metavar="FILE", help="Draw the lines over the map: .png, .jpg or .webp."),
     ] = None,
 ) -> None:
-    """Measure lines wall to wall in a map, and compare them with the tape (table I of the paper).
+    """Measure distances between walls in a map, against tape measurements (paper, table I).
 
     Lines are given in the frame of the map.
     """

@@ -19,14 +19,12 @@ def relations_command(
     trajectory: Annotated[Path, typer.Argument(help="Trajectory in TUM format.")],
     relations: Annotated[Path, typer.Argument(help="File of verified relative poses.")],
     tolerance: Annotated[
-        float, typer.Option(help="Greatest difference of stamps that are the same [s].")
+        float, typer.Option(help="Largest difference of stamps that are matched [s].")
     ] = 5e-3,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     before: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Trajectory before loop closure, to be judged alongside."
-        ),
+        typer.Option(metavar="FILE", help="Trajectory before loop closure, to evaluate as well."),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw histograms: .png or .svg.")
@@ -53,10 +51,10 @@ def relations_command(
     else:
         typer.echo(_table(errors))
         for path, error in zip(paths, errors, strict=True):
-            _tell_missing(path, error)
+            _print_missing(path, error)
 
 
-def _tell_missing(path: Path, error: RelationsError) -> None:
+def _print_missing(path: Path, error: RelationsError) -> None:
     if not error.num_missing:
         return
     stamps = ", ".join(f"{stamp:.6f}" for stamp in error.missing_stamps[:5])

@@ -31,30 +31,31 @@ class PairsFrom(StrEnum):
 
 def trajectory_command(
     estimate: Annotated[Path, typer.Argument(metavar="EST", help="Trajectory in TUM format.")],
-    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="The true one, alike.")],
+    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="True trajectory in TUM format.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Draw both, and the error over time: .png or .svg."),
+        typer.Option(metavar="FILE", help="Plot both, and the error over time: .png or .svg."),
     ] = None,
     align: Annotated[
-        bool, typer.Option(help="First bring the estimate to the truth, as a rigid whole.")
+        bool, typer.Option(help="First align the estimate with the truth by a rigid transform.")
     ] = True,
     delta: Annotated[float, typer.Option(help="Span of the relative error.")] = 1.0,
     delta_unit: Annotated[
-        DeltaUnit, typer.Option(help="Of the span: metres of path, seconds, or poses.")
+        DeltaUnit, typer.Option(help="Unit of --delta: metres of path, seconds, or poses.")
     ] = DeltaUnit.METRES,
     all_pairs: Annotated[
         bool,
         typer.Option(
-            "--all-pairs/--consecutive", help="A span from every pose, or one after the other."
+            "--all-pairs/--consecutive",
+            help="Overlapping spans from every pose, or consecutive spans.",
         ),
     ] = True,
     pairs_from: Annotated[
-        PairsFrom, typer.Option(help="Whose path the metres are measured along.")
+        PairsFrom, typer.Option(help="Trajectory along which metres are measured.")
     ] = PairsFrom.ESTIMATE,
     max_difference: Annotated[
-        float, typer.Option(help="Greatest difference of stamps that are the same [s].")
+        float, typer.Option(help="Largest difference of stamps that are matched [s].")
     ] = 0.01,
 ) -> None:
     """Compare a trajectory with the true one: absolute (ATE) and relative error (RPE).

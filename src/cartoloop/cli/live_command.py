@@ -3,28 +3,28 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Annotated
 
 import typer
 
 from cartoloop.cli.options import (
-    ConfigOption,
-    DrawOption,
+    VIEW,
+    ConfigOptions,
     ImuTopicOption,
     LaserPoseOption,
     OdomTopicOption,
+    OutputOptions,
     ScanTopicOption,
-    SetOption,
-    ThreadsOption,
-    parse_layers,
-    read_options,
-    settings_with_threads,
+    parse_pose,
 )
 from cartoloop.cli.view_command import PortOption, ViewOption, require_view
 
 
-def live_command(
+@dataclass(frozen=True, kw_only=True)
+class LiveCommandOptions(ConfigOptions, OutputOptions):
+    """Options of ``cartoloop live``."""
+
     source: Annotated[
         str,
         typer.Argument(
@@ -32,75 +32,80 @@ def live_command(
             help="- (standard input), tcp://127.0.0.1:PORT, ws://127.0.0.1:PORT, ros2:, or a "
             "CARMEN log that is being written.",
         ),
-    ],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map.")],
-    settings: SetOption = None,
-    config: ConfigOption = None,
-    threads: ThreadsOption = None,
-    draw: DrawOption = "trajectory",
+    ]
     host: Annotated[
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Listen to other machines, too: 0.0.0.0, or one address of this machine.",
+            help="Accept other machines, too: 0.0.0.0, or one address of this machine.",
         ),
-    ] = None,
+    ] = None
     poses: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="Write the pose of each scan at once, as JSON; - shows."),
-    ] = None,
+        typer.Option(
+            metavar="FILE", help="Write the pose of each scan at once, as JSON; - prints it."
+        ),
+    ] = None
     max_delay_ms: Annotated[
         float,
-        typer.Option(min=0.0, max=10_000.0, help="A scan waits so long for late odometry."),
-    ] = 50.0,
+        typer.Option(min=0.0, max=10_000.0, help="How long a scan waits for late odometry [ms]."),
+    ] = 50.0
     end_after: Annotated[
         float | None,
-        typer.Option(min=0.1, metavar="SECONDS", help="End when nothing has come for so long."),
-    ] = None,
+        typer.Option(
+            min=0.1, metavar="SECONDS", help="End when no message has arrived for this time [s]."
+        ),
+    ] = None
     no_drop: Annotated[
         bool,
         typer.Option("--no-drop", help="Hold up the source instead of dropping scans."),
-    ] = False,
-    scan_topics: ScanTopicOption = None,
-    odom_topic: OdomTopicOption = None,
-    imu_topic: ImuTopicOption = None,
-    laser_pose: LaserPoseOption = None,
-    view: ViewOption = False,
+    ] = False
+    scan_topics: ScanTopicOption = None
+    odom_topic: OdomTopicOption = None
+    imu_topic: ImuTopicOption = None
+    laser_pose: LaserPoseOption = None
+    view: ViewOption = False
     view_host: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Serve the view to other machines, too."),
-    ] = None,
-    port: PortOption = None,
-) -> None:
-    """Map what a robot sends while it drives; docs/live.md tells what it has to send."""
-    layers = parse_layers(draw)
-    require_view(view, view_host=view_host, port=port)
-    options = read_options(scan_topics, odom_topic, imu_topic, None, laser_pose, "first")
+        typer.Option(
+            metavar="ADDRESS",
+            help="Serve the view to other machines, too: 0.0.0.0, or one address of this machine.",
+            rich_help_panel=VIEW,
+        ),
+    ] = None
+    port: PortOption = None
 
-    from cartoloop.config_file import load_config
 
-    loaded = load_config(config, settings_with_threads(settings, threads))
+def live_command(options: LiveCommandOptions) -> None:
+    """Map what a robot sends while it drives; docs/live.md describes what it has to send."""
+    layers = options.layers
+    require_view(options.view, view_host=options.view_host, port=options.port)
+    laser_pose = parse_pose(options.laser_pose)
+    loaded = options.load()
 
-    from cartoloop.cli.live_mapping import LiveOptions, map_live
+    from cartoloop.cli.live_mapping import map_source, poses_stream
     from cartoloop.live.address import SourceOptions, make_source
 
-    found = make_source(
-        source,
-        SourceOptions(host, tuple(scan_topics or ()), odom_topic, imu_topic),
-    )
-    map_live(
-        found,
-        loaded,
-        out,
-        LiveOptions(
-            layers=layers,
-            poses=poses,
-            max_delay=1e-3 * max_delay_ms,
-            end_after=end_after,
-            waits=no_drop,
-            laser_pose=options.laser_pose,
-            view=view,
-            view_host=view_host,
-            view_port=port,
+    source = make_source(
+        options.source,
+        SourceOptions(
+            options.host, tuple(options.scan_topics or ()), options.odom_topic, options.imu_topic
         ),
     )
+    with poses_stream(options.poses) as poses:
+        from cartoloop.live.live_run import LiveOptions
+
+        map_source(
+            source,
+            loaded,
+            options.out,
+            LiveOptions(
+                max_delay=1e-3 * options.max_delay_ms,
+                end_after=options.end_after,
+                waits=options.no_drop,
+                laser_pose=laser_pose,
+                poses=poses,
+            ),
+            layers,
+            (options.view_host, options.port) if options.view else None,
+        )

@@ -1,232 +1,120 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live mapping from the command line: getting ready, stopping, saving, summary."""
+"""Output of live mapping on the terminal and in the view."""
 
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import typer
 
-from cartoloop.cli.mapping import compilation_told, completed, finishing_note, summary, timed
-from cartoloop.cli.stop_signals import StopRequest, stop_signals
-from cartoloop.errors import InputError, Interrupted, OutputError
-from cartoloop.runtime.process_memory import (
-    relax_gc,
-    release_unused_memory,
-    set_malloc_thresholds,
-)
+from cartoloop.cli.mapping import compilation_notice, show_stage, summary
+from cartoloop.cli.stop_signals import stop_signals
+from cartoloop.cli.view_command import wait_for_stop
+from cartoloop.errors import OutputError
+from cartoloop.live.live_run import LiveObserver, LiveOptions, map_live
+from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
 if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
-    from cartoloop.live.notices import Notices
-    from cartoloop.live.session import AddedScan, LiveSession
     from cartoloop.live.source import Source
     from cartoloop.map_output.picture import Layer
     from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
-    from cartoloop.sensor.pose import Pose
     from cartoloop.viewer.view import LiveView
 
 
-@dataclass(frozen=True, slots=True)
-class LiveOptions:
-    """What the user says about live mapping.
+def map_source(
+    source: Source,
+    loaded: LoadedConfig,
+    out: Path,
+    options: LiveOptions,
+    layers: Collection[Layer],
+    view_address: tuple[str | None, int | None] | None = None,
+) -> Result:
+    """Map what a source sends, save the map and print the summary; see `live_run.map_live`.
 
-    Attributes
+    Parameters
     ----------
+    source : of messages.
+    loaded : the configuration.
+    out : folder for the map.
+    options : how messages are treated.
     layers : drawn over the picture.
-    poses : file for the poses of scans; - is standard output.
-    max_delay : how long a scan waits for late odometry [s].
-    end_after : end when nothing has come for so long [s].
-    waits : whether the source is held up instead of dropping scans.
-    laser_pose : where the first scanner sits on the robot.
-    view, view_host, view_port : whether and where the map is shown.
+    view_address : host and port of the view, None each for the default; None: no view.
     """
-
-    layers: Collection[Layer] = ()
-    poses: str | None = None
-    max_delay: float = 0.05
-    end_after: float | None = None
-    waits: bool = False
-    laser_pose: Pose | None = None
-    view: bool = False
-    view_host: str | None = None
-    view_port: int | None = None
-
-
-def map_live(source: Source, loaded: LoadedConfig, out: Path, options: LiveOptions) -> Result:
-    """Map what a source sends until it ends or the user has enough; save, and tell about it.
-
-    Raises
-    ------
-    InputError
-        The source cannot be opened, or failed; what was mapped until then is saved.
-    OutputError
-        The folder `out` cannot be written.
-    Interrupted
-        The user did not want to wait for the last loops; what was mapped is saved.
-    """
-    from cartoloop.live.notices import Notices
-    from cartoloop.live.warm_up import get_ready
-    from cartoloop.map_output.save import prepare_folder, save, save_report
-    from cartoloop.mapper import Mapper
-
-    start = time.perf_counter()
     set_malloc_thresholds()
     relax_gc()
-    prepare_folder(out)
-    tell = _Teller()
-    notices = Notices(tell)
-    with stop_signals() as stop, compilation_told():
-        get_ready()
-        mapper = Mapper(loaded.config, live=True)
-        with _poses_file(options.poses) as poses, _view(source, loaded, options) as view:
-            session, save_now = _session(source, mapper, out, notices, options, poses, view)
-            tell(f"{source.open()} (Ctrl-C ends)")
-            failure = _run(session, mapper, stop)
-            result, is_whole, failure = _finish(mapper, stop, view, failure)
-            save_now()
-            name = source.name
-            report = completed(result, name, notices.skipped, (), time.perf_counter() - start)
-            result = replace(result, report=report)
-            if view is not None:
-                view.finished(result, failure)
-            tell(f"writing {out}")
-            release_unused_memory()
-            save(result, out, layers=options.layers, origins=loaded.origins)
-            report = timed(report, time.perf_counter() - start)
-            save_report(report, out)
-            typer.echo(summary(report, out), err=options.poses == "-")
-            if failure is not None:
-                raise failure
-            if not is_whole:
-                raise Interrupted(f"the last loops were not closed; the map so far is in {out}")
-            if report.nodes == 0:
-                raise InputError(
-                    f"{name}: no scan came that shows enough to be mapped, the map in {out} is "
-                    "empty; docs/live.md tells what to send"
-                )
-            if view is not None:
-                from cartoloop.cli.view_command import wait_for_stop
-
-                wait_for_stop(f"view           {view.url}")
+    # Standard output is for poses, if they are written there.
+    is_quiet = options.poses is sys.stdout.buffer
+    with (
+        stop_signals() as stop,
+        compilation_notice(),
+        _view(source, loaded, view_address, is_quiet) as view,
+    ):
+        display = _Display(out, view, is_quiet)
+        result = map_live(source, loaded, out, options, layers=layers, observer=display, stop=stop)
+        if view is not None:
+            wait_for_stop(f"view           {view.url}")
     return result
 
 
-class _Teller:
-    """Tells a line on standard error, whichever thread it comes from."""
+class _Display(LiveObserver):
+    """Shows a live run on the terminal and in the view.
 
-    def __call__(self, line: str) -> None:
+    Parameters
+    ----------
+    out : folder of the map.
+    view : shows the map while it grows, or None.
+    is_quiet : whether standard output is used otherwise.
+    """
+
+    def __init__(self, out: Path, view: LiveView | None, is_quiet: bool) -> None:
+        self._out, self._view, self._is_quiet = out, view, is_quiet
+        self._is_due = False
+
+    def say(self, line: str) -> None:
         typer.echo(line, err=True)
 
+    def changed(self, mapper: Mapper) -> None:
+        """Update the view, in the thread in which the pose graph does not change meanwhile."""
+        view = self._view
+        if view is None or self._is_due:
+            return
 
-def _session(
-    source: Source,
-    mapper: Mapper,
-    out: Path,
-    notices: Notices,
-    options: LiveOptions,
-    poses: BinaryIO | None,
-    view: LiveView | None,
-) -> tuple[LiveSession, Callable[[], None]]:
-    """Return the session, and what waits for its files to be written in the end."""
-    from cartoloop.live.autosave import Autosave
-    from cartoloop.live.inbox import Inbox
-    from cartoloop.live.poses import PoseWriter
-    from cartoloop.live.sequencer import Sequencer
-    from cartoloop.live.session import LiveSession
+        def update() -> None:
+            self._is_due = False
+            view.after_event(mapper)
 
-    autosave = Autosave(mapper, out, notices)
-    writer = None if poses is None else PoseWriter(poses, notices)
-    shown = None if view is None else _Shown(mapper, view)
+        self._is_due = True
+        mapper.run_on_graph_thread(update)
 
-    def after_scan(scan: AddedScan) -> None:
-        if writer is not None:
-            writer.put(scan.stamp, scan.tf_local_tracking, scan.tf_map_tracking, scan.latency)
-        autosave.after_scan()
-        if shown is not None:
-            shown.refresh()
+    def finishing(self, mapper: Mapper, stage: str | None) -> None:
+        if stage is None:
+            typer.echo("closing the last loops (Ctrl-C skips this)", err=True)
+        show_stage(self._view, mapper, stage)
 
-    session = LiveSession(
-        source,
-        mapper,
-        Inbox(waits=options.waits),
-        Sequencer(notices, options.max_delay, options.laser_pose),
-        notices,
-        after_scan=after_scan,
-        idle=None if shown is None else shown.refresh,
-        end_after=options.end_after,
-    )
+    def mapped(self, result: Result, failure: Exception | None) -> None:
+        if self._view is not None:
+            self._view.finished(result, failure)
+        typer.echo(f"writing {self._out}", err=True)
 
-    def end() -> None:
-        autosave.close()
-        if writer is not None:
-            writer.close()
-
-    return session, end
-
-
-class _Shown:
-    """Has the view look at the map, in the thread in which the graph stands still."""
-
-    def __init__(self, mapper: Mapper, view: LiveView) -> None:
-        self._mapper, self._view = mapper, view
-        self._is_due = False
-
-    def refresh(self) -> None:
-        if not self._is_due:
-            self._is_due = True
-            self._mapper.run_on_graph_thread(self._look)
-
-    def _look(self) -> None:
-        self._is_due = False
-        self._view.after_event(self._mapper)
-
-
-def _run(session: LiveSession, mapper: Mapper, stop: StopRequest) -> Exception | None:
-    """Run the session; return what it failed of, if there is a map to be saved nevertheless."""
-    try:
-        session.run(lambda: stop.made)
-    except KeyboardInterrupt:
-        stop.made = True
-    except Exception as failure:
-        if mapper.num_scans == 0:
-            mapper.close()
-            raise
-        return failure
-    return None
-
-
-def _finish(
-    mapper: Mapper, stop: StopRequest, view: LiveView | None, failure: Exception | None
-) -> tuple[Result, bool, Exception | None]:
-    """Return the map, whether its last loops were closed, and what failed, if anything did."""
-    try:
-        stop.made = False  # from now on, another Ctrl-C counts
-        if failure is None:
-            if view is not None:
-                view.finishing()
-            typer.echo("closing the last loops (Ctrl-C: do without)", err=True)
-            with stop.at_once():
-                return mapper.finish(finishing_note(view, mapper)), True, None
-    except KeyboardInterrupt:
-        pass  # the user does not want to wait
-    except Exception as late_failure:  # noqa: BLE001 - raised when the map is saved
-        failure = late_failure
-    finally:
-        mapper.close()
-    return mapper.result(), False, failure
+    def saved(self, result: Result, failure: Exception | None) -> None:
+        typer.echo(summary(result.report, self._out), err=self._is_quiet)
 
 
 @contextmanager
-def _poses_file(name: str | None) -> Iterator[BinaryIO | None]:
-    """Yield where poses are written to, if they are."""
+def poses_stream(name: str | None) -> Iterator[BinaryIO | None]:
+    """Yield the stream for poses: a file, standard output for ``-``, or None.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
     if name is None or name == "-":
         yield None if name is None else sys.stdout.buffer
         return
@@ -239,9 +127,14 @@ def _poses_file(name: str | None) -> Iterator[BinaryIO | None]:
 
 
 @contextmanager
-def _view(source: Source, loaded: LoadedConfig, options: LiveOptions) -> Iterator[LiveView | None]:
-    """Yield the view, if it is wanted."""
-    if not options.view:
+def _view(
+    source: Source,
+    loaded: LoadedConfig,
+    address: tuple[str | None, int | None] | None,
+    is_quiet: bool,
+) -> Iterator[LiveView | None]:
+    """Yield the view, if there is one."""
+    if address is None:
         yield None
         return
     from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT
@@ -250,11 +143,11 @@ def _view(source: Source, loaded: LoadedConfig, options: LiveOptions) -> Iterato
     view = LiveView(
         source.name,
         loaded.config,
-        host=options.view_host or DEFAULT_HOST,
-        port=options.view_port or DEFAULT_PORT,
+        host=address[0] or DEFAULT_HOST,
+        port=address[1] or DEFAULT_PORT,
         live=True,
     )
-    typer.echo(f"view           {view.url}", err=options.poses == "-")
+    typer.echo(f"view           {view.url}", err=is_quiet)
     try:
         yield view
     finally:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``cartoloop``: its parts, and how errors are told.
+"""The command ``cartoloop``: its parts, and how errors are reported.
 
 Commands import what they need inside their functions: ``cartoloop --help`` must neither wait for
 the compiler nor for SciPy.
@@ -16,15 +16,16 @@ from typing import Annotated
 import typer
 
 import cartoloop
+from cartoloop.cli.commands import add_command
 from cartoloop.cli.config_command import config_app
-from cartoloop.cli.demo_command import demo_command
-from cartoloop.cli.doctor_command import doctor_command
+from cartoloop.cli.demo_command import DemoOptions, demo_command
+from cartoloop.cli.doctor_command import DoctorOptions, doctor_command
 from cartoloop.cli.evaluate_command import evaluate_app
-from cartoloop.cli.explain_command import explain_command
-from cartoloop.cli.live_command import live_command
-from cartoloop.cli.map_command import map_command
-from cartoloop.cli.simulate_command import simulate_command
-from cartoloop.cli.view_command import view_command
+from cartoloop.cli.explain_command import ExplainOptions, explain_command
+from cartoloop.cli.live_command import LiveCommandOptions, live_command
+from cartoloop.cli.map_command import MapOptions, map_command
+from cartoloop.cli.simulate_command import SimulateOptions, simulate_command
+from cartoloop.cli.view_command import ViewCommandOptions, view_command
 from cartoloop.errors import CartoloopError, ConfigError, Interrupted
 
 app = typer.Typer(
@@ -35,13 +36,23 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-app.command("demo")(demo_command)
-app.command("map")(map_command)
-app.command("live")(live_command)
-app.command("doctor")(doctor_command)
-app.command("simulate")(simulate_command)
-app.command("view")(view_command)
-app.command("explain")(explain_command)
+add_command(app, "demo", demo_command, DemoOptions, "cartoloop demo -o office")
+add_command(app, "map", map_command, MapOptions, "cartoloop map intel.clf.gz -o intel --view")
+add_command(
+    app, "live", live_command, LiveCommandOptions, "cartoloop live tcp://127.0.0.1:7000 -o room"
+)
+add_command(app, "doctor", doctor_command, DoctorOptions, "cartoloop doctor robot.bag")
+add_command(
+    app,
+    "simulate",
+    simulate_command,
+    SimulateOptions,
+    "cartoloop simulate office -o office.log.gz --truth office.tum",
+)
+add_command(app, "view", view_command, ViewCommandOptions, "cartoloop view intel")
+add_command(
+    app, "explain", explain_command, ExplainOptions, "cartoloop explain intel --pair 3 1200"
+)
 app.add_typer(evaluate_app, name="evaluate")
 app.add_typer(config_app, name="config")
 
@@ -70,7 +81,7 @@ def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
 
     0: done, 1: failed, 2: wrong usage or configuration, 130: interrupted.
     """
-    debug = "--debug" in arguments  # wherever it stands
+    debug = "--debug" in arguments  # at any position
     try:
         program(args=[argument for argument in arguments if argument != "--debug"])
     except SystemExit as end:
@@ -97,5 +108,5 @@ def main() -> None:
     """Run the command line of this process."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
-            stream.reconfigure(errors="backslashreplace")  # any path can be told on any terminal
+            stream.reconfigure(errors="backslashreplace")  # any path can be printed on any terminal
     sys.exit(run(sys.argv[1:]))

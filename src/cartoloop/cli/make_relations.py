@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``cartoloop evaluate make-relations``: relations out of a run, to score local SLAM by."""
+"""``cartoloop evaluate make-relations``: relations from a run, to score local SLAM."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ def make_relations_command(
     out: Annotated[
         Path, typer.Argument(metavar="OUT", help="Folder of a finished map with loops closed.")
     ],
-    relations: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="To write.")],
+    relations: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="File to write.")],
     min_distance: Annotated[
-        float, typer.Option(min=0.0, help="Way between the two scans at least [m].")
+        float, typer.Option(min=0.0, help="Shortest path length between the two scans [m].")
     ] = 100.0,
     max_translation: Annotated[
-        float, typer.Option(min=0.0, help="Closures violated by more are left out [m].")
+        float, typer.Option(min=0.0, help="Leave out closures with a larger residual [m].")
     ] = 0.15,
     max_rotation: Annotated[
-        float, typer.Option(min=0.0, help="Closures violated by more are left out [rad].")
+        float, typer.Option(min=0.0, help="Leave out closures with a larger residual [rad].")
     ] = 0.02,
 ) -> None:
     """Write relations from a run's loop closures, to score local SLAM on your own recording.
 
     Score OUT/local_trajectory.tum, or other runs of the same recording without loop closure, with
-    'cartoloop evaluate relations'. They prove nothing about OUT/trajectory.tum: they are its poses.
+    'cartoloop evaluate relations'. They prove nothing about OUT/trajectory.tum, their source.
     """
     from cartoloop.evaluation import make_relations as generator
     from cartoloop.evaluation.finished_run import read_run

@@ -3,35 +3,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cartoloop.cli.options import (
-    ConfigOption,
-    DrawOption,
-    EchoOption,
-    ImuTopicOption,
-    LaserPoseOption,
-    OdomTopicOption,
-    ScanTopicOption,
-    SetOption,
-    ThreadsOption,
-    UrdfOption,
-    parse_layers,
-    read_options,
-    settings_with_threads,
-)
-from cartoloop.cli.view_command import (
-    HostOption,
-    PortOption,
-    SpeedOption,
-    ViewOption,
-    open_view,
-    require_view,
-    wait_for_stop,
-)
+from cartoloop.cli.options import ConfigOptions, OutputOptions, ReadingOptions
+from cartoloop.cli.view_command import ViewOptions, wait_for_stop
 from cartoloop.readers.formats import format_names
 
 _LOG_HELP = (
@@ -40,51 +19,38 @@ _LOG_HELP = (
 )
 
 
-def map_command(
+@dataclass(frozen=True, kw_only=True)
+class MapOptions(ViewOptions, ReadingOptions, ConfigOptions, OutputOptions):
+    """Options of ``cartoloop map``."""
+
     logs: Annotated[
         list[Path],
         typer.Argument(metavar="LOG", help=_LOG_HELP),
-    ],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map.")],
-    settings: SetOption = None,
-    config: ConfigOption = None,
-    threads: ThreadsOption = None,
-    draw: DrawOption = "trajectory",
-    scan_topics: ScanTopicOption = None,
-    odom_topic: OdomTopicOption = None,
-    imu_topic: ImuTopicOption = None,
-    urdf: UrdfOption = None,
-    laser_pose: LaserPoseOption = None,
-    echo: EchoOption = "first",
-    view: ViewOption = False,
-    host: HostOption = None,
-    port: PortOption = None,
-    speed: SpeedOption = None,
-) -> None:
+    ]
+
+
+def map_command(options: MapOptions) -> None:
     """Map a recording: a text log, a ROS 1 bag or a ROS 2 recording."""
-    layers = parse_layers(draw)
-    require_view(view, host=host, port=port, speed=speed)
-    options = read_options(scan_topics, odom_topic, imu_topic, urdf, laser_pose, echo)
+    layers = options.layers
+    options.require_view()
+    read_options = options.read_options()
+    loaded = options.load()
 
-    from cartoloop.config_file import load_config
-
-    loaded = load_config(config, settings_with_threads(settings, threads))
-
-    from cartoloop.cli.mapping import compilation_told, map_recording
+    from cartoloop.cli.mapping import compilation_notice, map_log
     from cartoloop.readers import open_logs
 
-    with compilation_told():
-        log = open_logs(logs, options)
+    with compilation_notice():
+        log = open_logs(options.logs, read_options)
     typer.echo(log.description)
-    if not view:
-        map_recording(log, loaded, out, layers)
+    if not options.view:
+        map_log(log, loaded, options.out, layers)
         return
-    shown = open_view(log, loaded.config, host, port, speed)
+    view = options.open_view(log.name, loaded.config, log.num_scans, log.duration)
     try:
-        map_recording(log, loaded, out, layers, shown)
-        if shown.failure is not None:
-            typer.echo(f"warning: the view failed: {shown.failure}", err=True)
+        map_log(log, loaded, options.out, layers, view)
+        if view.failure is not None:
+            typer.echo(f"warning: the view failed: {view.failure}", err=True)
         else:
-            wait_for_stop(f"view           {shown.url}")
+            wait_for_stop(f"view           {view.url}")
     finally:
-        shown.close()
+        view.close()

@@ -1,27 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mapping a recording from the command line: progress, stopping, saving, summary."""
+"""Output of a mapping run on the terminal: progress, problems, summary."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
-from cartoloop.cli.progress import format_duration, progress
+from cartoloop.cli.progress import Progress, format_duration, progress
 from cartoloop.cli.second_process import start_second_process
-from cartoloop.cli.stop_signals import StopRequest, stop_signals
-from cartoloop.errors import InputError, Interrupted
-from cartoloop.runtime.process_memory import (
-    relax_gc,
-    release_unused_memory,
-    set_malloc_thresholds,
-)
+from cartoloop.cli.stop_signals import SignalStop, stop_signals
+from cartoloop.recording_run import RunObserver, map_recording
+from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
 if TYPE_CHECKING:
     from cartoloop._jit import CompileWatch
@@ -31,86 +25,135 @@ if TYPE_CHECKING:
     from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
     from cartoloop.readers import Log
+    from cartoloop.sensor.events import SensorEvent
     from cartoloop.viewer.view import LiveView
 
 COMPILE_TIME_S = 26
-"""About how long compiling all kernels takes one process."""
+"""Time in which one process compiles all kernels [s], measured on two cores of 2.5 GHz."""
 
 SHARED_COMPILE_TIME_S = 20
-"""About how long it takes two."""
+"""The same with a second process to help [s]."""
 
-_MAX_PROBLEMS_SHOWN = 5
+MAX_PROBLEMS_SHOWN = 5
+"""Problems of a recording that are printed; more than these hide the summary."""
 
 
-def map_recording(
+def map_log(
     log: Log,
     loaded: LoadedConfig,
     out: Path,
     layers: Collection[Layer],
     view: LiveView | None = None,
 ) -> Result:
-    """Map a recording, save the result and tell about it; the `view` shows how it comes about.
-
-    Raises
-    ------
-    OutputError
-        The folder `out` cannot be written; told before mapping starts where that can be known.
-    Interrupted
-        The user stopped it; what was mapped until then is saved.
-    """
-    from cartoloop.map_output.save import prepare_folder, save, save_report
-
-    start = time.perf_counter()
+    """Map a recording, save the map and print the summary; see `recording_run.map_recording`."""
     set_malloc_thresholds()
     relax_gc()
-    prepare_folder(out)
+    with (
+        stop_signals() as stop,
+        compilation_notice() as compiler,
+        _Display(log, out, stop, compiler, view) as display,
+    ):
+        return map_recording(log, loaded, out, layers=layers, observer=display, stop=stop)
 
-    from cartoloop.mapper import Mapper
 
-    with stop_signals() as stop, compilation_told() as compiler:
-        typer.echo(f"mapping {log.num_scans} scans", err=True)
-        try:
-            result, failure = _run(Mapper(loaded.config), log, stop, compiler, view)
-            typer.echo(f"writing {out}", err=True)
-            report = _of_log(log, result, time.perf_counter() - start)
-            result = replace(result, report=report)
-            if view is not None:
-                view.finished(result, failure)
-            release_unused_memory()
-            save(result, out, layers=layers, origins=loaded.origins)
-        except KeyboardInterrupt as interrupt:
-            raise Interrupted(f"stopped at once; files in {out} may be missing") from interrupt
-    report = timed(report, time.perf_counter() - start)
-    save_report(report, out)
-    _tell_problems(log)
-    typer.echo(summary(report, out))
-    if failure is not None:
-        typer.echo(f"what was mapped before the failure is in {out}", err=True)
-        raise failure
-    if stop.made:
-        raise Interrupted(f"stopped after {len(result.stamps)} scans; the map of these is in {out}")
-    if report.nodes == 0:
-        raise InputError(
-            f"{log.name}: no scan shows enough to be mapped, the map in {out} is empty; "
-            "`cartoloop doctor` tells what the recording holds"
+class _Display(RunObserver):
+    """Shows a run on the terminal and in the view.
+
+    Parameters
+    ----------
+    log : to be mapped.
+    out : folder of the map.
+    stop : whether the user wants to stop.
+    compiler : the time that it takes is not part of the progress.
+    view : shows the map while it grows, or None.
+    """
+
+    def __init__(
+        self,
+        log: Log,
+        out: Path,
+        stop: SignalStop,
+        compiler: CompileWatch,
+        view: LiveView | None,
+    ) -> None:
+        self._log, self._out, self._stop, self._view = log, out, stop, view
+        self._compiler = compiler
+        self._first_time: float | None = None
+        self._bar = ExitStack()
+        self._progress: Progress | None = None
+
+    def __enter__(self) -> _Display:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.close()
+
+    def started(self, num_scans: int) -> None:
+        typer.echo(f"mapping {num_scans} scans", err=True)
+        self._progress = self._bar.enter_context(progress(num_scans, paused_s=self._paused_s))
+
+    def before_event(self, mapper: Mapper, event: SensorEvent) -> None:
+        if self._view is not None:
+            self._view.before_event(mapper, event, lambda: self._stop.made)
+
+    def after_event(self, mapper: Mapper, event: SensorEvent) -> None:
+        if self._view is not None:
+            self._view.after_event(mapper)
+        if self._first_time is None:
+            self._first_time = event.time
+        assert self._progress is not None
+        self._progress.update(
+            mapper.num_scans, event.time - self._first_time, mapper.num_loop_closures
         )
-    if lost := next((p.message for p in log.problems if p.severity == "error"), None):
-        raise InputError(f"the map in {out} is of a part of the recording: {lost}")
-    return replace(result, report=report)
+
+    def finishing(self, mapper: Mapper, stage: str | None) -> None:
+        self._bar.close()
+        if stage is None:
+            typer.echo("closing the last loops", err=True)
+        show_stage(self._view, mapper, stage)
+
+    def mapped(self, result: Result, failure: Exception | None) -> None:
+        self._bar.close()
+        typer.echo(f"writing {self._out}", err=True)
+        if self._view is not None:
+            self._view.finished(result, failure)
+
+    def saved(self, result: Result, failure: Exception | None) -> None:
+        for problem in self._log.problems[:MAX_PROBLEMS_SHOWN]:
+            typer.echo(f"{problem.severity}: {problem.message}", err=True)
+        if self._log.num_problems > MAX_PROBLEMS_SHOWN:
+            rest = self._log.num_problems - MAX_PROBLEMS_SHOWN
+            typer.echo(f"and {rest} more problems; see report.json", err=True)
+        typer.echo(summary(result.report, self._out))
+        if failure is not None:
+            typer.echo(f"the map until the failure is in {self._out}", err=True)
+
+    def _paused_s(self) -> float:
+        return self._compiler.seconds + (self._view.paused_s if self._view is not None else 0.0)
+
+
+def show_stage(view: LiveView | None, mapper: Mapper, stage: str | None) -> None:
+    """Show in the view, if there is one, what is done after the last scan."""
+    if view is None:
+        return
+    if stage is None:
+        view.finishing()
+    else:
+        view.finishing(stage, mapper)
 
 
 @contextmanager
-def compilation_told() -> Iterator[CompileWatch]:
-    """Yield a watch over the compiler, which tells the user if kernels must be compiled."""
+def compilation_notice() -> Iterator[CompileWatch]:
+    """Yield a watch over the compiler, and inform the user if kernels must be compiled."""
     from cartoloop._jit import watch_compilation
 
-    with watch_compilation(_tell_of_compilation) as watch:
+    with watch_compilation(_announce_compilation) as watch:
         yield watch
 
 
 @cache
-def _tell_of_compilation() -> None:
-    """Tell the user, and get help, the first time that this is called."""
+def _announce_compilation() -> None:
+    """Print how long compiling takes, and start a second process to help, at the first call."""
     from cartoloop._jit import can_keep_kernels, kernel_cache_folder
 
     if can_keep_kernels():
@@ -125,117 +168,13 @@ def _tell_of_compilation() -> None:
     )
 
 
-def _run(
-    mapper: Mapper, log: Log, stop: StopRequest, compiler: CompileWatch, view: LiveView | None
-) -> tuple[Result, Exception | None]:
-    """Return the result of the log, or of what was mapped until a stop or a failure, and that."""
-    try:
-        _add_all(mapper, log, stop, compiler, view)
-        if not stop.made:
-            if view is not None:
-                view.finishing()
-            typer.echo("closing the last loops", err=True)
-            with stop.at_once():
-                return mapper.finish(finishing_note(view, mapper)), None
-    except KeyboardInterrupt:
-        pass
-    except Exception as failure:
-        if mapper.num_scans == 0:
-            raise
-        return mapper.result(), failure
-    finally:
-        mapper.close()
-    return mapper.result(), None
-
-
-def finishing_note(view: LiveView | None, mapper: Mapper) -> Callable[[str], None] | None:
-    """Return what shows in the view what is done in the end."""
-    return None if view is None else lambda stage: view.finishing(stage, mapper)
-
-
-def _add_all(
-    mapper: Mapper, log: Log, stop: StopRequest, compiler: CompileWatch, view: LiveView | None
-) -> None:
-    first_time = None
-
-    def paused_s() -> float:
-        return compiler.seconds + (view.paused_s if view is not None else 0.0)
-
-    with progress(log.num_scans, paused_s=paused_s) as shown:
-        for event in log:
-            if stop.made:
-                return
-            if view is not None:
-                view.before_event(mapper, event, lambda: stop.made)
-            mapper.add(event)
-            if view is not None:
-                view.after_event(mapper)
-            first_time = event.time if first_time is None else first_time
-            shown.update(mapper.num_scans, event.time - first_time, mapper.num_loop_closures)
-
-
-def _of_log(log: Log, result: Result, wall_s: float) -> Report:
-    problems = [problem.message for problem in log.problems]
-    return completed(result, log.name, log.skipped, problems, wall_s)
-
-
-def completed(
-    result: Result,
-    name: str,
-    also_skipped: Mapping[str, int],
-    problems: Sequence[str],
-    wall_s: float,
-) -> Report:
-    """Return the report with what only the command knows: names, times, what the reader skipped."""
-    from cartoloop.config_file import config_hash
-
-    report = result.report
-    skipped = dict(report.skipped)
-    for reason, count in also_skipped.items():
-        skipped[reason] = skipped.get(reason, 0) + count
-    extra = dict(report.extra)
-    if problems:
-        extra["problems"] = list(problems)
-    filled = replace(
-        report,
-        input=replace(report.input, name=name),
-        skipped=skipped,
-        config_hash=config_hash(result.config),
-        extra=extra,
-    )
-    return timed(filled, wall_s)
-
-
-def timed(report: Report, wall_s: float) -> Report:
-    """Return the report with what the run has taken so far."""
-    from cartoloop.map_output.report import peak_memory_mb
-
-    return replace(
-        report,
-        wall_s=wall_s,
-        cpu_s=time.process_time(),
-        peak_memory_mb=peak_memory_mb(),
-        real_time_factor=report.input.duration_s / wall_s,
-    )
-
-
-def _tell_problems(log: Log) -> None:
-    for problem in log.problems[:_MAX_PROBLEMS_SHOWN]:
-        typer.echo(f"{problem.severity}: {problem.message}", err=True)
-    if log.num_problems > _MAX_PROBLEMS_SHOWN:
-        rest = log.num_problems - _MAX_PROBLEMS_SHOWN
-        typer.echo(f"and {rest} more problems; see report.json", err=True)
-
-
 def summary(report: Report, out: Path) -> str:
-    """Return what the user reads in the end."""
+    """Return the summary of a run for the terminal."""
     constraints = report.constraints
-    closures = f"{constraints.found} in {constraints.searched} pairs searched"
+    closures = f"{constraints.loop_closure} final, {constraints.rejected} rejected"
     if constraints.precision is not None:
-        closures += (
-            f", {constraints.loop_closure} when matched again in the end: "
-            f"{100.0 * constraints.precision:.1f}% agree with the map"
-        )
+        closures += f" (precision {100.0 * constraints.precision:.1f}%)"
+    closures += f"; {constraints.found} found in {constraints.searched} searched pairs"
     skipped = ", ".join(f"{count} {reason}" for reason, count in sorted(report.skipped.items()))
     return "\n".join(
         (

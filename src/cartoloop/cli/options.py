@@ -4,48 +4,74 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
+    from cartoloop.config_file import LoadedConfig
     from cartoloop.map_output.picture import Layer
     from cartoloop.readers.read_options import ReadOptions
     from cartoloop.sensor.pose import Pose
 
+CONFIGURATION = "Configuration"
+RECORDING = "Recording"
+VIEW = "View"
+"""Groups of options in the help."""
+
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Set a parameter; see 'config show'."),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Set a parameter; may be repeated. 'config show' lists all.",
+        rich_help_panel=CONFIGURATION,
+    ),
 ]
 ConfigOption = Annotated[
-    Path | None, typer.Option("--config", metavar="FILE", help="Take parameters from a TOML file.")
+    Path | None,
+    typer.Option(
+        "--config",
+        metavar="FILE",
+        help="Read parameters from a TOML file.",
+        rich_help_panel=CONFIGURATION,
+    ),
 ]
 ThreadsOption = Annotated[
     int | None,
-    typer.Option(min=1, help="Background threads; the result does not depend on them."),
+    typer.Option(
+        min=1,
+        help="Background threads for loop closure; the result does not depend on it.",
+        rich_help_panel=CONFIGURATION,
+    ),
 ]
-DrawOption = Annotated[
-    str, typer.Option(help="What to draw over map.png: trajectory, closures, or none.")
-]
-
 ScanTopicOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--scan-topic", metavar="TOPIC", help="Scanner of a bag to use; may be given repeatedly."
+        "--scan-topic",
+        metavar="TOPIC",
+        help="Scanner topic of a bag to use; may be repeated.",
+        rich_help_panel=RECORDING,
     ),
 ]
 OdomTopicOption = Annotated[
     str | None,
-    typer.Option("--odom-topic", metavar="TOPIC", help="Odometry of a bag to use, or none."),
+    typer.Option(
+        "--odom-topic",
+        metavar="TOPIC",
+        help="Odometry topic of a bag to use, or none.",
+        rich_help_panel=RECORDING,
+    ),
 ]
 ImuTopicOption = Annotated[
-    str | None, typer.Option("--imu-topic", metavar="TOPIC", help="IMU of a bag to use, or none.")
-]
-UrdfOption = Annotated[
-    Path | None,
+    str | None,
     typer.Option(
-        "--urdf", metavar="FILE", help="Where the robot's sensors sit, if a bag omits it."
+        "--imu-topic",
+        metavar="TOPIC",
+        help="IMU topic of a bag to use, or none.",
+        rich_help_panel=RECORDING,
     ),
 ]
 LaserPoseOption = Annotated[
@@ -53,46 +79,126 @@ LaserPoseOption = Annotated[
     typer.Option(
         "--laser-pose",
         metavar="X,Y,YAW",
-        help="Where the scanner sits on the robot (m, rad), whatever is recorded.",
+        help="Pose of the scanner on the robot [m, m, rad], instead of the recorded one.",
+        rich_help_panel=RECORDING,
     ),
 ]
-EchoOption = Annotated[
-    str, typer.Option("--echo", help="Echo of scanners that send several: first or strongest.")
-]
 
 
-def read_options(
-    scan_topics: list[str] | None,
-    odom_topic: str | None,
-    imu_topic: str | None,
-    urdf: Path | None,
-    laser_pose: str | None,
-    echo: str,
-) -> ReadOptions:
-    """Return what the user says about a recording.
+@dataclass(frozen=True, kw_only=True)
+class ConfigOptions:
+    """Options that give the configuration."""
+
+    settings: SetOption = None
+    config: ConfigOption = None
+    threads: ThreadsOption = None
+
+    def load(self) -> LoadedConfig:
+        """Return the configuration.
+
+        Raises
+        ------
+        ConfigError
+            A key is unknown, or a value impossible.
+        """
+        from cartoloop.config_file import load_config
+
+        return load_config(self.config, settings_with_threads(self.settings, self.threads))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadingOptions:
+    """Options that say how to read a recording."""
+
+    scan_topics: ScanTopicOption = None
+    odom_topic: OdomTopicOption = None
+    imu_topic: ImuTopicOption = None
+    urdf: Annotated[
+        Path | None,
+        typer.Option(
+            "--urdf",
+            metavar="FILE",
+            help="Robot description with the sensors' mounting, if a bag has none.",
+            rich_help_panel=RECORDING,
+        ),
+    ] = None
+    laser_pose: LaserPoseOption = None
+    echo: Annotated[
+        str,
+        typer.Option(
+            "--echo",
+            help="Which echo of multi-echo scanners to use: first or strongest.",
+            rich_help_panel=RECORDING,
+        ),
+    ] = "first"
+
+    def read_options(self) -> ReadOptions:
+        """Return the options for the readers.
+
+        Raises
+        ------
+        typer.BadParameter
+            An option has no such value.
+        """
+        from cartoloop.readers.read_options import ReadOptions
+
+        if self.echo not in ("first", "strongest"):
+            raise typer.BadParameter(
+                f"there is no echo '{self.echo}'; choose first or strongest", param_hint="--echo"
+            )
+        return ReadOptions(
+            scan_topics=tuple(self.scan_topics or ()),
+            odom_topic=self.odom_topic,
+            imu_topic=self.imu_topic,
+            urdf=self.urdf,
+            laser_pose=parse_pose(self.laser_pose),
+            echo="first" if self.echo == "first" else "strongest",
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputOptions:
+    """Options that say where the map is written, and its picture."""
+
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map; is created.")
+    ]
+    draw: Annotated[
+        str,
+        typer.Option(
+            metavar="LAYERS",
+            help="Drawn over map.png: trajectory, closures (both with a comma), or none.",
+        ),
+    ] = "trajectory"
+
+    @property
+    def layers(self) -> tuple[Layer, ...]:
+        """The layers to draw, the lowest first.
+
+        Raises
+        ------
+        typer.BadParameter
+            There is no layer of such a name.
+        """
+        from cartoloop.map_output.picture import LAYERS
+
+        names = {name.strip() for name in self.draw.split(",")} - {"none", ""}
+        if unknown := sorted(names.difference(LAYERS)):
+            raise typer.BadParameter(
+                f"cannot draw '{unknown[0]}'; choose from {', '.join(LAYERS)}, none",
+                param_hint="--draw",
+            )
+        return tuple(layer for layer in LAYERS if layer in names)
+
+
+def parse_pose(text: str | None) -> Pose | None:
+    """Return the pose of --laser-pose.
 
     Raises
     ------
     typer.BadParameter
-        An option has no such value.
+        It is not three numbers.
     """
-    from cartoloop.readers.read_options import ReadOptions
-
-    if echo not in ("first", "strongest"):
-        raise typer.BadParameter(
-            f"there is no echo '{echo}'; choose first or strongest", param_hint="--echo"
-        )
-    return ReadOptions(
-        scan_topics=tuple(scan_topics or ()),
-        odom_topic=odom_topic,
-        imu_topic=imu_topic,
-        urdf=urdf,
-        laser_pose=_parse_pose(laser_pose),
-        echo="first" if echo == "first" else "strongest",
-    )
-
-
-def _parse_pose(text: str | None) -> Pose | None:
     if text is None:
         return None
     from cartoloop.sensor.pose import Pose
@@ -109,25 +215,6 @@ def _parse_pose(text: str | None) -> Pose | None:
 
 
 def settings_with_threads(settings: list[str] | None, threads: int | None) -> list[str]:
-    """Return the settings, that of the threads among them."""
+    """Return the settings, with that of the threads."""
     given = [] if threads is None else [f"global_slam.num_threads={threads}"]
     return [*(settings or []), *given]
-
-
-def parse_layers(text: str) -> tuple[Layer, ...]:
-    """Return the layers named in a list with commas, the lowest first.
-
-    Raises
-    ------
-    typer.BadParameter
-        There is no layer of such a name.
-    """
-    from cartoloop.map_output.picture import LAYERS
-
-    names = {name.strip() for name in text.split(",")} - {"none", ""}
-    if unknown := sorted(names.difference(LAYERS)):
-        raise typer.BadParameter(
-            f"cannot draw '{unknown[0]}'; choose from {', '.join(LAYERS)}, none",
-            param_hint="--draw",
-        )
-    return tuple(layer for layer in LAYERS if layer in names)

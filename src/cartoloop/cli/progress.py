@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a run is: a bar on a terminal, a line every few seconds elsewhere."""
+"""Progress of a run: a bar on a terminal, a line every few seconds elsewhere."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ from time import perf_counter
 from typing import Protocol, TextIO
 
 _BAR_PERIOD_S = 0.1
+"""Time between two updates of the bar [s]: smooth enough to the eye."""
+
 _LINE_PERIOD_S = 5.0
+"""Time between two lines [s], so that logs stay short."""
 
 
 class Display(Protocol):
-    """Shows how far a run is."""
+    """Shows the progress of a run."""
 
     def show(self, num_scans: int, status: str) -> None:
-        """Show that so many scans are done, and a few words more."""
+        """Show the number of scans done, and a status text."""
 
 
 class Progress:
@@ -25,10 +28,10 @@ class Progress:
 
     Parameters
     ----------
-    num_scans : how many scans there are to do.
-    display : where it is shown.
+    num_scans : total number of scans.
+    display : shows the progress.
     period : time between two displays [s].
-    paused_s : tells how long the run has been held up by what tells nothing of its rate [s].
+    paused_s : returns the time that does not count for the rate, as compiling [s].
     """
 
     def __init__(
@@ -42,12 +45,12 @@ class Progress:
         self._next = self._start + period
 
     def update(self, num_scans: int, recorded_s: float, num_loop_closures: int) -> None:
-        """Show how far it is, if it is time to.
+        """Show the progress, once per period.
 
         Parameters
         ----------
         num_scans : scans done.
-        recorded_s : time that these took when they were recorded [s].
+        recorded_s : recorded time of these scans [s].
         num_loop_closures : loop closures found.
         """
         now = perf_counter()
@@ -80,9 +83,9 @@ class _Lines:
 def progress(
     num_scans: int, stream: TextIO | None = None, *, paused_s: Callable[[], float] = float
 ) -> Iterator[Progress]:
-    """Yield the progress of a run over so many scans, shown on the stream (standard error).
+    """Yield the progress of a run over `num_scans` scans, shown on a stream (standard error).
 
-    `paused_s` tells how long the run has been held up by what tells nothing of its rate [s].
+    `paused_s` returns the time that does not count for the rate, as compiling [s].
     """
     stream = stream or sys.stderr
     if not stream.isatty():
@@ -104,7 +107,7 @@ def progress(
 
 
 def format_duration(seconds: float) -> str:
-    """Return a duration as people say it: 40 s, 3 min 20 s, 2 h 5 min."""
+    """Return a duration as text: 40 s, 3 min 20 s, 2 h 5 min."""
     whole = round(seconds)
     if whole < 60:
         return f"{whole} s"

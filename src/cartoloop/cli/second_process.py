@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A second process that compiles the rest, while this one begins to map for the first time."""
+"""A second process that compiles further kernels while this one starts its first run."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from contextlib import suppress
 _logger = logging.getLogger(__name__)
 
 _END_S = 2.0
+"""Time to end by itself before the process is killed [s]."""
 
 
 def start_second_process() -> bool:
-    """Have another process compile what this one needs later; it ends with this one.
+    """Start a process that compiles kernels needed later; it ends with this one.
 
-    Return whether there is one. It is but a help: whatever it fails of, this one does itself.
+    Return whether it was started. If it fails, this process compiles everything itself.
     """
     from cartoloop.compile_ahead import is_done
 
@@ -27,7 +28,7 @@ def start_second_process() -> bool:
         return False
     try:
         process = subprocess.Popen(
-            # -P: the folder we are in is no place to import from.
+            # -P: modules are not imported from the working directory.
             [sys.executable, "-P", "-m", "cartoloop.compile_ahead"],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
@@ -43,16 +44,16 @@ def start_second_process() -> bool:
 
 
 def _wait(process: subprocess.Popen[bytes]) -> None:
-    """Wait for its end, and keep a note of what it failed of."""
+    """Wait for its end, and log its errors."""
     assert process.stderr is not None
     with process.stderr as stream:
-        told = stream.read().decode(errors="replace").strip()
-    if process.wait() or told:
-        _logger.debug("compiling kernels ahead: status %d: %s", process.returncode, told)
+        errors = stream.read().decode(errors="replace").strip()
+    if process.wait() or errors:
+        _logger.debug("compiling kernels ahead: status %d: %s", process.returncode, errors)
 
 
 def _end(process: subprocess.Popen[bytes], waiter: threading.Thread) -> None:
-    """End it: nobody waits for what it compiles any more."""
+    """End the process, whose kernels are not needed any more."""
     assert process.stdin is not None
     with suppress(OSError):
         process.stdin.close()

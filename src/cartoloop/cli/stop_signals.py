@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ctrl-C and termination: asked once, the run stops where its result is whole."""
+"""Ctrl-C and termination: the first signal stops the run at the next event, the second at once."""
 
 from __future__ import annotations
 
@@ -8,41 +8,23 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from cartoloop.stop_request import StopRequest
 
-class StopRequest:
-    """Whether the user wants the run to stop.
 
-    Attributes
-    ----------
-    made : whether a signal has arrived.
-    """
-
-    def __init__(self) -> None:
-        self.made = False
-        self._at_once = False
+class SignalStop(StopRequest):
+    """A stop request that signals make."""
 
     def handle(self, number: int, frame: FrameType | None) -> None:
-        """Note the first signal; raise KeyboardInterrupt at the second, or while `at_once`."""
+        """Note the first signal; raise KeyboardInterrupt at the second, or in `at_once`."""
         again, self.made = self.made, True
-        if again or self._at_once:
+        if again or self.is_immediate:
             raise KeyboardInterrupt
-
-    @contextmanager
-    def at_once(self) -> Iterator[None]:
-        """Let a signal raise KeyboardInterrupt in the body, which does not look at `made`."""
-        self._at_once = True
-        try:
-            if self.made:
-                raise KeyboardInterrupt
-            yield
-        finally:
-            self._at_once = False
 
 
 @contextmanager
-def stop_signals() -> Iterator[StopRequest]:
+def stop_signals() -> Iterator[SignalStop]:
     """Yield the request that SIGINT and SIGTERM make while the body runs."""
-    request = StopRequest()
+    request = SignalStop()
     numbers = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(number, request.handle) for number in numbers]
     try:

@@ -4,58 +4,123 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cartoloop.cli.options import VIEW
 from cartoloop.cli.stop_signals import stop_signals
 
 if TYPE_CHECKING:
     from cartoloop.config import Config
-    from cartoloop.readers import Log
     from cartoloop.viewer.view import LiveView
 
 ViewOption = Annotated[
-    bool, typer.Option("--view", help="Show the map in a browser while it grows, and after.")
+    bool,
+    typer.Option(
+        "--view", help="Show the map in a browser while it grows, and after.", rich_help_panel=VIEW
+    ),
 ]
 HostOption = Annotated[
     str | None,
     typer.Option(
         metavar="ADDRESS",
         help="Serve the view to other machines, too: 0.0.0.0, or one address of this machine.",
+        rich_help_panel=VIEW,
     ),
 ]
 PortOption = Annotated[
     int | None,
-    typer.Option(min=1, max=65535, help="Port of the view; the next free one where it is taken."),
-]
-SpeedOption = Annotated[
-    float | None,
     typer.Option(
-        min=0.1,
-        max=1000.0,
-        help="Pace of the recording in the view, 1 for real time; as fast as possible if not "
-        "given. The view can change it.",
+        min=1,
+        max=65535,
+        help="Port of the view; if it is in use, the next free one.",
+        rich_help_panel=VIEW,
     ),
 ]
 
 
-def view_command(
+@dataclass(frozen=True, kw_only=True)
+class ViewOptions:
+    """Options of the view of a recording that is being mapped."""
+
+    view: ViewOption = False
+    host: HostOption = None
+    port: PortOption = None
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1,
+            max=1000.0,
+            help="Speed of the recording in the view, 1 for real time; by default as fast as "
+            "possible. The view can change it.",
+            rich_help_panel=VIEW,
+        ),
+    ] = None
+
+    def require_view(self) -> None:
+        """Refuse options that have no effect without a view.
+
+        Raises
+        ------
+        typer.BadParameter
+            One was given.
+        """
+        require_view(self.view, host=self.host, port=self.port, speed=self.speed)
+
+    def open_view(self, name: str, config: Config, num_scans: int, duration: float) -> LiveView:
+        """Serve the view of a recording that is about to be mapped, and print its address.
+
+        Parameters
+        ----------
+        name : of the recording.
+        config : of the mapper.
+        num_scans : of the recording.
+        duration : of the recording [s].
+
+        Raises
+        ------
+        ServeError
+            It cannot be served there.
+        """
+        from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT
+        from cartoloop.viewer.view import LiveView
+
+        view = LiveView(
+            name,
+            config,
+            scans_total=num_scans,
+            duration_s=duration,
+            speed=self.speed,
+            host=self.host or DEFAULT_HOST,
+            port=self.port or DEFAULT_PORT,
+        )
+        typer.echo(f"view           {view.url}")
+        return view
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewCommandOptions:
+    """Options of ``cartoloop view``."""
+
     out: Annotated[
-        Path, typer.Argument(metavar="OUT", help="Folder of a map, as 'cartoloop map' wrote it.")
-    ],
-    host: HostOption = None,
-    port: PortOption = None,
-) -> None:
+        Path, typer.Argument(metavar="OUT", help="Folder that 'cartoloop map' has written.")
+    ]
+    host: HostOption = None
+    port: PortOption = None
+
+
+def view_command(options: ViewCommandOptions) -> None:
     """Show a finished map in a browser."""
     from cartoloop.map_file.load import load_map
     from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT
     from cartoloop.viewer.view import serve_result
 
-    result = load_map(out)
-    name = result.report.input.name or out.name
-    server = serve_result(result, name, host or DEFAULT_HOST, port or DEFAULT_PORT)
+    result = load_map(options.out)
+    name = result.report.input.name or options.out.name
+    server = serve_result(result, name, options.host or DEFAULT_HOST, options.port or DEFAULT_PORT)
     try:
         wait_for_stop(f"{name}: {server.url}")
     finally:
@@ -64,34 +129,8 @@ def view_command(
         raise server.failure
 
 
-def open_view(
-    log: Log, config: Config, host: str | None, port: int | None, speed: float | None
-) -> LiveView:
-    """Serve the view of a recording that is about to be mapped, and tell where.
-
-    Raises
-    ------
-    ServeError
-        It cannot be served there.
-    """
-    from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT
-    from cartoloop.viewer.view import LiveView
-
-    view = LiveView(
-        log.name,
-        config,
-        scans_total=log.num_scans,
-        duration_s=log.duration,
-        speed=speed,
-        host=host or DEFAULT_HOST,
-        port=port or DEFAULT_PORT,
-    )
-    typer.echo(f"view           {view.url}")
-    return view
-
-
 def require_view(view: bool, **options: object) -> None:
-    """Refuse options that mean nothing without a view.
+    """Refuse options that have no effect without a view.
 
     Raises
     ------
@@ -100,11 +139,11 @@ def require_view(view: bool, **options: object) -> None:
     """
     for name, value in options.items():
         if value is not None and not view:
-            raise typer.BadParameter("means nothing without --view", param_hint=f"--{name}")
+            raise typer.BadParameter("has no effect without --view", param_hint=f"--{name}")
 
 
 def wait_for_stop(what: str) -> None:
-    """Tell that something is served, and return when the user has had enough."""
+    """Print what is served where, and return when the user stops it."""
     typer.echo(f"{what} (Ctrl-C ends)")
     with stop_signals() as stop:
         while not stop.made:

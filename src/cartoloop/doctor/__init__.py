@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is in a recording, what is wrong with it, and what the mapper would make of it."""
+"""Examination of a recording: its contents, its problems, and how it would be mapped."""
 
 from cartoloop.doctor.examination import Examination, examine
 from cartoloop.doctor.findings import Finding

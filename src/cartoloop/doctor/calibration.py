@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the odometry relates to the scans: local SLAM on the part where the robot turns most."""
+"""Calibration of odometry: local SLAM on the part of a recording with the most rotation."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.doctor.odometry import OdometryWatch
 from cartoloop.local_slam.local_slam import LocalSlam
@@ -17,18 +18,17 @@ from cartoloop.readers.log import Log
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.event_faults import fault_of
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, SensorEvent
-from cartoloop.sensor.pose import FloatArray
 
 PART_SCANS = 1500
-"""So many scans tell enough of the odometry, and are matched within seconds."""
+"""Scans of the part that is matched: enough for an estimate, and matched within seconds."""
 
 MIN_SCANS = 50
-"""With fewer, nothing is estimated."""
+"""Scans below which nothing is estimated."""
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What local SLAM found on a part of the recording.
+    """Result of local SLAM on a part of a recording.
 
     Attributes
     ----------
@@ -59,14 +59,14 @@ def choose_part(scan_times: FloatArray, odometry: OdometryWatch, size: int = PAR
 def calibrate(
     log: Log, scan_times: FloatArray, odometry: OdometryWatch, sensor: str
 ) -> Calibration | None:
-    """Run local SLAM over a part of a recording; None if there is too little to go by.
+    """Run local SLAM over a part of a recording; None if there is too little data.
 
     Parameters
     ----------
     scan_times : of the main scanner [s].
     sensor : name of the main scanner, whose scans are matched.
     """
-    if len(scan_times) < MIN_SCANS or odometry.count < MIN_SCANS or odometry.way == 0.0:
+    if len(scan_times) < MIN_SCANS or odometry.count < MIN_SCANS or odometry.path_length == 0.0:
         return None
     first = choose_part(scan_times, odometry)
     start = float(scan_times[first])
@@ -92,7 +92,7 @@ def calibrate(
 
 def _between(log: Log, start: float, end: float) -> Iterator[SensorEvent]:
     """Yield the events of a stretch of time."""
-    with closing(iter(log)) as events:  # type: ignore[type-var]
+    with closing(iter(log)) as events:
         for event in events:
             if event.time > end:
                 return

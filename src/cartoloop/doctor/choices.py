@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the mapper would choose, and why."""
+"""What the mapper would use of a recording, and why."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _NAMES = {"cloud": "scanner", "scan": "scanner", "imu": "IMU", "tf": "transforms
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Something that is decided by the recording.
+    """A decision that depends on the recording.
 
     Attributes
     ----------
-    what : is decided.
-    value : how.
-    why : so.
+    what : the decision.
+    value : the choice.
+    why : its reason.
     """
 
     what: str
@@ -42,13 +42,13 @@ def choices_of(
     odometry: OdometryWatch,
     model: OdometryModel | None,
 ) -> tuple[Choice, ...]:
-    """Return what the mapper would choose for a recording."""
+    """Return how the mapper would use a recording."""
     used = sorted((s for s in contents.streams if s.used), key=lambda s: _ROLES.index(s.role))
     found = [Choice(_NAMES.get(s.role, s.role), s.name, s.reason) for s in used]
     if odometry.count and not any(s.role == "odometry" for s in used):
-        found.append(Choice("odometry", used[0].name, "the poses that stand in these lines"))
+        found.append(Choice("odometry", used[0].name, "the poses in these lines"))
     if contents.base_frame:
-        found.append(Choice("tracking frame", contents.base_frame, "its way is the trajectory"))
+        found.append(Choice("tracking frame", contents.base_frame, "the trajectory is its path"))
     found.append(_ranges(log.profile))
     found.append(_free_space(log.profile, watch))
     found.append(_times(log))
@@ -59,11 +59,11 @@ def choices_of(
 
 
 def _ranges(profile: SensorProfile) -> Choice:
-    """Return which ranges are matched and mapped; the configuration may say otherwise."""
+    """Return which ranges are matched and mapped with the default configuration."""
     farthest = min(profile.range_max, SensorConfig().default_max_range)
     value = f"{profile.range_min:.2f} m to {farthest:.2f} m"
     if farthest < profile.range_max:
-        return Choice("ranges used", value, "what is farther off clears free space, but is no wall")
+        return Choice("ranges used", value, "longer ranges clear free space, but are no walls")
     no_return = profile.no_return
     if no_return is not None and math.isfinite(no_return) and no_return > 0:
         return Choice("ranges used", value, f"{no_return:.6g} m is sent for 'no return'")
@@ -78,9 +78,9 @@ def _free_space(profile: SensorProfile, watch: ScanWatch | CloudWatch) -> Choice
     if profile.no_return == 0.0:
         return Choice("no return", "clears nothing", "0 may be an error as well")
     if finite or profile.no_return == math.inf:
-        why = "beams without a return met nothing so near"
+        why = "beams without a return hit nothing nearer"
         return Choice("no return", f"clears {length:g} m of free space", why)
-    return Choice("no return", "clears nothing", "what lies beyond the range limit is unknown")
+    return Choice("no return", "clears nothing", "space beyond the range limit is unknown")
 
 
 def _times(log: Log) -> Choice:
@@ -101,7 +101,9 @@ def _beam_times(watch: ScanWatch | CloudWatch) -> Choice:
 
 def _trust(model: OdometryModel | None) -> Choice:
     if model is None:
-        return Choice("odometry's model", "found while mapping", "too little to tell beforehand")
+        return Choice(
+            "odometry's model", "found while mapping", "too little data to estimate before"
+        )
     if not model.is_known:
         return Choice(
             "odometry's model", "found while mapping", "too little motion in the part tried"
@@ -111,5 +113,5 @@ def _trust(model: OdometryModel | None) -> Choice:
         f"{model.time_offset:+.2f} s, turns x {model.rotation_scale:.3f}, "
         f"distances x {model.translation_scale:.3f}",
         f"then a step errs by {100 * model.translation_error:.1f} cm and "
-        f"{math.degrees(model.rotation_error):.2f} deg; estimated anew while mapping",
+        f"{math.degrees(model.rotation_error):.2f} deg; estimated again while mapping",
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The clouds of a scanner of points in space: watched as they go by, then judged."""
+"""Statistics and checks of the clouds of a 3D scanner. One function per check."""
 
 from __future__ import annotations
 
@@ -10,18 +10,21 @@ from cartoloop.doctor.findings import Finding, first_of
 from cartoloop.sensor.events import PointCloud
 
 MIN_POINTS = 50
+"""Points below which a cloud cannot be matched: ten returns in each of five rings."""
+
 LONGEST_SWEEP_S = 0.5
+"""Longest plausible sweep [s]: scanners rotate at 5 Hz or faster."""
 
 
 @dataclass(slots=True)
 class CloudWatch:
-    """What the clouds of a scanner show, in bounded memory but for two numbers a cloud.
+    """Statistics of the clouds of a scanner; memory grows by two numbers per cloud.
 
     Attributes
     ----------
     name : of the scanner.
     stamps, times : of each cloud [s].
-    num_points : in all.
+    num_points : total.
     num_poor, first_poor : clouds with too few points; stamp of the first.
     num_untimed : clouds whose points have no times.
     num_odd, first_odd : clouds with points measured before the stamp, or long after it.
@@ -41,11 +44,11 @@ class CloudWatch:
 
     @property
     def count(self) -> int:
-        """How many clouds there were."""
+        """Number of clouds."""
         return len(self.stamps)
 
     def add(self, cloud: PointCloud) -> None:
-        """Take in a cloud."""
+        """Add a cloud."""
         self.stamps.append(cloud.stamp)
         self.times.append(cloud.time)
         self.num_points += len(cloud.points)
@@ -63,13 +66,13 @@ class CloudWatch:
 
 
 def check_clouds(watch: CloudWatch) -> list[Finding]:
-    """Return what is wrong with the clouds of a scanner."""
+    """Return the problems of a scanner's clouds."""
     found = (check_points(watch), check_point_times(watch), check_untimed(watch))
     return [finding for finding in found if finding is not None]
 
 
 def check_points(watch: CloudWatch) -> Finding | None:
-    """Clouds that hold next to nothing."""
+    """Clouds with very few points."""
     if not watch.num_poor:
         return None
     every = watch.num_poor == watch.count
@@ -77,7 +80,7 @@ def check_points(watch: CloudWatch) -> Finding | None:
         "error" if every else "warning",
         "no_returns" if every else "few_returns",
         f"{watch.num_poor} of {watch.count} clouds have fewer than {MIN_POINTS} points",
-        "check the scanner, and what filters its clouds",
+        "check the scanner and the filters of its clouds",
         watch.name,
         watch.num_poor,
         watch.first_poor,
@@ -93,7 +96,7 @@ def check_point_times(watch: CloudWatch) -> Finding | None:
         "point_times",
         f"in {watch.num_odd} clouds points are measured before the stamp, or more than "
         f"{LONGEST_SWEEP_S} s after it",
-        "let the driver stamp the first point, and give each its time from there on",
+        "let the driver stamp the first point, and give each point its time since then",
         watch.name,
         watch.num_odd,
         watch.first_odd,
@@ -101,14 +104,14 @@ def check_point_times(watch: CloudWatch) -> Finding | None:
 
 
 def check_untimed(watch: CloudWatch) -> Finding | None:
-    """Clouds whose points do not tell when they were measured."""
+    """Clouds whose points have no times."""
     if not watch.num_untimed:
         return None
     return Finding(
         "info",
         "no_point_times",
         f"the points of {watch.num_untimed} clouds have no times",
-        "motion during a sweep cannot be made good; record the driver's field of times",
+        "the clouds cannot be deskewed; record the driver's field of times",
         watch.name,
         watch.num_untimed,
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is in a recording: its topics or kinds of lines, and its transforms."""
+"""Contents of a recording: topics or kinds of lines, and transforms."""
 
 from __future__ import annotations
 
@@ -7,22 +7,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.readers.carmen import CARMEN, ODOM_TAG
 from cartoloop.readers.line_log import LineLog
 from cartoloop.readers.log import Log
 from cartoloop.readers.ros.bag import BagLog
 from cartoloop.readers.ros.inventory import Inventory, TopicSummary, TransformSummary
-from cartoloop.sensor.pose import FloatArray
 
-GAP_FACTOR, MIN_GAP_S = 3.0, 0.1
-"""Pauses of more than so many periods, and so long, are gaps."""
+GAP_FACTOR = 3.0
+"""Periods without a message from which on a pause is a gap: one lost message is none."""
+
+MIN_GAP_S = 0.1
+"""Shortest gap [s]: faster sensors jitter by more than their period."""
 
 _SUFFIX = " (not used)"
 
 
 @dataclass(frozen=True, slots=True)
 class Times:
-    """When the messages of a stream came.
+    """Time stamps of the messages of a stream.
 
     Attributes
     ----------
@@ -50,9 +53,9 @@ class Stream:
     type : of the messages.
     role : ``scan``, ``cloud``, ``odometry``, ``imu``, ``tf`` or ``other``.
     count : how many there are.
-    used, reason : whether it is mapped with, and why (not).
-    frames : which its messages are in, the most frequent first.
-    times : when they came; None if that is not known.
+    used, reason : whether it is used for mapping, and why (not).
+    frames : of its messages, the most frequent first.
+    times : their stamps; None if unknown.
     """
 
     name: str
@@ -67,14 +70,14 @@ class Stream:
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """What is in a recording, as far as it is known without its events.
+    """Contents of a recording, as far as known without reading its events.
 
     Attributes
     ----------
     kind : of recording, for the user.
     streams : all topics or kinds of lines, those that are used first.
     transforms : between frames, by child.
-    base_frame : whose way is sought; "" where frames have no names.
+    base_frame : the tracking frame; "" where frames have no names.
     """
 
     kind: str
@@ -84,7 +87,7 @@ class Contents:
 
 
 def times_of(times: FloatArray, stamps: FloatArray | None = None) -> Times | None:
-    """Return when messages came, None if there are none.
+    """Return the summary of time stamps, None if there are none.
 
     Parameters
     ----------
@@ -110,7 +113,7 @@ def times_of(times: FloatArray, stamps: FloatArray | None = None) -> Times | Non
 
 
 def contents_of(log: Log) -> Contents:
-    """Return what is in a recording; of text, the times of its lines are not yet known."""
+    """Return the contents of a recording; for text, without the times of its lines."""
     if isinstance(log, BagLog):
         return contents_of_bag(log.inventory)
     if isinstance(log, LineLog) and log.format_name == CARMEN.name:
@@ -157,7 +160,7 @@ def other_lines(skipped: dict[str, int]) -> tuple[Stream, ...]:
 
 
 def contents_of_bag(inventory: Inventory) -> Contents:
-    """Return what is in a ROS recording."""
+    """Return the contents of a ROS recording."""
     streams = sorted(
         map(_of_topic, inventory.topics), key=lambda s: (not s.used, s.role == "other")
     )

@@ -4,20 +4,66 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 from cartoloop.doctor.clouds import CloudWatch
 from cartoloop.doctor.contents import Stream
 from cartoloop.doctor.examination import Examination, Scanner
+from cartoloop.doctor.findings import Finding
 from cartoloop.readers.ros.inventory import TransformSummary
 
 VERSION = 1
+"""Version of the document; it changes when a key changes its meaning."""
+
+_TIMES = {
+    "rate_hz": "rate",
+    "first_s": "first",
+    "last_s": "last",
+    "num_gaps": "num_gaps",
+    "longest_gap_s": "longest_gap",
+}
+_PROFILE = {
+    "num_beams": "num_beams",
+    "field_of_view_rad": "field_of_view",
+    "angular_resolution_rad": "angular_resolution",
+    "range_min_m": "range_min",
+    "range_max_m": "range_max",
+    "no_return_m": "no_return",
+    "share_no_return": "share_no_return",
+    "range_step_m": "range_quantum",
+    "range_noise_m": "range_noise",
+    "rate_hz": "rate",
+}
+_ODOMETRY = {
+    "count": "count",
+    "path_m": "path_length",
+    "turned_rad": "turned",
+    "max_speed_m_s": "fastest",
+    "max_turn_rad_s": "fastest_turn",
+    "num_jumps": "num_jumps",
+}
+_MODEL = {
+    "time_offset_s": "time_offset",
+    "rotation_scale": "rotation_scale",
+    "translation_scale": "translation_scale",
+    "rotation_error_rad": "rotation_error",
+    "translation_error_m": "translation_error",
+}
+_IMU = {
+    "count": "count",
+    "mean_acceleration_m_s2": "mean_size",
+    "min_acceleration_m_s2": "lowest",
+    "max_acceleration_m_s2": "highest",
+    "tilt_rad": "tilt",
+    "max_turn_rad_s": "fastest_turn",
+}
+"""Keys of the document, and the attributes that they show."""
 
 
 def document(examinations: Sequence[Examination]) -> dict[str, Any]:
-    """Return examinations as plain data that JSON can hold; what is not known is None."""
+    """Return examinations as plain data that JSON can hold; unknown values are None."""
     plain: dict[str, Any] = _finite(
         {
             "version": VERSION,
@@ -29,50 +75,35 @@ def document(examinations: Sequence[Examination]) -> dict[str, Any]:
 
 
 def _recording(examination: Examination) -> dict[str, Any]:
+    contents = examination.contents
     return {
         "path": str(examination.path),
-        "kind": examination.contents.kind,
+        "kind": contents.kind,
         "can_be_mapped": examination.can_be_mapped,
         "duration_s": examination.duration,
         "num_scans": sum(scanner.watch.count for scanner in examination.scanners),
-        "base_frame": examination.contents.base_frame or None,
-        "streams": [_stream(stream) for stream in examination.contents.streams],
-        "transforms": [_transform(t) for t in examination.contents.transforms],
+        "base_frame": contents.base_frame or None,
+        "streams": [_stream(stream) for stream in contents.streams],
+        "transforms": [_transform(transform) for transform in contents.transforms],
         "scanners": [_scanner(scanner) for scanner in examination.scanners],
         "odometry": _odometry(examination),
-        "imu": _imu(examination),
+        "imu": None if examination.imu is None else _values(examination.imu, _IMU),
         "choices": [asdict(choice) for choice in examination.choices],
-        "findings": [
-            {
-                "severity": f.severity,
-                "code": f.code,
-                "where": f.where or None,
-                "message": f.message,
-                "remedy": f.remedy or None,
-                "count": f.count,
-                "time_s": f.time,
-            }
-            for f in examination.findings
-        ],
+        "findings": [_finding(finding) for finding in examination.findings],
     }
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    plain = asdict(finding)
+    plain["time_s"] = plain.pop("time")
+    return plain | {"where": finding.where or None, "remedy": finding.remedy or None}
 
 
 def _stream(stream: Stream) -> dict[str, Any]:
-    times = stream.times
-    return {
-        "name": stream.name,
-        "type": stream.type,
-        "role": stream.role,
-        "count": stream.count,
-        "used": stream.used,
-        "reason": stream.reason or None,
-        "frames": list(stream.frames),
-        "rate_hz": times.rate if times else None,
-        "first_s": times.first if times else None,
-        "last_s": times.last if times else None,
-        "num_gaps": times.num_gaps if times else None,
-        "longest_gap_s": times.longest_gap if times else None,
-    }
+    plain = asdict(stream)
+    del plain["times"]
+    plain |= {"reason": stream.reason or None, "frames": list(stream.frames)}
+    return plain | _values(stream.times, _TIMES)
 
 
 def _transform(transform: TransformSummary) -> dict[str, Any]:
@@ -89,38 +120,16 @@ def _transform(transform: TransformSummary) -> dict[str, Any]:
 
 
 def _scanner(scanner: Scanner) -> dict[str, Any]:
-    watch, profile = scanner.watch, scanner.profile
+    watch = scanner.watch
     plain: dict[str, Any] = {
         "name": scanner.name,
         "num_scans": watch.count,
         "num_scans_with_few_returns": watch.num_poor,
         "sweep_s": watch.sweep,
-        "num_beams": None,
-        "field_of_view_rad": None,
-        "angular_resolution_rad": None,
-        "range_min_m": None,
-        "range_max_m": None,
-        "no_return_m": None,
-        "share_no_return": None,
-        "range_step_m": None,
-        "range_noise_m": None,
-        "rate_hz": None,
+        **_values(scanner.profile, _PROFILE),
     }
-    if profile is not None:
-        # A scanner of which one tells "inf" is not one of which nothing is known.
-        is_infinite = profile.no_return == math.inf
-        plain |= {
-            "num_beams": profile.num_beams,
-            "field_of_view_rad": profile.field_of_view,
-            "angular_resolution_rad": profile.angular_resolution,
-            "range_min_m": profile.range_min,
-            "range_max_m": profile.range_max,
-            "no_return_m": "inf" if is_infinite else profile.no_return,
-            "share_no_return": profile.share_no_return,
-            "range_step_m": profile.range_quantum,
-            "range_noise_m": profile.range_noise,
-            "rate_hz": profile.rate,
-        }
+    if plain["no_return_m"] == math.inf:
+        plain["no_return_m"] = "inf"  # is known, unlike None
     if isinstance(watch, CloudWatch):
         return plain | {"num_points": watch.num_points}
     mounting = list(watch.geometry.tf_tracking_sensor) if watch.geometry else None
@@ -131,35 +140,18 @@ def _odometry(examination: Examination) -> dict[str, Any] | None:
     odometry, calibration = examination.odometry, examination.calibration
     if odometry is None:
         return None
-    known = calibration is not None and calibration.model.is_known
-    model = calibration.model if calibration is not None and known else None
+    is_known = calibration is not None and calibration.model.is_known
     return {
-        "count": odometry.count,
-        "path_m": odometry.way,
-        "turned_rad": odometry.turned,
-        "max_speed_m_s": odometry.fastest,
-        "max_turn_rad_s": odometry.fastest_turn,
-        "num_jumps": odometry.num_jumps,
+        **_values(odometry, _ODOMETRY),
         "num_scans_tried": calibration.num_scans if calibration else 0,
-        "time_offset_s": model.time_offset if model else None,
-        "rotation_scale": model.rotation_scale if model else None,
-        "translation_scale": model.translation_scale if model else None,
-        "rotation_error_rad": model.rotation_error if model else None,
-        "translation_error_m": model.translation_error if model else None,
+        **_values(calibration.model if calibration and is_known else None, _MODEL),
     }
 
 
-def _imu(examination: Examination) -> dict[str, Any] | None:
-    imu = examination.imu
-    if imu is None:
-        return None
+def _values(source: object, attributes: Mapping[str, str]) -> dict[str, Any]:
+    """Return attributes by key; None for all if there is no source."""
     return {
-        "count": imu.count,
-        "mean_acceleration_m_s2": imu.mean_size,
-        "min_acceleration_m_s2": imu.lowest,
-        "max_acceleration_m_s2": imu.highest,
-        "tilt_rad": imu.tilt,
-        "max_turn_rad_s": imu.fastest_turn,
+        key: None if source is None else getattr(source, name) for key, name in attributes.items()
     }
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One recording, examined: read through once, a part of it matched, all checks made."""
+"""Examination of one recording: one pass over its events, matching of a part, all checks."""
 
 from __future__ import annotations
 
@@ -34,17 +34,22 @@ from cartoloop.sensor.event_faults import fault_of
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
 from cartoloop.sensor.sensor_profile import SensorProfile
 
-Tell = Callable[[str, int, int], None]
-"""Called now and then with what is going on, how many scans are done, and of how many."""
+ReportProgress = Callable[[str, int, int], None]
+"""Callback for progress: the current step, number of scans done, total number (0: unknown)."""
 
-_TOLD_OF_TIMES = {"stamps", "gap", "reset"}
-_TOLD_OF_TIMES_IN_BAGS = {"gap"}
-_EVERY = 64
+TIME_PROBLEMS = frozenset({"stamps", "gap", "reset"})
+"""Problems of text logs that the checks of times report."""
+
+TIME_PROBLEMS_OF_BAGS = frozenset({"gap"})
+"""The same for bags, whose inventory reports the others."""
+
+SCANS_PER_REPORT = 64
+"""Scans between two calls of the progress callback."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scanner:
-    """A scanner that is used: what its scans show, and its profile."""
+    """A scanner that is used, with statistics of its scans and its profile."""
 
     name: str
     watch: ScanWatch | CloudWatch
@@ -53,18 +58,18 @@ class Scanner:
 
 @dataclass(frozen=True, slots=True)
 class Examination:
-    """What the doctor found out about a recording.
+    """The examination of a recording.
 
     Attributes
     ----------
     path : of the recording.
-    can_be_mapped : whether `map` would make a map of it.
-    contents : what is in it.
+    can_be_mapped : whether `map` accepts it.
+    contents : topics or kinds of lines, transforms.
     duration : [s].
     scanners : those used; the main one first.
-    odometry, imu : as they went by.
-    calibration : of the odometry on a part, or None.
-    choices : what the mapper would choose.
+    odometry, imu : statistics of their events.
+    calibration : of the odometry, estimated on a part, or None.
+    choices : how the mapper would use the recording.
     findings : worst first.
     """
 
@@ -88,30 +93,30 @@ class _Watches:
 
 
 def examine(
-    path: Path, options: ReadOptions | None = None, tell: Tell = lambda *_: None
+    path: Path, options: ReadOptions | None = None, report: ReportProgress = lambda *_: None
 ) -> Examination:
-    """Return what is in a recording, what is wrong with it, and what would be made of it.
+    """Return the examination of a recording: contents, problems, how it would be mapped.
 
-    Never raises because of what the file holds: what cannot be mapped is a finding.
+    Unusable contents are not raised as an error, but are findings.
     """
     options = options or ReadOptions()
     try:
         log = open_log(path, options)
-        watches, findings = _watch(log, tell)
+        watches, findings = _watch(log, report)
     except InputError as error:
         return _unusable(path, options, error)
     contents = _with_times(contents_of(log), log, watches)
     main = next(iter(watches.scanners.values()))
     calibration = None
     if isinstance(main, ScanWatch) and main.num_poor < main.count:
-        tell("matching a part", 0, 0)
+        report("matching a part", 0, 0)
         calibration = calibrate(log, np.asarray(main.times), watches.odometry, main.name)
     model = calibration.model if calibration else None
     profiles: dict[str, SensorProfile] = getattr(log, "profiles", {})
     findings += _findings_of_log(log, contents, main)
     for watch in watches.scanners.values():
         if isinstance(watch, ScanWatch):
-            findings += check_scans(watch, profiles.get(watch.name), watches.odometry.way)
+            findings += check_scans(watch, profiles.get(watch.name), watches.odometry.path_length)
         else:
             findings += check_clouds(watch)
     findings += check_odometry(watches.odometry, model)
@@ -130,7 +135,7 @@ def examine(
     )
 
 
-def _watch(log: Log, tell: Tell) -> tuple[_Watches, list[Finding]]:
+def _watch(log: Log, report: ReportProgress) -> tuple[_Watches, list[Finding]]:
     """Read a recording through.
 
     Raises
@@ -157,8 +162,8 @@ def _watch(log: Log, tell: Tell) -> tuple[_Watches, list[Finding]]:
                 found[name] = watch
             watch.add(event)  # type: ignore[arg-type] # of one sensor all are of one kind
             num_scans += 1
-            if num_scans % _EVERY == 0:
-                tell("reading", num_scans, log.num_scans)
+            if num_scans % SCANS_PER_REPORT == 0:
+                report("reading", num_scans, log.num_scans)
     if not found:
         raise InputError(
             f"{log.name}: no scan can be used ({', '.join(faults) or 'none is there'})"
@@ -173,7 +178,7 @@ def _watch(log: Log, tell: Tell) -> tuple[_Watches, list[Finding]]:
 
 
 def _with_times(contents: Contents, log: Log, watches: _Watches) -> Contents:
-    """Return the contents with what only reading a text told: other lines, and times."""
+    """Return the contents with what is only known after reading: unused lines, and times."""
     for stream in contents.streams:
         if stream.used and stream.role == "odometry":
             watches.odometry.name = stream.name
@@ -195,33 +200,33 @@ def _with_times(contents: Contents, log: Log, watches: _Watches) -> Contents:
 
 
 def _findings_of_log(log: Log, contents: Contents, main: ScanWatch | CloudWatch) -> list[Finding]:
-    """Return what the reader found, and what its summaries tell."""
+    """Return problems of the reader, and checks of its summaries."""
     found: list[Finding] = []
-    told = set(_TOLD_OF_TIMES_IN_BAGS)
+    reported = set(TIME_PROBLEMS_OF_BAGS)
     if isinstance(log, BagLog):
         topics = log.inventory.topics
         found += [
             Finding(of_log(f.severity), f.code, f.message, f.remedy, f.topic, f.count, f.stamp)
             for f in log.inventory.findings
-            if f.code not in told
+            if f.code not in reported
         ]
-        told |= {f.code for f in log.inventory.findings}
+        reported |= {f.code for f in log.inventory.findings}
         found += check_delays(topics) + check_unused_order(topics)
         found += check_frames(topics, log.inventory.transforms)
     else:
-        told |= _TOLD_OF_TIMES
+        reported |= TIME_PROBLEMS
         found += check_report(log.time_report, main.stamps, main.name)
     found += check_gaps(contents.streams, log.time_report.period)
-    return found + _skipped(log, told)
+    return found + _skipped(log, reported)
 
 
-def _skipped(log: Log, told: set[str]) -> list[Finding]:
-    """Return the lines or messages that were skipped, and all else that the reader noted."""
+def _skipped(log: Log, reported: set[str]) -> list[Finding]:
+    """Return skipped lines or messages, and other problems that were not `reported` yet."""
     found = []
     examples = {problem.kind: problem for problem in reversed(log.problems) if problem.kind}
     for reason, count in sorted(log.skipped.items()):
         if reason.endswith(")"):
-            continue  # a kind of line that is not used, which the contents tell
+            continue  # a kind of line that is not used, which is in the contents
         example = examples.get(reason)
         what = f"{count} skipped: {reason}"
         place = f", first {example.message}" if example else ""
@@ -229,14 +234,14 @@ def _skipped(log: Log, told: set[str]) -> list[Finding]:
             Finding("warning", "skipped", what + place, "check how it was recorded", "", count)
         )
     for problem in log.problems:
-        if problem.kind not in told and problem.kind not in log.skipped:
+        if problem.kind not in reported and problem.kind not in log.skipped:
             code = problem.kind or "note"
             found.append(from_message(of_log(problem.severity), code, problem.message))
     return found
 
 
 def _unusable(path: Path, options: ReadOptions, error: InputError) -> Examination:
-    """Return what can be said of a recording that cannot be mapped."""
+    """Return the examination of a recording that cannot be mapped."""
     text = str(error).removeprefix(f"{path}: ").removeprefix(f"{path.name}: ")
     finding = from_message("error", "cannot_be_mapped", text)
     return Examination(path, False, _contents_anyway(path, options), findings=(finding,))

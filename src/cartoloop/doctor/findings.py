@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the doctor says: findings, worst first."""
+"""Findings of an examination, worst first."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ _OF_LOG: dict[ProblemSeverity, Severity] = {"error": "error", "warning": "warnin
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something wrong or worth knowing.
+    """A problem of a recording, or a fact worth knowing.
 
     Attributes
     ----------
     severity : ``error``: it cannot be mapped, or a part is lost; ``warning``: the map may suffer;
-        ``info``: worth knowing, and dealt with.
+        ``info``: worth knowing, and handled.
     code : short name of the kind of finding, the same in all recordings.
     message : what is wrong; one line.
-    remedy : what to do, or what is done about it, or "".
-    where : topic, kind of line or sensor that it is about, or "".
+    remedy : what to do, or how it is handled, or "".
+    where : topic, kind of line or sensor concerned, or "".
     count : how many times.
-    time : stamp of the first (or worst) time, as recorded [s]; None where there is no one moment.
+    time : stamp of the first (or worst) occurrence, as recorded [s]; None if it has no stamp.
     """
 
     severity: Severity
@@ -42,12 +42,12 @@ class Finding:
 
 
 def of_log(severity: ProblemSeverity) -> Severity:
-    """Return the doctor's word for a severity of the readers."""
+    """Return the severity of a finding for that of a reader's problem."""
     return _OF_LOG[severity]
 
 
 def worst_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Return the findings by severity, else as they came."""
+    """Return the findings by severity, otherwise in the order given."""
     return tuple(sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity)))
 
 
@@ -58,5 +58,5 @@ def from_message(severity: Severity, code: str, text: str, where: str = "") -> F
 
 
 def first_of(known: float | None, stamp: float) -> float:
-    """Return the stamp [s] of the first of several moments, `known` if there was one before."""
+    """Return the stamp [s] of the first occurrence: `known` unless this is the first."""
     return stamp if known is None else known

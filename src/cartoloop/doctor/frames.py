@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames and transforms of a ROS recording. One check a function."""
+"""Checks of frames and transforms of a ROS recording. One function per check."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SENSORS = ("scan", "cloud", "imu")
 def check_frames(
     topics: Sequence[TopicSummary], transforms: Sequence[TransformSummary]
 ) -> list[Finding]:
-    """Return what is wrong with frames and transforms."""
+    """Return the problems of frames and transforms."""
     return [
         *check_shared_frames(topics),
         *check_nameless_frames(topics),
@@ -25,7 +25,7 @@ def check_frames(
 
 
 def check_shared_frames(topics: Sequence[TopicSummary]) -> list[Finding]:
-    """One frame in which several topics of one kind send: one sensor, or two."""
+    """Several topics of one kind in one frame: one sensor, or two."""
     senders: dict[tuple[str, str], list[str]] = defaultdict(list)
     for topic in topics:
         if topic.role in _SENSORS and topic.frames and topic.frames[0]:
@@ -34,7 +34,7 @@ def check_shared_frames(topics: Sequence[TopicSummary]) -> list[Finding]:
         Finding(
             "info" if role == "scan" else "warning",
             "shared_frame",
-            f"{', '.join(names)} send in one frame, {frame}",
+            f"{', '.join(names)} have the same frame, {frame}",
             "give each sensor its own frame, or record only one of them",
             names[0],
             len(names),
@@ -61,12 +61,12 @@ def check_nameless_frames(topics: Sequence[TopicSummary]) -> list[Finding]:
 
 
 def check_other_slam(transforms: Sequence[TransformSummary]) -> list[Finding]:
-    """Moving transforms below a map's frame: another SLAM or localisation ran along."""
+    """Moving transforms below a map frame: another SLAM or localisation was running."""
     return [
         Finding(
             "info",
             "other_slam",
-            f"{t.parent} -> {t.child} on /tf looks like the result of another SLAM or localisation",
+            f"{t.parent} -> {t.child} on /tf is probably of another SLAM or localisation",
             "it is not used for mapping",
             "/tf",
             t.count,

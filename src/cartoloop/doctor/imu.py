@@ -25,7 +25,7 @@ TILT_RAD = math.radians(15.0)
 
 @dataclass(slots=True)
 class ImuWatch:
-    """What the IMU tells, in bounded memory but for two numbers a reading.
+    """Statistics of the IMU; memory grows by two numbers per reading.
 
     Attributes
     ----------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The odometry, and how it agrees with the scans: watched, then judged. One check a function."""
+"""Statistics and checks of odometry, and of its agreement with the scans."""
 
 from __future__ import annotations
 
@@ -9,32 +9,38 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.doctor.findings import Finding, first_of
 from cartoloop.local_slam.odometry_calibration import OdometryModel
 from cartoloop.sensor.events import Odometry
-from cartoloop.sensor.pose import FloatArray, Pose, relative
+from cartoloop.sensor.pose import Pose, relative
 
 JUMP_M, JUMP_SPEED = 1.0, 5.0
+"""Length [m] and speed [m/s] above which a step is a jump of the odometry: no robot is as fast."""
+
 JUMP_RAD, JUMP_RATE = 1.5, 10.0
-"""A step as long and as fast as this is none of a robot's, but the odometry's."""
+"""Rotation [rad] and rate [rad/s] above which a step is a jump."""
 
 SHORTEST_STEP_S = 0.02
-"""Times that were repaired may lie closer together than anything was measured."""
+"""Lower limit of a step's duration [s]: repaired times may be closer than the measurements."""
 
 LATE_S, VERY_LATE_S = 0.03, 0.1
+"""Time offsets worth knowing, and worth a warning [s]: at 1 rad/s, 2 and 6 degrees."""
+
 OFF_SCALE, VERY_OFF_SCALE = 0.05, 0.15
+"""Errors of the scale worth knowing, and worth a warning."""
 
 
 @dataclass(slots=True)
 class OdometryWatch:
-    """What the odometry tells, in bounded memory but for three numbers a reading.
+    """Statistics of odometry; memory grows by three numbers per reading.
 
     Attributes
     ----------
     name : of the topic or the lines.
     stamps, times, turns : of each reading: [s], [s], rotation since the first [rad].
-    way : length of the path without jumps [m].
-    turned : rotation in all, to either side [rad].
+    path_length : length of the path without jumps [m].
+    turned : total absolute rotation [rad].
     fastest, fastest_turn : [m/s], [rad/s], jumps left out.
     num_jumps, first_jump : impossible steps; stamp of the first.
     num_bad : poses that are not finite.
@@ -44,7 +50,7 @@ class OdometryWatch:
     stamps: array[float] = field(default_factory=lambda: array("d"))
     times: array[float] = field(default_factory=lambda: array("d"))
     turns: array[float] = field(default_factory=lambda: array("d"))
-    way: float = 0.0
+    path_length: float = 0.0
     turned: float = 0.0
     fastest: float = 0.0
     fastest_turn: float = 0.0
@@ -55,11 +61,11 @@ class OdometryWatch:
 
     @property
     def count(self) -> int:
-        """How many readings there were."""
+        """Number of readings."""
         return len(self.stamps)
 
     def add(self, odometry: Odometry) -> None:
-        """Take in a reading."""
+        """Add a reading."""
         pose = odometry.tf_odom_tracking
         if not all(map(math.isfinite, pose)):
             self.num_bad += 1
@@ -75,7 +81,7 @@ class OdometryWatch:
                 self.num_jumps += 1
                 self.first_jump = first_of(self.first_jump, odometry.stamp)
             else:
-                self.way += length
+                self.path_length += length
                 self.turned += angle
                 self.fastest = max(self.fastest, length / took)
                 self.fastest_turn = max(self.fastest_turn, angle / took)
@@ -133,7 +139,7 @@ def check_finite(watch: OdometryWatch) -> Finding | None:
 
 
 def check_jumps(watch: OdometryWatch) -> Finding | None:
-    """Steps that no robot makes: the odometry was set anew."""
+    """Steps that no robot makes: the odometry was reset."""
     if not watch.num_jumps:
         return None
     return Finding(
@@ -149,7 +155,7 @@ def check_jumps(watch: OdometryWatch) -> Finding | None:
 
 def check_moves(watch: OdometryWatch) -> Finding | None:
     """A pose that never changes."""
-    if watch.way > 0.0 or watch.turned > 0.0 or watch.count < 10:
+    if watch.path_length > 0.0 or watch.turned > 0.0 or watch.count < 10:
         return None
     return Finding(
         "warning",
@@ -163,12 +169,12 @@ def check_moves(watch: OdometryWatch) -> Finding | None:
 
 def check_agreement(watch: OdometryWatch, model: OdometryModel) -> Finding | None:
     """Motion that the scans do not confirm."""
-    if model.is_known or watch.way < 3.0:
+    if model.is_known or watch.path_length < 3.0:
         return None
     return Finding(
         "warning",
         "odometry_disagrees",
-        "the odometry does not move as the scans tell",
+        "the motion of the odometry does not agree with the scans",
         "the scans are believed; check frames, units and stamps, or give --odom-topic none",
         watch.name,
         watch.count,
@@ -199,7 +205,7 @@ def check_scale(watch: OdometryWatch, model: OdometryModel) -> Finding | None:
     worst = max(map(abs, off.values()))
     if worst < OFF_SCALE:
         return None
-    told = ", ".join(
+    shown = ", ".join(
         f"{what} {100 * abs(by):.0f}% too {'short' if by > 0.0 else 'long'}"
         for what, by in off.items()
         if abs(by) >= OFF_SCALE
@@ -207,7 +213,7 @@ def check_scale(watch: OdometryWatch, model: OdometryModel) -> Finding | None:
     return Finding(
         "warning" if worst >= VERY_OFF_SCALE else "info",
         "odometry_scale",
-        f"the odometry reports {told}",
+        f"the odometry reports {shown}",
         "estimated and made good while mapping; calibrate wheel radius and track width",
         watch.name,
         watch.count,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scans of one scanner: watched as they go by, then judged. One check a function."""
+"""Statistics and checks of the scans of one scanner. One function per check."""
 
 from __future__ import annotations
 
@@ -9,36 +9,42 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import SensorConfig
 from cartoloop.doctor.findings import Finding, first_of
 from cartoloop.sensor.events import LaserScan, ScanGeometry
 from cartoloop.sensor.sensor_profile import SensorProfile
 
-FloatArray = NDArray[np.float64]
-
 USEFUL_RANGE = SensorConfig().default_max_range
-"""Ranges beyond are not matched [m]."""
+"""Range beyond which returns are not matched [m]."""
 
 MIN_RETURNS = 10
-"""Scans with fewer returns cannot be matched."""
+"""Returns below which a scan cannot be matched."""
 
 NARROW_RAD = math.radians(90.0)
-SPARSE_M = 0.5
-BODY_RANGE_M, BODY_SPREAD_M, BODY_SHARE = 1.0, 0.03, 0.8
-"""Beams that see the same so near, within so little, in so many scans, see the robot itself."""
+"""Field of view below which rotation and translation are hard to distinguish [rad]."""
 
-MIN_WAY_M = 3.0
-"""Only on so long a way all else comes and goes."""
+SPARSE_M = 0.5
+"""Mean distance between scans from which on neighbours overlap too little [m]."""
+
+BODY_RANGE_M, BODY_SPREAD_M, BODY_SHARE = 1.0, 0.03, 0.8
+"""Beams that measure less than this range [m], constant within this spread [m], in this share of
+the scans, hit the robot itself."""
+
+MIN_PATH_M = 3.0
+"""Path length that is necessary to distinguish the robot's body from its surroundings [m]."""
 
 BLIND_SHARE = 0.02
+"""Share of beams without any return from which on they are reported: some glass is normal."""
+
 OVERLAP_TOLERANCE = 0.02
+"""Share of a sweep by which scans may overlap: drivers round the time between beams."""
 
 
 @dataclass(slots=True)
 class Values:
-    """How many ranges of each kind there were; see REP 117."""
+    """Number of ranges of each kind; see REP 117."""
 
     measured: int = 0
     no_return: int = 0
@@ -48,25 +54,25 @@ class Values:
 
     @property
     def total(self) -> int:
-        """All of them."""
+        """Number of all ranges."""
         return self.measured + self.no_return + self.too_near + self.nan + self.negative
 
 
 @dataclass(slots=True)
 class ScanWatch:
-    """What the scans of a scanner show, in bounded memory but for two numbers a scan.
+    """Statistics of the scans of a scanner; memory grows by two numbers per scan.
 
     Attributes
     ----------
     name : of the scanner.
     stamps, times : of each scan [s].
-    num_beams : how many scans have so many beams.
+    num_beams : number of scans by their number of beams.
     num_poor, first_poor : scans with too few returns; stamp of the first.
-    num_repeated, first_repeated : scans that are those before once more.
+    num_repeated, first_repeated : scans equal to the one before.
     num_overlapping, first_overlapping : scans that begin before the last one's last beam.
     values : of all beams.
     sweep : time from the first to the last beam [s], 0 if beams have no times.
-    nearest, farthest, num_measured : of each beam, of the scans with the first one's beams.
+    nearest, farthest, num_measured : of each beam, over scans of the first one's length.
     """
 
     name: str
@@ -84,12 +90,12 @@ class ScanWatch:
     geometry: ScanGeometry | None = None
     nearest: FloatArray = field(default_factory=lambda: np.zeros(0))
     farthest: FloatArray = field(default_factory=lambda: np.zeros(0))
-    num_measured: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    num_measured: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     _last: bytes = b""
     _last_end: float = -math.inf
 
     def add(self, scan: LaserScan) -> None:
-        """Take in a scan."""
+        """Add a scan."""
         geometry, ranges = scan.geometry, scan.ranges
         if self.geometry is None:
             self.geometry = geometry
@@ -124,7 +130,7 @@ class ScanWatch:
 
     def _compare_with_last(self, scan: LaserScan, num_returns: int) -> None:
         content = scan.ranges.tobytes()
-        # Where nothing is seen, scans are alike without anything being wrong.
+        # Scans without returns are equal without anything being wrong.
         if content == self._last and num_returns >= MIN_RETURNS:
             self.num_repeated += 1
             self.first_repeated = first_of(self.first_repeated, scan.stamp)
@@ -138,16 +144,16 @@ class ScanWatch:
 
     @property
     def count(self) -> int:
-        """How many scans there were."""
+        """Number of scans."""
         return len(self.stamps)
 
 
-def check_scans(watch: ScanWatch, profile: SensorProfile | None, way_m: float) -> list[Finding]:
-    """Return what is wrong with the scans of a scanner.
+def check_scans(watch: ScanWatch, profile: SensorProfile | None, path_m: float) -> list[Finding]:
+    """Return the problems of a scanner's scans.
 
     Parameters
     ----------
-    way_m : how far the robot went, as far as its odometry tells [m].
+    path_m : path length of the odometry [m].
     """
     found = [
         check_returns(watch),
@@ -155,8 +161,8 @@ def check_scans(watch: ScanWatch, profile: SensorProfile | None, way_m: float) -
         check_overlap(watch),
         check_beam_count(watch),
         check_blind_beams(watch),
-        check_own_body(watch, way_m),
-        check_spacing(watch, way_m),
+        check_own_body(watch, path_m),
+        check_spacing(watch, path_m),
     ]
     if profile is not None:
         found += [check_field_of_view(watch, profile), check_no_return(watch, profile)]
@@ -164,7 +170,7 @@ def check_scans(watch: ScanWatch, profile: SensorProfile | None, way_m: float) -
 
 
 def check_returns(watch: ScanWatch) -> Finding | None:
-    """Scans that see too little to be matched."""
+    """Scans with too few returns to be matched."""
     if not watch.num_poor:
         return None
     if watch.num_poor == watch.count:
@@ -206,7 +212,7 @@ def check_repeated(watch: ScanWatch) -> Finding | None:
 
 
 def check_overlap(watch: ScanWatch) -> Finding | None:
-    """Scans that begin before the one before has ended."""
+    """Scans that begin before the previous one has ended."""
     if not watch.num_overlapping:
         return None
     return Finding(
@@ -214,7 +220,7 @@ def check_overlap(watch: ScanWatch) -> Finding | None:
         "overlapping_scans",
         f"{watch.num_overlapping} scans begin before the last beam of the one before: stamps or "
         f"time_increment (a sweep of {watch.sweep:.4g} s) are wrong",
-        "let the driver stamp the first beam, and tell the true time between beams",
+        "let the driver stamp the first beam, and publish the true time between beams",
         watch.name,
         watch.num_overlapping,
         watch.first_overlapping,
@@ -253,9 +259,9 @@ def check_blind_beams(watch: ScanWatch) -> Finding | None:
     )
 
 
-def check_own_body(watch: ScanWatch, way_m: float) -> Finding | None:
-    """Beams that always see the same near range while the robot moves: a part of itself."""
-    if way_m < MIN_WAY_M:
+def check_own_body(watch: ScanWatch, path_m: float) -> Finding | None:
+    """Beams with the same short range while the robot moves: they hit the robot."""
+    if path_m < MIN_PATH_M:
         return None
     always = watch.num_measured > BODY_SHARE * watch.count
     steady = watch.farthest - watch.nearest < BODY_SPREAD_M
@@ -267,7 +273,7 @@ def check_own_body(watch: ScanWatch, way_m: float) -> Finding | None:
     return Finding(
         "warning",
         "own_body",
-        f"{num_body} beams always see the same within {reach:.2f} m ({_sectors(body, watch)}): "
+        f"{num_body} beams always measure the same within {reach:.2f} m ({_sectors(body, watch)}): "
         "a part of the robot",
         f"give --set sensor.min_range={reach + 0.05:.2f}, or cut these beams off in the driver",
         watch.name,
@@ -275,15 +281,15 @@ def check_own_body(watch: ScanWatch, way_m: float) -> Finding | None:
     )
 
 
-def check_spacing(watch: ScanWatch, way_m: float) -> Finding | None:
+def check_spacing(watch: ScanWatch, path_m: float) -> Finding | None:
     """Scans too far apart to overlap well."""
-    spacing = way_m / max(watch.count - 1, 1)
+    spacing = path_m / max(watch.count - 1, 1)
     if watch.count < 2 or spacing <= SPARSE_M:
         return None
     return Finding(
         "warning",
         "sparse_scans",
-        f"scans are {spacing:.2f} m apart on average: neighbours show little in common",
+        f"scans are {spacing:.2f} m apart on average: neighbours overlap little",
         "record every scan; without good odometry such a recording is hard to map",
         watch.name,
         watch.count,
@@ -291,7 +297,7 @@ def check_spacing(watch: ScanWatch, way_m: float) -> Finding | None:
 
 
 def check_field_of_view(watch: ScanWatch, profile: SensorProfile) -> Finding | None:
-    """A view too narrow to tell rotation from translation."""
+    """A field of view too narrow to distinguish rotation from translation."""
     if profile.field_of_view >= NARROW_RAD:
         return None
     return Finding(
@@ -305,7 +311,7 @@ def check_field_of_view(watch: ScanWatch, profile: SensorProfile) -> Finding | N
 
 
 def check_no_return(watch: ScanWatch, profile: SensorProfile) -> Finding | None:
-    """Whether it is known what the scanner sends for a beam that meets nothing."""
+    """Whether the value of a beam without a return is known."""
     if profile.no_return is None and not math.isfinite(profile.range_max):
         return Finding(
             "info",
@@ -325,8 +331,8 @@ def check_no_return(watch: ScanWatch, profile: SensorProfile) -> Finding | None:
     return None
 
 
-def _sectors(mask: NDArray[np.bool_], watch: ScanWatch) -> str:
-    """Return where the masked beams look, in degrees: the widest sectors."""
+def _sectors(mask: BoolArray, watch: ScanWatch) -> str:
+    """Return the widest sectors of the masked beams [deg]."""
     if watch.geometry is None:
         return "all"
     angles = np.degrees(watch.geometry.angle_min) + np.degrees(

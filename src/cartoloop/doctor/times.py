@@ -22,7 +22,7 @@ def check_report(report: TimeReport, stamps: Sequence[float], where: str) -> lis
 
     Parameters
     ----------
-    stamps : of the scans, as recorded [s], to tell when it happened.
+    stamps : of the scans, as recorded [s], to name when it happened.
     """
     found = (check_missing(report, where), check_order(report, stamps, where))
     return [finding for finding in found if finding is not None] + check_resets(report, where)
@@ -67,15 +67,14 @@ def check_order(report: TimeReport, stamps: Sequence[float], where: str) -> Find
 
 
 def check_resets(report: TimeReport, where: str) -> list[Finding]:
-    """A clock that starts anew."""
+    """A clock that restarts."""
     if not report.resets:
         return []
     return [
         Finding(
             "warning",
             "clock_reset",
-            f"the clock starts anew {len(report.resets)} times, first in line "
-            f"{report.resets[0] + 1}",
+            f"the clock restarts {len(report.resets)} times, first in line {report.resets[0] + 1}",
             "times go on from where they were; give parts of different runs one by one",
             where,
             len(report.resets),
@@ -92,15 +91,15 @@ def check_gaps(streams: Sequence[Stream], period: float) -> list[Finding]:
     """
     used = [stream for stream in streams if stream.used and stream.times is not None]
     odometry = next((s.times for s in used if s.role == "odometry"), None)
-    found, told = [], set()
+    found, known = [], set()
     for stream in used:
         times = stream.times
         if times is None or not times.num_gaps or stream.role not in ("scan", "cloud", "odometry"):
             continue
-        # Text logs hold odometry with each scan, whose pauses are told once.
-        if (key := (times.num_gaps, times.longest_gap_at)) in told:
+        # Text logs hold odometry with each scan, whose pauses are reported once.
+        if (key := (times.num_gaps, times.longest_gap_at)) in known:
             continue
-        told.add(key)
+        known.add(key)
         is_scan = stream.role != "odometry"
         bridged = is_scan and odometry is not None and odometry.longest_gap < times.longest_gap
         long = times.longest_gap > max(LONG_GAP_S, 5.0 * period)
@@ -149,7 +148,7 @@ def check_delays(topics: Sequence[TopicSummary]) -> list[Finding]:
 
 
 def check_unused_order(topics: Sequence[TopicSummary]) -> list[Finding]:
-    """Stamps out of order in topics that are not used; of those used, the reader tells."""
+    """Stamps out of order in topics that are not used; the reader reports those used."""
     return [
         Finding(
             "info",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.evaluation.finished_run import Closures, FinishedRun, Stage
+from cartoloop.evaluation.finished_run import FinishedRun, Stage, StageClosures
 from cartoloop.evaluation.plot_style import (
     COLOURS,
     INK,
@@ -122,7 +122,7 @@ def _draw_histogram(axes: Axes, run: FinishedRun, unit: str, limit: float) -> No
     name_axes(axes, f"residual [{unit}], last bin: or more", "closures")
 
 
-def _ends(run: FinishedRun, closures: Closures) -> FloatArray:
+def _ends(run: FinishedRun, closures: StageClosures) -> FloatArray:
     """Return where the submap and the node of each closure stand, shape (k, 2, 2) [m]."""
     submaps = run.submap_poses[closures.submap, :2]
     return np.stack((submaps, run.node_poses[closures.node, :2]), axis=1)

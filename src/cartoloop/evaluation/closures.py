@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cartoloop.config import Config
 from cartoloop.errors import InputError
-from cartoloop.evaluation.finished_run import Closures, FinishedRun, Stage
+from cartoloop.evaluation.finished_run import FinishedRun, Stage, StageClosures
 from cartoloop.evaluation.overlap import MIN_SHARE, closable_pairs, place_scans
 from cartoloop.evaluation.trajectories import Trajectory
 from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
@@ -38,7 +38,7 @@ class Recall:
     ----------
     pairs : pairs of submap and node that show the same, see :mod:`cartoloop.evaluation.overlap`.
     pairs_closed : those of them with a true closure.
-    revisits : pairs of submap and submap of the node among these pairs: the mapper does not seek
+    revisits : pairs of submap and submap of the node among these pairs: the mapper does not search
         every node, but every revisit should be noticed.
     revisits_closed : those of them with at least one true closure.
     """
@@ -131,7 +131,7 @@ def evaluate_closures(
     run : what was mapped.
     truth : the true pose of each scan; without it only the paper's figures are given.
     log : the recording that was mapped; without it no recall is given.
-    config : with which it was mapped, None for the defaults; tells which points recall looks at.
+    config : with which it was mapped, None for the defaults; its voxel filter is that of recall.
     min_share : of a node's points that a submap must have seen as well, for recall, in (0, 1].
 
     Raises
@@ -153,7 +153,7 @@ def evaluate_closures(
     if log is not None:
         pairs = _closable_pairs(run, true_nodes, log, config or Config(), min_share)
 
-    def judged(closures: Closures, num_rejected: int = 0) -> StageScore:
+    def judged(closures: StageClosures, num_rejected: int = 0) -> StageScore:
         true = is_true(closures, true_submaps, true_nodes)
         return replace(
             _agreement(closures, num_rejected),
@@ -167,7 +167,7 @@ def evaluate_closures(
     )
 
 
-def _agreement(closures: Closures, rejected: int = 0) -> StageScore:
+def _agreement(closures: StageClosures, rejected: int = 0) -> StageScore:
     """Return what can be said without the truth."""
     agreeing = is_within(closures.residual_m, np.radians(closures.residual_deg))
     return StageScore(len(closures), _count(agreeing), rejected)
@@ -194,7 +194,7 @@ def is_within(translation_error: FloatArray, rotation_error: FloatArray) -> Bool
     return within
 
 
-def is_true(closures: Closures, true_submaps: FloatArray, true_nodes: FloatArray) -> BoolArray:
+def is_true(closures: StageClosures, true_submaps: FloatArray, true_nodes: FloatArray) -> BoolArray:
     """Return which closures' measured poses are within 20 cm and 1 degree of the truth.
 
     Parameters
@@ -230,15 +230,15 @@ def true_submap_poses(run: FinishedRun, true_nodes: FloatArray) -> FloatArray:
     """Return where each submap truly stands, shape (s, 3) [m, m, rad].
 
     A submap is known through its own scans alone: where each of them truly stood and where in the
-    submap it was inserted tell where the submap is, and of these the median counts.
+    submap it was inserted gives a pose of the submap; the median of these counts.
     """
     x, y, theta = run.own_pose.T
     cos, sin = np.cos(theta), np.sin(theta)
     tf_node_submap = np.column_stack((-cos * x - sin * y, sin * x - cos * y, -theta))
-    told = compose_all(true_nodes[run.own_node], tf_node_submap)
+    estimates = compose_all(true_nodes[run.own_node], tf_node_submap)
     poses = np.full((run.num_submaps, 3), np.nan)
     for submap in np.unique(run.own_submap).tolist():
-        own = told[run.own_submap == submap]
+        own = estimates[run.own_submap == submap]
         # angles about one of them: the median does not mind which, the turn at pi does
         turns = wrap_angles(own[:, 2] - own[0, 2])
         poses[submap, :2] = np.median(own[:, :2], axis=0)
@@ -246,7 +246,7 @@ def true_submap_poses(run: FinishedRun, true_nodes: FloatArray) -> FloatArray:
     return poses
 
 
-def recall(run: FinishedRun, closures: Closures, true: BoolArray, pairs: IntArray) -> Recall:
+def recall(run: FinishedRun, closures: StageClosures, true: BoolArray, pairs: IntArray) -> Recall:
     """Return how many of the pairs (submap, node), shape (k, 2), have a true closure.
 
     Parameters

@@ -25,7 +25,7 @@ class ErrorStatistics:
     mean, median : of the errors.
     std : standard deviation of the errors as they are, not as a sample of more: divided by n.
     min, max : least and greatest.
-    p50, p90, p99 : so many per cent of the errors are not greater; between two errors, linear.
+    p50, p90, p99 : percentiles of the errors, interpolated linearly.
     """
 
     rmse: float

@@ -34,7 +34,7 @@ class Stage(StrEnum):
 
 
 @dataclass(frozen=True)
-class Closures:
+class StageClosures:
     """Loop closures of one stage, row by row.
 
     Attributes
@@ -80,7 +80,7 @@ class FinishedRun:
     own_submap: IntArray
     own_node: IntArray
     own_pose: FloatArray
-    closures: dict[Stage, Closures]
+    closures: dict[Stage, StageClosures]
 
     @property
     def num_nodes(self) -> int:
@@ -130,10 +130,10 @@ def read_run(folder: str | PathLike[str]) -> FinishedRun:
     )
 
 
-def _closures(matched: Matched, result: Result) -> Closures:
+def _closures(matched: Matched, result: Result) -> StageClosures:
     poses = result.graph.submap_poses, result.graph.node_poses
     metres, radians = residuals(matched, *poses)
-    return Closures(
+    return StageClosures(
         submap=matched.submap.astype(np.int64),
         node=matched.node.astype(np.int64),
         tf_submap_node=matched.tf_submap_node,

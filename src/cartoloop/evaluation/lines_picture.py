@@ -33,7 +33,7 @@ _TICK = 9.0  # half of the bar across a line's end [px]
 def draw_lines(map_image: MapImage, error: LinesError) -> Image.Image:
     """Return a picture, in RGB, of the map and of each line from wall to wall.
 
-    A line of which a wall is missing is drawn as it was given, in another colour, and crossed out
+    A line with a missing wall is drawn as it was given, in another colour, and crossed out
     at the end that has none.
     """
     picture, zoom = _enlarged(_shaded(map_image))

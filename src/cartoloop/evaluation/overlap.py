@@ -27,7 +27,7 @@ CELL_M = 0.1
 """Edge of the cells [m]; a point agrees with a submap in whose cell, or the next, it lies."""
 
 MIN_SHARE = 0.6
-"""Share of a scan's points that must agree with a submap for the scan to show it, if not told."""
+"""Share of a scan's points that must agree with a submap for the scan to show it, by default."""
 
 MAX_SAMPLE = 100
 """Points of a scan that are asked."""

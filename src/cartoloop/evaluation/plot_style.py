@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 ImageFormat = Literal["png", "svg"]
 Format = TypeVar("Format", bound=str)
 
-# Of the palette of Okabe and Ito, which people with any sort of colour vision can tell apart.
+# From the palette of Okabe and Ito, distinguishable with any sort of colour vision.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 INK = "#54585e"
 REFERENCE_COLOUR = "#9a9da1"

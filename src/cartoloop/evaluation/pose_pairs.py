@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 DELTA_TOLERANCE = 0.1
-"""A span may be so much shorter or longer than asked for, as a part of it."""
+"""Largest difference of a span from the length asked for, as a share of that length."""
 
 
 def frame_pairs(num_poses: int, delta: float, all_pairs: bool) -> tuple[IndexArray, IndexArray]:
@@ -76,7 +76,7 @@ def _nearest_pairs(places: FloatArray, delta: float) -> tuple[IndexArray, IndexA
 
 
 def _consecutive_pairs(steps: Sequence[float], delta: float) -> tuple[IndexArray, IndexArray]:
-    # Summed anew for each span: what is rounded then does not depend on where the span lies.
+    # Summed from zero for each span, so that rounding does not depend on where the span lies.
     ends, length = [0], 0.0
     for index, step in enumerate(steps, start=1):
         length += step

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading text files of numbers, of which each line is one thing."""
+"""Reading text files of numbers with one record a line."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def read_table(
     ----------
     path : the file.
     layout : names of the columns, separated by blanks.
-    num_optional : so many of the last columns may be missing in a line, and are NaN there.
+    num_optional : number of last columns that may be missing in a line, and are NaN there.
 
     Returns
     -------

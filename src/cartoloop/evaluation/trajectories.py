@@ -24,7 +24,7 @@ class Trajectory:
 
     Attributes
     ----------
-    stamps : float64 (n,) [s], in file order, which need not be the order of time.
+    stamps : float64 (n,) [s], in file order, which may not be the order of time.
     poses : float64 (n, 3), x [m], y [m], theta [rad].
     """
 

@@ -140,7 +140,7 @@ def evaluate_trajectory(
 
     Parameters
     ----------
-    estimate, truth : what to judge, and by what; their frames need not be the same.
+    estimate, truth : what to judge, and by what; their frames may differ.
     aligned : whether the estimate is first brought to the truth as a rigid whole.
     delta, delta_unit, all_pairs, pairs_from : see :func:`relative_error`.
     max_difference : see :func:`match`.

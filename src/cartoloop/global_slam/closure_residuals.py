@@ -8,7 +8,7 @@ import numpy as np
 from cartoloop.config import PoseAdjustmentConfig
 from cartoloop.global_slam.closures import Matched
 from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
-from cartoloop.global_slam.robust_loss import Loss, loss_weights
+from cartoloop.pose_adjustment import loss_weights
 from cartoloop.sensor.pose import FloatArray, relative_all, wrap_angles
 
 
@@ -62,4 +62,4 @@ def weights(
     """
     errors = pose_errors(closures, submap_poses, node_poses)
     squared = np.maximum(np.einsum("ni,nij,nj->n", errors, closures.information, errors), 0.0)
-    return loss_weights(squared, Loss(config.loss), config.loss_scale)
+    return loss_weights(squared, config.loss, config.loss_scale)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cartoloop.global_slam.growing_array import GrowingArray
+from cartoloop.growing_array import GrowingArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -508,7 +508,7 @@ class Closures:
     def add_found(self, matches: SearchMatches, num_nodes: int) -> None:
         """Note what searches found, in the order in which it joins the graph of `num_nodes`."""
         self._set_search_status(matches.row, Status.FOUND, Reason.REACHED_THRESHOLD)
-        self._found_match.view[matches.row] = self._add_matches(
+        numbers = self._add_matches(
             matches.tf_submap_node,
             matches.information,
             matches.residual,
@@ -518,6 +518,8 @@ class Closures:
         self._scores.extend(matches.score)
         self._runner_ups.extend(matches.runner_up)
         self._joined_at.grow(len(matches.row))[:] = num_nodes
+        # Last: the viewer's thread may read the record, and must not find a match without a score.
+        self._found_match.view[matches.row] = numbers
 
     def note_last_pass(
         self, not_matched: CodeArray, passes: Iterable[FinalMatches]

@@ -16,8 +16,8 @@ from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_search import NO_MATCHES, SearchOutcome, search
 from cartoloop.global_slam.closures import Closures, Reason, Requests, SearchMatches
 from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.growing_array import GrowingArray
 from cartoloop.global_slam.node_points import NodePoints
+from cartoloop.growing_array import GrowingArray
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")

@@ -29,7 +29,6 @@ from cartoloop.global_slam.pose_graph import (
     ConstraintKind,
     PoseGraph,
 )
-from cartoloop.global_slam.robust_loss import Loss
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
 from cartoloop.sensor.scan_points import ScanPoints
@@ -252,7 +251,7 @@ class GlobalSlam:
     def _adjust(self, max_num_iterations: int) -> None:
         config = self._config.pose_adjustment
         options = AdjustmentOptions(
-            loss=Loss(config.loss),
+            loss=config.loss,
             loss_scale=config.loss_scale,
             max_iterations=max_num_iterations,
             relative_tolerance=config.tolerance,

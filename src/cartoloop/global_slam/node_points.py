@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cartoloop.global_slam.growing_array import GrowingArray
+from cartoloop.growing_array import GrowingArray
 from cartoloop.sensor.pose import FloatArray
 from cartoloop.sensor.scan_points import ScanPoints
 

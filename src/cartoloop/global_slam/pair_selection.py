@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closures import Closures, Requests
-from cartoloop.global_slam.growing_array import GrowingArray
 from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.growing_array import GrowingArray
 from cartoloop.kernels.due_pairs import (
     NodePlace,
     PairRule,

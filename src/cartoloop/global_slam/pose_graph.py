@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cartoloop.global_slam.growing_array import GrowingArray
+from cartoloop.growing_array import GrowingArray
 from cartoloop.kernels import constraint_faults as faults
 
 FloatArray = NDArray[np.float64]

@@ -36,9 +36,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import inlined_kernel, kernel
+from cartoloop.arrays import BoolArray, ByteArray, CellArray, FloatArray, IntArray
 from cartoloop.kernels.node_bounds import (
     COL,
     HEIGHT,
@@ -46,11 +46,7 @@ from cartoloop.kernels.node_bounds import (
     REST,
     ROTATION,
     ROW,
-    ByteArray,
-    CellArray,
     Children,
-    FloatArray,
-    IntArray,
     PlacedScan,
     Places,
     Records,
@@ -148,7 +144,7 @@ class Search(NamedTuple):
     heights: Records
     scan: PlacedScan
     window: SearchWindow
-    is_placed: NDArray[np.bool_]
+    is_placed: BoolArray
     indices: CellArray
     sums: IntArray
     nodes: IntArray
@@ -260,10 +256,10 @@ def push_children(
     cols: CellArray,
     rows: CellArray,
     boxes: CellArray,
-    num_places: int,
-    num_points: int,
+    scan: PlacedScan,
     window: SearchWindow,
     branch: Branch,
+    is_placed: BoolArray,
     indices: CellArray,
     sums: IntArray,
     nodes: IntArray,
@@ -272,22 +268,24 @@ def push_children(
 
     Parameters
     ----------
-    cells, heights, window, indices, sums, nodes : of :class:`Search`.
-    cols, rows, boxes : of :class:`Places`, written for the children's groups of rotations.
-    num_places : entries for each group.
-    num_points : of the scan.
+    cells, heights, scan, window, is_placed, indices, sums, nodes : of :class:`Search`.
+    cols, rows, boxes : of ``scan.places``.
     branch : the node, and which children.
     """
     parent, height, step, end = branch.parent, branch.height, branch.step, branch.end
     block, size = heights[height]["block"], heights[height]["group"]
+    num_places = cols.size // is_placed.size
     last = sums.shape[0] - 1
     first_col, first_row = nodes[parent, COL], nodes[parent, ROW]
     left, below = first_col - window.half_cols, first_row - window.half_rows
     children = Children(parent, height, left, below, step)
     for group in range(branch.begin_group, branch.end_group):
         number = heights[height]["first_group"] + group
+        if not is_placed[number]:
+            is_placed[number] = True
+            place_points(heights, scan, window, height, group, number * num_places)
         if not score_children(
-            cells, heights, cols, rows, boxes, number * num_places, num_points, children,
+            cells, heights, cols, rows, boxes, number * num_places, scan.num_points, children,
             branch.min_sum, nodes, indices, sums,
         ):  # fmt: skip
             continue
@@ -317,7 +315,6 @@ def cover_window(search: Search, min_sum: int) -> int:
     cols, rows, boxes = scan.places.cols, scan.places.rows, scan.places.boxes
     is_placed, indices = search.is_placed, search.indices
     sums, nodes = search.sums, search.nodes
-    num_points, num_places = scan.points.shape[0], cols.size // is_placed.size
     top = heights.shape[0] - 1
     root = top * _CHILDREN
     block = heights[top]["block"]
@@ -330,14 +327,10 @@ def cover_window(search: Search, min_sum: int) -> int:
         nodes[root, COL] = tile % tile_cols * edge
         nodes[root, ROW] = tile // tile_cols % tile_rows * edge
         group = tile // (tile_cols * tile_rows)
-        number = heights[top]["first_group"] + group
-        if not is_placed[number]:
-            is_placed[number] = True
-            place_points(heights, scan, window, top, group, number * num_places)
         branch = Branch(root, top, group, group + 1, block, min_sum, -1, end)
         end = push_children(
-            cells, heights, cols, rows, boxes, num_places, num_points, window, branch, indices,
-            sums, nodes,
+            cells, heights, cols, rows, boxes, scan, window, branch, is_placed, indices, sums,
+            nodes,
         )  # fmt: skip
     return int(end - root - 1)
 
@@ -359,7 +352,6 @@ def find_best(
     cols, rows, boxes = scan.places.cols, scan.places.rows, scan.places.boxes
     is_placed, indices = search.is_placed, search.indices
     sums, nodes = search.sums, search.nodes
-    num_points, num_places = scan.points.shape[0], cols.size // is_placed.size
     top = heights.shape[0] - 1
     num_waiting = np.zeros(top + 1, dtype=np.int64)  # children by height
     best[KEY] = -1
@@ -391,20 +383,13 @@ def find_best(
         child = height - 1
         step = heights[child]["block"] if heights[child]["block"] < block else 0
         split = size // heights[child]["group"]
-        first_group = heights[child]["first_group"]
-        num_groups = heights[height]["first_group"] - first_group
+        num_groups = heights[height]["first_group"] - heights[child]["first_group"]
         begin, end = group * split, min((group + 1) * split, num_groups)
-        for number in range(first_group + begin, first_group + end):
-            if not is_placed[number]:
-                is_placed[number] = True
-                place_points(
-                    heights, scan, window, child, number - first_group, number * num_places
-                )
         first = child * _CHILDREN
         branch = Branch(parent, child, begin, end, step, min_sum, min_key, first)
         last = push_children(
-            cells, heights, cols, rows, boxes, num_places, num_points, window, branch, indices,
-            sums, nodes,
+            cells, heights, cols, rows, boxes, scan, window, branch, is_placed, indices, sums,
+            nodes,
         )  # fmt: skip
         height = child
         num_waiting[height] = last - first
@@ -455,7 +440,7 @@ def begin_search(
     for i in range(num_blocks + 1):
         nodes[root, REST + i] = _MAX_CELL * max(num_points - i * size, 0)
     return Search(
-        grids.cells, heights, PlacedScan(points, frame, boxes, places), window,
+        grids.cells, heights, PlacedScan(num_points, points, frame, boxes, places), window,
         np.zeros(num_groups, dtype=np.bool_), np.empty(size, dtype=np.int32),
         np.zeros((num_blocks, 4), dtype=np.int64), nodes,
     )  # fmt: skip

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import ByteArray, CellArray, FloatArray, IntArray
 from cartoloop.kernels.smooth_map import SmoothMap
 from cartoloop.kernels.window_bounds import (
     COL,
@@ -34,10 +35,6 @@ from cartoloop.kernels.window_bounds import (
     push_quarters,
     sum_one,
 )
-
-CellArray = NDArray[np.int32]
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 ROUNDING = 2.4e-7
 """Relative rounding error of a float32 addition, and of the product of two: four units in the last
@@ -82,7 +79,7 @@ class CorrelativeScratch(NamedTuple):
     """
 
     places: CellArray
-    cells: NDArray[np.uint8]
+    cells: ByteArray
 
 
 class RotationBoxes(NamedTuple):
@@ -97,7 +94,7 @@ class RotationBoxes(NamedTuple):
     area, row_length : of a grid [cells].
     """
 
-    cells: NDArray[np.uint8]
+    cells: ByteArray
     indices: CellArray
     sizes: IntArray
     area: int

@@ -1,28 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers out of text, of which recordings hold hundreds of millions of characters."""
+"""Decimal numbers parsed from text: recordings hold hundreds of millions of characters of them."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray
 
-MAX_DIGITS = 15  # all numbers of so many digits are exact in 64 bits, as are all powers below
+MAX_DIGITS = 15
+"""Numbers of up to 15 digits, and powers of ten below, are exact in a float64."""
+
 POWERS_OF_TEN = np.power(10.0, np.arange(MAX_DIGITS + 1), dtype=np.float64)
 
 
 @kernel
-def parse_decimals(
-    text: bytes, powers_of_ten: NDArray[np.float64], out_values: NDArray[np.float64]
-) -> int:
+def parse_decimals(text: bytes, powers_of_ten: FloatArray, out_values: FloatArray) -> int:
     """Write the numbers that a text begins with into `out_values`; return where the last ends.
 
     Parameters
     ----------
     text : ASCII, numbers separated by white space.
     powers_of_ten : `POWERS_OF_TEN`.
-    out_values : float64, shape (n,): so many numbers are wanted.
+    out_values : float64, shape (n,): n numbers are parsed.
 
     Returns
     -------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One map of many submaps: the evidence of all of them adds up, each at its optimised pose."""
+"""One map of all submaps: their evidence is added, each submap at its optimised pose."""
 
 from __future__ import annotations
 
@@ -7,36 +7,58 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import BoolArray, ByteArray, FloatArray, IntArray
+
+NEUTRAL = 128
+"""The cell value of probability 0.5, in the middle of 1...255: observed, with log-odds 0. Larger
+values are walls, smaller ones free, 0 is never observed."""
 
 
 @kernel
-def cell_evidence(
-    cells: NDArray[np.uint8], log_odds: NDArray[np.float32], out_evidence: NDArray[np.float32]
-) -> None:
-    """Write the log-odds that each cell of a submap adds to a map into `out_evidence`.
+def abstain_beside_walls(cells: ByteArray, out_cells: ByteArray) -> None:
+    """Write the cells into `out_cells`, free ones next to a wall as `NEUTRAL`.
 
     Parameters
     ----------
-    cells : uint8, shape (rows, cols), 0 unknown; the outermost rows and columns must be unknown.
-    log_odds : float32, shape (256,), of a cell of each value; 0 for value 0.
-    out_evidence : float32, shape (rows, cols).
+    cells : uint8, shape (rows, cols), of a finished submap; 0 never observed.
+    out_cells : uint8, shape (rows, cols).
 
     Notes
     -----
     A cell beside one that was hit may be called free by rays that met the hit cell: submaps know
     walls to a pixel only. Such cells abstain, otherwise two submaps that place a wall a pixel
-    apart would wipe out each other's wall. O(cells).
+    apart would erase each other's wall. O(cells).
     """
+    num_rows, num_cols = cells.shape
+    for row in range(num_rows):
+        for col in range(num_cols):
+            out_cells[row, col] = cells[row, col]
+    for row in range(num_rows):
+        for col in range(num_cols):
+            if cells[row, col] > NEUTRAL:
+                for near_row in range(max(row - 1, 0), min(row + 2, num_rows)):
+                    for near_col in range(max(col - 1, 0), min(col + 2, num_cols)):
+                        if 0 < out_cells[near_row, near_col] < NEUTRAL:
+                            out_cells[near_row, near_col] = NEUTRAL
+
+
+@kernel
+def cell_evidence(
+    cells: ByteArray, log_odds: NDArray[np.float32], out_evidence: NDArray[np.float32]
+) -> None:
+    """Write the log-odds that each cell of a submap adds to a map into `out_evidence`.
+
+    Parameters
+    ----------
+    cells : uint8, shape (rows, cols), 0 unknown.
+    log_odds : float32, shape (256,), of a cell of each value; 0 for value 0 and for `NEUTRAL`.
+    out_evidence : float32, shape (rows, cols).
+    """
+    voting = np.empty(cells.shape, dtype=np.uint8)
+    abstain_beside_walls(cells, voting)
     for row in range(cells.shape[0]):
         for col in range(cells.shape[1]):
-            out_evidence[row, col] = log_odds[cells[row, col]]
-    for row in range(1, cells.shape[0] - 1):
-        for col in range(1, cells.shape[1] - 1):
-            if out_evidence[row, col] > 0.0:
-                for near_row in range(row - 1, row + 2):
-                    for near_col in range(col - 1, col + 2):
-                        if out_evidence[near_row, near_col] < 0.0:
-                            out_evidence[near_row, near_col] = 0.0
+            out_evidence[row, col] = log_odds[voting[row, col]]
 
 
 @kernel
@@ -45,7 +67,7 @@ def columns_within(start: float, step: float, end: float, first: int, last: int)
 
     One more may be returned on either side, for rounding.
     """
-    if abs(step) < 1e-9:  # the rows run along it: all or none, which the caller sees anyway
+    if abs(step) < 1e-9:  # parallel to the rows: all or none, which the caller checks
         return first, last
     enter = -start / step
     leave = (end - start) / step
@@ -58,12 +80,12 @@ def columns_within(start: float, step: float, end: float, first: int, last: int)
 
 @kernel
 def add_submap(
-    cells: NDArray[np.uint8],
+    cells: ByteArray,
     evidence: NDArray[np.float32],
-    affine: NDArray[np.float64],
-    window: NDArray[np.int64],
+    affine: FloatArray,
+    window: IntArray,
     out_sum: NDArray[np.float32],
-    out_known: NDArray[np.bool_],
+    out_known: BoolArray,
 ) -> None:
     """Add a submap's evidence to a map, in place: `out_sum` and `out_known`.
 
@@ -81,8 +103,8 @@ def add_submap(
     Notes
     -----
     Where the nearest submap cell has been seen, the log-odds are interpolated bilinearly, unknown
-    neighbours adding nothing: taking the nearest alone frays walls that stand oblique, and
-    interpolating probabilities would let a doubt outweigh a certainty. O(cells of the window).
+    neighbours adding zero: the nearest cell alone frays oblique walls, and interpolated
+    probabilities would let an uncertain cell outweigh a certain one. O(cells of the window).
     """
     last_col = cells.shape[1] - 1
     last_row = cells.shape[0] - 1

@@ -3,15 +3,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray
 from cartoloop.kernels.scan_batch import ScanBatch
 from cartoloop.kernels.scan_residuals import MatchOptions, MotionPrior, match_least_squares
 from cartoloop.kernels.smooth_map import SmoothMap
-
-FloatArray = NDArray[np.float64]
 
 
 @kernel

@@ -3,24 +3,20 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cartoloop._jit import kernel
-
-FloatArray = NDArray[np.float64]
+from cartoloop.arrays import FloatArray
 
 
 @kernel
 def invert(matrix: FloatArray, least: FloatArray) -> None:
-    """Put the inverse of a symmetric positive definite matrix, float64, shape (3, 3), in its place.
+    """Invert a symmetric positive definite matrix, float64, shape (3, 3), in place.
 
-    By Cholesky's factors.
+    By Cholesky factorisation.
 
     Parameters
     ----------
-    least : float64, shape (3,), of a diagonal matrix that is no larger: no pivot is smaller, but
-        for what rounding takes away.
+    least : float64, shape (3,), the diagonal of a matrix that is no larger: no pivot is smaller
+        except by rounding errors.
     """
     a = max(matrix[0, 0], least[0])
     b, c = matrix[1, 0] / a, matrix[2, 0] / a

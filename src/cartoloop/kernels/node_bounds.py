@@ -25,12 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import ByteArray, CellArray, FloatArray, IntArray
 from cartoloop.kernels.search_window import SearchFrame, SearchWindow
 
-ByteArray = NDArray[np.uint8]
-CellArray = NDArray[np.int32]
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Records = NDArray[np.void]
 
 _GRID_FIELDS = [
@@ -80,6 +77,7 @@ class PlacedScan(NamedTuple):
 
     Attributes
     ----------
+    num_points : n.
     points : float64, shape (n, 2), tracking frame [m].
     frame : of the search.
     move_boxes : int32, shape (num_heights, num_moves): by the number of cells that a point moves,
@@ -87,6 +85,7 @@ class PlacedScan(NamedTuple):
     places : shape (num_groups * num_places,).
     """
 
+    num_points: int
     points: FloatArray
     frame: SearchFrame
     move_boxes: CellArray

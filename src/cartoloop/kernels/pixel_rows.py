@@ -11,15 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import CellArray
 
 PixelRows = NDArray[np.uint32]
-RunArray = NDArray[np.int32]
+RunArray = CellArray
 
 _SHIFT = 5
+"""Binary logarithm of the bits in a word."""
+
 _LAST_BIT = 31
+"""Number of a word's last bit, and mask of a pixel's bit number."""
+
 _ALL = (1 << 32) - 1
+"""A word of ones."""
+
 _DE_BRUIJN = 0x077CB531
-# Times a power of two, the constant has another five bits on top for each power.
+"""A de Bruijn sequence: times a power of two, its top five bits differ for each power."""
+
 _BIT_OF_TOP = np.zeros(32, dtype=np.int64)
 for _bit in range(32):
     _BIT_OF_TOP[((_DE_BRUIJN << _bit) & _ALL) >> 27] = _bit

@@ -9,12 +9,9 @@ a whole grid can be treated as one long row, which compilers turn into vector in
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
-
-ByteArray = NDArray[np.uint8]
-IntArray = NDArray[np.int64]
+from cartoloop.arrays import ByteArray, IntArray
 
 
 @kernel

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from cartoloop.arrays import FloatArray, IntArray
 
 
 class ScanBatch(NamedTuple):
@@ -18,6 +17,6 @@ class ScanBatch(NamedTuple):
     firsts, ends : int64, shape (k,): scan i has ``points[firsts[i] : ends[i]]``.
     """
 
-    points: NDArray[np.float64]
-    firsts: NDArray[np.int64]
-    ends: NDArray[np.int64]
+    points: FloatArray
+    firsts: IntArray
+    ends: IntArray

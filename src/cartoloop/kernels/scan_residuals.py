@@ -7,9 +7,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray
 from cartoloop.kernels.smooth_map import (
     ARM_X,
     ARM_Y,
@@ -21,8 +21,6 @@ from cartoloop.kernels.smooth_map import (
     point_scratch,
     sample_smooth_map,
 )
-
-FloatArray = NDArray[np.float64]
 
 MIN_DAMPING = 0.7
 """Smallest and first damping, as a share of the diagonal of J^T J. On the ridge of a wall the cost

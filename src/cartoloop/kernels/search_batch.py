@@ -7,9 +7,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.kernels.branch_and_bound import Elsewhere, GridArrays, search
 from cartoloop.kernels.scan_batch import ScanBatch
 from cartoloop.kernels.search_window import (
@@ -20,9 +20,6 @@ from cartoloop.kernels.search_window import (
     rotation_step,
     scan_extent,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _SUM_ROUNDING = 1e-6
 """A threshold that exceeds a whole number by no more than this is that number [cell values]."""
@@ -84,7 +81,7 @@ class SearchResults(NamedTuple):
     matches: IntArray
     rotations: IntArray
     steps: FloatArray
-    was_searched: NDArray[np.bool_]
+    was_searched: BoolArray
 
 
 @kernel

@@ -5,14 +5,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cartoloop._jit import kernel
+from cartoloop.arrays import CellArray
 from cartoloop.kernels.node_bounds import Records
 from cartoloop.kernels.search_window import ScanExtent, SearchWindow
-
-CellArray = NDArray[np.int32]
 
 MEAN_MOVE = 1.0
 """Mean distance that points move within a group of rotations [blocks].

@@ -10,10 +10,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray
 
 ROUNDING = 1e-9
 """An excess over a whole number of steps up to this is a rounding error [steps]."""
@@ -67,7 +65,7 @@ class ScanExtent(NamedTuple):
 
 
 @kernel
-def scan_extent(points: NDArray[np.float64]) -> ScanExtent:
+def scan_extent(points: FloatArray) -> ScanExtent:
     """Return the mean and the maximum, eq. (6), of the points' distances from the scan's origin.
 
     Parameters

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray, IntArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 PatchArray = NDArray[np.float32]
 
 ARM_X, ARM_Y, BEYOND_COL, BEYOND_ROW, VALUE, D_COL, D_ROW = range(7)

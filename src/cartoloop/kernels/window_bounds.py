@@ -14,11 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
+from cartoloop.arrays import ByteArray, CellArray, IntArray
 from cartoloop.kernels.precomputation_grid import widen_boxes
-
-ByteArray = NDArray[np.uint8]
-CellArray = NDArray[np.int32]
-IntArray = NDArray[np.int64]
 
 MAX_BYTE = 255.0
 """The byte of probability 1, as a float: sums are divided by it."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SOURCE, as the user names it, and the source that is meant."""
+"""From SOURCE on the command line to the live source."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ KNOWN = "-, tcp://127.0.0.1:PORT, ws://127.0.0.1:PORT, ros2: or a file that is b
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:
-    """What else the user says of a source.
+    """Options of a source.
 
     Attributes
     ----------
     host : address of this machine to listen at; None: the one in SOURCE, which must be loopback.
-    scan_topics, odom_topic, imu_topic : of ROS 2; none given: they are found by their type.
+    scan_topics, odom_topic, imu_topic : of ROS 2; by default they are found by their type.
     """
 
     host: str | None = None
@@ -34,12 +34,12 @@ class SourceOptions:
 
 
 def make_source(text: str, options: SourceOptions) -> Source:
-    """Return the source that the user names, not yet open.
+    """Return the source of an address, not yet open.
 
     Raises
     ------
     InputError
-        There is no such kind, or others could reach it though the user has not said so.
+        There is no such kind, or other machines could reach it without the user's consent.
     """
     if text == "-":
         return StandardInput()
@@ -69,8 +69,8 @@ def _host_and_port(text: str, host: str | None) -> tuple[str, int]:
     named = parts.hostname or "127.0.0.1"
     if not is_loopback(named):
         raise InputError(
-            f"{text}: this machine is listened at, and other machines could send to it there; if "
-            f"that is wanted, say so with --host {named}"
+            f"{text}: other machines could send to this address; if "
+            f"that is wanted, allow it with --host {named}"
         )
     return named, port
 

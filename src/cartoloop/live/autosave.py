@@ -15,26 +15,26 @@ from cartoloop.map_output.result import Result
 from cartoloop.mapper import Mapper
 
 MIN_PERIOD_S = 1.0
-"""A small map is saved so often [s]."""
+"""Period at which a small map is saved [s]."""
 
 MAX_SHARE = 0.015
-"""A large one so often that saving takes this share of the time, and of one processor."""
+"""A large map is saved less often: saving takes at most this share of the time."""
 
 
 class Autosave:
-    """Writes ``map.cartoloop`` again and again, each time whole; in a thread of its own.
+    """Writes ``map.cartoloop`` periodically, each time as a whole; in a thread of its own.
 
     Parameters
     ----------
-    mapper : whose map it is.
-    folder : where to; must exist.
-    notices : is told if that fails.
+    mapper : the mapper of the map.
+    folder : an existing folder.
+    notices : receives a line if saving fails.
     min_period : between two saves [s].
 
     Attributes
     ----------
     period : from the last save to the next [s].
-    num_saves : how many there were.
+    num_saves : number of saves.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Autosave:
         self._thread: Thread | None = None
 
     def after_scan(self) -> None:
-        """Save if it is time to; returns at once."""
+        """Save if a save is due; returns at once."""
         if self._is_busy or monotonic() < self._next:
             return
         if self._mapper.num_scans != self._saved_scans and self._mapper.num_nodes:
@@ -66,7 +66,7 @@ class Autosave:
             self._thread.join()
 
     def _save_elsewhere(self, result: Result) -> None:
-        """Have a result saved, and the graph go on."""
+        """Save a result in a thread, so that the graph's thread continues."""
         self._thread = Thread(target=self._save, args=(result,), name="autosave", daemon=True)
         self._thread.start()
 
@@ -76,7 +76,7 @@ class Autosave:
             save_growing_map(result, self._path)
             self.num_saves += 1
         except OutputError as error:
-            self._notices.note("the map is not saved", f"{error}; trying on")
+            self._notices.note("the map is not saved", f"{error}; it is tried again")
         took = monotonic() - start
         self.period = max(self._min_period, took / MAX_SHARE)
         self._next = monotonic() + self.period

@@ -2,8 +2,8 @@
 """The ROS 2 messages that can be mapped, as DDS knows them; needs the extra ``dds``.
 
 Names and order of the fields are those of ROS 2's own definitions. What is received is decoded by
-`cartoloop.readers.ros`, as out of a recording; the fields here serve to announce the types, and
-whoever wants to publish such messages.
+`cartoloop.readers.ros`, as out of a recording; the fields here serve to announce the types, and to
+publish such messages.
 """
 
 # The library reads the annotations, so they must not be strings.
@@ -15,7 +15,7 @@ from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint8
 
 @dataclass
 class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
-    """A moment."""
+    """A time."""
 
     sec: int32 = 0
     nanosec: uint32 = 0
@@ -23,7 +23,7 @@ class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
 
 @dataclass
 class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
-    """When, and in which frame."""
+    """Time and frame of a message."""
 
     stamp: Time = field(default_factory=Time)
     frame_id: str = ""

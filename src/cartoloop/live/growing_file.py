@@ -16,17 +16,17 @@ from cartoloop.live.source import LineReceiver, Put, parse_json_line
 from cartoloop.readers.log import short_name
 
 PERIOD_S = 0.02
-"""So often it is looked whether more was written [s]."""
+"""Period at which the file is checked for more [s]."""
 
 _CHUNK = 2**18
 
 
 class GrowingFile:
-    """What is in a file, and what is written to it from now on; also if it is begun anew.
+    """The contents of a file and all that is appended to it; it may be started again.
 
     Parameters
     ----------
-    path : the file. What it holds is told by its first line: JSON, or a CARMEN log.
+    path : the file; each line is a message in JSON or a line of a CARMEN log.
     """
 
     def __init__(self, path: Path) -> None:
@@ -35,12 +35,12 @@ class GrowingFile:
         self._carmen = CarmenStream()
 
     def open(self) -> str:
-        """Make sure that it can be read."""
+        """Check that the file can be read."""
         try:
             with self._path.open("rb") as file:
                 if file.read(2) == b"\x1f\x8b":
                     raise InputError(
-                        f"{self._path}: is compressed, and so cannot be followed; use 'cartoloop "
+                        f"{self._path}: is compressed and cannot be followed; use 'cartoloop "
                         "map' when it is complete"
                     )
         except OSError as error:
@@ -51,34 +51,36 @@ class GrowingFile:
         return f"following {self._path}"
 
     def run(self, put: Put, notices: Notices, stop: Event) -> None:
-        """Hand on what is in the file, and then whatever comes."""
+        """Pass on the messages in the file, and those appended later."""
         lines = LineReceiver(put, notices, self.name, self._parse)
         file: BinaryIO | None = None
+        position = 0
         while not stop.is_set():
             try:
                 file = file or self._path.open("rb")
                 if data := file.read(_CHUNK):
+                    position += len(data)
                     lines.feed(data)
                     continue
-                if self._is_begun_anew(file):
-                    notices.note("begun anew", f"{self.name}: the file was begun anew")
+                if self._is_restarted(file, position):
+                    notices.note("file restarted", f"{self.name}: the file was started again")
                     lines.reset()
                     file.close()
-                    file = None
+                    file, position = None, 0
                     continue
             except OSError as error:
-                notices.note("file unreadable", f"{self.name}: {error.strerror}; trying on")
+                notices.note("file unreadable", f"{self.name}: {error.strerror}; it is tried again")
             stop.wait(PERIOD_S)
         if file is not None:
             file.close()
 
-    def _is_begun_anew(self, file: BinaryIO) -> bool:
-        """Return whether the name stands for another file, or for less than was read."""
+    def _is_restarted(self, file: BinaryIO, position: int) -> bool:
+        """Return whether the path is another file now, or one shorter than what was read."""
         try:
             now = self._path.stat()
         except FileNotFoundError:
             return False
-        return now.st_ino != os.fstat(file.fileno()).st_ino or now.st_size < file.tell()
+        return now.st_ino != os.fstat(file.fileno()).st_ino or now.st_size < position
 
     def _parse(self, line: bytes) -> list[LiveMessage]:
         if line.lstrip().startswith(b"{"):

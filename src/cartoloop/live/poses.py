@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poses out, a line of JSON for each scan, written by a thread that nobody waits for."""
+"""Writes the poses, one line of JSON for each scan, in a thread of its own."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from cartoloop.live.notices import Notices
 from cartoloop.sensor.pose import Pose
 
 MAX_WAITING = 1000
+"""Poses that may wait for a slow reader: those of 20 s at 50 Hz."""
 
 
 class PoseWriter:
@@ -19,8 +20,8 @@ class PoseWriter:
 
     Parameters
     ----------
-    out : where to; flushed after each line.
-    notices : is told of poses that were dropped, and of a reader that left.
+    out : the stream; flushed after each line.
+    notices : receives a line for dropped poses, and for a reader that left.
     """
 
     def __init__(self, out: BinaryIO, notices: Notices) -> None:
@@ -34,13 +35,13 @@ class PoseWriter:
     def put(
         self, stamp: float, tf_local_tracking: Pose, tf_map_tracking: Pose, latency: float
     ) -> None:
-        """Have the pose of a scan written; returns at once.
+        """Queue the pose of a scan for writing; returns at once.
 
         Parameters
         ----------
         stamp : of the scan [s].
-        tf_local_tracking : before loop closure: smooth, drifts.
-        tf_map_tracking : in the map as it is now: right, jumps when loops close.
+        tf_local_tracking : before loop closure: continuous, drifts.
+        tf_map_tracking : in the present map: globally consistent, jumps when loops close.
         latency : from the arrival of the scan to this moment [s].
         """
         content = {
@@ -58,7 +59,7 @@ class PoseWriter:
             self._changed.notify()
 
     def close(self, timeout: float = 2.0) -> None:
-        """Write what is left, unless nobody reads it."""
+        """Write the waiting poses, for at most `timeout` seconds."""
         with self._changed:
             self._lines.append(None)
             self._changed.notify()
@@ -76,5 +77,7 @@ class PoseWriter:
                 self._out.write(line)
                 self._out.flush()
             except (OSError, ValueError) as error:
-                self._notices.note("poses are read no more", f"poses are read no more: {error}")
+                self._notices.note(
+                    "the reader of the poses left", f"the reader of the poses left: {error}"
+                )
                 return

@@ -18,7 +18,7 @@ from cartoloop.readers.read_options import NO_TOPIC
 from cartoloop.readers.ros import raw_messages as ros
 
 DEPTH = 16
-"""So many messages of a topic wait at the most until they are taken."""
+"""Messages of a topic that may wait until they are read: those of 0.3 s at 50 Hz."""
 
 LOOPBACK_ONLY = (
     "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='lo'/></Interfaces>"
@@ -28,15 +28,15 @@ LOOPBACK_ONLY = (
 _ROS_PREFIX = "rt/"
 
 Entity: TypeAlias = Any
-"""A thing of the library, which is not typed."""
+"""An object of the library, which is not typed."""
 
 
 class RawMessage(bytes):
-    """A message as it came; the library wants to note things on it."""
+    """The bytes of a message; the library sets attributes on it."""
 
 
 class _AsBytes:
-    """Stands for a type whose messages are not decoded by the library."""
+    """A message type that the library does not decode."""
 
     @staticmethod
     def deserialize(data: bytes) -> RawMessage:
@@ -54,9 +54,9 @@ class Ros2Source:
 
     Parameters
     ----------
-    domain : number of the domain; None: what ROS_DOMAIN_ID says, or 0.
+    domain : number of the domain; None: that of ROS_DOMAIN_ID, or 0.
     scan_topics : scanners to use; all by default.
-    odom_topic, imu_topic : the first that appears by default; ``none`` for going without.
+    odom_topic, imu_topic : by default the first that appears; ``none`` to map without.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Ros2Source:
         return f"waiting for topics of ROS 2 in domain {self._domain}"
 
     def run(self, put: Put, notices: Notices, stop: Event) -> None:
-        """Hand on what comes."""
+        """Pass on messages until `stop` is set."""
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
         from cyclonedds.core import Policy, Qos, WaitSet
         from cyclonedds.util import duration
@@ -130,7 +130,7 @@ class Ros2Source:
                     _survive(partial(_hand_on, parser, topic, msgtype, raw, put), notices)
 
     def _consider(self, name: str, type_name: str, waiting: Entity, notices: Notices) -> None:
-        """Read a topic that was announced, if it is wanted."""
+        """Subscribe to an announced topic, if it is wanted."""
         from cyclonedds.core import Policy, Qos
 
         from cartoloop.live.dds_types import SENSOR_TYPES
@@ -144,7 +144,7 @@ class Ros2Source:
         if not self._is_wanted(topic, msgtype):
             return
         self._topics.add(name)
-        # Whatever a publisher offers, best effort is content with: a late scan is worth nothing.
+        # Best effort is compatible with all publishers, and late scans are of no use.
         sensor = Qos(
             Policy.Reliability.BestEffort,
             Policy.Durability.Volatile,
@@ -175,7 +175,7 @@ class Ros2Source:
 
 
 def _messages(reader: Entity, most: int) -> list[bytes]:
-    """Return what has come; that a publisher has left comes as something else."""
+    """Return the messages received; notices that a publisher left are of another type."""
     return [sample for sample in reader.take(most) if isinstance(sample, RawMessage)]
 
 
@@ -185,7 +185,7 @@ def _hand_on(parser: RosParser, topic: str, msgtype: str, raw: bytes, put: Put) 
 
 
 def _survive(task: Callable[[], None], notices: Notices) -> None:
-    """Do something with a message, and tell if that cannot be used."""
+    """Run a task with a message, and report it if the message cannot be used."""
     try:
         task()
     except MessageError as error:

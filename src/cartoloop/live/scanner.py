@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scanner turns out to be, read off its first scans and again as more are seen."""
+"""The profile of a scanner, estimated from its first scans and again as more arrive."""
 
 from __future__ import annotations
 
@@ -13,13 +13,17 @@ from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.sensor_profile import SensorProfile, profile_sensor
 
 FIRST_SCANS, FIRST_S = 30, 2.0
-"""A scanner is read off its first scans: so many, or those of so long [s]."""
+"""The profile is estimated from this number of scans, or from those of this time [s]."""
 
 FIRST_AGAIN = 100
-"""And again after so many scans, twice as many, and so on: at the start the robot may stand."""
+"""It is estimated again after this number of scans, after twice as many, and so on: the robot may
+stand still at the start."""
 
 MAX_GROUPS = 48
-GROUP = 3  # successive scans tell the noise
+"""Groups of scans kept for the estimate: bounds its memory and time."""
+
+GROUP = 3
+"""Scans in a group: the noise is estimated from three successive scans."""
 
 _MAX_GEOMETRIES = 256  # of scanners whose beams are never the same twice
 
@@ -29,32 +33,32 @@ class LiveScanner:
 
     Parameters
     ----------
-    name : its name, empty if there is one alone.
-    tell : receives what it turned out to be, in lines for the user.
-    laser_pose : where it sits, whatever it says.
+    name : its name, empty if it is the only one.
+    report : receives the profile, in lines for the user.
+    laser_pose : mounting pose; overrides the one in its messages.
 
     Attributes
     ----------
-    profile : None as long as nothing is known.
-    num_scans : how many it sent.
+    profile : None until it is estimated first.
+    num_scans : number of scans received.
     """
 
     def __init__(
-        self, name: str, tell: Callable[[str], None], laser_pose: Pose | None = None
+        self, name: str, report: Callable[[str], None], laser_pose: Pose | None = None
     ) -> None:
         self.name = name
         self.profile: SensorProfile | None = None
         self.num_scans = 0
-        self._tell = tell
+        self._report = report
         self._laser_pose = laser_pose
         self._groups: list[list[LaserScan]] = []
         self._every = 1
-        self._next_look = FIRST_AGAIN
+        self._next_estimate = FIRST_AGAIN
         self._geometries: dict[ScanGeometry, ScanGeometry] = {}
-        self._looking: Thread | None = None
+        self._estimating: Thread | None = None
 
     def see(self, scan: LaserScan) -> None:
-        """Take a scan, as sent, into account."""
+        """Add a scan, as sent, to the sample."""
         group, member = divmod(self.num_scans, GROUP)
         self.num_scans += 1
         if group % self._every == 0:
@@ -65,17 +69,17 @@ class LiveScanner:
         if len(self._groups) > MAX_GROUPS:
             self._groups = self._groups[::2]
             self._every *= 2
-        if self.profile is not None and self.num_scans >= self._next_look:
-            self._next_look *= 2
-            self._look_again()
+        if self.profile is not None and self.num_scans >= self._next_estimate:
+            self._next_estimate *= 2
+            self._estimate_again()
 
     def read_profile(self) -> None:
-        """Read the profile off the scans so far, and tell it."""
+        """Estimate the profile from the scans so far, and report it."""
         self.profile = profile_sensor(self._sample())
         name = f" {self.name}" if self.name else ""
-        self._tell(f"scanner{name}, by its first {self.num_scans} scans:")
+        self._report(f"scanner{name}, by its first {self.num_scans} scans:")
         for line in self.profile.describe().splitlines()[:-1]:
-            self._tell(line)
+            self._report(line)
 
     def geometry_of(self, sent: ScanGeometry) -> ScanGeometry:
         """Return the geometry of a scan with the limits of the profile."""
@@ -94,27 +98,27 @@ class LiveScanner:
         geometry = profile.apply(sent)
         if sent.no_return_is_free:
             return geometry
-        # Numbers beyond the end say nothing, unless they are this scanner's sign for no return.
+        # Ranges beyond range_max are no measurements, but for this scanner's no-return value.
         value = profile.no_return
         is_sign = value is not None and math.isfinite(value) and value > 0.0
         return replace(geometry, no_return_is_free=is_sign)
 
     def wait(self) -> None:
-        """Wait until it is not being looked at."""
-        if self._looking is not None:
-            self._looking.join()
+        """Wait until no estimate is running."""
+        if self._estimating is not None:
+            self._estimating.join()
 
     def _sample(self) -> list[LaserScan]:
         return [scan for group in self._groups for scan in group]
 
-    def _look_again(self) -> None:
-        """Read the profile anew, in a thread: no scan waits for that."""
-        if self._looking is not None and self._looking.is_alive():
+    def _estimate_again(self) -> None:
+        """Estimate the profile again, in a thread, so that no scan waits."""
+        if self._estimating is not None and self._estimating.is_alive():
             return
-        self._looking = Thread(
+        self._estimating = Thread(
             target=self._adopt, args=(self._sample(),), name="profile", daemon=True
         )
-        self._looking.start()
+        self._estimating.start()
 
     def _adopt(self, scans: list[LaserScan]) -> None:
         before, now = self.profile, profile_sensor(scans)
@@ -125,9 +129,9 @@ class LiveScanner:
         self.profile = now
         self._geometries = {}
         if _differ(before.range_max, now.range_max):
-            end = f"{now.range_max:.2f} m" if math.isfinite(now.range_max) else "no end seen"
+            end = f"{now.range_max:.2f} m" if math.isfinite(now.range_max) else "no limit seen"
             name = f" {self.name}" if self.name else ""
-            self._tell(
+            self._report(
                 f"scanner{name}, after {self.num_scans} scans: ranges "
                 f"{now.range_min:.2f} m to {end}"
             )

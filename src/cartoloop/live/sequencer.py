@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From messages, as they arrive, to sensor events in the order that mapping wants them."""
+"""From messages, as they arrive, to sensor events in the order of time."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.stream_clock import ABSURD_S, SensorTimes, StreamClock
 
 MAX_DELAY_S = 0.05
-"""A scan waits no longer than this for what else was measured until it ended [s]."""
+"""Longest wait of a scan for the other sensors' messages of its sweep [s]."""
 
 ACTIVE_S = 1.0
-"""Sensors that have said nothing for so long are not waited for [s]."""
+"""Sensors that have been silent for longer than this are not waited for [s]."""
 
 MAX_SENSORS = 16
-"""Messages that name still another sensor are nonsense."""
+"""Sensors of one robot; messages that name more of them are skipped."""
 
 MAX_MISSES = 20
-"""Nor are those for which so many scans in a row have waited in vain, until they come in time."""
+"""A sensor whose messages came too late for this number of scans in a row is not waited for."""
 
 
 @dataclass(slots=True)
 class _Stream:
-    """What is known of the messages of one sensor.
+    """State of the messages of one sensor.
 
     Attributes
     ----------
     latest : time of the newest [s].
-    arrival : when that came [s].
-    misses : how many scans in a row waited for it in vain.
+    arrival : its time of arrival [s].
+    misses : number of scans in a row for which its messages came too late.
     """
 
     latest: float = -math.inf
@@ -52,7 +52,7 @@ class _Stream:
 
 @dataclass(order=True, slots=True)
 class _Held:
-    """A scan that waits; `end` is the time of its last beam, `deadline` by the inbox's clock."""
+    """A waiting scan; `end` is the time of its last beam, `deadline` by the inbox's clock."""
 
     time: float
     number: int
@@ -64,16 +64,16 @@ class _Held:
 
 
 class Sequencer:
-    """Gives messages their time, scans the limits of their scanner, and all of them an order.
+    """Gives messages their times, scans the range limits of their scanner, and orders them.
 
-    Odometry and IMU pass at once. A scan waits, for a bounded time, until all other sensors have
-    told of the time until it ended. The first scans wait until it is known what sent them.
+    Odometry and IMU pass at once. A scan waits, for a bounded time, until the messages of all other
+    sensors reach the end of its sweep. The first scans wait until their scanner's profile is known.
 
     Parameters
     ----------
-    notices : is told what is wrong.
-    max_delay : how long a scan waits [s]; 0: not at all.
-    laser_pose : where the first scanner sits on the robot, whatever it says.
+    notices : receives the problems.
+    max_delay : longest wait of a scan [s]; 0: none.
+    laser_pose : mounting pose of the first scanner; overrides the one in its messages.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class Sequencer:
 
     @property
     def next_deadline(self) -> float:
-        """When the next scan has waited for long enough [s], inf if none waits."""
+        """The earliest deadline of the waiting scans [s], inf if none waits."""
         if self._held and self._profiled:
             return min(held.deadline for held in self._held)
         return (
@@ -109,11 +109,11 @@ class Sequencer:
 
     @property
     def scanners(self) -> dict[str, LiveScanner]:
-        """The scanners by their name."""
+        """The scanners by name."""
         return self._scanners
 
     def add(self, arrival: Arrival) -> None:
-        """Take in a message."""
+        """Add a message."""
         message = arrival.message
         if isinstance(message, EndMessage):
             return
@@ -123,7 +123,7 @@ class Sequencer:
             self._notices.note(
                 "clock set",
                 f"the stamp {message.stamp:.6g} does not follow those before: a clock was set, or "
-                "is another one; times go on as the messages arrive",
+                "is another one; times continue as the messages arrive",
             )
         stamp = message.stamp if abs(message.stamp) < ABSURD_S else time
         match message:
@@ -139,7 +139,7 @@ class Sequencer:
                 self._add_cloud(message, stamp, time, arrival.time)
 
     def ready(self, now: float) -> Iterator[tuple[SensorEvent, float]]:
-        """Yield the events that need not wait any longer, each with when it arrived.
+        """Yield the events that do not have to wait any longer, each with its time of arrival.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ class Sequencer:
         scanner = self._scanner(name)
         scanner.see(scan)
         if self._profiled and scanner.profile is None:
-            scanner.read_profile()  # one that came later cannot hold up the others
+            scanner.read_profile()  # a later scanner cannot hold up the others
         self._hold(scan, stream, arrival)
 
     def _add_cloud(self, message: PointCloud, stamp: float, time: float, arrival: float) -> None:
@@ -225,7 +225,7 @@ class Sequencer:
             stream.misses = 0
 
     def _awaited(self, held: _Held, now: float) -> list[_Stream]:
-        """Return the sensors that may yet tell of the time until a scan ended."""
+        """Return the sensors whose messages of the scan's sweep may still come."""
         return [
             stream
             for stream in self._streams.values()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a source to a map, until the source ends or the user wants no more."""
+"""From a source to a map, until the source ends or the user stops it."""
 
 from __future__ import annotations
 
@@ -23,23 +23,24 @@ from cartoloop.mapper import Mapper
 from cartoloop.sensor.pose import Pose
 
 SILENT_S = 2.0
-"""A source that says nothing for so long is told to be silent [s]."""
+"""A source is reported as silent after this time without a message [s]."""
 
 STATUS_S = 5.0
-"""How far it is, is told so often [s]."""
+"""Period of the status lines [s]."""
 
 _TICK_S = 0.05
+"""Longest wait for messages before the deadlines are checked [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class AddedScan:
-    """What is known of a scan when its pose is out.
+    """A scan at the moment its pose is known.
 
     Attributes
     ----------
     stamp : of the scan [s].
-    tf_local_tracking, tf_map_tracking : where it was taken.
-    latency : from its arrival to this moment [s].
+    tf_local_tracking, tf_map_tracking : its pose in both frames.
+    latency : from its arrival to the pose [s].
     """
 
     stamp: float
@@ -55,10 +56,10 @@ class LiveSession:
     ----------
     source : opened already.
     mapper : made for live mapping.
-    inbox, sequencer, notices : on the way between the two, and beside it.
+    inbox, sequencer, notices : queue, order and problems of the messages in between.
     after_scan : called when a pose is known, before its scan is inserted; must be quick.
-    idle : called now and then, also when nothing comes.
-    end_after : end when nothing has come for so long [s]; never if None.
+    idle : called in each cycle of 50 ms or less, also without messages.
+    end_after : end after this time without a message [s]; never if None.
 
     Attributes
     ----------
@@ -92,16 +93,16 @@ class LiveSession:
         self._is_silent = False
         self._has_answered = False
         self._next_status = monotonic() + STATUS_S
-        self._told_dropped: Counter[str] = Counter()
+        self._reported_dropped: Counter[str] = Counter()
         self.latencies: deque[float] = deque(maxlen=1000)
 
     def run(self, is_stopped: Callable[[], bool]) -> None:
-        """Map what comes; return at the end of the source, or when it is to stop.
+        """Map the messages; return at the end of the source, or when stopped.
 
         Raises
         ------
         Exception
-            What made the source or the mapper fail.
+            The failure of the source or the mapper.
         """
         self._thread.start()
         try:
@@ -128,23 +129,23 @@ class LiveSession:
         arrivals = self._inbox.take(wait)
         for arrival in arrivals:
             self._sequencer.add(arrival)
-        # What waits in the inbox may be what scans wait for: their time stands still until then.
+        # Scans may wait for messages that are in the inbox: time does not advance until then.
         behind = bool(arrivals) and self._inbox.num_waiting > 0
         self._add_ready(arrivals[-1].time if behind else self._inbox.now())
         self._watch(came=bool(arrivals))
         if any(isinstance(arrival.message, EndMessage) for arrival in arrivals):
             return False
         if self._end_after is not None and monotonic() - self._last_came > self._end_after:
-            self._notices.say(f"nothing has come for {self._end_after:g} s: that was the end")
+            self._notices.say(f"nothing has come for {self._end_after:g} s: the source has ended")
             return False
         return self._thread.is_alive() or bool(arrivals) or self._inbox.num_waiting > 0
 
     def _add_ready(self, now: float) -> None:
         for event, arrival in self._sequencer.ready(now):
-            self._mapper.add(event, partial(self._hand_out, event.stamp, arrival))
+            self._mapper.add(event, partial(self._publish, event.stamp, arrival))
 
-    def _hand_out(self, stamp: float, arrival: float) -> None:
-        """Hand out the pose of a scan, which is known but not inserted yet."""
+    def _publish(self, stamp: float, arrival: float) -> None:
+        """Publish the pose of a scan that is not inserted yet."""
         latency = self._inbox.now() - arrival
         self.latencies.append(latency)
         self._has_answered = True
@@ -153,12 +154,14 @@ class LiveSession:
             self._after_scan(AddedScan(stamp, local, pose, latency))
 
     def _watch(self, *, came: bool) -> None:
-        """Tell what the user must know of the source and of ourselves."""
+        """Report silence, drops and the status to the user."""
         now = monotonic()
         if came:
             if self._is_silent:
                 silence = now - self._last_came
-                self._notices.note("the source goes on", f"it goes on, after {silence:.1f} s")
+                self._notices.note(
+                    "the source continues", f"the source continues, after {silence:.1f} s"
+                )
             self._is_silent, self._last_came = False, now
         elif now - self._last_came > SILENT_S and not self._is_silent:
             self._is_silent = True
@@ -167,8 +170,8 @@ class LiveSession:
                     "silent", f"nothing has come for {SILENT_S:g} s; waiting (Ctrl-C ends)"
                 )
         for kind, number in self._inbox.dropped.items():
-            if number > self._told_dropped[kind]:
-                new, self._told_dropped[kind] = number - self._told_dropped[kind], number
+            if number > self._reported_dropped[kind]:
+                new, self._reported_dropped[kind] = number - self._reported_dropped[kind], number
                 self._notices.skip(f"{kind} dropped: too many came", count=new)
         self._notices.tick()
         if self._idle is not None:

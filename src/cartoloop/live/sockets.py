@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages over TCP and WebSocket: robots connect, leave and come back."""
+"""Messages over TCP and WebSocket; robots may connect, leave and return."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from websockets.sync.server import ServerConnection
 
 MAX_CLIENTS = 16
-"""So many connections at a time; a robot needs one, or one a sensor."""
+"""Connections at a time; a robot needs one, or one for each sensor."""
 
 _CHUNK = 2**16
 
@@ -56,17 +56,17 @@ def listen(host: str, port: int) -> socket.socket:
         listening.close()
         raise InputError(
             f"{host}:{port}: cannot listen there: {error.strerror}; choose another port, or end "
-            "the program that has it"
+            "the program that uses it"
         ) from error
     return listening
 
 
 class _Listener:
-    """A place where robots connect.
+    """A listening socket for robots.
 
     Parameters
     ----------
-    host, port : where to listen; port 0 is any that is free.
+    host, port : where to listen; port 0 is any free one.
     """
 
     scheme: ClassVar[str]
@@ -94,12 +94,12 @@ class _Listener:
 
 
 class TcpSource(_Listener):
-    """Newline-delimited JSON from whoever connects."""
+    """Newline-delimited JSON from all programs that connect."""
 
     scheme = "tcp"
 
     def run(self, put: Put, notices: Notices, stop: Event) -> None:
-        """Hand on what all senders send."""
+        """Pass on the messages of all senders."""
         assert self._socket is not None
         self._socket.settimeout(POLL_S)
         while not stop.is_set():
@@ -151,15 +151,15 @@ class TcpSource(_Listener):
 
 
 class WebSocketSource(_Listener):
-    """The same messages from WebSockets; a message of it holds one line or several.
+    """The same messages over WebSocket; a WebSocket message holds one or several lines.
 
-    Pages in a browser are refused: any page that someone visits could otherwise send scans.
+    Pages in a browser are refused: otherwise any page that a user visits could send scans.
     """
 
     scheme = "ws"
 
     def run(self, put: Put, notices: Notices, stop: Event) -> None:
-        """Hand on what all senders send."""
+        """Pass on the messages of all senders."""
         from websockets.sync.server import serve
 
         assert self._socket is not None

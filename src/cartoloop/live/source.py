@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every live source offers, and lines out of whatever bytes it sends."""
+"""The interface of live sources, and the lines in the bytes that they send."""
 
 from __future__ import annotations
 
@@ -11,35 +11,35 @@ from cartoloop.live.messages import LiveMessage, MessageError, parse_message
 from cartoloop.live.notices import Notices
 
 MAX_LINE_BYTES = 2**24
-"""No message is longer; a line that is will be skipped."""
+"""Longer lines are skipped [bytes]: the largest clouds need 10 MB."""
 
 POLL_S = 0.2
-"""Sources look so often whether they are to end [s]."""
+"""Period at which sources check whether to stop [s]."""
 
 Put = Callable[[LiveMessage], None]
 ParseLine = Callable[[bytes], Iterable[LiveMessage]]
 
 
 class Source(Protocol):
-    """Where messages come from."""
+    """A source of messages."""
 
     @property
     def name(self) -> str:
-        """What it is called in the report."""
+        """Its name in the report."""
 
     def open(self) -> str:
-        """Make ready to receive; return a line that says of what.
+        """Open the source; return a line that describes it.
 
         Raises
         ------
         InputError
-            That is not possible.
+            The source cannot be opened.
         """
 
     def run(self, put: Put, notices: Notices, stop: Event) -> None:
-        """Hand on messages until the source ends or `stop` is set; in a thread of its own.
+        """Pass on messages until the source ends or `stop` is set; in a thread of its own.
 
-        Trouble is noted, and survived.
+        Problems are noted and do not end it.
         """
 
 
@@ -54,9 +54,9 @@ class LineReceiver:
     Parameters
     ----------
     put : receives the messages.
-    notices : is told of lines that cannot be used.
+    notices : receives a line for each message that cannot be used.
     where : name of the connection, for messages to the user.
-    parse : what makes messages of a line.
+    parse : returns the messages in a line.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class LineReceiver:
         self.num_lines = 0
 
     def feed(self, data: bytes) -> None:
-        """Take in the next bytes."""
+        """Add the next bytes."""
         first, *rest = data.split(b"\n")
         self._extend(first)
         for part in rest:
@@ -80,12 +80,12 @@ class LineReceiver:
             self._extend(part)
 
     def end(self) -> None:
-        """Take leave of the connection: a line that was not ended is lost if it is cut off."""
+        """End the connection; a last line without its newline is parsed, and skipped if cut off."""
         if self._size:
             self._end_line()
 
     def reset(self) -> None:
-        """Forget a line that has begun."""
+        """Discard an incomplete line."""
         self._parts, self._size, self._is_overlong = [], 0, False
 
     def _extend(self, part: bytes) -> None:
@@ -107,7 +107,7 @@ class LineReceiver:
         self.take(line)
 
     def take(self, line: bytes) -> None:
-        """Take in a whole line."""
+        """Parse a complete line."""
         try:
             for message in self._parse(line):
                 self._put(message)

@@ -27,16 +27,16 @@ class StandardInput:
         self._descriptor = descriptor
 
     def open(self) -> str:
-        """Return what is read."""
+        """Return a line that describes the source."""
         return "reading messages from standard input"
 
     def run(self, put: Put, notices: Notices, stop: Event) -> None:
-        """Hand on messages until the input ends."""
+        """Pass on messages until the input ends."""
         lines = LineReceiver(put, notices, self.name)
         descriptor = sys.stdin.fileno() if self._descriptor is None else self._descriptor
         try:
             while not stop.is_set() and (data := os.read(descriptor, _CHUNK)):
                 lines.feed(data)
         except OSError as error:
-            notices.say(f"{self.name} failed: {error.strerror}; what came before is mapped")
+            notices.say(f"{self.name} failed: {error.strerror}; the messages before are mapped")
         lines.end()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All kernels run once before the robot starts: it must not wait for a compiler, nor for a disk."""
+"""All kernels run once before the robot starts, so that it waits for no compiler and no disk."""
 
 from __future__ import annotations
 
@@ -14,30 +14,33 @@ from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry
 from cartoloop.sensor.pose import Pose
 
 SWITCH_S = 0.0002
-"""Python's threads take turns so often: no pose waits for longer when another one computes [s]."""
+"""Switch interval of Python's threads [s]: the longest wait of a pose for another thread."""
 
 _ROOM = 4.0
+"""Half the side of the simulated room [m]."""
+
 _SCANS = 60
+"""Scans of the drive: enough for loop closures and an adjustment."""
 
 
 def get_ready() -> None:
-    """Prepare this process for live mapping: all is compiled, and threads take turns quickly."""
+    """Prepare this process for live mapping: kernels are compiled, and threads switch quickly."""
     warm_up()
     gc.collect()
     gc.freeze()
-    gc.disable()  # to look through all that was mapped takes longer than to map a scan: see tidy
+    gc.disable()  # a full collection takes longer than mapping a scan: see tidy
     sys.setswitchinterval(SWITCH_S)
 
 
 def tidy() -> None:
-    """Free what lies about since the last time; to be called every few seconds."""
+    """Collect the recent garbage; to be called every few seconds."""
     if not gc.isenabled():
         gc.collect(1)
-        gc.freeze()  # what is left stays, and need not be looked through again
+        gc.freeze()  # the rest stays, and does not have to be examined again
 
 
 def warm_up() -> None:
-    """Map a small room twice over, with loop closures, and forget it."""
+    """Map a small room twice, with loop closures, and discard the map."""
     config = Config()
     local_slam = config.local_slam.model_copy(
         update={"submaps": config.local_slam.submaps.model_copy(update={"num_range_data": 6})}

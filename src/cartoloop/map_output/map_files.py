@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The map as ROS's map_server reads it: an image and a YAML file with its place."""
+"""The map as ROS's map_server reads it: an image and a YAML file with its pose."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def pgm_bytes(occupancy_map: OccupancyMap, config: MapOutputConfig) -> bytes:
 def yaml_text(occupancy_map: OccupancyMap, config: MapOutputConfig, image: str) -> str:
     """Return the YAML file that goes with the image named `image`.
 
-    Readers compare the image's shades with these thresholds, 205 for unknown among them, which
-    must be neither free nor occupied, whatever thresholds were used on the probabilities.
+    Readers compare the image's shades with these thresholds. The shade 205 of unknown cells must be
+    neither free nor occupied, for any thresholds on the probabilities.
     """
     free_thresh = min(config.free_thresh, 0.196)
     occupied_thresh = max(config.occupied_thresh, 0.2)

@@ -11,24 +11,29 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import SubmapConfig
 from cartoloop.errors import OutputError
 from cartoloop.kernels.map_composition import add_submap, cell_evidence
 from cartoloop.sensor.pose import Pose, inverse, transform_points
+from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MAX_STEPS, MIN_PROBABILITY
 
 if TYPE_CHECKING:
     from cartoloop.submaps.finished_grid import FinishedGrid
 
-FloatArray = NDArray[np.float64]
 
 UNKNOWN = np.float32(-1.0)
 """Stands for the probability of cells that no submap has seen."""
 
 MAX_LOG_ODDS = 4.6
-"""The map is held within this and its negative: 99% and 1%."""
+"""Log-odds of the map are clamped to this and its negative, 99% and 1%: more certain is no
+building, and exp() does not overflow."""
 
-_MAX_CELLS = 2**29  # 2.5 GB while composing; buildings need a hundredth of it
+_MAX_CELLS = 2**29
+"""Largest map [cells]: 2.5 GB while composing; buildings need a hundredth of it."""
+
 _MARGIN_CELLS = 5
+"""Unknown cells around the known part of the map, so that walls do not touch its edge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +150,8 @@ def _corners(grid: FinishedGrid) -> FloatArray:
 
 def cell_log_odds(config: SubmapConfig) -> NDArray[np.float32]:
     """Return the log-odds that a cell adds to the map, float32 (256,), by its value."""
-    probability = 0.1 + np.arange(-1, 255) / 254.0 * 0.8
+    span = MAX_PROBABILITY - MIN_PROBABILITY
+    probability = MIN_PROBABILITY + np.arange(-1, 255) / MAX_STEPS * span
     log_odds = np.log(probability / (1.0 - probability))
     log_odds[0] = 0.0
     hit = math.log(config.hit_probability / (1.0 - config.hit_probability))
@@ -154,7 +160,7 @@ def cell_log_odds(config: SubmapConfig) -> NDArray[np.float32]:
 
 
 def _map_cell_to_submap_cell(
-    tf_map_submap: Pose, grid: FinishedGrid, lower: NDArray[np.int64], resolution: float
+    tf_map_submap: Pose, grid: FinishedGrid, lower: IntArray, resolution: float
 ) -> FloatArray:
     """Return the transform from map cells to cells of a submap and the ring around it.
 
@@ -179,8 +185,8 @@ def _map_cell_to_submap_cell(
 
 def _cropped(
     total: NDArray[np.float32],
-    known: NDArray[np.bool_],
-    lower: NDArray[np.int64],
+    known: BoolArray,
+    lower: IntArray,
     resolution: float,
 ) -> OccupancyMap:
     """Return the known part of the map with a margin, as probabilities; overwrites `total`."""

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from cartoloop.arrays import ByteArray, FloatArray
 from cartoloop.map_output.occupancy_map import OccupancyMap
 
-FloatArray = NDArray[np.float64]
 Layer = Literal["trajectory", "closures"]
 Colour = tuple[int, int, int]
 
@@ -27,16 +27,30 @@ _FLOOR: Colour = (255, 255, 255)
 _WALL: Colour = (33, 37, 43)
 _INK: Colour = (84, 88, 94)
 
-# Of the palette of Okabe and Ito, which people with any sort of colour vision distinguish.
+# Of the palette of Okabe and Ito, which people with any colour vision can distinguish.
 TRAJECTORY_COLOUR: Colour = (0, 114, 178)
 CLOSURE_COLOUR: Colour = (213, 94, 0)
 
 _MARGIN = 40
+"""Margin around the map [px]."""
+
 _FOOTER = 64
+"""Height of the footer with scale bar and legend [px]."""
+
 _FONT_SIZE = 20
-_SMALLEST_EDGE, _LARGEST_EDGE = 1600, 4000
-_STRIP_ROWS = 64  # rows that are shaded at a time
-_SMOOTHING = 2  # lines are drawn this much larger, and shrunk
+"""Size of the footer's text [px]."""
+
+_SMALLEST_EDGE = 1600
+"""Smaller maps are enlarged until their longer edge is about this long [px]: fills a screen."""
+
+_LARGEST_EDGE = 4000
+"""Larger maps are reduced until their longer edge is no longer than this [px]."""
+
+_STRIP_ROWS = 64
+"""Rows of pixels that are shaded at a time: bounds the memory."""
+
+_SMOOTHING = 2
+"""Lines are drawn this much larger and reduced, against stairs."""
 
 
 def draw_map(
@@ -63,7 +77,7 @@ def draw_map(
 
 
 class MapPicture:
-    """A picture that has no more need of the map it was made of, which is as large.
+    """A picture that does not keep the map it was made of, which is as large.
 
     Attributes
     ----------
@@ -88,7 +102,7 @@ class MapPicture:
             self.canvas.paste(shaded.resize(size, Image.Resampling.BICUBIC), (left, _MARGIN))
 
     def draw(self, *, trajectory: FloatArray | None, closures: FloatArray | None) -> None:
-        """Draw all layers, see `draw_map`, with legend and scale."""
+        """Draw the given layers, see `draw_map`, with a legend and a scale bar."""
         legend: list[tuple[str, Colour]] = []
         if closures is not None:
             ends = np.hstack((self._to_canvas(closures[:, :2]), self._to_canvas(closures[:, 2:])))
@@ -120,7 +134,7 @@ def _shade(
         out_image.paste(strip.reduce(shrink), (left, top + first // shrink))
 
 
-def palette() -> NDArray[np.uint8]:
+def palette() -> ByteArray:
     """Return the colours of cells by 255 times their probability, uint8 (257, 3), unknown last.
 
     Floors are bright, walls dark and the rest as the background, the more certain the clearer.

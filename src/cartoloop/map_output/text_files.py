@@ -4,11 +4,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-
-FloatArray = NDArray[np.float64]
 
 
 def tum_text(stamps: FloatArray, poses: FloatArray) -> str:
@@ -30,7 +28,7 @@ def tum_text(stamps: FloatArray, poses: FloatArray) -> str:
 
 
 def format_stamp(stamp: float) -> str:
-    """Return a stamp [s] with at least 6 decimals, and enough to be exact."""
+    """Return a stamp [s] with at least 6 decimals, or as many as make it unique."""
     text = f"{stamp:.6f}"
     if float(text) == stamp:
         return text

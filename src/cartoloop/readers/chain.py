@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import replace
 
-from cartoloop.readers.log import Log, LogPass, LogProblem
-from cartoloop.sensor.events import SensorEvent
+from cartoloop.readers.log import EventGenerator, Log, LogPass, LogProblem
 from cartoloop.sensor.sensor_profile import SensorProfile
 from cartoloop.sensor.time_repair import TimeReport
 
@@ -110,15 +110,16 @@ class _ChainProblems:
         return sum(part.num_problems for part in self._parts)
 
 
-def _in_a_row(passes: Sequence[LogPass]) -> Iterator[SensorEvent]:
+def _in_a_row(passes: Sequence[LogPass]) -> EventGenerator:
     end = None
     for events in passes:
         shift = None
-        for event in events:
-            if shift is None:
-                late = end is None or event.time > end
-                period = events.log.time_report.period
-                shift = 0.0 if end is None or late else end + period - event.time
-            shifted = replace(event, time=event.time + shift) if shift else event
-            end = shifted.time
-            yield shifted
+        with closing(events):
+            for event in events:
+                if shift is None:
+                    late = end is None or event.time > end
+                    period = events.log.time_report.period
+                    shift = 0.0 if end is None or late else end + period - event.time
+                shifted = replace(event, time=event.time + shift) if shift else event
+                end = shifted.time
+                yield shifted

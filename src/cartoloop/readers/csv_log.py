@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scans as comma-separated values: a line with the names of the columns, then a scan a line.
+"""Scans as comma-separated values: a line with the column names, then one line for each scan.
 
 ::
 
@@ -7,7 +7,7 @@
     time,x,y,theta,r0,r1,r2
     0.0,0,0,0,2.31,2.30,inf
 
-docs/readers.md lists the columns. What ``rostopic echo -p`` prints of a LaserScan is read too.
+docs/readers.md lists the columns. The output of ``rostopic echo -p`` for a LaserScan is read too.
 """
 
 from __future__ import annotations
@@ -19,14 +19,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.kernels.decimal_text import POWERS_OF_TEN, parse_decimals
 from cartoloop.readers.line_format import Head, LineError, LineFormat, Parse, Reading
 from cartoloop.sensor.events import ScanGeometry
 from cartoloop.sensor.pose import Pose
-
-FloatArray = NDArray[np.float64]
 
 _RANGE = re.compile(r"(?:r|ranges?)[_.\[]?\d+\]?")
 _ALL_THAT_FOLLOW = "ranges"
@@ -41,15 +39,15 @@ _ANGLES = ("angle_min", "angle_increment")
 
 
 class Columns(NamedTuple):
-    """Which column holds what.
+    """The columns of the file.
 
     Attributes
     ----------
-    num_columns : how many names there are.
-    time, time_unit : of the time, -1 if there is none; by what to multiply it [s].
-    pose : of x, y, theta, or nothing.
-    settings : of values that each line tells anew.
-    first_range, num_ranges : of the ranges; 0 of them: all columns from the first on.
+    num_columns : number of names.
+    time, time_unit : index of the time, -1 if there is none; its unit [s].
+    pose : indices of x, y, theta; empty if there are none.
+    settings : of the values that are columns: they may change from line to line.
+    first_range, num_ranges : index and number of the ranges; 0: all columns from the first on.
     """
 
     num_columns: int
@@ -104,7 +102,7 @@ def _columns(head: Head) -> Columns:
 
 
 def _settings(head: Head) -> dict[str, float]:
-    """Return the values that comments before the header tell."""
+    """Return the values in the comments before the header."""
     found: dict[str, float] = {}
     for line in head:
         if not _is_comment(line):
@@ -118,32 +116,32 @@ def _settings(head: Head) -> dict[str, float]:
 
 
 def _geometry(head: Head) -> ScanGeometry:
-    columns, told = _columns(head), _settings(head)
+    columns, given = _columns(head), _settings(head)
     num_beams = max(columns.num_ranges, 1)
     if not columns.settings.keys() >= set(_ANGLES):
-        if "angle_max" in told and "angle_min" in told and num_beams > 1:
-            step = (told["angle_max"] - told["angle_min"]) / (num_beams - 1)
-            told.setdefault("angle_increment", step)
+        if "angle_max" in given and "angle_min" in given and num_beams > 1:
+            step = (given["angle_max"] - given["angle_min"]) / (num_beams - 1)
+            given.setdefault("angle_increment", step)
         for name in _ANGLES:
-            if name not in told and name not in columns.settings:
+            if name not in given and name not in columns.settings:
                 raise LineError(
                     "no angles",
-                    f"nothing tells {name}, so where the beams look; begin the file with a line "
+                    f"{name} is missing: the beam angles are not known; begin the file with a line "
                     "like '# angle_min=-1.5708 angle_increment=0.0087' (rad)",
                 )
-    first, step = told.get("angle_min", 0.0), told.get("angle_increment", 0.0)
+    first, step = given.get("angle_min", 0.0), given.get("angle_increment", 0.0)
     if "angle_increment" not in columns.settings and not (math.isfinite(step) and step != 0.0):
-        raise LineError("no angles", "angle_increment is 0 or no number; correct the file")
+        raise LineError("no angles", "angle_increment is 0 or not a number; correct the file")
     return ScanGeometry(
         angle_min=first,
         angle_increment=step,
         num_beams=num_beams,
-        range_min=told.get("range_min", 0.0),
-        range_max=told.get("range_max", math.inf),
+        range_min=given.get("range_min", 0.0),
+        range_max=given.get("range_max", math.inf),
         tf_tracking_sensor=Pose(
-            told.get("laser_x", 0.0), told.get("laser_y", 0.0), told.get("laser_yaw", 0.0)
+            given.get("laser_x", 0.0), given.get("laser_y", 0.0), given.get("laser_yaw", 0.0)
         ),
-        time_increment=told.get("time_increment", 0.0),
+        time_increment=given.get("time_increment", 0.0),
         sensor="csv",
     )
 
@@ -156,11 +154,11 @@ def _parser(head: Head) -> Parse:
     def geometry(cells: Sequence[bytes]) -> ScanGeometry | None:
         if not columns.settings:
             return None
-        told = {name: _number(cells, place) for name, place in columns.settings.items()}
-        first = told.get("angle_min", fixed.angle_min)
-        step = told.get("angle_increment", fixed.angle_increment)
+        given = {name: _number(cells, place) for name, place in columns.settings.items()}
+        first = given.get("angle_min", fixed.angle_min)
+        step = given.get("angle_increment", fixed.angle_increment)
         if not (math.isfinite(first) and math.isfinite(step) and step != 0.0):
-            raise LineError("scan without angles", "an angle of the scan is 0 or no number")
+            raise LineError("scan without angles", "an angle of the scan is 0 or not a number")
         if (first, step) not in seen:
             seen[first, step] = replace(fixed, angle_min=first, angle_increment=step)
         return seen[first, step]
@@ -200,7 +198,7 @@ def _number(cells: Sequence[bytes], place: int) -> float:
 
 
 def _ranges(text: bytes, columns: Columns) -> FloatArray | None:
-    """Return the ranges that the rest of a line holds; None if it holds none."""
+    """Return the ranges in the rest of a line; None if there are none."""
     if not text.strip(b" ,\t"):
         return None
     count = columns.num_ranges
@@ -209,10 +207,10 @@ def _ranges(text: bytes, columns: Columns) -> FloatArray | None:
     if count and plain != wanted:
         raise LineError(
             "range count mismatch or line cut off",
-            f"{wanted} values should stand from the first range on, but {plain} do",
+            f"{wanted} values are expected from the first range on, but there are {plain}",
         )
     values = np.empty(count or plain)
-    # Only full cells: an empty one would not be seen once commas are gone.
+    # Only where no cell is empty: an empty one is not visible without the commas.
     if (
         b",," not in text
         and not text.endswith(b",")

@@ -25,7 +25,7 @@ def _recognise(head: Head) -> bool:
 
 
 def _geometry_of(num_beams: int) -> ScanGeometry:
-    """Return the beams that a number of them means: 180 and 181 are a degree apart."""
+    """Return the geometry of a number of beams: 180 and 181 beams are one degree apart."""
     steps = max(num_beams - num_beams % 2, 1)
     return ScanGeometry(-math.pi / 2, math.pi / steps, num_beams, 0.0, math.inf, sensor="Laser")
 
@@ -55,8 +55,8 @@ def _parser(_: Head) -> Parse:
             raise LineError("unknown line", f"unknown line {tag.decode('ascii', 'replace')[:20]!r}")
         count, _, rest = rest.strip().partition(b" ")
         if not count.isdigit():
-            raise LineError("no range count", "the count of ranges is no whole number")
-        # The odometry belongs to the one scan that follows it.
+            raise LineError("no range count", "the count of ranges is not a whole number")
+        # The odometry belongs to the scan that follows it, and to no other.
         own, pose = pose, None
         ranges = _numbers(rest, int(count))
         geometry = geometries.setdefault(len(ranges), _geometry_of(len(ranges)))
@@ -66,7 +66,7 @@ def _parser(_: Head) -> Parse:
 
 
 def _numbers(text: bytes, count: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Return as many numbers as there must be in a text."""
+    """Return the `count` numbers in a text."""
     if 2 * count <= len(text) + 1:
         values = np.empty(count)
         end = parse_decimals(text, POWERS_OF_TEN, values)

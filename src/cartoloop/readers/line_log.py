@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -21,10 +21,10 @@ from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.errors import InputError
 from cartoloop.readers.line_format import LineError, LineFormat, Reading
 from cartoloop.readers.line_times import line_times, note_damage, note_times
-from cartoloop.readers.log import LogBase, ProblemLog
+from cartoloop.readers.log import EventGenerator, LogBase, ProblemLog
 from cartoloop.readers.scan_sample import ScanSample
 from cartoloop.readers.text_file import TextFile
-from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry, SensorEvent
+from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry
 from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.sensor_profile import SensorProfile, profile_sensor
 from cartoloop.sensor.time_repair import TimeReport
@@ -129,7 +129,7 @@ class LineLog(LogBase):
         finite = self._times[np.isfinite(self._times)]
         return float(finite[-1] - finite[0])
 
-    def _events(self, problems: ProblemLog) -> Iterator[SensorEvent]:
+    def _events(self, problems: ProblemLog) -> EventGenerator:
         parse = self._format.parser(self._head)
         unused = self._unused_scanners()
         kinds, times = self._kinds.tolist(), self._times.tolist()

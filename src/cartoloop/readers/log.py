@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every recording offers, whatever its format, and the problems found while reading it."""
+"""The interface of recordings of all formats, and the problems found while reading them."""
 
 from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol, cast
 
@@ -14,6 +14,7 @@ from cartoloop.sensor.sensor_profile import SensorProfile
 from cartoloop.sensor.time_repair import TimeReport
 
 ProblemSeverity = Literal["error", "warning", "note"]
+EventGenerator = Generator[SensorEvent, None, None]
 
 MAX_PROBLEMS = 50
 """Problems kept of one recording: one with a fault on each line must not fill the memory."""
@@ -23,7 +24,7 @@ MAX_PROBLEMS_PER_KIND = 5
 
 
 def short_name(path: Path) -> str:
-    """Return the last component of a path as text, whatever bytes the file system has in it."""
+    """Return the last component of a path as text, also where the name is not valid UTF-8."""
     return os.fsencode(path.name).decode("utf-8", "replace")
 
 
@@ -99,7 +100,7 @@ class LogPass(Iterator[SensorEvent]):
     log : the recording.
     """
 
-    def __init__(self, log: Log, events: Iterator[SensorEvent], problems: Problems) -> None:
+    def __init__(self, log: Log, events: EventGenerator, problems: Problems) -> None:
         self.log = log
         self._events = events
         self._found = problems
@@ -107,6 +108,10 @@ class LogPass(Iterator[SensorEvent]):
     def __next__(self) -> SensorEvent:
         """Return the next event."""
         return next(self._events)
+
+    def close(self) -> None:
+        """End the pass early and release the file."""
+        self._events.close()
 
     @property
     def skipped(self) -> dict[str, int]:
@@ -178,7 +183,7 @@ class LogBase(ABC):
         self._latest: Problems = self._found
 
     @abstractmethod
-    def _events(self, problems: ProblemLog) -> Iterator[SensorEvent]:
+    def _events(self, problems: ProblemLog) -> EventGenerator:
         """Yield the events of one pass; add what is wrong to `problems`."""
 
     def __iter__(self) -> LogPass:

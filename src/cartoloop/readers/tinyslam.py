@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""tinySLAM's ``.dat`` files: a line a scan, of the robot of Mines ParisTech that recorded them.
+"""tinySLAM's ``.dat`` files: one line for each scan, recorded by a robot of Mines ParisTech.
 
 ::
 
     microseconds  status  left_ticks  right_ticks  20 more values  r1 .. r682
 
-Ranges in millimetres, of a Hokuyo URG-04LX; below 20 they are codes of errors. The robot's numbers
-are not in the file but in the program that came with it (Steux, El Hamzaoui: tinySLAM, ICARCV
-2010); that distances and turns come out right was checked against the scans.
+Ranges of a Hokuyo URG-04LX in millimetres; values below 20 are error codes. The robot's dimensions
+are not in the file but in the program published with it (Steux, El Hamzaoui: tinySLAM, ICARCV
+2010); the odometry computed with them agrees with the scans.
 """
 
 from __future__ import annotations
@@ -22,14 +22,21 @@ from cartoloop.sensor.events import ScanGeometry
 from cartoloop.sensor.pose import Pose, compose
 
 WHEEL_RADIUS_M = 0.077
+"""Radius of the wheels [m]."""
+
 HALF_AXLE_M = 0.165
+"""Half the distance between the wheels [m]."""
+
 TICKS_PER_TURN = 2000
-SCANNER_AHEAD_M = 0.145  # of the axle
+"""Encoder ticks of one turn of a wheel."""
+
+SCANNER_AHEAD_M = 0.145
+"""Distance from the axle to the scanner [m]."""
 
 _NUM_BEAMS = 682
 _STEP_RAD = 2.0 * math.pi / 1024
 _RANGE_MAX_M = 5.6
-_NUM_HEAD = 24
+_NUM_HEAD = 24  # values before the ranges
 
 
 def _recognise(head: Head) -> bool:
@@ -37,9 +44,9 @@ def _recognise(head: Head) -> bool:
     return bool(lines) and all(
         _NUM_HEAD + _NUM_BEAMS <= len(words) <= _NUM_HEAD + _NUM_BEAMS + 1
         and all(word.isdigit() for word in (words[0], *words[_NUM_HEAD:]))
-        for word_count, words in enumerate(lines)
+        for number, words in enumerate(lines)
         # The last line may be cut off.
-        if word_count == 0 or word_count < len(lines) - 1
+        if number == 0 or number < len(lines) - 1
     )
 
 
@@ -79,7 +86,7 @@ def _parser(_: Head) -> Parse:
 
 
 def wheel_motion(left_ticks: float, right_ticks: float) -> Pose:
-    """Return the motion, along an arc, of a robot whose wheels turned by so many ticks."""
+    """Return the motion, along an arc, of a robot whose wheels turned by these ticks."""
     per_tick = 2.0 * math.pi * WHEEL_RADIUS_M / TICKS_PER_TURN
     left, right = per_tick * left_ticks, per_tick * right_ticks
     distance, turn = 0.5 * (left + right), (right - left) / (2.0 * HALF_AXLE_M)

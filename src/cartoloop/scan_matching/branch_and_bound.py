@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.kernels.scan_batch import ScanBatch
 from cartoloop.kernels.search_batch import (
     SearchLimits,
@@ -20,7 +21,7 @@ from cartoloop.kernels.search_batch import (
 )
 from cartoloop.kernels.search_window import ROUNDING
 from cartoloop.scan_matching.precomputation_grid import MAX_MOVE, PrecomputationGrids
-from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
+from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import (
     PROBABILITY_STEP,
@@ -51,25 +52,25 @@ class BranchAndBoundMatches(NamedTuple):
 
     Attributes
     ----------
-    matches : of each scan; None where none was good enough, or none was sought.
+    matches : of each scan; None where none was good enough or no search was made.
     was_searched : bool, shape (n,).
     """
 
     matches: list[BranchAndBoundMatch | None]
-    was_searched: NDArray[np.bool_]
+    was_searched: BoolArray
 
 
 @dataclass(frozen=True, slots=True)
 class RunnerUp:
-    """What counts as a match elsewhere, and when it matters.
+    """What counts as a match elsewhere, and when it is searched for.
 
     Attributes
     ----------
     distance, angle : a match elsewhere is farther from the best one than this [m], or turned by
         more [rad].
-    margin : it is sought down to so much below the best score, but not below the score threshold;
-        negative: not at all. To know that there is none takes as long as to know that nothing
-        matches.
+    margin : largest gap between its score and the best one, which must also reach the score
+        threshold; negative: no runner-up is searched for. To prove that there is none takes as long
+        as to prove that nothing matches.
     """
 
     distance: float = 0.5
@@ -78,10 +79,10 @@ class RunnerUp:
 
 
 RUNNER_UP = RunnerUp()
-"""What a match's `runner_up` is if nothing else is asked for."""
+"""The default: half a metre is the smallest search window, and 10 degrees twice its angle."""
 
 NO_RUNNER_UP = RunnerUp(margin=-1.0)
-"""For :meth:`SubmapMatcher.match`: do not seek a runner-up, it is 0."""
+"""For :meth:`SubmapMatcher.match`: do not search for a runner-up; it is 0."""
 
 
 class SubmapMatcher:
@@ -110,13 +111,13 @@ class SubmapMatcher:
 
     def probabilities(self) -> NDArray[np.float32]:
         """Return the probability of each cell of the submap's grid; 0 where never observed."""
-        grids = self._grids  # where they are, the grid need not be unpacked
+        grids = self._grids  # if they are kept, the grid does not have to be unpacked
         return (self._grid if grids is None else grids).probabilities()
 
     def release(self) -> None:
-        """Forget the precomputed grids; the next search makes them anew and finds the same.
+        """Drop the precomputed grids; the next search computes the same again.
 
-        Searches under way keep theirs until they are done.
+        Searches in progress keep theirs until they end.
         """
         self._grids = None
 
@@ -138,13 +139,13 @@ class SubmapMatcher:
 
         Parameters
         ----------
-        points : float64, shape (n, 2), scan frame [m]; finite.
+        points : float64, shape (n, 2), tracking frame [m]; finite.
         tf_submap_scan : estimate, the window's centre.
         linear_window, angular_window : W_x = W_y and W_theta of eq. (8) [m], [rad].
         min_score : score threshold, in [0, 1].
-        max_range : d_max of eq. (6) counts as no more than this [m]; farther points then move by
-            more than a pixel from one rotation to the next.
-        runner_up : what the match's `runner_up` is to be.
+        max_range : upper limit of d_max of eq. (6) [m]; farther points move by more than a pixel
+            from one rotation to the next.
+        runner_up : which runner-up is searched for.
         """
         half_width = math.ceil(linear_window / self._grid.resolution - ROUNDING)
         found = self._search(
@@ -166,19 +167,19 @@ class SubmapMatcher:
         linear_windows: FloatArray,
         angular_windows: FloatArray,
         min_score: float,
-        groups: NDArray[np.int64],
+        groups: IntArray,
         max_of_group: int,
         runner_up: RunnerUp = RUNNER_UP,
     ) -> BranchAndBoundMatches:
-        """Return the best match of each of many scans, as :meth:`match` does, but in one go.
+        """Return the best match of each of many scans, as :meth:`match` does, in one call.
 
         Parameters
         ----------
         scans : n of them.
         tf_submap_scan : float64, shape (n, 3), the windows' centres.
         linear_windows, angular_windows : float64, shape (n,).
-        groups : int64, shape (n,), from 0 on: scans that stand for each other.
-        max_of_group : once so many scans of a group are found, no more of it are sought.
+        groups : int64, shape (n,), from 0 on: scans that are equivalent.
+        max_of_group : once this number of scans of a group are found, the rest of it is skipped.
         """
         half_widths = np.ceil(linear_windows / self._grid.resolution - ROUNDING).astype(np.int64)
         return self._search(
@@ -231,16 +232,16 @@ class SubmapMatcher:
         self,
         scans: ScanPoints,
         estimates: FloatArray,
-        half_sizes: NDArray[np.int64],
+        half_sizes: IntArray,
         angular_windows: FloatArray,
         min_score: float,
         runner_up: RunnerUp,
         *,
-        groups: NDArray[np.int64] | None = None,
+        groups: IntArray | None = None,
         max_of_group: int = 1,
         max_range: float = math.inf,
     ) -> BranchAndBoundMatches:
-        """Return the matches in windows of so many pixels to each side of the estimates."""
+        """Return the matches in windows of `half_sizes` cells to each side of the estimates."""
         count = len(scans)
         was_searched = np.zeros(count, dtype=np.bool_)
         if count == 0 or self._grid.size == 0:
@@ -286,7 +287,7 @@ class SubmapMatcher:
         found: SearchResults,
         scan: int,
         estimate: Pose,
-        half_sizes: NDArray[np.int64],
+        half_sizes: IntArray,
         num_points: int,
     ) -> BranchAndBoundMatch:
         """Return the match of a scan that was found, in metres and as probabilities."""

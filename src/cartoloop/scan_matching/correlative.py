@@ -7,8 +7,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import ByteArray, CellArray, FloatArray
 from cartoloop.config import CorrelativeMatcherConfig
 from cartoloop.kernels.correlative import (
     CorrelativeScratch,
@@ -17,7 +17,7 @@ from cartoloop.kernels.correlative import (
 )
 from cartoloop.kernels.search_window import rotation_step
 from cartoloop.kernels.smooth_map import SmoothMap
-from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
+from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 from cartoloop.submaps.probability_grid import ProbabilityGrid
 
@@ -36,13 +36,13 @@ class Scratch:
         self._places = np.empty(0, dtype=np.int32)
         self._cells = np.empty(0, dtype=np.uint8)
 
-    def places(self, size: int) -> NDArray[np.int32]:
+    def places(self, size: int) -> CellArray:
         """Return an int32 array of at least this size, of any content."""
         if len(self._places) < size:
             self._places = np.empty(size + size // 2, dtype=np.int32)
         return self._places
 
-    def cells(self, size: int) -> NDArray[np.uint8]:
+    def cells(self, size: int) -> ByteArray:
         """Return a uint8 array of at least this size, of any content."""
         if len(self._cells) < size:
             self._cells = np.empty(size + size // 2, dtype=np.uint8)

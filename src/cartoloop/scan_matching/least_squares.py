@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.kernels.match_batch import match_all_least_squares
 from cartoloop.kernels.scan_batch import ScanBatch
 from cartoloop.kernels.scan_residuals import MatchOptions, MotionPrior, match_least_squares
 from cartoloop.kernels.smooth_map import SmoothMap
-from cartoloop.sensor.pose import FloatArray, Pose, wrap_angle
+from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 

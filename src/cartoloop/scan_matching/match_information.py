@@ -7,26 +7,30 @@ import math
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.kernels.match_covariance import inverse_covariances
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
-from cartoloop.sensor.pose import FloatArray
 
 MIN_SIGMA_M = 0.01
+"""Smallest standard deviation of a match's position [m]: walls are not straighter than this."""
+
 MIN_SIGMA_RAD = math.radians(0.1)
-"""No match is trusted further than this: walls are not that straight, nor scanners that true."""
+"""Smallest standard deviation of a match's angle [rad]: scanners are not more accurate."""
 
 MIN_RESIDUAL = 0.03
-"""A scan that fits better than this fits by chance."""
+"""Smallest root mean square of 1 - M that is not by chance [probability]: cell values are clamped
+to 0.9, so that a residual below 0.1 is due to interpolation."""
 
 OPEN_INFORMATION = 1e-2
-"""What is left along a direction that the scan leaves open [1/m^2], [1/rad^2]."""
+"""Information along a degenerate direction [1/m^2], [1/rad^2]: a standard deviation of 10 m or
+10 rad, which keeps the matrix invertible."""
 
 _MIN_INFORMATIONS = np.full(3, OPEN_INFORMATION)
 _MIN_VARIANCES = np.array((MIN_SIGMA_M, MIN_SIGMA_M, MIN_SIGMA_RAD)) ** 2
 
 
 def match_information(match: LeastSquaresMatch) -> FloatArray:
-    """Return the inverse covariance of a match, shape (3, 3), in the grid's axes."""
+    """Return the inverse covariance of a match, shape (3, 3), in the submap's axes."""
     information: FloatArray = match_informations(
         match.information[np.newaxis], np.array((match.residual,))
     )[0]
@@ -34,10 +38,10 @@ def match_information(match: LeastSquaresMatch) -> FloatArray:
 
 
 def match_informations(curvatures: FloatArray, residuals: FloatArray) -> FloatArray:
-    """Return the inverse covariances of matches, shape (n, 3, 3), in the grid's axes.
+    """Return the inverse covariances of matches, shape (n, 3, 3), in the submap's axes.
 
-    A corridor leaves its long direction open: there the curvature of (CS), and so the information,
-    is small. `MIN_SIGMA_M` and `MIN_SIGMA_RAD` add to the covariance, and so bound the certainty.
+    Along a corridor, a degenerate direction, the curvature of (CS) and so the information is small.
+    The variances of `MIN_SIGMA_M` and `MIN_SIGMA_RAD` are added to the covariance.
 
     Parameters
     ----------
@@ -46,7 +50,7 @@ def match_informations(curvatures: FloatArray, residuals: FloatArray) -> FloatAr
     """
     informations = np.empty(curvatures.shape)
     inverse_covariances(
-        np.ascontiguousarray(curvatures),  # one memory layout, lest it be compiled for another
+        np.ascontiguousarray(curvatures),  # one memory layout, so that only one is compiled
         residuals,
         MIN_RESIDUAL,
         _MIN_INFORMATIONS,

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import ByteArray, CellArray, IntArray
 from cartoloop.kernels.branch_and_bound import GridArrays
 from cartoloop.kernels.node_bounds import LEVEL
 from cartoloop.kernels.precomputation_grid import grow_boxes, halve
@@ -18,12 +19,13 @@ from cartoloop.submaps.finished_grid import probabilities_of_part
 STRIDES = (1, 1, 1, 2, 4, 8)
 """For blocks of 1, 2, 4, ... translations: the stride of the grids that bound them [cells].
 
-A grid with a stride holds only every so many-th box, grown so that it holds the ones left out:
-much smaller, and nearly as tight where the boxes are large.
+A grid with stride s holds every s-th box, enlarged so that it contains the boxes in between: much
+smaller, and nearly as tight where the boxes are large.
 """
 
 MAX_MOVE = 4
-"""So many blocks at the most may a point move within a group of rotations."""
+"""Maximum distance that a point moves within a group of rotations [blocks]: there are no boxes for
+longer moves. Search results do not depend on it."""
 
 _FINE = (1, 2, 3, 5, 7, 10, 15, 22)
 _COARSE = (5, 6, 8, 11, 15, 22)
@@ -76,18 +78,18 @@ class GridLayout:
         """Past the last grid."""
         return self.first + len(BOXES[self.stride]) * self.grid_size
 
-    def box_table(self, block: int) -> NDArray[np.int64]:
+    def box_table(self, block: int) -> IntArray:
         """Return where the grid's first cell is, for blocks of an edge, by how far a point moves.
 
         The grid is the one with the smallest boxes that hold the block and the move, wherever
         within its stride the box begins.
         """
-        start: NDArray[np.int64] = _smallest_boxes(self.stride, block) * self.grid_size
+        start: IntArray = _smallest_boxes(self.stride, block) * self.grid_size
         return start + self.first + MARGIN * (self.row_length + 1)
 
 
 @cache
-def _smallest_boxes(stride: int, block: int) -> NDArray[np.int64]:
+def _smallest_boxes(stride: int, block: int) -> IntArray:
     """Return which of the boxes of a stride hold a block, by how far a point moves."""
     edges = np.array(BOXES[stride])
     moves = np.arange(MAX_MOVE * (1 << (len(STRIDES) - 1)) + 3)
@@ -110,7 +112,7 @@ class PrecomputationGrids:
     boxes : int32, shape (len(STRIDES), num_moves), see :meth:`GridLayout.box_table`.
     """
 
-    def __init__(self, cells: NDArray[np.uint8]) -> None:
+    def __init__(self, cells: ByteArray) -> None:
         self.layouts: dict[int, GridLayout] = {}
         end = 0
         for stride in BOXES:
@@ -138,7 +140,7 @@ class PrecomputationGrids:
             dtype=LEVEL,
         )
         tables = [layout.box_table(1 << height) for height, layout in enumerate(layouts)]
-        self.boxes: NDArray[np.int32] = np.array(tables, dtype=np.int32)
+        self.boxes: CellArray = np.array(tables, dtype=np.int32)
 
     @property
     def arrays(self) -> GridArrays:
@@ -151,7 +153,7 @@ class PrecomputationGrids:
         shape = (layout.num_rows, layout.num_cols)
         return probabilities_of_part(self.grid(1, 1), MARGIN, MARGIN, shape)
 
-    def grid(self, stride: int, edge: int) -> NDArray[np.uint8]:
+    def grid(self, stride: int, edge: int) -> ByteArray:
         """Return the grid of boxes of `edge` strides, with its margins: ``[row + MARGIN, ...]``."""
         layout = self.layouts[stride]
         first = layout.first + BOXES[stride].index(edge) * layout.grid_size

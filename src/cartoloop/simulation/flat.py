@@ -20,8 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.simulation.floor_plan import (
     OUTER_WALL_THICKNESS,
     WALL_THICKNESS,
@@ -34,8 +34,6 @@ from cartoloop.simulation.floor_plan import (
 from cartoloop.simulation.furniture import Furniture
 from cartoloop.simulation.lidar import LIDARS
 from cartoloop.simulation.motion import Pace
-
-FloatArray = NDArray[np.float64]
 
 # A trolley that is pushed gently: its scanner turns only twice a second.
 PUSHED = Pace(speed=0.3, turn_rate=0.25, acceleration=0.3, corner_radius=0.5)

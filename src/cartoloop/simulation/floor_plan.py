@@ -8,12 +8,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.simulation.lidar import Lidar
 from cartoloop.simulation.motion import Pace
 
-FloatArray = NDArray[np.float64]
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
 

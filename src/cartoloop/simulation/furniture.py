@@ -7,11 +7,9 @@ import math
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.simulation.floor_plan import WALL_THICKNESS, Box, FloorPlan, Point, Room
-
-FloatArray = NDArray[np.float64]
 
 WALL_FACE = WALL_THICKNESS / 2
 

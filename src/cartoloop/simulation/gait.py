@@ -7,11 +7,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.simulation.motion import Motion
-
-FloatArray = NDArray[np.float64]
 
 STEP_RATE = 1.8
 """Steps per second of a walking person [Hz]; a stride is two steps."""

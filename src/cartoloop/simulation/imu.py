@@ -6,13 +6,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import ConfigError
 from cartoloop.simulation.gait import Gait, body_poses, turned_back
 from cartoloop.simulation.motion import Motion
-
-FloatArray = NDArray[np.float64]
 
 GRAVITY = 9.81
 """Gravity [m/s^2]."""

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import ConfigError
 from cartoloop.sensor.events import ScanGeometry
 from cartoloop.sensor.pose import IDENTITY, Pose, compose_all
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

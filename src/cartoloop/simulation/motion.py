@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import ConfigError
 from cartoloop.sensor.pose import wrap_angle, wrap_angles
-
-FloatArray = NDArray[np.float64]
 
 SHARPEST_ARC = math.radians(110.0)
 """Turn [rad] from which on a corner is turned on the spot; below, it is driven as an arc."""

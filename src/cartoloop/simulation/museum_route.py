@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop.simulation.floor_plan import Point
 from cartoloop.simulation.museum_aisles import (
@@ -24,8 +23,6 @@ from cartoloop.simulation.museum_aisles import (
 )
 from cartoloop.simulation.museum_floor import MuseumRoom
 from cartoloop.simulation.museum_walls import Door
-
-FloatArray = NDArray[np.float64]
 
 NARROW_M = 2.1
 """Width of an aisle below which it is crossed anywhere, as corridors are [m]."""

@@ -6,13 +6,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import ConfigError
 from cartoloop.sensor.pose import compose_all, relative_all, wrap_angles
 from cartoloop.simulation.motion import Motion
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import ConfigError
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
 from cartoloop.sensor.pose import Pose
@@ -26,8 +26,6 @@ from cartoloop.simulation.motion import Motion
 from cartoloop.simulation.odometry import OdometryModel, odometry_poses
 from cartoloop.simulation.rig import MountedLidar, sweep_ranges
 from cartoloop.simulation.text_writer import write_text
-
-FloatArray = NDArray[np.float64]
 
 SCANS_PER_BLOCK = 128
 """Scans simulated at a time: about 13 m of path, 1 MB of ranges."""

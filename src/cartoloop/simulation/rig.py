@@ -7,14 +7,12 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import ConfigError
 from cartoloop.sensor.events import CloudGeometry, ScanGeometry
 from cartoloop.simulation.gait import turned
 from cartoloop.simulation.lidar import Lidar, walls_within
-
-FloatArray = NDArray[np.float64]
 
 FLOOR, CEILING = -1.1, 1.7
 """Heights of floor and ceiling relative to the body's origin [m]: a scanner carried at the hip in

@@ -7,12 +7,10 @@ import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.sensor.pose import relative_all
 from cartoloop.simulation.text_writer import write_text
-
-FloatArray = NDArray[np.float64]
 
 NEIGHBOUR_PATH_M = (0.3, 3.0)
 """Path length between neighbours of a relation [m]: consecutive, but not the same place."""
@@ -99,7 +97,7 @@ def write_tape_lines(path: Path, lines: FloatArray, first_pose: FloatArray) -> N
     )
 
 
-def relation_pairs(true_poses: FloatArray, num_relations: int, seed: int = 0) -> NDArray[np.int64]:
+def relation_pairs(true_poses: FloatArray, num_relations: int, seed: int = 0) -> IntArray:
     """Return the pairs of scans of relations, the earlier scan first, sorted, int64, shape (m, 2).
 
     Parameters

@@ -16,7 +16,10 @@ MIN_PROBABILITY = 0.1
 MAX_PROBABILITY = 0.9
 """The interval [p_min, p_max] that probabilities are clamped to (section IV-B)."""
 
-PROBABILITY_STEP = (MAX_PROBABILITY - MIN_PROBABILITY) / 254.0
+MAX_STEPS = 254.0
+"""Steps from the smallest cell value of an observed cell, 1, to the largest, 255."""
+
+PROBABILITY_STEP = (MAX_PROBABILITY - MIN_PROBABILITY) / MAX_STEPS
 """Difference between neighbouring cell values."""
 
 _MEMORY = ReusedMemory(max_idle_bytes=8 << 20)

@@ -21,11 +21,12 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cartoloop.errors import CartoloopError
 from cartoloop.viewer import protocol, requests
-from cartoloop.viewer.live_state import LiveState, Subscription
+from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.pictures import Pictures
 from cartoloop.viewer.playback import Playback
 from cartoloop.viewer.protocol import MessageType
 from cartoloop.viewer.requests import BadRequestError, parse_request
+from cartoloop.viewer.subscriptions import Subscription
 
 REQUEST_PERIOD_S = 0.05
 """No page is answered more often than this."""
@@ -56,7 +57,7 @@ def create_app(
     ----------
     state : what is shown; to be touched in the application's event loop only.
     playback : what pages may pause; None where there is nothing to be paused.
-    token : what pages must know; "" lets in whoever runs on this machine.
+    token : what pages must know; "" admits all programs on this machine.
     on_failure : called with what should not have happened; it ends the connection with that page.
     """
     static = static_files()
@@ -181,7 +182,9 @@ class _Session:
     async def _send_bytes(self, data: bytes) -> None:
         try:
             await self._websocket.send_bytes(data)
-        except RuntimeError as error:  # whoever broke the protocol was told so by the layer below
+        except (
+            RuntimeError
+        ) as error:  # the layer below has reported the broken protocol to the peer
             raise WebSocketDisconnect(1006) from error
 
     async def _receive(self, subscription: Subscription) -> tuple[int, str] | None:
@@ -205,7 +208,7 @@ class _Session:
             await asyncio.sleep(REQUEST_PERIOD_S)
 
     async def _answer(self, request: requests.Request) -> bytes:
-        """Do what was asked; return the answer, b"" where the state tells."""
+        """Do what was asked; return the answer, b"" if the change of state is the answer."""
         match request:
             case requests.Ping():
                 return protocol.json_message(MessageType.PONG, {"id": request.id})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often pages are told what has changed, such that it costs mapping little."""
+"""How often pages are updated, so that the view takes little of the processor from mapping."""
 
 from __future__ import annotations
 
@@ -7,28 +7,29 @@ from time import perf_counter, process_time, thread_time
 from typing import NamedTuple
 
 MAX_SHARE = 0.03
-"""Share of a processor that the view may cost mapping; where it costs more, growing submaps are
-drawn less often, and then all else, too."""
+"""Largest share of a processor for the view; above it growing submaps are drawn less often, and
+then all else is updated less often."""
 
 MAX_REST_S = 1.0
-"""But growing submaps wait for no longer [s]."""
+"""Longest time between two drawings of the growing submaps [s]."""
 
 UPDATE_PERIOD_S, LONGEST_PERIOD_S = 0.1, 0.25
-"""Pages are told what has changed so often, and where there is much to be told, so often [s]."""
+"""Update period: normal, and under load [s]."""
 
 FLAT_OUT_PERIODS_S, FLAT_OUT_REST_S = (0.25, 0.5), 2.0
-"""The same, and how long growing submaps always wait, while a recording is mapped as fast as it
-can: submaps are finished within a second then, and nobody's eyes follow how they grow [s]."""
+"""Update periods, and time between two drawings of the growing submaps, while a recording is mapped
+as fast as possible [s]: a submap is then finished within a second, too fast to watch it grow."""
 
-_NEWEST = 0.2  # share of the newest round in the mean of what they cost
+_NEWEST = 0.2
+"""Weight of the newest round in the moving average of the cost of a round."""
 
 
 class Clocks(NamedTuple):
-    """What time it is.
+    """Readings of the clocks.
 
     Attributes
     ----------
-    wall : by the clock on the wall [s].
+    wall : wall time [s].
     process : processor time of the whole process [s].
     own : processor time of the view's thread [s].
     """
@@ -44,10 +45,10 @@ class Clocks(NamedTuple):
 
 
 class Budget:
-    """Tells when growing submaps may be drawn, and when to look for changes again.
+    """Decides when growing submaps may be drawn, and when to look for changes again.
 
-    A recording that is mapped flat out takes all the processor time that it gets, which is little
-    where others want it, too: rests are then counted in that time, not by the clock.
+    A recording that is mapped as fast as possible (flat out) uses all the processor time that it
+    gets, which may be little on a busy machine: intervals are then measured in that time.
     """
 
     def __init__(self) -> None:
@@ -57,7 +58,7 @@ class Budget:
         self._period = UPDATE_PERIOD_S
 
     def begin(self, now: Clocks, *, flat_out: bool) -> None:
-        """Begin a round: what the one before has cost, all that was sent included, is known."""
+        """Begin a round; account for the cost of the one before, including what was sent."""
         shortest, longest = FLAT_OUT_PERIODS_S if flat_out else (UPDATE_PERIOD_S, LONGEST_PERIOD_S)
         cost = 0.0 if self._begun is None else now.own - self._begun.own
         self._cost += _NEWEST * (cost - self._cost)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All that is known of one loop closure, for the operator to judge it."""
+"""The details of one loop closure, for the operator to judge it."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from cartoloop.global_slam.closures import Closures, Reason, Status
+from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.sensor.pose import FloatArray, Pose, relative, wrap_angle
-from cartoloop.viewer.protocol import ConstraintRows, WireConstraint
+from cartoloop.viewer.protocol import REJECTED, ConstraintRows
 
-CLOSURES = (WireConstraint.LOOP_CLOSURE, WireConstraint.REJECTED)
+CLOSURES = (ConstraintKind.LOOP_CLOSURE, REJECTED)
 
 
 def closure_details(
@@ -21,7 +23,7 @@ def closure_details(
     tf_map_submaps: FloatArray,
     tf_map_nodes: FloatArray,
     node_points: Sequence[FloatArray],
-    window: dict[str, Any] | None,
+    closures: Closures,
 ) -> dict[str, Any]:
     """Return the content of a CLOSURE message.
 
@@ -31,7 +33,7 @@ def closure_details(
     rows : all constraints.
     tf_map_submaps, tf_map_nodes : float64 (m, 3), (n, 3), present poses.
     node_points : of each node [m], node frame.
-    window : the search window, None where the pair was not requested.
+    closures : the record of closures.
 
     Raises
     ------
@@ -48,16 +50,13 @@ def closure_details(
     measured = Pose(*rows.relative_poses[constraint].tolist())
     expected = relative(tf_map_submap, tf_map_node)
     other, tf_submap_other = _nearest_own_node(rows, submap, measured)
-    return {
+    return _from_record(closures, int(rows.closures[constraint])) | {
         "constraint": constraint,
         "submap": submap,
         "node": node,
-        "score": _or_null(float(rows.scores[constraint])),
-        "runner_up": _or_null(float(rows.runner_ups[constraint])),
         "residual_m": math.hypot(measured.x - expected.x, measured.y - expected.y),
         "residual_deg": math.degrees(abs(wrap_angle(measured.theta - expected.theta))),
         "tf_submap_node": list(measured),
-        "window": window,
         "tf_map_submap": list(tf_map_submap),
         "tf_map_node": list(tf_map_node),
         "points": _points(node_points, node),
@@ -67,11 +66,34 @@ def closure_details(
     }
 
 
+def _from_record(closures: Closures, row: int) -> dict[str, Any]:
+    """Return what the record of closures holds of a pair, null where there is no value."""
+    was_requested = row < closures.num_requested
+    moved_m, moved_rad = closures.moved[row].tolist()
+    return {
+        "status": Status(closures.status[row]).text,
+        "reason": Reason(closures.reason[row]).text,
+        "min_score": _or_null(float(closures.min_score[row])) if was_requested else None,
+        "score": _or_null(float(closures.score[row])),
+        "runner_up": _or_null(float(closures.runner_up[row])),
+        "fit_residual": _or_null(float(closures.residual[row])),
+        "moved_m": _or_null(moved_m),
+        "moved_deg": _or_null(math.degrees(moved_rad)),
+        "window": {
+            "tf_submap_node": closures.predicted[row].tolist(),
+            "linear_m": float(closures.linear_window[row]),
+            "angular_rad": float(closures.angular_window[row]),
+        }
+        if was_requested
+        else None,
+    }
+
+
 def _nearest_own_node(
     rows: ConstraintRows, submap: int, tf_submap_node: Pose
 ) -> tuple[int | None, list[float] | None]:
-    """Return the node of the submap's own that stands nearest, and where it stands in it."""
-    own = np.flatnonzero((rows.kinds == WireConstraint.INTRA_SUBMAP) & (rows.index_a == submap))
+    """Return the nearest node that was inserted into the submap, and its pose there."""
+    own = np.flatnonzero((rows.kinds == ConstraintKind.INTRA_SUBMAP) & (rows.index_a == submap))
     if len(own) == 0:
         return None, None
     offset = rows.relative_poses[own, :2] - np.array(tf_submap_node[:2], np.float32)
@@ -87,4 +109,4 @@ def _points(node_points: Sequence[FloatArray], node: int) -> list[list[float]]:
 
 
 def _or_null(value: float) -> float | None:
-    return None if math.isnan(value) else value
+    return value if math.isfinite(value) else None

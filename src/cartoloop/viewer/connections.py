@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bound on connections: whoever opens too many must not keep mapping from opening its files."""
+"""A limit on connections: too many must not keep mapping from opening its files."""
 
 from __future__ import annotations
 

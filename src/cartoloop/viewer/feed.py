@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the mapping thread hands to the viewer: references and small copies, one at a time.
+"""Updates from the mapping thread to the viewer: references and small copies, one at a time.
 
-There is room for one update. While it lies there, a scan costs the mapping thread one comparison;
-once it was taken, the next scan lays down another, of all that has changed meanwhile. So the viewer
-gets the latest state as often as it can use it, and mapping never waits for it.
+There is room for one update. While it has not been taken, a scan costs the mapping thread one
+comparison; the next scan after it was taken makes another, of all that has changed since. So the
+viewer gets the latest state as often as it can use it, and mapping never waits for it.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from cartoloop.global_slam.closures import Closures, Status
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose
+from cartoloop.viewer.protocol import REJECTED, ConstraintRows
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.global_slam import AdjustmentRun
@@ -36,8 +37,8 @@ class GrowingCells(NamedTuple):
     Attributes
     ----------
     submap : its number.
-    cells : float32, shape (rows, cols), probabilities, 0 where never observed. The mapper's own:
-        scans may be inserted while one looks at them, so that some cells may be newer than others.
+    cells : float32, shape (rows, cols), probabilities, 0 where never observed. The mapper's
+        own array: while it is read, scans may be inserted, so that some cells are newer.
     origin_x, origin_y : centre of ``cells[0, 0]`` [m, submap frame].
     resolution : edge of a cell [m].
     """
@@ -49,44 +50,34 @@ class GrowingCells(NamedTuple):
     resolution: float
 
 
-class ConstraintColumns(NamedTuple):
-    """Constraints from some row on, as :class:`PoseGraph` and :class:`Closures` hold them."""
+def constraints_of(graph: PoseGraph, first: int = 0) -> ConstraintRows:
+    """Return the constraints from row `first` on; they are never written to again."""
+    return ConstraintRows(
+        graph.index_a[first:],
+        graph.index_b[first:],
+        graph.relative_poses[first:],
+        graph.kinds[first:],
+        graph.closure_rows[first:],
+    )
 
-    kinds: NDArray[np.int64]
-    index_a: NDArray[np.int64]
-    index_b: NDArray[np.int64]
-    relative_poses: FloatArray
-    scores: FloatArray
-    runner_ups: FloatArray
-    closure_rows: NDArray[np.int32]
 
-    @classmethod
-    def of(cls, graph: PoseGraph, closures: Closures, first: int = 0) -> ConstraintColumns:
-        """Return the rows from `first` on; they are never written to again."""
-        rows = graph.closure_rows[first:]
-        return cls(
-            graph.kinds[first:],
-            graph.index_a[first:],
-            graph.index_b[first:],
-            graph.relative_poses[first:],
-            np.where(rows >= 0, np.append(closures.score, np.nan)[rows], np.nan),
-            np.where(rows >= 0, np.append(closures.runner_up, np.nan)[rows], np.nan),
-            rows,
-        )
+def rejected_closures(closures: Closures) -> ConstraintRows:
+    """Return the closures that are not in the finished graph although they were in it before.
 
-    @classmethod
-    def contradicted(cls, closures: Closures) -> ConstraintColumns:
-        """Return the closures that were removed from the graph, of kind 3."""
-        removed = closures.with_status(Status.CONTRADICTED)
-        return cls(
-            np.full(len(removed), 3),
-            removed.submap.astype(np.int64),
-            removed.node.astype(np.int64),
-            removed.tf_submap_node,
-            removed.score,
-            removed.runner_up,
-            removed.row.astype(np.int32),
-        )
+    Those that the last pass rejects have the pose that the search measured, those that the other
+    constraints contradict the pose that the last pass measured.
+    """
+    found, contradicted = closures.found, closures.with_status(Status.CONTRADICTED)
+    status = closures.status[found.row]
+    lost = (status == Status.POOR_FIT) | (status == Status.MOVED_TOO_FAR)
+    rows = np.concatenate((found.row[lost], contradicted.row))
+    return ConstraintRows(
+        closures.submap[rows],
+        closures.node[rows],
+        np.concatenate((found.tf_submap_node[lost], contradicted.tf_submap_node)),
+        np.full(len(rows), REJECTED),
+        rows,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,9 +94,9 @@ class Update:
     finished : grids of submaps that were finished, by number.
     active : the submaps that still grow.
     closures : the record of closures; the mapper's own.
-    node_points : of each node the returns that are sought in submaps.
+    node_points : of each node the returns that are matched with submaps.
     num_found : closures that searches found so far.
-    rejected : loop closures removed at the end.
+    rejected : closures that are not in the finished graph; None while mapping.
     match : of the last scan to the map, None where it was not matched.
     last_information : inverse covariance of the last scan's pose, None unless it became a node.
     time : when this was [s, perf_counter].
@@ -117,13 +108,13 @@ class Update:
     node_stamps: FloatArray
     adjusted: bool
     first_constraint: int
-    constraints: ConstraintColumns
+    constraints: ConstraintRows
     finished: dict[int, FinishedGrid]
     active: tuple[GrowingCells, ...] = ()
     closures: Closures = field(default_factory=Closures)
     num_found: int = 0
     node_points: Sequence[FloatArray] = ()
-    rejected: ConstraintColumns | None = None
+    rejected: ConstraintRows | None = None
     stamp: float = 0.0
     recorded_s: float = 0.0
     num_scans: int = 0
@@ -182,7 +173,7 @@ class Feed:
             node_stamps=mapper.node_stamps(self._num_nodes),
             adjusted=adjusted,
             first_constraint=self._num_constraints,
-            constraints=ConstraintColumns.of(graph, slam.closures, self._num_constraints),
+            constraints=constraints_of(graph, self._num_constraints),
             finished={index: grids[index] for index in sorted(new)},
             active=tuple(
                 GrowingCells(
@@ -230,12 +221,12 @@ def whole(result: Result) -> Update:
         node_stamps=stamps,
         adjusted=True,
         first_constraint=0,
-        constraints=ConstraintColumns.of(graph, result.closures),
+        constraints=constraints_of(graph),
         finished=dict(enumerate(result.submap_grids)),
         closures=result.closures,
         num_found=result.closures.num_found,
         node_points=result.node_points,
-        rejected=ConstraintColumns.contradicted(result.closures),
+        rejected=rejected_closures(result.closures),
         stamp=float(result.stamps[-1]) if len(result.stamps) else 0.0,
         recorded_s=report.input.duration_s,
         num_scans=report.input.scans,

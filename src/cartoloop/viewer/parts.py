@@ -9,18 +9,16 @@ one page is kept for the others until the part changes.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cartoloop.viewer.feed import ConstraintColumns
+from cartoloop.sensor.pose import FloatArray
 from cartoloop.viewer.protocol import (
     ConstraintRows,
+    MessageType,
     constraints_message,
-    node_times_message,
-    nodes_message,
-    submap_poses_message,
+    table_message,
 )
 
 Token = tuple[int, int]
@@ -85,77 +83,49 @@ class _Rows(ABC):
         return self._made[seen], token
 
 
-class SubmapPoses(_Rows):
-    """Where the submaps are; few enough to be sent all."""
+class Table(_Rows):
+    """Poses or times, one row each.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    kind : SUBMAP_POSES, NODES or NODE_TIMES.
+    values : the rows, none at first: poses, shape (0, 3), or times, shape (0,).
+    sent_whole : whether all rows are sent whenever one is added.
+
+    Attributes
+    ----------
+    values : float64, all rows.
+    """
+
+    def __init__(self, kind: MessageType, values: FloatArray, *, sent_whole: bool = False) -> None:
         super().__init__()
-        self.poses = np.zeros((0, 3))
+        self.values = values
+        self._kind = kind
+        self._sent_whole = sent_whole
 
     def __len__(self) -> int:
-        return len(self.poses)
+        return len(self.values)
 
-    def set(self, poses: NDArray[np.float64], *, adjusted: bool) -> bool:
-        """Replace the poses; return whether they are others."""
-        if not adjusted and len(poses) == len(self.poses):
+    def set(self, first: int, rows: FloatArray, *, adjusted: bool = False) -> bool:
+        """Replace the rows from `first` on; return whether the table has changed.
+
+        `adjusted` says that older rows have changed; otherwise rows were only added.
+        """
+        if not adjusted and first + len(rows) == len(self.values):
             return False
-        self.poses = poses
-        self.changed(all_rows=adjusted)
-        return True
-
-    def message(self, first: int) -> bytes:
-        """Return all rows."""
-        return submap_poses_message(self.revision, self.poses)
-
-
-class NodePoses(_Rows):
-    """Where the robot was at each node."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.poses = np.zeros((0, 3))
-
-    def __len__(self) -> int:
-        return len(self.poses)
-
-    def set(self, first: int, poses: NDArray[np.float64], *, adjusted: bool) -> bool:
-        """Replace the rows from `first` on; return whether any is another."""
-        if not adjusted and first + len(poses) == len(self.poses):
-            return False
-        self.poses = np.concatenate((self.poses[:first], poses))
+        self.values = np.concatenate((self.values[:first], rows))
         self.changed(all_rows=adjusted)
         return True
 
     def message(self, first: int) -> bytes:
         """Return the rows from `first` on."""
-        return nodes_message(self.revision, first, len(self), self.poses[first:])
-
-
-class NodeTimes(_Rows):
-    """When each node was taken."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.stamps = np.zeros(0)
-
-    def __len__(self) -> int:
-        return len(self.stamps)
-
-    def set(self, first: int, stamps: NDArray[np.float64]) -> bool:
-        """Replace the rows from `first` on; return whether any was added."""
-        if len(stamps) == 0:
-            return False
-        self.stamps = np.concatenate((self.stamps[:first], stamps))
-        self.changed(all_rows=False)
-        return True
-
-    def message(self, first: int) -> bytes:
-        """Return the rows from `first` on."""
-        return node_times_message(first, len(self), self.stamps[first:])
+        return table_message(
+            self._kind, self.revision, 0 if self._sent_whole else first, self.values
+        )
 
 
 class Constraints(_Rows):
-    """What ties submaps and nodes together."""
+    """The constraints between submaps and nodes."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -169,8 +139,8 @@ class Constraints(_Rows):
     def rows(self) -> ConstraintRows:
         """All constraints."""
         if len(self._blocks) != 1:
-            columns: Any = zip(*self._blocks, strict=True) if self._blocks else _NO_COLUMNS
-            self._blocks = [ConstraintRows(*map(np.concatenate, columns))]
+            columns = zip(*(self._blocks or [_NO_ROWS]), strict=True)
+            self._blocks = [ConstraintRows._make(map(np.concatenate, columns))]
         return self._blocks[0]
 
     def set(self, first: int, added: list[ConstraintRows]) -> bool:
@@ -180,7 +150,9 @@ class Constraints(_Rows):
             return False
         if replaced:
             self._blocks, self._size = [], 0
-        self._blocks += added
+        self._blocks += [
+            rows._replace(relative_poses=rows.relative_poses.astype(np.float32)) for rows in added
+        ]
         self._size += sum(len(rows.kinds) for rows in added)
         self.changed(all_rows=replaced)
         return True
@@ -188,32 +160,14 @@ class Constraints(_Rows):
     def message(self, first: int) -> bytes:
         """Return the rows from `first` on."""
         rows = self.rows
-        tail = ConstraintRows(
-            rows.index_a[first:],
-            rows.index_b[first:],
-            rows.relative_poses[first:],
-            rows.scores[first:],
-            rows.runner_ups[first:],
-            rows.kinds[first:],
-        )
+        tail = ConstraintRows._make(column[first:] for column in rows)
         return constraints_message(self.revision, first, self._size, tail)
 
 
-_NO_COLUMNS = [[np.zeros(0, np.uint32)]] * 2 + [
-    [np.zeros((0, 3), np.float32)],
-    [np.zeros(0, np.float32)],
-    [np.zeros(0, np.float32)],
-    [np.zeros(0, np.uint8)],
-]
-
-
-def constraint_rows(columns: ConstraintColumns) -> ConstraintRows:
-    """Return constraints of the pose graph as they are sent."""
-    return ConstraintRows(
-        columns.index_a.astype(np.uint32),
-        columns.index_b.astype(np.uint32),
-        columns.relative_poses.astype(np.float32),
-        columns.scores.astype(np.float32),
-        columns.runner_ups.astype(np.float32),
-        columns.kinds.astype(np.uint8),
-    )
+_NO_ROWS = ConstraintRows(
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int64),
+    np.zeros((0, 3), np.float32),
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int32),
+)

@@ -7,7 +7,7 @@ import asyncio
 import io
 import math
 from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 from cartoloop.config import SubmapConfig
 from cartoloop.map_output.occupancy_map import compose_map
@@ -15,16 +15,13 @@ from cartoloop.map_output.picture import draw_map
 from cartoloop.sensor.pose import FloatArray
 from cartoloop.submaps.finished_grid import FinishedGrid
 
-if TYPE_CHECKING:
-    from cartoloop.viewer.feed import Update
-    from cartoloop.viewer.live_state import LiveState
-
 _MIN_AGE_S = 5.0
-"""Who asks again before that gets the same picture."""
+"""While the map grows, a picture younger than this is not drawn again [s]: a large one takes a
+processor for a second."""
 
 
 class Drawing(NamedTuple):
-    """What a picture is made of: the submaps, where they are, and the robot's way."""
+    """What a picture is made of: the submaps, their poses, and the robot's trajectory."""
 
     grids: list[FinishedGrid]
     tf_map_submaps: FloatArray
@@ -32,22 +29,35 @@ class Drawing(NamedTuple):
     config: SubmapConfig
 
 
-class Pictures:
-    """Pictures of a state for who asks: one is made at a time, and not the same one twice.
+class Drawable(Protocol):
+    """What pictures are drawn of: the state of the view."""
 
-    To draw a large map takes a processor for a second, which mapping could use.
+    @property
+    def version(self) -> object:
+        """An object that is replaced when the map changes."""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the map no longer changes."""
+
+    def drawing(self) -> Drawing:
+        """Return what a picture of the present map is made of."""
+
+
+class Pictures:
+    """Pictures of a state: one is drawn at a time, and the same one is not drawn twice.
 
     Parameters
     ----------
     state : what is drawn.
     """
 
-    def __init__(self, state: LiveState) -> None:
+    def __init__(self, state: Drawable) -> None:
         self._state = state
         self._making = asyncio.Lock()
         self._png = b""
         self._made = -math.inf
-        self._shows: Update | None = None
+        self._version: object = None
 
     async def latest(self) -> bytes:
         """Return the map as a PNG file; while it grows, it may be some seconds old.
@@ -58,13 +68,13 @@ class Pictures:
             The map is too large.
         """
         async with self._making:
-            over = self._state.readings.phase in ("finished", "failed")
-            is_same = over and self._shows is self._state.last
+            over = self._state.is_over
+            is_same = over and self._version is self._state.version
             is_old = over or perf_counter() - self._made >= _MIN_AGE_S
             if is_old and not is_same:
-                shows = self._state.last
+                version = self._state.version
                 self._png = await asyncio.to_thread(picture_png, self._state.drawing())
-                self._made, self._shows = perf_counter(), shows
+                self._made, self._version = perf_counter(), version
             return self._png
 
 

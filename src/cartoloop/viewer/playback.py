@@ -10,11 +10,11 @@ from time import perf_counter
 MIN_SPEED, MAX_SPEED = 0.1, 1000.0
 
 _LOOK_UP_S = 0.1
-"""So long the mapping thread sleeps at the most before it looks whether it should stop [s]."""
+"""Longest sleep of the mapping thread between two checks whether it should stop [s]."""
 
 
 class Playback:
-    """What the viewers want of the recording's pace; they ask, the mapping thread waits.
+    """The pace of the recording: pages set it, the mapping thread waits.
 
     Parameters
     ----------
@@ -35,20 +35,20 @@ class Playback:
 
     @property
     def paused(self) -> bool:
-        """Whether mapping stands still."""
+        """Whether mapping is paused."""
         return self._paused
 
     @property
     def paused_s(self) -> float:
-        """How long mapping has stood still in all [s]."""
+        """Total time of all pauses [s]."""
         return self._paused_s
 
     def pause(self) -> None:
-        """Let mapping stand still after the present scan."""
+        """Pause mapping after the present scan."""
         self._set(paused=True, speed=self._speed)
 
     def play(self) -> None:
-        """Let mapping go on."""
+        """Continue mapping."""
         self._set(paused=False, speed=self._speed)
 
     def set_speed(self, speed: float | None) -> None:
@@ -63,8 +63,8 @@ class Playback:
         Parameters
         ----------
         recorded : time of the event [s].
-        is_stopped : tells that waiting is in vain.
-        meanwhile : called now and then while waiting.
+        is_stopped : returns whether the run was stopped, so that waiting ends.
+        meanwhile : called repeatedly while waiting.
         """
         if self._speed is None and not self._paused:
             self._begun = None
@@ -96,6 +96,6 @@ class Playback:
             self._begun = now, recorded
         wall, first = self._begun
         left = (recorded - first) / self._speed - (now - wall)
-        if left < -1.0:  # mapping cannot keep up: it need not run after what was missed
+        if left < -1.0:  # mapping cannot keep up: missed time is not made up for
             self._begun = now, recorded
         return left

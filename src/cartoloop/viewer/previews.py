@@ -19,7 +19,7 @@ SHRINK = 4
 """Cells to a pixel, along an edge."""
 
 _AGREEING = 2.0
-"""What one submap has seen is seldom all: it is shown as sure as so many that agree."""
+"""Factor on the evidence of one submap, as if this number of submaps agreed: several usually do."""
 
 _STEPS = 15  # of four bits
 _FULL = 255 // SHRINK

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
 """Rises when pages made for the protocol before would go wrong."""
 
 FINISHED = 1
@@ -61,14 +61,16 @@ class MessageType(IntEnum):
     ANSWER = 19
 
 
-class WireConstraint(IntEnum):
-    """Kinds of constraints in a CONSTRAINTS message."""
+_TABLE_DTYPES = {
+    MessageType.SUBMAP_POSES: "<f8",
+    MessageType.NODES: "<f4",
+    MessageType.NODE_TIMES: "<f8",
+}
 
-    INTRA_SUBMAP = 0
-    LOOP_CLOSURE = 1
-    NODE_TO_NODE = 2
-    REJECTED = 3
-    """A loop closure that was taken out of the graph in the end: the rest contradicted it."""
+
+REJECTED = 3
+"""Kind of a loop closure that was found and is not in the finished graph; the other kinds of a
+CONSTRAINTS message are those of :class:`cartoloop.global_slam.pose_graph.ConstraintKind`."""
 
 
 class Message(NamedTuple):
@@ -99,18 +101,17 @@ class ConstraintRows(NamedTuple):
 
     Attributes
     ----------
-    index_a, index_b : uint32, ends; see :class:`WireConstraint` for what they number.
-    relative_poses : float32 (n, 3), tf_a_b as measured [m, m, rad].
-    scores, runner_ups : float32, of the match, NaN where nothing was searched.
-    kinds : uint8, :class:`WireConstraint`.
+    index_a, index_b : int, ends; see ``kind`` in ``docs/viewer-protocol.md``.
+    relative_poses : float (n, 3), tf_a_b as measured [m, m, rad].
+    kinds : int, :class:`cartoloop.global_slam.pose_graph.ConstraintKind`, or :data:`REJECTED`.
+    closures : int, row of the record of closures, -1 for other constraints; not sent.
     """
 
-    index_a: NDArray[np.uint32]
-    index_b: NDArray[np.uint32]
-    relative_poses: NDArray[np.float32]
-    scores: NDArray[np.float32]
-    runner_ups: NDArray[np.float32]
-    kinds: NDArray[np.uint8]
+    index_a: NDArray[np.integer]
+    index_b: NDArray[np.integer]
+    relative_poses: NDArray[np.floating]
+    kinds: NDArray[np.integer]
+    closures: NDArray[np.integer]
 
 
 def message(kind: MessageType, payload: bytes) -> bytes:
@@ -176,24 +177,18 @@ def patch_message(
     return message(MessageType.SUBMAP_PATCH, head + _packed(cells))
 
 
-def submap_poses_message(revision: int, tf_map_submap: NDArray[np.float64]) -> bytes:
-    """Return the poses of all submaps, shape (n, 3)."""
-    head = _TABLE.pack(0, len(tf_map_submap), len(tf_map_submap), revision)
-    return message(MessageType.SUBMAP_POSES, head + _bytes(tf_map_submap, "<f8"))
-
-
-def nodes_message(
-    revision: int, first: int, total: int, tf_map_node: NDArray[np.floating]
+def table_message(
+    kind: MessageType, revision: int, first: int, values: NDArray[np.floating]
 ) -> bytes:
-    """Return the poses of the nodes from `first` on, shape (n, 3), of `total` that there are."""
-    head = _TABLE.pack(first, len(tf_map_node), total, revision)
-    return message(MessageType.NODES, head + _bytes(tf_map_node, "<f4"))
+    """Return the rows of a table from `first` on: SUBMAP_POSES, NODES or NODE_TIMES.
 
-
-def node_times_message(first: int, total: int, times: NDArray[np.float64]) -> bytes:
-    """Return the stamps [s] of the nodes from `first` on, shape (n,)."""
-    head = _TABLE.pack(first, len(times), total, 0)
-    return message(MessageType.NODE_TIMES, head + _bytes(times, "<f8"))
+    Parameters
+    ----------
+    revision : rises when older rows change.
+    values : all rows: poses, shape (n, 3), or stamps [s], shape (n,).
+    """
+    head = _TABLE.pack(first, len(values) - first, len(values), revision)
+    return message(kind, head + _bytes(values[first:], _TABLE_DTYPES[kind]))
 
 
 def constraints_message(revision: int, first: int, total: int, rows: ConstraintRows) -> bytes:
@@ -203,8 +198,6 @@ def constraints_message(revision: int, first: int, total: int, rows: ConstraintR
         _bytes(rows.index_a, "<u4"),
         _bytes(rows.index_b, "<u4"),
         _bytes(rows.relative_poses, "<f4"),
-        _bytes(rows.scores, "<f4"),
-        _bytes(rows.runner_ups, "<f4"),
         _bytes(rows.kinds, "u1"),
     )
     return message(MessageType.CONSTRAINTS, b"".join(columns))

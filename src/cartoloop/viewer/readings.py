@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the operator reads beside the map: figures, and the state in plain words."""
+"""The figures beside the map, and the state in words."""
 
 from __future__ import annotations
 
@@ -20,17 +20,20 @@ from cartoloop.viewer.feed import Update
 Phase = Literal["starting", "mapping", "finishing", "finished", "failed"]
 
 SILENT_AFTER_S = 2.0
-"""A scanner that says nothing for so long is silent [s]."""
+"""A live scanner counts as silent after this time without a scan [s]."""
 
-OPEN_RATIO = 0.16
-"""Scans that tell less than this share along a direction of what they tell across it leave it open:
-between bare walls, all that is left is the noise of the pixels, a tenth of it or a little more."""
+DEGENERATE_RATIO = 0.16
+"""A direction is degenerate if the information along it is less than this share of that across it:
+between bare walls only the noise of the pixels is left, a tenth of it or slightly more."""
 
 BEHIND_FROM = 100
-"""So many searches are due at any time; only more than that is a backlog worth telling."""
+"""Normal number of searches in the queue; only more than this is reported as a backlog."""
 
 _RATE_OVER_S = 3.0
-_MEMORY = 0.1  # share of the newest scan
+"""Time over which the real-time factor is measured [s]."""
+
+_NEWEST = 0.1
+"""Weight of the newest scan in the moving average of the degenerate direction's ratio."""
 
 _END_STATES = {
     "finishing": ("finishing", "finishing"),
@@ -50,12 +53,12 @@ def largest_deviation(information: FloatArray) -> float:
     return math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[1]), 0.0))
 
 
-class OpenDirection:
-    """Whether scans leave a direction open, as in a corridor; a few scans count, not one.
+class DegenerateDirection:
+    """Whether scans have a degenerate direction, as in a corridor; averaged over a few scans.
 
     Attributes
     ----------
-    ratio : how much they tell along the direction of which they tell least, to how much across it.
+    ratio : information along the degenerate direction to that across it.
     direction : that direction, of the last scan [rad, map].
     """
 
@@ -67,13 +70,13 @@ class OpenDirection:
         """Take in the last scan's match."""
         if update.match is not None:
             ratio, direction = degenerate_direction(update.match)
-            self.ratio += _MEMORY * (ratio - self.ratio)
+            self.ratio += _NEWEST * (ratio - self.ratio)
             self.direction = wrap_angle(direction + update.tf_map_local.theta)
 
     @property
     def is_open(self) -> bool:
-        """Whether the length of what is mapped is uncertain."""
-        return self.ratio < OPEN_RATIO
+        """Whether the position along the direction is uncertain."""
+        return self.ratio < DEGENERATE_RATIO
 
 
 class RealTimeFactor:
@@ -83,7 +86,7 @@ class RealTimeFactor:
         self._history: deque[tuple[float, float]] = deque()
 
     def add(self, wall_s: float, recorded_s: float) -> None:
-        """Note that at this time so much of the recording was mapped."""
+        """Note how much of the recording was mapped at a time."""
         self._history.append((wall_s, recorded_s))
         while len(self._history) > 2 and wall_s - self._history[1][0] > _RATE_OVER_S:
             self._history.popleft()
@@ -98,7 +101,7 @@ class RealTimeFactor:
 
 
 class Readings:
-    """Keeps what is read, and says it.
+    """Keeps the figures and reports them.
 
     Parameters
     ----------
@@ -125,7 +128,7 @@ class Readings:
         self._factor = RealTimeFactor()
         self._last: Update | None = None
         self._deviation: float | None = None
-        self._direction = OpenDirection()
+        self._direction = DegenerateDirection()
 
     def add(self, update: Update) -> None:
         """Take in the newest update."""
@@ -200,7 +203,7 @@ class Readings:
 
 
 def memory_mb() -> float:
-    """Return the memory that this process holds [MB]; 0 where the system does not tell."""
+    """Return the memory that this process holds [MB]; 0 if the system does not report it."""
     status = Path("/proc/self/statm")
     if sys.platform != "linux" or not status.exists():
         return 0.0

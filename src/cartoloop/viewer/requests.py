@@ -31,14 +31,14 @@ class Pause(_Request):
 
 
 class Speed(_Request):
-    """Map so many times as fast as recorded, or as fast as possible."""
+    """Map at a multiple of the pace of the recording, or as fast as possible."""
 
     type: Literal["speed"]
     value: Annotated[float, Field(ge=MIN_SPEED, le=MAX_SPEED, allow_inf_nan=False)] | None
 
 
 class ClosureDetails(_Request):
-    """Tell of a loop closure, by its row."""
+    """Ask for the details of a loop closure, by its row."""
 
     type: Literal["closure"]
     id: Number

@@ -26,13 +26,22 @@ from cartoloop.viewer.requests import MAX_REQUEST_BYTES
 DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 8765
 
 READINGS_PERIOD_S = 0.25
+"""Time between two updates of the figures [s]."""
 
 SEND_BUFFER_BYTES = 2**18
+"""Size of the send buffer of a connection: little, or a slow page gets old updates [bytes]."""
+
+PING_TIMEOUT_S = 20.0
+"""A page that does not answer a ping within this time is disconnected [s]."""
 
 _PORTS_TRIED = 20
+"""Number of consecutive ports to try."""
+
 _LOOK_UP_S = 0.2
+"""Period of checks whether the thread still runs, while waiting for it [s]."""
+
 _ANY_HOST = ("0.0.0.0", "::")
-_ELSEWHERE = "192.0.2.1"  # an address that nobody has
+_ELSEWHERE = "192.0.2.1"  # reserved for documentation: no host has it
 
 
 class ViewServer:
@@ -79,6 +88,7 @@ class ViewServer:
             ws="websockets-sansio",
             ws_max_size=MAX_REQUEST_BYTES,
             ws_per_message_deflate=False,
+            ws_ping_timeout=PING_TIMEOUT_S,
             lifespan="off",
             log_config=None,
             log_level="critical",
@@ -99,12 +109,12 @@ class ViewServer:
         return len(self._server.server_state.connections)
 
     def call(self, task: Callable[[], None]) -> None:
-        """Have something done in the server's thread, soon; what fails is kept in `failure`."""
+        """Run a task in the server's thread, soon; an exception is kept in `failure`."""
 
         def run() -> None:
             try:
                 task()
-            except Exception as failure:  # noqa: BLE001 - told by who asks; mapping must go on
+            except Exception as failure:  # noqa: BLE001 - kept in `failure`; mapping must go on
                 self._note(failure)
 
         if self._loop is not None and self._thread.is_alive():
@@ -112,7 +122,7 @@ class ViewServer:
                 self._loop.call_soon_threadsafe(run)
 
     def call_and_wait(self, task: Callable[[], None], timeout: float = 60.0) -> None:
-        """Have something done in the server's thread, and return when it is done."""
+        """Run a task in the server's thread, and return when it is done."""
         done = Event()
 
         def run() -> None:
@@ -127,7 +137,7 @@ class ViewServer:
             pass  # a thread that ends does no more
 
     def close(self) -> None:
-        """Take leave of all pages and end the thread."""
+        """Close all connections and end the thread."""
         self._server.should_exit = True
         self._thread.join(timeout=5.0)
         self._socket.close()
@@ -135,7 +145,7 @@ class ViewServer:
     def _run(self) -> None:
         try:
             asyncio.run(self._serve())
-        except Exception as failure:  # noqa: BLE001 - mapping must go on; told in the end
+        except Exception as failure:  # noqa: BLE001 - kept in `failure`; mapping must go on
             self._note(failure)
         finally:
             self._is_up.set()
@@ -177,9 +187,9 @@ class ViewServer:
                 self._state.refresh()
                 refreshed = now.wall
             await asyncio.sleep(budget.pause_s(Clocks.now()))
-            with suppress(TimeoutError):  # where nobody looks, now and then is often enough
+            with suppress(TimeoutError):  # without pages, seldom is enough
                 async with asyncio.timeout(MAX_REST_S):
-                    await self._state.is_watched.wait()
+                    await self._state.subscriptions.is_watched.wait()
 
     @property
     def _is_flat_out(self) -> bool:
@@ -218,7 +228,7 @@ def _listen(host: str, port: int) -> socket.socket:
 def _own_address() -> str:
     """Return the address by which others reach this machine, its name if it has none."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, suppress(OSError):
-        probe.connect((_ELSEWHERE, 9))  # sends nothing: the system only chooses a way
+        probe.connect((_ELSEWHERE, 9))  # sends nothing: the system only chooses a route
         return str(probe.getsockname()[0])
     return socket.gethostname()
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.kernels.map_composition import abstain_beside_walls
 from cartoloop.submaps.finished_grid import FinishedGrid, quantize_probabilities
 from cartoloop.viewer.feed import GrowingCells
 from cartoloop.viewer.protocol import Texture, patch_message, submap_message
@@ -15,11 +16,8 @@ from cartoloop.viewer.protocol import Texture, patch_message, submap_message
 if TYPE_CHECKING:
     from cartoloop.viewer.parts import Token
 
-ABSTAINS = 128
-"""The cell whose evidence is nought: observed, but neither a wall nor free."""
-
 MAX_PATCHES = 32
-"""A page that missed more changes than this of a growing submap gets the whole of it."""
+"""Changes of a growing submap that are kept as patches; a page that missed more gets all cells."""
 
 Box = tuple[int, int, int, int]
 """First row, end row, first column, end column."""
@@ -34,17 +32,9 @@ def drawn_cells(cells: NDArray[np.uint8]) -> NDArray[np.uint8]:
     ----------
     cells : uint8, shape (rows, cols), of a :class:`FinishedGrid`.
     """
-    rows, cols = cells.shape
-    # Unknown cells above, below, and between one row's end and the next one's start.
-    around = np.zeros((rows + 2, cols + 1), np.uint8)
-    around[1:-1, :-1] = cells
-    flat, stride = around.reshape(-1), cols + 1
-    walls = np.flatnonzero(flat > ABSTAINS)  # few: cheaper than to look at all cells' neighbours
-    for offset in (-stride - 1, -stride, -stride + 1, -1, 1, stride - 1, stride, stride + 1):
-        beside = walls + offset
-        values = flat[beside]
-        flat[beside[(values > 0) & (values < ABSTAINS)]] = ABSTAINS
-    return around[1:-1, :-1]
+    drawn = np.empty(cells.shape, dtype=np.uint8)
+    abstain_beside_walls(np.ascontiguousarray(cells), drawn)
+    return drawn
 
 
 class FinishedTexture:
@@ -115,7 +105,7 @@ class GrowingTexture:
     def _draw(self, changed: Box) -> Box:
         """Draw what a change touches, one cell more on each side; return that box.
 
-        What a cell does to its neighbours depends on its own neighbours in no way.
+        A cell's effect on its neighbours does not depend on its own neighbours.
         """
         num_rows, num_cols = self._values.shape
         touched = _grown(changed, 1, num_rows, num_cols)

@@ -96,7 +96,7 @@ class LiveView:
     def finishing(
         self, stage: str = "closing the last loops", mapper: Mapper | None = None
     ) -> None:
-        """Say what is being done in the end, and show the map as it stands if there is a mapper."""
+        """Show the stage of finishing, and the present map if there is a mapper."""
         has_map = mapper is not None and mapper.last_scan is not None
         update = self._feed.update(mapper) if mapper is not None and has_map else None
 
@@ -122,7 +122,7 @@ class LiveView:
         self._server.call_and_wait(show)
 
     def close(self) -> None:
-        """Take leave of all pages."""
+        """Close all connections."""
         self._server.close()
 
 

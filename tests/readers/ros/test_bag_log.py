@@ -73,7 +73,7 @@ def test_compressed_ros2_recordings_are_read(form, mode, tmp_path):
 
 
 @pytest.mark.parametrize("form", ["db3", "mcap"])
-def test_the_file_alone_or_its_metadata_or_its_packed_form_will_do(form, tmp_path):
+def test_file_metadata_and_packed_form_are_recognised(form, tmp_path):
     folder = drive(form).write(tmp_path)
     (file,) = folder.glob(f"*.{form}")
     bare = tmp_path / "bare.recording"
@@ -86,7 +86,7 @@ def test_the_file_alone_or_its_metadata_or_its_packed_form_will_do(form, tmp_pat
 
 
 @pytest.mark.parametrize("form", ["db3", "mcap"])
-def test_a_folder_without_metadata_is_read_and_that_is_told(form, tmp_path):
+def test_a_folder_without_metadata_is_read_with_a_warning(form, tmp_path):
     folder = drive(form).write(tmp_path)
     (folder / "metadata.yaml").unlink()
     log = open_log(folder)
@@ -116,7 +116,7 @@ def test_scans_recorded_late_come_in_the_order_of_their_stamps(tmp_path):
     assert (np.diff([e.time for e in events]) > 0.0).all()
 
 
-def test_beam_counts_may_change_and_scans_alike_share_their_geometry(tmp_path):
+def test_beam_counts_may_change_between_scans(tmp_path):
     bag = BagMaker("bag")
     for i in range(20):
         beams = 451 if i % 3 else 456
@@ -127,7 +127,7 @@ def test_beam_counts_may_change_and_scans_alike_share_their_geometry(tmp_path):
     assert all(s.geometry.num_beams == len(s.ranges) for s in scans)
 
 
-def test_what_ranges_mean_is_kept(tmp_path):
+def test_the_meaning_of_ranges_is_kept(tmp_path):
     bag = BagMaker("db3")
     odd = [math.inf, -math.inf, math.nan, 0.0, 31.0]
     for i in range(9):
@@ -140,7 +140,7 @@ def test_what_ranges_mean_is_kept(tmp_path):
     assert not scan.geometry.no_return_is_free
 
 
-def test_a_range_beyond_the_limit_clears_if_the_scanner_sends_it_for_no_return(tmp_path):
+def test_a_no_return_value_beyond_range_max_clears(tmp_path):
     bag = BagMaker("bag")
     for i in range(60):
         ranges = ranges_of(3 * i, 90)
@@ -193,11 +193,13 @@ def test_messages_that_make_no_sense_are_skipped_and_counted(tmp_path):
     bag.add("/scan", make.scan(START + 3.5, [], angle_increment=math.nan), 3.5)
     bag.add("/odom", make.odometry(START + 3.6, (math.nan, 0.0, 0.0)), 3.6)
     log = open_log(bag.write(tmp_path))
-    assert len(events_of(log, LaserScan)) == 31  # a broken increment is told by the other angles
+    assert (
+        len(events_of(log, LaserScan)) == 31
+    )  # a broken increment is replaced by the other angles
     assert log.skipped == {
         "cut off": 2,
         "scan without ranges": 1,
-        "odometry pose is none": 1,
+        "odometry pose is not valid": 1,
     }
     assert all("\n" not in problem.message for problem in log.problems)
     assert any("/scan: stamp 17000000" in problem.message for problem in log.problems)
@@ -211,7 +213,7 @@ def test_the_recording_may_be_said_to_sit_elsewhere(tmp_path):
     assert geometry.height == 0.0
 
 
-def test_what_is_used_and_why_is_told(tmp_path):
+def test_the_topics_in_use_are_listed_with_reasons(tmp_path):
     log = open_log(drive("bag").write(tmp_path))
     text = log.description
     assert "/scan  LaserScan, 30 messages, 10 Hz: used (at x 0.20, y 0.00, z 0.30 m" in text
@@ -256,7 +258,7 @@ def test_options_of_bags_are_refused_for_other_logs(tmp_path):
         open_log(tmp_path / "a.log", ReadOptions(scan_topics=("/scan",)))
 
 
-def test_stamps_are_what_was_sent(tmp_path):
+def test_stamps_are_those_sent(tmp_path):
     bag = BagMaker("bag")
     for i in range(3):
         bag.add("/scan", bag.make.scan(START + 0.123456 + i, ranges_of(i)), i)

@@ -43,7 +43,7 @@ def test_sensors_on_different_clocks_are_brought_together(tmp_path):
     assert [f.code for f in log.inventory.findings] == ["other_clock"]
 
 
-def test_a_clock_that_starts_anew_does_so_for_all_sensors(tmp_path):
+def test_a_restarted_clock_shifts_all_sensors(tmp_path):
     def stamp(t):
         return START + t if t < 2.03 else 1000.0 + t
 
@@ -54,7 +54,7 @@ def test_a_clock_that_starts_anew_does_so_for_all_sensors(tmp_path):
     assert "clock_reset" in {f.code for f in log.inventory.findings}
 
 
-def test_repeated_and_backward_stamps_are_repaired_and_told(tmp_path):
+def test_repeated_and_backward_stamps_are_reported(tmp_path):
     def stamp(t):
         i = round(10 * t)
         return START + 0.1 * {7: 6, 20: 12}.get(i, i)
@@ -68,7 +68,7 @@ def test_repeated_and_backward_stamps_are_repaired_and_told(tmp_path):
     assert "stamps_out_of_order" in {f.code for f in log.inventory.findings}
 
 
-def test_a_long_pause_is_told_with_its_place(tmp_path):
+def test_a_long_pause_is_reported_with_its_place(tmp_path):
     bag = BagMaker("bag")
     for i in range(40):
         t = 0.1 * i + (60.0 if i >= 25 else 0.0)
@@ -81,7 +81,7 @@ def test_a_long_pause_is_told_with_its_place(tmp_path):
     assert topic.stamps.gaps == (pytest.approx((START + 2.4, 60.1)),)
 
 
-def test_what_waits_for_its_turn_is_bounded(tmp_path, monkeypatch):
+def test_the_number_of_waiting_messages_is_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr(merging, "MAX_WAITING", 6)
     bag = BagMaker("mcap")
     for i in range(60):

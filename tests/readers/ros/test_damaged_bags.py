@@ -135,7 +135,7 @@ def test_an_mcap_file_of_another_program_is_read(files, tmp_path):
     assert log.problems == []
 
 
-def test_messages_beside_a_database_are_told(files, tmp_path):
+def test_messages_beside_a_database_are_reported(files, tmp_path):
     path = tmp_path / "drive.db3"
     path.write_bytes(files["db3", None])
     (tmp_path / "drive.db3-wal").write_bytes(b"something")
@@ -151,7 +151,7 @@ def test_a_folder_that_lacks_a_file_says_so(tmp_path):
         open_log(folder)
 
 
-def test_folders_and_files_that_are_no_recording_are_told_apart(tmp_path):
+def test_folders_and_files_without_a_recording_are_refused(tmp_path):
     with pytest.raises(InputError, match="is a folder without a recording"):
         open_log(tmp_path)
     drive("bag").write(tmp_path)
@@ -169,7 +169,7 @@ def test_folders_and_files_that_are_no_recording_are_told_apart(tmp_path):
 
 
 @pytest.mark.parametrize("name", [None, b"\xff", 7])
-def test_a_topic_without_a_name_that_is_a_text_costs_nothing_else(files, tmp_path, name):
+def test_a_topic_whose_name_is_no_text_costs_nothing_else(files, tmp_path, name):
     path = tmp_path / "drive.db3"
     path.write_bytes(files["db3", None])
     with contextlib.closing(sqlite3.connect(path)) as database, database:
@@ -192,7 +192,7 @@ def test_a_topic_without_a_name_that_is_a_text_costs_nothing_else(files, tmp_pat
     assert num_scans(log) == num_scans(open_log_of(files, tmp_path))
 
 
-def test_a_database_that_is_no_recording_is_told(tmp_path):
+def test_a_database_that_is_no_recording_is_refused(tmp_path):
     path = tmp_path / "other.db3"
     with sqlite3.connect(path) as connection:
         connection.execute("CREATE TABLE t (a INTEGER)")

@@ -53,7 +53,7 @@ def test_points_are_found_in_any_layout(ros1, names, kind, big, height, row_pad,
 XYZ = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
 
 
-def test_points_that_are_no_returns_are_left_out_with_their_times():
+def test_points_without_a_return_are_left_out():
     dtype = np.dtype([*XYZ, ("t", "<u4")])
     data = table(dtype, t=[0, 10_000_000, 20_000_000, 30_000_000])
     data["x"][1] = np.nan
@@ -83,7 +83,7 @@ EXPECTED = np.array([0.0, 0.02, 0.05, 0.099])
     ],
     ids=["s", "ns", "us", "s of 1970", "ns of 1970", "ns as float", "us of 1970", "other clock"],
 )
-def test_times_of_points_are_told_in_any_unit_and_from_any_start(values):
+def test_times_of_points_in_any_unit_from_any_start(values):
     np.testing.assert_allclose(relative_times(values, STAMP), EXPECTED, atol=2e-6)
 
 
@@ -92,7 +92,7 @@ def test_times_before_the_end_of_the_sweep_stay_before_it():
 
 
 @pytest.mark.parametrize("values", [np.zeros(4), np.full(4, 7.0), np.array([0.0, 1e40])])
-def test_times_that_tell_nothing_are_left_out(values):
+def test_times_without_information_are_left_out(values):
     assert relative_times(values, STAMP) is None
 
 

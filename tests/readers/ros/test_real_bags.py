@@ -12,6 +12,8 @@ from cartoloop.readers import ReadOptions, open_log
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
 from cartoloop.sensor.pose import Pose
 
+pytestmark = pytest.mark.data
+
 DATA = Path(os.environ.get("CARTOLOOP_DATA", Path(__file__).parents[3] / "../shared/data"))
 
 
@@ -92,7 +94,7 @@ def test_the_guardian_is_read_with_both_scanners_and_odometry(
     assert (np.diff([event.time for event in events]) >= 0.0).all()
 
 
-def test_the_inventory_of_the_guardian_names_odometry_and_transforms():
+def test_the_inventory_of_the_guardian_names_its_odometry():
     log = bag("guardian_3")
     topics = {topic.topic: topic for topic in log.inventory.topics}
     assert topics["/guardian_node/odom"].reason == "the only odometry"

@@ -25,7 +25,7 @@ def read_by_library(make, raw, msgtype):
     ranges=st.lists(st.floats(width=32, allow_nan=True), max_size=40),
     time=st.integers(0, 10**9),
 )
-def test_a_scan_is_what_the_library_reads(ros1, big, frame, ranges, time):
+def test_scans_equal_those_of_the_library(ros1, big, frame, ranges, time):
     make = Messages(ros1)
     raw = make.encode(make.scan(START + time * 1e-9, ranges, frame, range_max=12.5), big)
     truth = read_by_library(make, raw, ros.LASER_SCAN)
@@ -47,7 +47,7 @@ def test_a_scan_is_what_the_library_reads(ros1, big, frame, ranges, time):
 
 @wires
 @given(frame=st.text("abc", max_size=9), child=st.text("de/", max_size=9))
-def test_readings_poses_and_transforms_are_what_the_library_reads(ros1, big, frame, child):
+def test_other_messages_equal_those_of_the_library(ros1, big, frame, child):
     make = Messages(ros1)
     raw = make.encode(make.imu(START + 0.25, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), frame), big)
     imu = ros.decode_imu(raw, ros1)

@@ -55,14 +55,14 @@ def test_looking_straight_down_keeps_the_rotation():
 
 
 @given(poses, poses, poses)
-def test_the_way_between_frames_goes_up_and_down_the_tree(a, b, c):
+def test_lookup_goes_up_and_down_the_tree(a, b, c):
     tree = TransformTree()
     tree.add("base", "arm", a, "tf_static")
     tree.add("arm", "laser", b, "tf_static")
     tree.add("base", "imu", c, "tf_static")
-    pose, way = tree.lookup("imu", "laser")
+    pose, transforms = tree.lookup("imu", "laser")
     same(pose, c.inverse() @ a @ b)
-    assert {t.child for t in way} == {"arm", "laser", "imu"}
+    assert {t.child for t in transforms} == {"arm", "laser", "imu"}
     assert tree.lookup("base", "elsewhere") is None
     same(tree.lookup("laser", "laser")[0], Pose3.identity())
 

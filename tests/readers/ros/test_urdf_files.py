@@ -34,17 +34,17 @@ def test_fixed_joints_are_read_and_others_left_out(tmp_path):
         (b"<sdf/>", "no <robot>"),
         (b'<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot>&a;</robot>', "entities"),
         (b'<robot xmlns:xacro="x"><xacro:include filename="a"/></robot>', "expand it first"),
-        (ROBOT.replace(b"0.1 -0.2 0.3", b"0.1 nought 0.3"), "three numbers"),
+        (ROBOT.replace(b"0.1 -0.2 0.3", b"0.1 zero 0.3"), "three numbers"),
         (ROBOT.replace(b"0.1 -0.2 0.3", b"0.1 nan 0.3"), "finite"),
         (ROBOT.replace(b'<child link="laser"/>', b""), "no parent or child"),
     ],
 )
-def test_what_is_wrong_is_told_in_a_line(text, what):
+def test_faults_are_reported_in_one_line(text, what):
     with pytest.raises(InputError, match=what) as caught:
         parse_urdf(text, "robot.urdf")
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_is_told(tmp_path):
+def test_a_missing_file_is_reported(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         read_urdf(tmp_path / "robot.urdf")

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS recording as a log: looked through once when opened, then its events, merged by time."""
+"""A ROS recording as a log: indexed when opened, then its events, merged by time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
 from cartoloop.errors import InputError
-from cartoloop.readers.log import LogBase, ProblemLog, short_name
+from cartoloop.readers.log import EventGenerator, LogBase, ProblemLog, short_name
 from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros.choice import TopicChoice, choose_topics
 from cartoloop.readers.ros.container import BagFinding, Container
@@ -41,17 +41,17 @@ class BagLog(LogBase):
     Parameters
     ----------
     path : a bag, a folder with metadata.yaml, a .db3 or .mcap file.
-    options : what the user says about it.
+    options : facts that the user states.
 
     Attributes
     ----------
-    inventory : its topics, frames, transforms, what is used and why, and what is wrong.
+    inventory : its topics, frames, transforms, which are used and why, and its problems.
     profiles : the profile of each scanner that is used, by topic; the main scanner first.
 
     Raises
     ------
     InputError
-        If it cannot be read, is no recording, holds no usable scan, or not what is asked for.
+        If it cannot be read, is no recording, holds no usable scan, or lacks a topic asked for.
     """
 
     def __init__(self, path: str | Path, options: ReadOptions | None = None) -> None:
@@ -85,12 +85,12 @@ class BagLog(LogBase):
 
     @property
     def description(self) -> str:
-        """What is in it, and what is used of it and why: some lines for the user."""
+        """Its topics, and which are used and why: some lines for the user."""
         return describe(self.inventory, self.profile)
 
     @property
     def profile(self) -> SensorProfile:
-        """What the recording says of its main scanner."""
+        """Properties of the main scanner, estimated from its scans."""
         return next(iter(self.profiles.values()))
 
     @property
@@ -99,7 +99,7 @@ class BagLog(LogBase):
         first = min(float(times.times[0]) for times in self._times)
         return max(float(times.times[-1]) for times in self._times) - first
 
-    def _events(self, problems: ProblemLog) -> Iterator[SensorEvent]:
+    def _events(self, problems: ProblemLog) -> EventGenerator:
         """Yield the events in the order of their times; bad messages are skipped and counted.
 
         Raises
@@ -149,7 +149,7 @@ class BagLog(LogBase):
         return decoders
 
     def _profile_scanners(self) -> dict[str, SensorProfile]:
-        """Read each scanner's profile off the sample of its scans."""
+        """Return each scanner's profile, estimated from the sample of its scans."""
         profiles = {}
         choice = self._choice
         for number, scanner in enumerate(choice.scanners):
@@ -177,10 +177,10 @@ class BagLog(LogBase):
 def inspect_recording(
     path: str | Path, options: ReadOptions | None = None
 ) -> tuple[Inventory, BagLog | None]:
-    """Return what is in a ROS recording, and the log of it if it can be mapped.
+    """Return the contents of a ROS recording, and its log if it can be mapped.
 
-    Where it cannot be mapped, the first of the findings is an error of code ``unusable`` that says
-    why; nothing is chosen then.
+    Where it cannot be mapped, the first of the findings is an error of code ``unusable`` with
+    the reason; no topic is chosen then.
 
     Raises
     ------
@@ -204,7 +204,7 @@ def inspect_recording(
 def _best_index(
     containers: Iterable[Container], options: ReadOptions
 ) -> tuple[Container, RecordingIndex]:
-    """Return the reader that gets the most out of a recording, and what it found."""
+    """Return the reader that finds the most messages in a recording, and its index."""
     best: RecordingIndex | None = None
     for container in containers:
         index = index_recording(container, options)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.readers.ros.wire import (
     NANO,
     Cursor,
@@ -17,18 +18,19 @@ from cartoloop.readers.ros.wire import (
     read_header,
 )
 
-FloatArray = NDArray[np.float64]
-
 TIME_FIELDS = (
     "t", "time", "timestamp", "time_stamp", "offset_time", "time_offset", "timeoffset", "ts",
 )  # fmt: skip
-"""Names under which drivers send the time of a point."""
+"""Names that drivers give to the time of a point."""
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _UNITS = (1.0, 1e-3, 1e-6, 1e-9)
 _SHORTEST_SWEEP = 2e-3
 _LONGEST_SWEEP = 2.0
-_EPOCH = 1e6  # a time since an epoch, not since the sweep began [s]
+"""Sweeps last this long [s]: the units differ by factors of 1000, so only one of them fits."""
+
+_EPOCH = 1e6
+"""Larger times count from an epoch, not from the start of the sweep [s]."""
 
 
 class RawCloud(NamedTuple):
@@ -38,8 +40,8 @@ class RawCloud(NamedTuple):
     ----------
     header : stamp [ns] and frame.
     points : float64, shape (n, 3) [m], sensor frame, without the points that are not finite or
-        lie in the scanner itself, which stand for no return.
-    times : float64, shape (n,) [s] from the stamp on; None if the cloud tells none.
+        lie in the scanner itself, which mean no return.
+    times : float64, shape (n,) [s] from the stamp on; None if the cloud has none.
     """
 
     header: MessageHeader
@@ -117,7 +119,7 @@ def relative_times(values: NDArray[np.generic], stamp: int) -> FloatArray | None
     """Return the times of points [s] from the stamp of their cloud on.
 
     Drivers send seconds, milliseconds, microseconds or nanoseconds, since the sweep began, since
-    an epoch, or before the sweep's end. A sweep lasts 2 ms to 2 s, which settles the unit.
+    an epoch, or before the sweep's end. A sweep lasts 2 ms to 2 s, which determines the unit.
 
     Parameters
     ----------

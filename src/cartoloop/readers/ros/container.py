@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The messages of a recording as bytes, whatever files they are in."""
+"""The messages of a recording as bytes, for all kinds of files."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ class Channel(NamedTuple):
 
     Attributes
     ----------
-    key : what `Container.messages` calls it.
+    key : identifies it in `Container.messages`.
     topic, msgtype : names; the type as ROS 2 writes it.
     is_ros1 : how its messages are encoded.
-    num_messages : how many there are, as far as the file tells.
+    num_messages : number of messages, as the file states.
     """
 
     key: int
@@ -62,15 +62,15 @@ class Channel(NamedTuple):
 
 
 class Container(Protocol):
-    """Where messages come from.
+    """A file or folder with messages.
 
     Attributes
     ----------
-    kind : what it is, for the user.
-    channels : what is in it.
+    kind : of recording, for the user.
+    channels : its streams of messages.
     damage : what is wrong with it, or ""; known after the first pass.
-    notes : what else is worth telling.
-    needs : what must not go before it.
+    notes : other remarks for the user.
+    needs : an object that must live as long as this one.
     """
 
     kind: str
@@ -125,7 +125,7 @@ class LibraryContainer:
 
 
 def one_line(error: BaseException) -> str:
-    """Return what an error says, in one line."""
+    """Return the message of an error in one line."""
     text = " ".join(str(error).split()).rstrip(".")
     return text[:200] or type(error).__name__
 

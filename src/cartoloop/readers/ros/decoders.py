@@ -7,8 +7,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros import raw_messages as ros
 from cartoloop.readers.ros.choice import OdometryChoice, ScannerChoice
@@ -28,14 +28,17 @@ from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.sensor_profile import SensorProfile
 
 _MAX_GEOMETRIES = 256
-_NEAREST_OF_CLOUDS = 0.3  # nearer points are mostly the robot itself [m]
+"""Geometries kept of scanners whose beams change from scan to scan: bounds the memory."""
+
+_NEAREST_OF_CLOUDS = 0.3
+"""Nearer points of clouds are mostly the robot itself [m]."""
 
 
 class ScanDecoder:
     """Laser scans of one scanner; scans with the same beams share one geometry object.
 
-    A scanner that hangs upside down counts its beams the other way round instead: turned by pi
-    about x, its beam at angle a looks where a beam at -a of an upright one does.
+    The beams of a scanner mounted upside down are mirrored: turned by pi about x, its beam at
+    angle a has the direction of a beam at -a of an upright one.
     """
 
     def __init__(self, scanner: ScannerChoice, options: ReadOptions) -> None:
@@ -53,7 +56,7 @@ class ScanDecoder:
         self._geometries: dict[tuple[bytes, int], ScanGeometry] = {}
 
     def use_profile(self, profile: SensorProfile) -> None:
-        """Take over the range limits that were read off the recording."""
+        """Use the range limits that were estimated from the recording."""
         self._profile = profile
         self._geometries.clear()
 
@@ -63,7 +66,7 @@ class ScanDecoder:
         Raises
         ------
         DecodeError
-            The message is cut off, or makes no sense.
+            The message is cut off, or its values are not valid.
         """
         if self._is_multi_echo:
             message = ros.decode_multi_echo(raw, self._is_ros1, self._echo)
@@ -111,14 +114,14 @@ class ScanDecoder:
         profile = self._profile
         if profile is None:
             return geometry
-        # A range beyond range_max is to be discarded (REP 117), unless it is this scanner's sign
+        # REP 117: a range beyond range_max is discarded, unless it is this scanner's sign
         # for no return.
         value = profile.no_return
         is_sign = value is not None and math.isfinite(value) and value > 0.0
         return replace(profile.apply(geometry), no_return_is_free=is_sign)
 
     def time_increment(self, sent: float, count: int) -> float:
-        """Return the time between beams [s], 0 if what is sent cannot be."""
+        """Return the time between beams [s], 0 if the value sent is not possible."""
         if not (math.isfinite(sent) and sent > 0.0):
             return 0.0
         rate = self._profile.rate if self._profile is not None else 0.0
@@ -148,7 +151,7 @@ class CloudDecoder:
         Raises
         ------
         DecodeError
-            The message is cut off, or makes no sense.
+            The message is cut off, or its values are not valid.
         """
         message = decode_cloud(raw, self._is_ros1)
         if len(message.points) == 0:
@@ -169,7 +172,7 @@ class OdometryDecoder:
         Raises
         ------
         DecodeError
-            The message is cut off, or its pose is none.
+            The message is cut off, or its pose is not valid.
         """
         return self.event(ros.decode_odometry(raw, self._is_ros1).values, stamp, time)
 
@@ -182,7 +185,7 @@ class OdometryDecoder:
         try:
             pose = Pose3.from_quaternion(values[:3], values[3:])
         except ValueError:
-            raise DecodeError("odometry pose is none") from None
+            raise DecodeError("odometry pose is not valid") from None
         return Odometry(stamp, time, (pose @ self._tf_child_base).plane)
 
 
@@ -191,7 +194,7 @@ class ImuDecoder:
 
     def __init__(self, choice: ImuChoice) -> None:
         self._is_ros1 = choice.stream.is_ros1
-        rotation: NDArray[np.float64] = choice.tf_base_sensor.rotation
+        rotation: FloatArray = choice.tf_base_sensor.rotation
         self._turned = not np.allclose(rotation, np.eye(3), atol=1e-12)
         self._rows = [tuple(float(v) for v in row) for row in rotation]
         self._acceleration_scale = choice.acceleration_scale

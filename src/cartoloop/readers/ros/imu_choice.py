@@ -22,7 +22,7 @@ FASTEST_TURN = 35.0
 """No gyroscope in use measures more [rad/s]; larger numbers are degrees."""
 
 ABSURD_READING = 1e6
-"""No sensor measures so much [m/s^2], [rad/s]; such numbers come from damaged messages."""
+"""Larger readings come from damaged messages [m/s^2], [rad/s]."""
 
 _MIN_FAST = 3
 """Readings faster than `FASTEST_TURN` in the sample, to take the unit for degrees."""

@@ -30,9 +30,9 @@ ROLES: dict[str, Role] = {
 }
 
 NO_STAMP = -1
-"""Stands for the stamp of a message that cannot be read."""
+"""In place of the stamp of a message that cannot be decoded [ns]."""
 
-_LATEST = 2**63 - 1
+_LATEST = 2**63 - 1  # largest number that the arrays of stamps hold [ns]
 _SAMPLES: dict[Role, int] = {"scan": 300, "cloud": 6, "imu": 600, "odometry": 300}
 
 Sample = ros.RawScan | ros.RawImu | ros.RawOdometry | RawCloud
@@ -44,12 +44,13 @@ class TopicStream:
 
     Attributes
     ----------
-    topic, msgtype, role, is_ros1 : what it is.
+    topic, msgtype, role, is_ros1 : name, type, kind of data and encoding of its messages.
     keys : of the container's channels it comes from.
     edge : parent and child frame, of poses on ``/tf``; else None.
-    stamps, records : of each message [ns]; `NO_STAMP` if it cannot be read.
-    frames, child_frames : how many messages are in each.
-    undecodable : how many messages of the sample cannot be decoded, by reason.
+    stamps, records : stamp and time of recording of each message [ns]; `NO_STAMP` if it has no
+        valid header.
+    frames, child_frames : number of messages by frame.
+    undecodable : number of messages of the sample that cannot be decoded, by reason.
     samples : some messages, in groups of three successive ones.
     """
 
@@ -81,12 +82,12 @@ class TopicStream:
 
     @property
     def child_frame(self) -> str:
-        """The frame that odometry is of, or ""."""
+        """The frame whose pose odometry estimates, or ""."""
         return self.child_frames.most_common(1)[0][0] if self.child_frames else ""
 
     @property
     def num_readable(self) -> int:
-        """How many messages have a header."""
+        """Number of messages with a header."""
         return len(self.stamps) - self.stamps.count(NO_STAMP)
 
     def rank(self, penalties: Mapping[str, int]) -> tuple[int, int, str]:
@@ -98,15 +99,15 @@ class TopicStream:
 
 @dataclass(eq=False)
 class RecordingIndex:
-    """What the first pass found.
+    """Result of the first pass over a recording.
 
     Attributes
     ----------
-    container : what was read.
-    streams : one for each topic that could be used, and for each moving frame below odometry.
-    others : the channels that could not.
+    container : the recording.
+    streams : one for each topic of a usable type, and for each frame below an odometry frame.
+    others : the channels of other types.
     tree : all transforms.
-    findings : troubles with transforms and descriptions.
+    findings : problems of transforms and robot descriptions.
     """
 
     container: Container
@@ -117,11 +118,11 @@ class RecordingIndex:
 
     @property
     def num_messages(self) -> int:
-        """How many messages were looked at."""
+        """Number of indexed messages."""
         return sum(len(stream.stamps) for stream in self.streams)
 
     def with_role(self, role: Role) -> list[TopicStream]:
-        """Return the streams of a role that hold something, without those on ``/tf``."""
+        """Return the streams of a role with readable messages, without those on ``/tf``."""
         return [s for s in self.streams if s.role == role and s.edge is None and s.num_readable > 0]
 
     def named(self, topic: str, role: Role, name: str) -> TopicStream:
@@ -153,12 +154,12 @@ class RecordingIndex:
 
 
 def index_recording(container: Container, options: ReadOptions) -> RecordingIndex:
-    """Read a recording through once.
+    """Read a recording once.
 
     Raises
     ------
     InputError
-        The URDF file given is none.
+        The file given is not a URDF file.
     """
     tree = TransformTree()
     findings: list[BagFinding] = []
@@ -258,10 +259,10 @@ def _add_transforms(
                 transform.parent, transform.child, transform.values, "tf_static" if static else "tf"
             )
         except ValueError:
-            stream.undecodable["transform that is no pose"] += 1
+            stream.undecodable["transform that is not a pose"] += 1
     if static:
         return
-    # In the order as sent: that of a set would be another in each process.
+    # In the order as sent: the order of a set differs between processes.
     for parent, child in dict.fromkeys(
         (t.parent, t.child) for t in sent if "odom" in t.parent.lower()
     ):
@@ -289,7 +290,7 @@ def new_poses(
 
 
 def _describe(tree: TransformTree, raw: bytes, is_ros1: bool) -> list[BagFinding]:
-    """Take in the robot's description that a recording holds."""
+    """Add the joints of a robot description in the recording."""
     try:
         joints = parse_urdf(ros.decode_string(raw, is_ros1), "robot_description")
     except (DecodeError, InputError) as error:
@@ -306,7 +307,7 @@ def _conflicts(tree: TransformTree) -> list[BagFinding]:
             "several_parents",
             f"frame {child} has several parents: {tree.transforms[child].parent}, "
             f"{', '.join(sorted(parents))}",
-            "the first is believed; let only one node send this transform",
+            "the first is used; let only one node send this transform",
         )
         for child, parents in sorted(tree.conflicts.items())
     ]

@@ -16,9 +16,10 @@ from cartoloop.readers.ros.stream_times import StreamTimes, merged_order
 from cartoloop.readers.ros.wire import DecodeError
 
 MAX_WAITING = 50_000
-"""How many messages are held back at most to bring them into the order of time."""
+"""Messages that may wait to be put in the order of time."""
 
 MAX_WAITING_BYTES = 256 << 20
+"""Bytes that may wait: some ten seconds of point clouds."""
 
 _PRIORITY = {"imu": 0, "odometry": 1, "scan": 2, "cloud": 2}
 
@@ -27,7 +28,7 @@ TimedBytes = tuple[bytes, float, float]
 
 
 class MergedMessages:
-    """The messages of the streams that are used; iterate as often as wanted.
+    """The messages of the streams that are used; to be iterated over any number of times.
 
     Parameters
     ----------
@@ -47,8 +48,8 @@ class MergedMessages:
     def in_order(self, problems: ProblemLog) -> Iterator[tuple[int, TimedBytes]]:
         """Yield the index of a stream and its next message, in the order of time.
 
-        A message waits until those before it have been read. Where too many wait, those that are
-        missing are given up; they are skipped, and counted in `problems`, when they come.
+        A message waits until those before it have been read. Where too many wait, the missing
+        ones are given up: they are skipped and counted in `problems` when they come.
         """
         waiting: list[deque[TimedBytes]] = [deque() for _ in self._streams]
         given_up = [0] * len(self._streams)

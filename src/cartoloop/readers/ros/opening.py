@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a path to the messages in it: what kind of recording it is, and who can read it.
+"""From a path to the messages in it: its kind of recording, and the reader for it.
 
-Sound recordings are read by the library rosbags; what it refuses, because the recorder died or
-the file is cut off, by `salvage_bag.py` and `salvage_ros2.py`.
+Sound recordings are read by the library rosbags; files that it refuses, because the recorder died
+or the file is cut off, by `salvage_bag.py` and `salvage_ros2.py`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def is_recording(path: Path) -> bool:
         with path.open("rb") as file:
             head = file.read(16)
     except OSError:
-        return False  # whoever reads it tells why
+        return False  # reading it as text reports the reason
     if head.startswith((BAG1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC)):
         return True
     if head.startswith(ZSTD_MAGIC):
@@ -49,7 +49,7 @@ def is_recording(path: Path) -> bool:
 
 
 def open_containers(path: Path) -> Iterator[Container]:
-    """Yield the readers of a path to try, best first; each is opened when it is its turn.
+    """Yield the readers of a path to try, best first; each is opened only when it is reached.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def _open_file(path: Path) -> Iterator[Container]:
         yield from _open_compressed(path)
         return
     if not magic:
-        raise InputError(_why_nothing(path))
+        raise InputError(_unreadable_message(path))
     refusal = ""
     try:
         container = _open_by_library(path, magic)
@@ -146,7 +146,7 @@ def _open_by_library(path: Path, magic: bytes) -> LibraryContainer:
 
 
 def _notes(path: Path, refusal: str) -> list[BagFinding]:
-    """Return what to tell besides damage: `refusal` is why the library would not read it."""
+    """Return remarks besides damage; `refusal` is the library's reason for not reading it."""
     notes = []
     if "not indexed" in refusal:
         notes.append(
@@ -170,7 +170,7 @@ def _notes(path: Path, refusal: str) -> list[BagFinding]:
 
 
 class _Unpacked:
-    """A folder of its own for an unpacked file; gone when no reader needs it any more."""
+    """A temporary folder with an unpacked file; removed when no reader needs it any more."""
 
     def __init__(self, name: str) -> None:
         folder = tempfile.mkdtemp(prefix="cartoloop-")
@@ -179,7 +179,7 @@ class _Unpacked:
 
 
 def _open_compressed(path: Path) -> Iterator[Container]:
-    """Yield the readers of what a zstd file holds."""
+    """Yield the readers of the file in a zstd file."""
     from cartoloop.readers.ros.zstd import zstd
 
     unpacked = _Unpacked(path.stem)
@@ -208,7 +208,7 @@ def _open_compressed(path: Path) -> Iterator[Container]:
 
 
 def _magic(path: Path) -> bytes:
-    """Return which of the known beginnings a file has, or b""."""
+    """Return the known signature that a file begins with, or b""."""
     try:
         if not path.is_file():
             return b""
@@ -221,7 +221,7 @@ def _magic(path: Path) -> bytes:
     return next((magic for magic in known if head.startswith(magic)), b"")
 
 
-def _why_nothing(path: Path) -> str:
+def _unreadable_message(path: Path) -> str:
     try:
         size = path.stat().st_size
     except OSError as error:
@@ -238,7 +238,7 @@ def has_unwritten_log(path: Path) -> bool:
 
 
 class _Bare:
-    """A storage of rosbags on its own, whatever its file is called."""
+    """A storage of rosbags without its folder, for files of any name."""
 
     def __init__(self, storage: Any) -> None:  # noqa: ANN401 - untyped
         self._storage = storage

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a recording says of its scanners, read off the sample of the first pass."""
+"""Profiles of the scanners, estimated from the sample of the first pass."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from cartoloop.sensor.events import LaserScan
 from cartoloop.sensor.sensor_profile import SensorProfile, profile_sensor
 
 _MISFIT_BEAMS = 1.5
+"""Angle steps by which angle_max may differ: some drivers count one beam more or less."""
 
 
 def scan_profile(decoder: ScanDecoder, stream: TopicStream, name: str) -> SensorProfile:
@@ -25,7 +26,7 @@ def scan_profile(decoder: ScanDecoder, stream: TopicStream, name: str) -> Sensor
 
     Parameters
     ----------
-    decoder : of the stream's messages, not yet knowing a profile.
+    decoder : of the stream's messages, without a profile yet.
     name : of the recording, for messages.
 
     Raises
@@ -50,7 +51,7 @@ def scan_profile(decoder: ScanDecoder, stream: TopicStream, name: str) -> Sensor
 
 
 def cloud_profile(stream: TopicStream) -> SensorProfile:
-    """Return the profile of a scanner of points in space, of which less needs to be known."""
+    """Return the profile of a scanner that sends point clouds."""
     clouds = [s.points for s in stream.samples if isinstance(s, RawCloud) and len(s.points)]
     if not clouds:
         clouds = [np.ones((1, 3))]
@@ -73,33 +74,33 @@ def cloud_profile(stream: TopicStream) -> SensorProfile:
 
 
 def beam_findings(stream: TopicStream, decoder: ScanDecoder) -> list[BagFinding]:
-    """Return what does not fit in what a scanner says of its beams."""
+    """Return contradictions in the numbers that a scanner sends about its beams."""
     message = next((s for s in stream.samples if isinstance(s, RawScan)), None)
     if message is None or len(message.ranges) < 2:
         return []
     first, last, step, increment, _, low, high = message.beam_numbers
     count = len(message.ranges)
-    told = []
+    doubts = []
     if not abs(first + (count - 1) * step - last) <= _MISFIT_BEAMS * abs(step):
-        told.append((
+        doubts.append((
             "angle_max",
             f"{count} beams from {first:.4f} rad, one each {step:.5f} rad, do not end at "
             f"angle_max {last:.4f} rad",
-            "the step is believed" if math.isfinite(step) and step else "angle_max is believed",
+            "the step is used" if math.isfinite(step) and step else "angle_max is used",
         ))  # fmt: skip
     if increment > 0.0 and decoder.time_increment(increment, count) == 0.0:
-        told.append((
+        doubts.append((
             "time_increment",
             f"{count} beams, one each {increment:.3g} s, take longer than the time between scans",
             "all beams of a scan are taken to be measured at once",
         ))  # fmt: skip
     if not (math.isfinite(high) and high > max(low, 0.0)):
-        told.append((
+        doubts.append((
             "range_limits",
-            f"range_min {low:g} m and range_max {high:g} m make no sense",
-            "the ranges themselves are asked instead",
+            f"range_min {low:g} m and range_max {high:g} m are not valid",
+            "the limits are estimated from the ranges",
         ))  # fmt: skip
     return [
         BagFinding("note", code, f"{stream.topic}: {message}", remedy, stream.topic)
-        for code, message, remedy in told
+        for code, message, remedy in doubts
     ]

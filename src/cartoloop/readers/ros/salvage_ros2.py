@@ -38,7 +38,7 @@ class McapSalvage(SalvageContainer):
 
     def _records(self, keys: frozenset[int] | None) -> Iterator[RecordedMessage]:
         with self.path.open("rb") as file:
-            file.seek(8)
+            file.read(8)  # signature
             try:
                 yield from self._all(file, keys)
             except EOFError:

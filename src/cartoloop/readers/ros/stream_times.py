@@ -7,15 +7,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.readers.ros.container import BagFinding
 from cartoloop.readers.ros.index import NO_STAMP, TopicStream
 from cartoloop.readers.ros.wire import NANO
 from cartoloop.sensor.time_repair import TimeReport, repair_times
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 CLOCK_TOLERANCE = 1.0
 """Sensors whose stamps are farther apart than this at one moment run on different clocks [s]."""
@@ -73,8 +70,8 @@ def common_times(streams: list[TopicStream]) -> tuple[list[StreamTimes], list[Ba
     """Return the times of each stream on the clock of the first, and what had to be repaired.
 
     A message without a stamp gets the time at which it was recorded. A stream whose stamps are on
-    another clock, as far as recording tells, is shifted. Where the clock of the first stream
-    starts anew, the others follow it.
+    another clock, by the times of recording, is shifted. Where the clock of the first stream
+    restarts, the others follow it.
     """
     findings: list[BagFinding] = []
     stamps = []
@@ -146,7 +143,7 @@ def _with_recording_times(stream: TopicStream) -> tuple[FloatArray, list[BagFind
 def _restarts(
     main: StreamTimes, main_stamps: FloatArray, main_records: FloatArray, records: FloatArray
 ) -> FloatArray:
-    """Return by how much the stamps of another stream shift where the main clock starts anew."""
+    """Return the shift of another stream's stamps where the main clock restarts [s]."""
     shift = np.zeros(len(records))
     for start, stop in pairwise((*main.report.resets, len(main_stamps))):
         by = float(np.median(main.times[start:stop] - main_stamps[start:stop]))
@@ -194,9 +191,9 @@ def _time_findings(
         found.append(BagFinding("warning", "gap", what, "", stream.topic, 1, stamp))
     for index in report.resets:
         stamp = float(stamps[index])
-        what = f"{name}: the clock starts anew at stamp {stamp:.6f}"
+        what = f"{name}: the clock restarts at stamp {stamp:.6f}"
         found.append(
-            BagFinding("warning", "clock_reset", what, "times go on", stream.topic, 1, stamp)
+            BagFinding("warning", "clock_reset", what, "times continue", stream.topic, 1, stamp)
         )
     return found
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where frames stand on the robot: poses in space, and the tree of them that a recording tells."""
+"""Poses of frames in space, and the tree of the transforms in a recording."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.sensor.pose import Pose
 
-FloatArray = NDArray[np.float64]
 Origin = Literal["urdf", "robot_description", "tf_static", "tf"]
 
 ABSURD_METERS = 1e9
-"""No robot goes so far; such numbers come from damage and break what is computed with them."""
+"""Larger numbers come from damaged messages and would overflow later [m]."""
 
 MOVES_METERS = 0.005
 MOVES_RADIANS = math.radians(0.5)
+"""A transform that changes by more than this is not fixed [m], [rad]: rounding changes it less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ class Pose3:
         """Roll, pitch and yaw [rad] with ``rotation == Rz(yaw) Ry(pitch) Rx(roll)``."""
         r = self.rotation
         pitch = math.asin(min(1.0, max(-1.0, -float(r[2, 0]))))
-        if abs(r[2, 0]) > 1.0 - 1e-9:  # looking straight up or down: only a sum is known
+        if abs(r[2, 0]) > 1.0 - 1e-9:  # pitch of 90 degrees: only the sum of roll and yaw is known
             return 0.0, pitch, math.atan2(-r[0, 1], r[1, 1])
         return math.atan2(r[2, 1], r[2, 2]), pitch, math.atan2(r[1, 0], r[0, 0])
 
@@ -107,7 +107,7 @@ class Pose3:
         return Pose(float(self.translation[0]), float(self.translation[1]), self.rpy[2])
 
     def distance(self, other: Pose3) -> tuple[float, float]:
-        """Return how far apart two poses are [m], and how much they are turned [rad]."""
+        """Return the distance [m] and the angle [rad] between two poses."""
         trace = float(np.trace(self.rotation.T @ other.rotation))
         turn = math.acos(min(1.0, max(-1.0, 0.5 * (trace - 1.0))))
         return float(np.linalg.norm(self.translation - other.translation)), turn
@@ -115,15 +115,15 @@ class Pose3:
 
 @dataclass(eq=False)
 class FrameTransform:
-    """What a recording says of the pose of one frame in another.
+    """The pose of one frame in another, as recorded.
 
     Attributes
     ----------
     parent, child : names of the frames.
-    origin : who says it.
+    origin : where it was stated.
     pose : of child in parent, when first seen.
-    count : how often it was sent.
-    moved_m, moved_rad : how far from there it was ever seen.
+    count : number of messages with it.
+    moved_m, moved_rad : largest distance from the first pose.
     """
 
     parent: str
@@ -137,17 +137,17 @@ class FrameTransform:
 
     @property
     def moves(self) -> bool:
-        """Whether it is no fixed mounting."""
+        """Whether it is not a fixed mounting."""
         return self.moved_m > MOVES_METERS or self.moved_rad > MOVES_RADIANS
 
 
 class TransformTree:
-    """All transforms of a recording. Each frame has one parent: who says so first is believed.
+    """All transforms of a recording. Each frame has one parent: the first one stated.
 
     Attributes
     ----------
     transforms : by the name of the child.
-    conflicts : child, and the parents that are named besides the one believed.
+    conflicts : child, and the other parents that are stated for it.
     """
 
     def __init__(self) -> None:
@@ -155,7 +155,7 @@ class TransformTree:
         self.conflicts: dict[str, set[str]] = {}
 
     def add(self, parent: str, child: str, pose: Pose3, origin: Origin) -> FrameTransform | None:
-        """Take in a transform; return it if it is the first of this child, and so believed."""
+        """Add a transform; return it if it is the first of this child."""
         if child in self.transforms:
             known = self.transforms[child]
             if known.parent != parent:
@@ -172,7 +172,7 @@ class TransformTree:
         return self.transforms[child]
 
     def add_sent(self, parent: str, child: str, values: tuple[float, ...], origin: Origin) -> None:
-        """Take in a transform as sent: x y z [m], quaternion x y z w.
+        """Add a transform as sent: x y z [m], quaternion x y z w.
 
         Raises
         ------
@@ -183,7 +183,7 @@ class TransformTree:
         if known is not None and known.parent == parent and known.origin == origin:
             known.count += 1
             if known.last_values == values:
-                return  # mostly the same is sent again and again
+                return  # mostly the same pose is sent repeatedly
         pose = Pose3.from_quaternion(values[:3], values[3:])
         self.add(parent, child, pose, origin)
         known = self.transforms.get(child)
@@ -203,7 +203,7 @@ class TransformTree:
         return chain
 
     def below(self, frame: str) -> set[str]:
-        """Return the frame and all that hang on it."""
+        """Return the frame and all frames below it."""
         found = {frame}
         grown = True
         while grown:
@@ -213,17 +213,17 @@ class TransformTree:
         return found
 
     def lookup(self, target: str, source: str) -> tuple[Pose3, list[FrameTransform]] | None:
-        """Return tf_target_source and the transforms on the way, or None if there is no way."""
+        """Return tf_target_source and the transforms between them; None if not connected."""
         up_target, up_source = self.above(target), self.above(source)
         common = next((frame for frame in up_source if frame in up_target), None)
         if common is None:
             return None
-        way: list[FrameTransform] = []
+        between: list[FrameTransform] = []
         poses = []
         for chain in (up_target, up_source):
             pose = Pose3.identity()
             for frame in chain[: chain.index(common)]:
-                way.append(self.transforms[frame])
+                between.append(self.transforms[frame])
                 pose = self.transforms[frame].pose @ pose
             poses.append(pose)
-        return poses[0].inverse() @ poses[1], way
+        return poses[0].inverse() @ poses[1], between

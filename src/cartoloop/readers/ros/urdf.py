@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fixed joints of a robot's description (URDF): where its sensors are screwed on."""
+"""Fixed joints of a robot description (URDF): the mounting poses of its sensors."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from cartoloop.errors import InputError
 from cartoloop.readers.ros.transforms import Pose3
 
 _MAX_BYTES = 64 << 20
+"""Larger files are no robot descriptions."""
 
 
 class FixedJoint(NamedTuple):
@@ -27,7 +28,7 @@ def read_urdf(path: Path) -> list[FixedJoint]:
     Raises
     ------
     InputError
-        The file cannot be read or is no URDF.
+        The file cannot be read or is not a URDF file.
     """
     try:
         if path.stat().st_size > _MAX_BYTES:
@@ -40,14 +41,14 @@ def read_urdf(path: Path) -> list[FixedJoint]:
 
 
 def parse_urdf(text: bytes, name: str) -> list[FixedJoint]:
-    """Return the fixed joints of a robot's description; `name` is what messages call it.
+    """Return the fixed joints of a robot's description; `name` identifies it in messages.
 
     Raises
     ------
     InputError
-        It is no URDF.
+        It is not a URDF file.
     """
-    # No URDF needs a document type, and entities are how XML is made to harm its readers.
+    # No URDF file has a document type; XML entities are a known attack on parsers.
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise InputError(f"{name}: declares XML entities, which are not read; remove them")
     if b"<xacro:" in text:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How ROS puts numbers into bytes: ROS 1's packed layout, and CDR of ROS 2 with its padding.
+"""The byte layouts of ROS messages: packed in ROS 1, CDR with padding in ROS 2.
 
 Both begin a message that has a header alike: four bytes (ROS 1: sequence number; CDR: byte order),
 seconds, nanoseconds, the length of the frame's name, and from byte 16 on the name.
@@ -16,11 +16,11 @@ NANO = 1_000_000_000
 
 
 class DecodeError(Exception):
-    """A message that is not what its type says; the text is the reason under which it counts."""
+    """A message that does not match its type; the text is the reason it is counted under."""
 
 
 class MessageHeader(NamedTuple):
-    """Stamp [ns], name of the frame, where the header ends, and the byte order of the message."""
+    """Stamp [ns], name of the frame, end of the header [bytes], and byte order of the message."""
 
     stamp: int
     frame: bytes
@@ -66,17 +66,17 @@ def read_header(raw: bytes, is_ros1: bool) -> MessageHeader:
 
 
 def aligned(offset: int, size: int, is_ros1: bool) -> int:
-    """Return where the next number of `size` bytes stands: CDR counts from its fourth byte."""
+    """Return the offset of the next number of `size` bytes: CDR aligns from its fourth byte on."""
     return offset if is_ros1 else offset + (4 - offset) % size
 
 
 def frame_name(raw: bytes) -> str:
-    """Return a frame's name without the leading slash of old; frames must compare equal."""
+    """Return a frame's name without the leading slash of ROS 1, so that names compare equal."""
     return raw.decode("utf-8", "replace").lstrip("/")
 
 
 class Cursor:
-    """Reads one value after the other; for messages that need not be quick.
+    """Reads one value after the other; for messages that are not frequent.
 
     Every method raises `DecodeError` where the message ends too early.
     """

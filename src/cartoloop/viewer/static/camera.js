@@ -10,7 +10,7 @@ const FOLLOW_KEY = "cartoloop.follow";
 const FOLLOW_SHARE = 0.2;
 /** Beyond this it jumps [px]. */
 const JUMP_PX = 2000;
-/** Share of the screen that a map fills, and one that grows, so that it need not move all the time. */
+/** Share of the screen that a map fills, and one that grows, so that it does not move all the time. */
 const FILLED = 0.94;
 const GROWING_FILLED = 0.75;
 const LEAST_FILLED = 0.45;
@@ -104,7 +104,7 @@ export class Camera {
     return true;
   }
 
-  /** Bring up to date what tells of the view: the needle, the address. */
+  /** Bring needle and address up to date with the view. */
   show() {
     const text = this.view.toText();
     if (text === this.shown) return;

@@ -106,7 +106,7 @@ async function inflateInto(cells, packed, box) {
   const { readable, writable } = new DecompressionStream("deflate");
   const writer = writable.getWriter(); // not from a Blob, which takes a detour through another process
   const written = Promise.all([writer.write(packed), writer.close()]);
-  written.catch(() => {}); // what is wrong with the stream, its reader is told
+  written.catch(() => {}); // the reader of the stream gets the error
   const reader = readable.getReader();
   let row = 0;
   let col = 0;
@@ -169,7 +169,7 @@ function isBlockKnown(words, stride, row, col, rows) {
 
 /**
  * Return means over squares of cells, four bytes each: how much floor, how much wall, both
- * together, and nought.
+ * together, and zero.
  * @param {Cells} cells
  * @param {{row: number, col: number, rows: number, cols: number}} box of squares
  */

@@ -13,6 +13,8 @@ import { length, score } from "./words.js";
 const PICK_PX = 12;
 /** Of closures at one place, that whose node is nearer. */
 const NODE_SHARE = 0.05;
+/** Of closures at one place, one in the graph rather than a rejected one [px]. */
+const REJECTED_PX = 1;
 
 /**
  * Return the row of the closure that was clicked on, null if there is none: of the lines, the
@@ -34,6 +36,7 @@ export function pickClosure({ state, motion }, rows, view, px, py) {
     const to = 3 * b.numbers[row];
     const [toX, toY] = [nodes[to], nodes[to + 1]];
     const far = distanceToLine(x, y, submaps[from], submaps[from + 1], toX, toY)
+      + (kind === Kind.REJECTED ? REJECTED_PX / view.scale : 0)
       + (NODE_SHARE * Math.hypot(x - toX, y - toY)) / (1 + view.scale);
     if (far < least) [best, least] = [row, far];
   }
@@ -47,7 +50,7 @@ function distanceToLine(x, y, ax, ay, bx, by) {
   return Math.hypot(x - ax - share * dx, y - ay - share * dy);
 }
 
-/** The card that tells of a closure. */
+/** The card with the details of a closure. */
 export class ClosureCard {
   /**
    * @param {object} hooks
@@ -61,8 +64,8 @@ export class ClosureCard {
   constructor(hooks) {
     this.hooks = hooks;
     this.root = byId("closure");
-    /** What is told of it. @type {Record<string, any> | null} */
-    this.told = null;
+    /** The CLOSURE message that is shown. @type {Record<string, any> | null} */
+    this.details = null;
     byId("closure-close").addEventListener("click", () => this.close());
     byId("closure-previous").addEventListener("click", () => this.step(-1));
     byId("closure-next").addEventListener("click", () => this.step(1));
@@ -75,7 +78,7 @@ export class ClosureCard {
     const { ask, onHint, onChange } = this.hooks;
     try {
       const answer = await ask({ type: "closure", constraint: row });
-      this.told = answer.content;
+      this.details = answer.content;
     } catch (problem) {
       onHint(problem.message);
       return;
@@ -86,37 +89,40 @@ export class ClosureCard {
   }
 
   close() {
-    if (!this.told) return;
-    this.told = null;
+    if (!this.details) return;
+    this.details = null;
     this.root.hidden = true;
     this.hooks.onChange();
   }
 
   /** Go on to the next closure in the order in which they were found. */
   step(by) {
-    if (this.told) this.openNext(this.told.constraint, by);
+    if (this.details) this.openNext(this.details.constraint, by);
   }
 
-  /** Open the newest closure. */
+  /** Open the newest closure in the graph, or the last rejected one if there is none. */
   openLatest() {
-    this.openNext(this.hooks.state.constraints.length, -1);
+    const { constraints } = this.hooks.state;
+    if (!this.openNext(constraints.length, -1, [Kind.CLOSURE])) this.openNext(constraints.length, -1);
   }
 
-  openNext(from, by) {
+  /** Open the next closure of some kinds; return whether there is one. */
+  openNext(from, by, wanted = [Kind.CLOSURE, Kind.REJECTED]) {
     const { kinds } = this.hooks.state.constraints;
     for (let row = from + by; row >= 0 && row < kinds.length; row += by) {
-      if (kinds.numbers[row] === Kind.CLOSURE || kinds.numbers[row] === Kind.REJECTED) {
+      if (wanted.includes(kinds.numbers[row])) {
         this.open(row).then(() => this.bringIntoSight());
-        return;
+        return true;
       }
     }
+    return false;
   }
 
   bringIntoSight() {
-    const { told } = this;
-    if (!told) return;
-    const found = chain(told.tf_map_submap, told.tf_submap_node);
-    const points = told.points.map(([x, y]) => transform(found, x, y));
+    const { details } = this;
+    if (!details) return;
+    const found = chain(details.tf_map_submap, details.tf_submap_node);
+    const points = details.points.map(([x, y]) => transform(found, x, y));
     const [xs, ys] = [points.map(([x]) => x), points.map(([, y]) => y)];
     this.hooks.onShow({
       left: Math.min(...xs, found[0] - 3), right: Math.max(...xs, found[0] + 3),
@@ -125,42 +131,44 @@ export class ClosureCard {
   }
 
   show() {
-    const { told } = this;
-    const isRejected = this.hooks.state.constraints.kinds.numbers[told.constraint] === Kind.REJECTED;
-    const isViolated = told.residual_m > VIOLATED_M || told.residual_deg > (VIOLATED_RAD * 180) / Math.PI;
-    setText(byId("closure-title"), `Node ${told.node} in submap ${told.submap}`);
-    setText(byId("closure-node"), `node ${told.node}`);
-    setText(byId("closure-other"), told.other_node === null ? "no other scan"
-      : `node ${told.other_node}, of the submap`);
+    const { details } = this;
+    const isRejected = this.hooks.state.constraints.kinds.numbers[details.constraint] === Kind.REJECTED;
+    const isViolated = details.residual_m > VIOLATED_M || details.residual_deg > (VIOLATED_RAD * 180) / Math.PI;
+    setText(byId("closure-title"), `Node ${details.node} in submap ${details.submap}`);
+    setText(byId("closure-node"), `node ${details.node}`);
+    setText(byId("closure-other"), details.other_node === null ? "no other scan"
+      : `node ${details.other_node}, of the submap`);
     const verdict = byId("closure-verdict");
-    setText(verdict, verdictOf(isRejected, isViolated));
+    setText(verdict, verdictOf(details, isRejected, isViolated));
     verdict.classList.toggle("bad", isRejected || isViolated);
-    byId("closure-score-bar").value = told.score ?? 0;
-    byId("closure-runner-bar").value = told.runner_up ?? 0;
-    byId("closure-score").parentElement.parentElement.hidden = told.score === null;
-    byId("closure-runner").parentElement.parentElement.hidden = told.runner_up === null;
-    setText(byId("closure-score"), score(told.score));
-    setText(byId("closure-runner"), told.runner_up === 0 ? "none" : score(told.runner_up));
-    setText(byId("closure-residual"), `${length(told.residual_m)}, ${told.residual_deg.toFixed(2)}°`);
-    setText(byId("closure-window"), told.window
-      ? `±${told.window.linear_m.toFixed(1)} m, ±${((told.window.angular_rad * 180) / Math.PI).toFixed(0)}°`
-      : "refined at the end");
+    byId("closure-score-bar").value = details.score ?? 0;
+    byId("closure-runner-bar").value = details.runner_up ?? 0;
+    byId("closure-score").parentElement.parentElement.hidden = details.score === null;
+    byId("closure-runner").parentElement.parentElement.hidden = details.runner_up === null;
+    setText(byId("closure-score"), score(details.score));
+    setText(byId("closure-runner"), details.runner_up === 0 ? "none" : score(details.runner_up));
+    setText(byId("closure-threshold"), details.min_score === null ? "not searched" : score(details.min_score));
+    setText(byId("closure-fit"), score(details.fit_residual));
+    setText(byId("closure-residual"), `${length(details.residual_m)}, ${details.residual_deg.toFixed(2)}°`);
+    setText(byId("closure-window"), details.window
+      ? `±${details.window.linear_m.toFixed(1)} m, ±${((details.window.angular_rad * 180) / Math.PI).toFixed(0)}°`
+      : "matched at the end only");
     this.drawScans();
   }
 
   /** Draw both scans in the submap's frame, turned as the map is. */
   drawScans() {
-    const { told } = this;
+    const { details } = this;
     const canvas = byId("closure-scans");
-    if (!told || canvas.clientWidth === 0) return;
+    if (!details || canvas.clientWidth === 0) return;
     const ratio = Math.min(devicePixelRatio || 1, 3);
     canvas.width = canvas.clientWidth * ratio;
     canvas.height = canvas.clientHeight * ratio;
     const { found, matched, robot } = this.hooks.theme.inks;
-    const submap = told.tf_map_submap;
+    const submap = details.tf_map_submap;
     const layers = [
-      { pose: told.tf_submap_other && chain(submap, told.tf_submap_other), points: told.other_points, ink: matched },
-      { pose: chain(submap, told.tf_submap_node), points: told.points, ink: found },
+      { pose: details.tf_submap_other && chain(submap, details.tf_submap_other), points: details.other_points, ink: matched },
+      { pose: chain(submap, details.tf_submap_node), points: details.points, ink: found },
     ].filter(({ pose }) => pose);
     drawPoints(canvas, ratio, layers.map(({ pose, points, ink }) => ({
       ink, robot, at: [pose[0], pose[1]], points: points.map(([x, y]) => transform(pose, x, y)),
@@ -168,8 +176,17 @@ export class ClosureCard {
   }
 }
 
-function verdictOf(isRejected, isViolated) {
-  if (isRejected) return "Rejected in the end: the rest of the map contradicted it.";
+/** Why the last pass rejected a closure, by its reason in the record. */
+const REASONS = {
+  start_residual: "the node did not fit the submap at the adjusted poses",
+  residual: "the match fitted poorly",
+  translation: "the match was too far from the adjusted pose",
+  rotation: "the match was turned too far from the adjusted pose",
+  disagrees: "the other constraints contradicted it",
+};
+
+function verdictOf(details, isRejected, isViolated) {
+  if (isRejected) return `Rejected at the end: ${REASONS[details.reason] ?? details.status.replaceAll("_", " ")}.`;
   if (isViolated) return "The map disagrees with it.";
   return "The map agrees with it.";
 }

@@ -11,7 +11,7 @@ export function byId(id) {
   return element;
 }
 
-/** Set the text of an element, if it is another one: who listens need not hear it twice. */
+/** Set the text of an element, if it has changed, so that screen readers do not read it twice. */
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }

@@ -6,7 +6,7 @@
 
 /** A press that moves by less is a click [px]. */
 const CLICK_PX = 5;
-/** Two fingers turn the map only after they have turned by so much: zooming need not be exact. */
+/** Angle from which two fingers turn the map: smaller ones occur while zooming. */
 const TURN_RAD = 0.14;
 const WHEEL_ZOOM = 0.0016;
 const SHIFT_TURN = 0.006;
@@ -110,7 +110,7 @@ export class Gestures {
     event.preventDefault();
     const lines = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 30 : 1;
     const amount = Math.max(-400, Math.min(400, event.deltaY * lines));
-    // Trackpads tell of a pinch as of a wheel with Control.
+    // Trackpads report a pinch as a wheel with Control.
     const factor = Math.exp(-amount * WHEEL_ZOOM * (event.ctrlKey ? 6 : 1));
     this.view.change(event.clientX, event.clientY, factor);
     this.hands.onZoom();

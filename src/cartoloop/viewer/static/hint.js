@@ -7,7 +7,7 @@ import { byId, setText } from "./dom.js";
 
 const SHOWN_MS = 6000;
 
-/** Tells what to do next, or what has been done. */
+/** Shows what to do next, or what has been done. */
 export class Hint {
   constructor() {
     this.element = byId("hint");

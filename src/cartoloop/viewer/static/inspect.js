@@ -35,7 +35,7 @@ import { lengthOf } from "./tape.js";
  * @property {boolean} following
  * @property {"light" | "dark"} theme
  * @property {number | null} time that is shown, stamp [s]; null: all there is
- * @property {Record<string, any> | null} readings as the server told them
+ * @property {Record<string, any> | null} readings as the server sent them
  */
 
 /** @param {any} page */
@@ -71,7 +71,7 @@ function stateOf({ connection, state, renderer, motion, stage, closure, tape, ca
     held: { cells: renderer.submaps.cellBytes, squares: renderer.tiles.numTextures },
     frames: { number: stage.numFrames, ms: stage.frameMs },
     glides: motion.numGlides,
-    closure: closure.told?.constraint ?? null,
+    closure: closure.details?.constraint ?? null,
     tape: tape.last && { metres: lengthOf(tape.last), onWalls: Number(tape.last.onA) + Number(tape.last.onB) },
     following: camera.isFollowing,
     theme: theme.name,

@@ -13,7 +13,7 @@ export const LAYERS = Object.freeze({
   trajectory: true, scan: true, nodes: false, closures: true, constraints: false, latest: true,
 });
 
-/** Smaller distances on the screen need not be drawn [px]; at most twice that. */
+/** Distances on the screen below which points are left out [px]; at most twice that. */
 const SEEN_PX = 1.5;
 /** Single precision is kept relative to the next point of a grid so wide [m]. */
 const ANCHOR_M = 64;
@@ -27,7 +27,7 @@ const FADED = 0.3;
  * @property {import("./motion.js").Motion} motion
  * @property {Record<string, boolean>} layers
  * @property {"kind" | "residual"} colouring of constraints
- * @property {number} numNodes so many nodes are shown
+ * @property {number} numNodes number of nodes that are shown
  * @property {import("./protocol.js").Scan | null} scan
  * @property {object | null} closure that is looked at
  * @property {object | null} latest that was found
@@ -94,7 +94,7 @@ export class Overlays {
   }
 
   /**
-   * Bring the way and the nodes on the graphics card up to date: as many as can be told apart.
+   * Bring trajectory and nodes on the graphics card up to date: as many as can be distinguished.
    * @param {Scene} scene
    * @param {number} apart smallest distance that can be seen [m]
    */
@@ -177,7 +177,7 @@ export class Overlays {
   /**
    * Yield the rows of constraints that are shown.
    * @param {Scene} scene
-   * @param {number} every of so many nodes only one is shown, and what was rejected
+   * @param {number} every only every n-th node is shown, and what was rejected
    */
   * rowsShown({ state, motion, layers, numNodes }, every = 1) {
     const { a, b, kinds } = state.constraints;
@@ -205,7 +205,7 @@ export class Overlays {
     return inkOf(inks[names[constraint.kind]], constraint.kind === Kind.REJECTED ? 0.9 : alpha);
   }
 
-  /** Draw where a closure was sought and found, and both scans. */
+  /** Draw a closure's search window, its match, and both scans. */
   drawClosure(closure, { motion, pulse, latest }) {
     const { inks } = this.theme;
     const submaps = motion.submaps.shown;

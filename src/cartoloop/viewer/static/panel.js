@@ -84,7 +84,7 @@ function sum(counts) {
   return Object.values(counts ?? {}).reduce((total, value) => total + value, 0);
 }
 
-function adjustment(told) {
-  if (!told || told.last_ms === null) return NOTHING;
-  return milliseconds(told.last_ms);
+function adjustment(runs) {
+  if (!runs || runs.last_ms === null) return NOTHING;
+  return milliseconds(runs.last_ms);
 }

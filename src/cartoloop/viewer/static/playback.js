@@ -9,7 +9,7 @@ import { duration } from "./words.js";
 const SPEEDS = [1, 2, 5, 10, 30, 100];
 const SPEEDS_AGAIN = [1, 5, 20, 60, 200];
 const SCRUB_STEPS = 1000;
-/** A scan of a node is asked for so often at the most. */
+/** Shortest time between two requests for scans of nodes [ms]. */
 const SCAN_PERIOD_MS = 120;
 
 /** The bar of time. */
@@ -36,7 +36,7 @@ export class PlaybackBar {
     this.select = byId("speed");
     this.play.addEventListener("click", () => this.toggle());
     this.scrub.addEventListener("input", () => this.scrubTo(Number(this.scrub.value) / SCRUB_STEPS));
-    // Some browsers tell of no change where a drag ends at the value that it began with.
+    // Some browsers report no change where a drag ends at its first value.
     for (const end of ["change", "pointerup", "pointercancel", "blur"]) {
       this.scrub.addEventListener(end, () => this.endScrubbing());
     }
@@ -182,7 +182,7 @@ export class PlaybackBar {
       if (this.time !== null) this.scan = scan;
       onScan();
     } catch {
-      this.scan = null; // the connection is lost, which is told elsewhere
+      this.scan = null; // the connection is lost, which is shown elsewhere
     } finally {
       this.isAsking = false;
     }

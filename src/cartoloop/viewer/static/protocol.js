@@ -6,7 +6,7 @@
  */
 
 /** The protocol that this page speaks. */
-export const PROTOCOL_VERSION = 1;
+export const PROTOCOL_VERSION = 2;
 
 /** @enum {number} */
 export const Type = Object.freeze({
@@ -51,7 +51,7 @@ export const Kind = Object.freeze({ INTRA: 0, CLOSURE: 1, NODES: 2, REJECTED: 3 
  */
 
 /**
- * @typedef {object} SubmapHead what is told of a submap beside its cells
+ * @typedef {object} SubmapHead a submap's message without its cells
  * @property {number} submap
  * @property {number} version
  * @property {boolean} finished
@@ -145,9 +145,7 @@ function readConstraints(buffer, at) {
     a: new Uint32Array(buffer, start, n),
     b: new Uint32Array(buffer, start + 4 * n, n),
     poses: new Float32Array(buffer, start + 8 * n, 3 * n),
-    scores: new Float32Array(buffer, start + 20 * n, n),
-    runnerUps: new Float32Array(buffer, start + 24 * n, n),
-    kinds: new Uint8Array(buffer, start + 28 * n, n),
+    kinds: new Uint8Array(buffer, start + 20 * n, n),
   };
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /**
- * What the colours of the map are made of: so much floor and so much wall, the rest ground.
+ * Colours of the map as shares of floor, wall and ground.
  *
  * Means of these two give means of colours, so that a map that is seen from afar keeps its walls,
  * and the colours themselves can be others when it is dark.

@@ -6,11 +6,11 @@
 import { byId } from "./dom.js";
 import { Overlays } from "./overlays.js";
 
-/** While more is being composed, what has been is shown so often [ms]. */
+/** Period of drawing while squares are being composed [ms]. */
 const REFINE_PERIOD_MS = 250;
-/** For so long after a movement of the hand another one is awaited [ms]. */
+/** Time after a gesture in which another one is expected [ms]. */
 const HANDLED_MS = 250;
-/** The latest loop closure stands out for so long [ms]. */
+/** Time for which the latest loop closure is highlighted [ms]. */
 const PULSE_MS = 1600;
 /** Where frames take longer, moving pictures are drawn coarse [ms]. */
 const SLOW_MS = 24;
@@ -40,7 +40,7 @@ export class Stage {
     this.handledAt = -Infinity;
     this.drawnAt = 0;
     this.numComposed = 0;
-    /** So many pictures were drawn. */
+    /** Number of pictures drawn. */
     this.numFrames = 0;
     /** Mean time from one picture to the next while the picture moves [ms]. */
     this.frameMs = null;
@@ -117,7 +117,7 @@ export class Stage {
     this.lastFrame = now;
   }
 
-  /** Draw anew what has been composed meanwhile, but not all the time. */
+  /** Draw what has been composed meanwhile, at intervals. */
   refine(now, more, isMoving) {
     const { renderer } = this;
     if (renderer.map.isCoarse && !isMoving) renderer.invalidate();
@@ -172,7 +172,7 @@ export class Stage {
       state, motion, layers: layers.on, colouring: layers.colouring,
       numNodes: Math.min(playback.numNodes, motion.nodes.shown.length / 3),
       scan: playback.isBack ? playback.scan : state.scan,
-      closure: this.closure.told, latest: playback.isBack ? null : state.latestClosure,
+      closure: this.closure.details, latest: playback.isBack ? null : state.latestClosure,
       pulse: Math.max(0, 1 - (now - this.pulseBegan) / PULSE_MS),
     };
   }

@@ -42,8 +42,6 @@ export class Table {
  * @property {number} a submap, or node where the kind says so
  * @property {number} b node
  * @property {import("./poses.js").Pose} pose tf_a_b as measured
- * @property {number} score
- * @property {number} runnerUp
  * @property {number} kind
  */
 
@@ -53,8 +51,6 @@ export class Constraints {
     this.a = new Table(Uint32Array);
     this.b = new Table(Uint32Array);
     this.poses = new Table(Float32Array, 3);
-    this.scores = new Table(Float32Array);
-    this.runnerUps = new Table(Float32Array);
     this.kinds = new Table(Uint8Array);
   }
 
@@ -63,7 +59,7 @@ export class Constraints {
   }
 
   set(first, message) {
-    for (const name of ["a", "b", "poses", "scores", "runnerUps", "kinds"]) {
+    for (const name of ["a", "b", "poses", "kinds"]) {
       this[name].set(first, message[name]);
     }
   }
@@ -74,13 +70,12 @@ export class Constraints {
     return {
       row, a: this.a.numbers[row], b: this.b.numbers[row],
       pose: [poses[3 * row], poses[3 * row + 1], poses[3 * row + 2]],
-      score: this.scores.numbers[row], runnerUp: this.runnerUps.numbers[row],
       kind: this.kinds.numbers[row],
     };
   }
 }
 
-/** The state; each part of it is null or empty until it is told. */
+/** The state; each part of it is null or empty until it was received. */
 export class MapState {
   constructor() {
     this.begin();

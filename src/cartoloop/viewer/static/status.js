@@ -8,13 +8,13 @@ import { byId, setText } from "./dom.js";
 
 /** A connection that is back sooner is not worth a word. */
 const PATIENCE_MS = 700;
-/** The graphics card is given so long to come back. */
+/** Time for the graphics card to come back [ms]. */
 const GRAPHICS_MS = 5000;
 
 const LOST = "No connection to the program. The map stays as it was; this page tries again by itself.";
 const NEVER = "The program cannot be reached. Is it still running? This page tries again by itself.";
 
-/** Tells the state of things. */
+/** Shows the state of the run and of the connection. */
 export class Status {
   constructor() {
     this.dot = byId("state-dot");
@@ -33,7 +33,7 @@ export class Status {
     clearTimeout(this.timer);
     document.body.dataset.connection = connection;
     if (connection === "connected") {
-      this.tell("");
+      this.show("");
       this.say(readings?.state ?? "starting", readings?.text ?? "loading the map");
       return;
     }
@@ -42,7 +42,7 @@ export class Status {
       return;
     }
     this.say("lost", readings ? "reconnecting" : "connecting");
-    this.timer = setTimeout(() => this.tell(readings ? LOST : NEVER), PATIENCE_MS);
+    this.timer = setTimeout(() => this.show(readings ? LOST : NEVER), PATIENCE_MS);
   }
 
   /** Nothing more can be shown. @param {string} text why */
@@ -51,14 +51,14 @@ export class Status {
     this.hasFailed = true;
     document.body.dataset.connection = "failed";
     this.say("failed", "the map cannot be shown");
-    this.tell(text);
+    this.show(text);
   }
 
   /** Watch over the graphics card: all that it held is gone when it is lost. */
   watch(canvas) {
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
-      this.tell("The graphics card was lost. The page is loaded anew as soon as it is back.");
+      this.show("The graphics card was lost. The page is loaded again as soon as it is back.");
       setTimeout(() => location.reload(), GRAPHICS_MS);
     });
     canvas.addEventListener("webglcontextrestored", () => location.reload());
@@ -70,7 +70,7 @@ export class Status {
     this.empty.dataset.text = text;
   }
 
-  tell(text) {
+  show(text) {
     this.banner.hidden = text === "";
     setText(this.banner, text);
   }

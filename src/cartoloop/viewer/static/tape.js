@@ -111,7 +111,7 @@ export class Tape {
       this.first = null;
       this.tapes.push(tape);
       this.measure(tape);
-      this.tell(tape);
+      this.report(tape);
     }
     this.draw(px, py);
   }
@@ -135,7 +135,7 @@ export class Tape {
     tape.given[index] = this.view.toMap(px, py);
     tape.snaps = snaps;
     this.measure(tape);
-    this.tell(tape);
+    this.report(tape);
     this.draw();
   }
 
@@ -155,12 +155,12 @@ export class Tape {
   refresh() {
     for (const tape of this.tapes.filter(({ isPartial }) => isPartial)) {
       this.measure(tape);
-      if (!tape.isPartial) this.tell(tape);
+      if (!tape.isPartial) this.report(tape);
       this.draw();
     }
   }
 
-  tell(tape) {
+  report(tape) {
     const ends = Number(tape.onA) + Number(tape.onB);
     const how = ["between two points", "from a wall to a point", "from wall to wall"][ends];
     this.hooks.onHint(`${lengthOf(tape).toFixed(2)} m ${how}`);

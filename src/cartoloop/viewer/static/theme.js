@@ -11,7 +11,7 @@ const KEY = "cartoloop.theme";
 /** @typedef {[number, number, number]} Rgb */
 
 /**
- * Colours over the map, after Okabe and Ito: people with any colour vision can tell them apart.
+ * Colours over the map, after Okabe and Ito: distinguishable with any colour vision.
  * @type {Record<"light" | "dark", Record<string, Rgb>>}
  */
 const INKS = {

@@ -119,7 +119,7 @@ export class View {
       ((this.rotation * 180) / Math.PI).toFixed(2)].join(",");
   }
 
-  /** Come back; return whether the text told where. */
+  /** Come back; return whether the text held a view. */
   fromText(text) {
     const numbers = (text ?? "").split(",").map(Number);
     if (numbers.length !== 4 || !numbers.every(Number.isFinite) || numbers[2] <= 0) return false;

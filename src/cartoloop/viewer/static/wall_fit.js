@@ -132,7 +132,7 @@ function isFreeBefore(level, first) {
   return false;
 }
 
-/** Return first and end sample of a face: the grey before it, and two cells at the most. */
+/** Return first and end sample of a face: the grey before it, and at most two cells. */
 function layerAt(level, first) {
   let begin = first;
   while (begin > 0 && level[begin - 1] > 0.5) begin--;

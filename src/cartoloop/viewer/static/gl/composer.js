@@ -103,7 +103,7 @@ export class Composer {
   }
 
   /**
-   * Start anew within a box.
+   * Start again within a box.
    * @param {[number, number]} origin of the square, cells of the map
    * @param {[number, number, number, number]} box left, bottom, right, top within the square
    */

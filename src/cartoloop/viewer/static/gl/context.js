@@ -109,7 +109,7 @@ export class QuadIndices {
     this.count = 0;
   }
 
-  /** Draw so many quads of the vertices that are bound. */
+  /** Draw a number of quads of the bound vertices. */
   draw(count) {
     const { gl } = this;
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.buffer);

@@ -14,7 +14,7 @@ import { TileWork } from "./tile_work.js";
 import { Tiles } from "./tiles.js";
 
 const MAX_PIXEL_RATIO = 2;
-/** So long the graphics card may be busy composing at a time. */
+/** Longest time for which the graphics card composes without a break [ms]. */
 const SLICE_MS = 60;
 const HANDLED_SLICE_MS = 10;
 
@@ -25,7 +25,7 @@ const HANDLED_SLICE_MS = 10;
  * @property {boolean} gliding whether submaps are on their way, so that no square holds
  * @property {boolean} coarse whether it may be, as the next one comes at once and time is short
  * @property {(view: View) => void} drawGraph what is kept together with the map
- * @property {(view: View) => void} drawNow what is drawn anew each time
+ * @property {(view: View) => void} drawNow what is drawn again each time
  */
 
 /** Draws the map, and has others draw over it. */
@@ -109,7 +109,7 @@ export class Renderer {
   /**
    * Draw, as little as is needed.
    * @param {Picture} picture
-   * @returns {boolean} whether all was drawn anew
+   * @returns {boolean} whether all was drawn again
    */
   draw(picture) {
     const { gl, screen, view, drawn } = this;
@@ -136,7 +136,7 @@ export class Renderer {
     return isAll;
   }
 
-  /** Draw parts of the picture anew; all the rest of it, beside what is not yet drawn, stays. */
+  /** Draw parts of the picture again; the rest of what was drawn stays. */
   paint(picture, rects) {
     const { gl, screen, drawn } = this;
     gl.enable(gl.SCISSOR_TEST);
@@ -152,7 +152,7 @@ export class Renderer {
   }
 
   /**
-   * Return where in the picture that was drawn last the view is, null if it must be drawn anew.
+   * Return where in the picture that was drawn last the view is, null if it must be drawn again.
    * @param {Picture} picture
    * @returns {[number, number] | null} [device px]
    */

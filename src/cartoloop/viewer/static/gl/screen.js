@@ -77,7 +77,7 @@ export class Screen {
   }
 
   /**
-   * Move the picture; return what is to be drawn anew.
+   * Move the picture; return what must be drawn again.
    * @param {number} dx to the right
    * @param {number} dy upwards
    * @returns {Rect[]}

@@ -13,7 +13,7 @@ const WORKERS = Math.min(4, Math.max(2, (navigator.hardwareConcurrency ?? 2) - 1
 const AGREEING = 2;
 /** Levels of the mipmap of a preview: making more takes longer than it is worth. */
 const PREVIEW_LEVELS = 4;
-/** Of cells that are inflated, so many are held: what was longest out of sight is packed again. */
+/** Number of inflated cells that are held; those longest out of sight are packed again. */
 const MAX_CELL_BYTES = 160e6;
 
 /**

@@ -46,7 +46,7 @@ export class TileWork {
   }
 
   /**
-   * Compose for about so long, unless the graphics card is still at the last slice.
+   * Compose for about this time, unless the graphics card is still at the last slice.
    * @param {number} sliceMs
    * @returns {boolean} whether there is more to do
    */

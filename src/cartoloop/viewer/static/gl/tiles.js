@@ -11,7 +11,7 @@ import { createTarget, createTexture, mipLevels } from "./context.js";
 export const RIM = 2;
 /** Cells of the map that a square is responsible for, along an edge. */
 export const STRIDE = TILE - 2 * RIM;
-/** Submaps that have moved by less need not be drawn anew, cells. */
+/** Submaps that have moved by less are not composed again [cells]. */
 const TOLERANCE_CELLS = 0.005;
 /** Squares in which one has moved by more must not be shown, cells. */
 const STALE_CELLS = 1.0;
@@ -87,7 +87,7 @@ export class Tiles {
     if (pose) this.markDirty(submap, pose, box, false);
   }
 
-  /** Note that the squares under a box of a submap's cells are to be composed anew. */
+  /** Note that the squares under a box of a submap's cells must be composed again. */
   markDirty(submap, pose, box, stale) {
     const [left, bottom, right, top] = this.extent(submap, pose, box);
     for (let row = Math.floor((bottom - RIM) / STRIDE); row * STRIDE - RIM < top; row++) {

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One call from a live source to a saved map: warm up, map, save while mapping and at the end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import BinaryIO
+
+from cartoloop.config import Config
+from cartoloop.config_file import LoadedConfig
+from cartoloop.errors import InputError, Interrupted
+from cartoloop.live.autosave import Autosave
+from cartoloop.live.inbox import Inbox
+from cartoloop.live.notices import Notices
+from cartoloop.live.poses import PoseWriter
+from cartoloop.live.sequencer import Sequencer
+from cartoloop.live.session import AddedScan, LiveSession
+from cartoloop.live.source import Source
+from cartoloop.live.warm_up import get_ready
+from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer
+from cartoloop.map_output.result import Result
+from cartoloop.map_output.save import prepare_folder, save, save_report
+from cartoloop.mapper import Mapper
+from cartoloop.recording_run import Outcome, RunObserver, completed, finish, timed
+from cartoloop.runtime.process_memory import release_unused_memory
+from cartoloop.sensor.pose import Pose
+from cartoloop.stop_request import StopRequest
+
+
+@dataclass(frozen=True, slots=True)
+class LiveOptions:
+    """How messages of a live source are treated.
+
+    Attributes
+    ----------
+    max_delay : time that a scan waits for late odometry [s].
+    end_after : end when no message has arrived for this time [s]; None: never.
+    waits : whether the source is held up instead of dropping scans.
+    laser_pose : pose of the first scanner on the robot; None: as the source states it.
+    poses : stream for a line of JSON with the pose of each scan, or None.
+    """
+
+    max_delay: float = 0.05
+    end_after: float | None = None
+    waits: bool = False
+    laser_pose: Pose | None = None
+    poses: BinaryIO | None = None
+
+
+class LiveObserver(RunObserver):
+    """Callbacks of a live run; this one ignores them all."""
+
+    def say(self, line: str) -> None:
+        """Receive a line for the operator; may be called in any thread."""
+
+    def changed(self, mapper: Mapper) -> None:
+        """The map may have changed; also called now and then while no message arrives."""
+
+
+def map_live(
+    source: Source,
+    config: Config | LoadedConfig | None,
+    out: Path,
+    options: LiveOptions | None = None,
+    *,
+    layers: Collection[Layer] = DEFAULT_LAYERS,
+    observer: LiveObserver | None = None,
+    stop: StopRequest | None = None,
+) -> Result:
+    """Map what a source sends until it ends or the run is stopped, and save the map.
+
+    Parameters
+    ----------
+    source : of messages; opened here.
+    config : by default the defaults.
+    out : folder to save in, also while mapping.
+    options : how messages are treated.
+    layers : drawn over the picture of the map.
+    observer : is informed of the progress.
+    stop : ends the session when made; made again during the last pass, it skips that.
+
+    Raises
+    ------
+    InputError
+        The source cannot be opened, failed, or sent no scan that can be mapped. What was mapped
+        until then is saved.
+    OutputError
+        The folder `out` cannot be written.
+    Interrupted
+        The last pass was stopped; what was mapped until then is saved.
+    """
+    start = time.perf_counter()
+    loaded = config if isinstance(config, LoadedConfig) else LoadedConfig(config or Config(), {})
+    options, observer = options or LiveOptions(), observer or LiveObserver()
+    stop = stop or StopRequest()
+    prepare_folder(out)
+    get_ready()
+    notices = Notices(observer.say)
+    mapper = Mapper(loaded.config, live=True)
+    try:
+        files = _Files(mapper, out, notices, options.poses)
+        session = _session(source, mapper, notices, options, files, observer)
+        observer.say(f"{source.open()} (Ctrl-C ends)")
+        failure = _map_until_end(session, mapper, stop)
+    except BaseException:
+        mapper.close()
+        raise
+    outcome = _finish(mapper, observer, stop, failure)
+    files.close()
+    report = timed(completed(outcome.result, source.name, notices.skipped), start)
+    result = replace(outcome.result, report=report)
+    observer.mapped(result, outcome.failure)
+    release_unused_memory()
+    save(result, out, layers=layers, origins=loaded.origins)
+    result = replace(result, report=timed(report, start))
+    save_report(result.report, out)
+    observer.saved(result, outcome.failure)
+    _raise_if_incomplete(replace(outcome, result=result), source.name, out)
+    return result
+
+
+class _Files:
+    """The files that are written while mapping.
+
+    Parameters
+    ----------
+    mapper : whose map is saved.
+    out : folder of the map file.
+    notices : of failures to write.
+    poses : stream for poses, or None.
+    """
+
+    def __init__(self, mapper: Mapper, out: Path, notices: Notices, poses: BinaryIO | None) -> None:
+        self._autosave = Autosave(mapper, out, notices)
+        self._poses = None if poses is None else PoseWriter(poses, notices)
+
+    def after_scan(self, scan: AddedScan) -> None:
+        """Write the pose of a scan, and the map if it is time to."""
+        if self._poses is not None:
+            self._poses.put(scan.stamp, scan.tf_local_tracking, scan.tf_map_tracking, scan.latency)
+        self._autosave.after_scan()
+
+    def close(self) -> None:
+        """Wait until all is written; only after the mapper was closed."""
+        self._autosave.close()
+        if self._poses is not None:
+            self._poses.close()
+
+
+def _session(
+    source: Source,
+    mapper: Mapper,
+    notices: Notices,
+    options: LiveOptions,
+    files: _Files,
+    observer: LiveObserver,
+) -> LiveSession:
+    def after_scan(scan: AddedScan) -> None:
+        files.after_scan(scan)
+        observer.changed(mapper)
+
+    return LiveSession(
+        source,
+        mapper,
+        Inbox(waits=options.waits),
+        Sequencer(notices, options.max_delay, options.laser_pose),
+        notices,
+        after_scan=after_scan,
+        idle=lambda: observer.changed(mapper),
+        end_after=options.end_after,
+    )
+
+
+def _map_until_end(session: LiveSession, mapper: Mapper, stop: StopRequest) -> Exception | None:
+    """Run the session; return its failure if there is a map to be saved nevertheless."""
+    try:
+        session.run(lambda: stop.made)
+    except KeyboardInterrupt:
+        stop.made = True
+    except Exception as failure:
+        if mapper.num_scans == 0:
+            raise
+        return failure
+    return None
+
+
+def _finish(
+    mapper: Mapper, observer: LiveObserver, stop: StopRequest, failure: Exception | None
+) -> Outcome:
+    """Do the last pass, unless the session failed."""
+    stop.made = False  # the request that ended the session; another one skips the last pass
+    if failure is None:
+        return finish(mapper, observer, stop)
+    mapper.close()
+    return Outcome(mapper.result(), failure, is_complete=False)
+
+
+def _raise_if_incomplete(outcome: Outcome, name: str, out: Path) -> None:
+    """Raise the error of a session whose map is not complete."""
+    if outcome.failure is not None:
+        raise outcome.failure
+    if not outcome.is_complete:
+        raise Interrupted(f"the last loops were not closed; the map so far is in {out}")
+    if outcome.result.report.nodes == 0:
+        raise InputError(
+            f"{name}: no scan with enough returns to be mapped has arrived, the map in {out} is "
+            "empty; docs/live.md describes what to send"
+        )

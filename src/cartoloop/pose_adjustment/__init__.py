@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sparse pose adjustment (section V-A, eq. SPA): a library of its own, see the README beside this.
+
+problem = Problem(submap_poses, node_poses, constraints, control_points(...))
+result = solve(plan(problem), [GroupLoss(), GroupLoss(Loss.HUBER)])
+"""
+
+from cartoloop.kernels.pose_adjustment.losses import Loss
+from cartoloop.kernels.pose_adjustment.residuals import Residuals
+from cartoloop.pose_adjustment.linearise import Linearised, Step, cost_at, linearise
+from cartoloop.pose_adjustment.losses import GroupLoss, kernel_losses, loss_weights, scale_of
+from cartoloop.pose_adjustment.plan import Plan, Planner, plan
+from cartoloop.pose_adjustment.problem import (
+    Constraints,
+    ControlPoints,
+    Problem,
+    control_points,
+    held_vertices,
+    residuals,
+)
+from cartoloop.pose_adjustment.solve import Result, solve
+
+__all__ = [
+    "Constraints",
+    "ControlPoints",
+    "GroupLoss",
+    "Linearised",
+    "Loss",
+    "Plan",
+    "Planner",
+    "Problem",
+    "Residuals",
+    "Result",
+    "Step",
+    "control_points",
+    "cost_at",
+    "held_vertices",
+    "kernel_losses",
+    "linearise",
+    "loss_weights",
+    "plan",
+    "residuals",
+    "scale_of",
+    "solve",
+]
