@@ -51,9 +51,9 @@ def ring_drive():
 
 
 @pytest.fixture(scope="session")
-def ring_events(ring_drive, shared_files):
+def ring_events(ring_drive):
     """The events of :func:`ring_drive`, a list."""
-    return shared_files.value("ring_events", lambda: list(ring_drive.events()))
+    return list(ring_drive.events())
 
 
 @pytest.fixture(scope="session")
@@ -63,9 +63,9 @@ def ring_log(ring_drive, shared_files):
 
 
 @pytest.fixture(scope="session")
-def ring_result(ring_events, shared_files):
+def ring_result(ring_events):
     """The finished map of :func:`ring_drive`."""
-    return shared_files.value("ring_result", lambda: mapped(ring_events))
+    return mapped(ring_events)
 
 
 @pytest.fixture(scope="session")
@@ -75,6 +75,6 @@ def two_rounds():
 
 
 @pytest.fixture(scope="session")
-def two_rounds_result(two_rounds, shared_files):
+def two_rounds_result(two_rounds):
     """The finished map of :func:`two_rounds`."""
-    return shared_files.value("two_rounds_result", lambda: mapped(two_rounds.events()))
+    return mapped(two_rounds.events())

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import pickle
 from contextlib import contextmanager
 
 try:
@@ -35,11 +34,6 @@ class SharedFiles:
                 make(path)
                 done.touch()
         return path
-
-    def value(self, name, make):
-        """Return what ``make()`` returns, by way of a file: every caller has a copy of its own."""
-        path = self.path(f"{name}.pickle", lambda path: path.write_bytes(pickle.dumps(make())))
-        return pickle.loads(path.read_bytes())
 
     @contextmanager
     def _lock(self, name):

@@ -10,6 +10,7 @@ import pytest
 from bench.browser import NoBrowserError, browser
 from cartoloop import Config
 from cartoloop.map_file.load import load_map
+from cartoloop.simulation import ring, simulate
 from cartoloop.viewer.view import LiveView, serve_result
 from tests.limits import LIMIT_S
 
@@ -49,15 +50,15 @@ def server(result):
 
 
 @pytest.fixture(scope="session")
-def events(ring_events):
-    """Once around a ring and a little further: a loop closes."""
-    return ring_events
+def events():
+    """Once around a ring and 10 m more: a loop closes, and the map moves visibly."""
+    return list(simulate(ring(), seed=1, duration=150.0).events())
 
 
 @pytest.fixture
 def view():
     """Shows the ring while it is mapped."""
-    view = LiveView("ring", Config(), scans_total=626, duration_s=125.0, port=0)
+    view = LiveView("ring", Config(), scans_total=750, duration_s=150.0, port=0)
     yield view
     view.close()
     assert view.failure is None
