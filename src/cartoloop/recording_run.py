@@ -24,10 +24,10 @@ from cartoloop.stop_request import StopRequest
 
 if TYPE_CHECKING:
     from cartoloop.map_output.picture import Layer
-    from cartoloop.map_output.report import Report
-    from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
     from cartoloop.readers import Log, ReadOptions
+    from cartoloop.report import Report
+    from cartoloop.result import Result
     from cartoloop.sensor.events import SensorEvent
 
 
@@ -212,7 +212,7 @@ def completed(
 
 def timed(report: Report, start: float) -> Report:
     """Return the report with the time and memory that the run took since `start` [s]."""
-    from cartoloop.map_output.report import peak_memory_mb
+    from cartoloop.runtime.process_memory import peak_memory_mb
 
     wall_s = time.perf_counter() - start
     return replace(

@@ -18,7 +18,7 @@ from cartoloop.evaluation.closures import (
 )
 from cartoloop.evaluation.finished_run import Stage, read_run
 from cartoloop.evaluation.trajectories import Trajectory
-from cartoloop.map_output.report import summarize_constraints
+from cartoloop.report import summarize_constraints
 from cartoloop.sensor.pose import compose_all
 from tests.evaluation.hand_made_run import (
     NODE_POSES,

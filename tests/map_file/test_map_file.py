@@ -13,11 +13,11 @@ import pytest
 from cartoloop.config_file import load_config
 from cartoloop.errors import InputError
 from cartoloop.global_slam.closures import Reason, Status
-from cartoloop.map_file.load import load_map
 from cartoloop.map_file.save import map_bytes
 from cartoloop.map_file.schema import FILE_NAME
-from cartoloop.map_output.report import InputSummary
 from cartoloop.map_output.save import save
+from cartoloop.report import InputSummary
+from cartoloop.result import load_map
 from tests.global_slam.closures import (
     INFORMATION,
     add_to_graph,

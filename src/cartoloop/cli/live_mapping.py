@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
     from cartoloop.live.source import Source
     from cartoloop.map_output.picture import Layer
-    from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
+    from cartoloop.result import Result
     from cartoloop.viewer.view import LiveView
 
 

@@ -114,7 +114,7 @@ class ViewCommandOptions:
 
 def view_command(options: ViewCommandOptions) -> None:
     """Show a finished map in a browser."""
-    from cartoloop.map_file.load import load_map
+    from cartoloop.result import load_map
     from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT
     from cartoloop.viewer.view import serve_result
 

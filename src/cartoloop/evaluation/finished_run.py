@@ -15,8 +15,7 @@ from cartoloop.errors import InputError
 from cartoloop.global_slam.closure_residuals import residuals, weights
 from cartoloop.global_slam.closures import Matched, Status
 from cartoloop.global_slam.pose_graph import ConstraintKind
-from cartoloop.map_file.load import load_map
-from cartoloop.map_output.result import Result
+from cartoloop.result import Result, load_map
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -18,7 +18,7 @@ from cartoloop.global_slam.pose_graph import (
     TRUE_TRANSLATION_M,
     ConstraintKind,
 )
-from cartoloop.map_output.result import Result
+from cartoloop.map_data import MapData
 
 NEAR_M = 1.0
 """Nodes this close to a position are considered by :func:`explain_near` [m]."""
@@ -66,7 +66,7 @@ class Explainer:
     result : the map.
     """
 
-    def __init__(self, result: Result) -> None:
+    def __init__(self, result: MapData) -> None:
         self._result = result
         self._closures = result.closures
         self._selection: PairSelection | None = None
@@ -300,7 +300,7 @@ class Explainer:
         return self._selection.verdict(self._result.graph, submap, node)
 
 
-def selection_of(result: Result) -> PairSelection:
+def selection_of(result: MapData) -> PairSelection:
     """Return the choice of pairs as it is after all nodes and closures of a map."""
     graph = result.graph
     selection = PairSelection(result.config.global_slam.constraint_search)

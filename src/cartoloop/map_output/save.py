@@ -27,14 +27,14 @@ from cartoloop.map_output.text_files import g2o_text, tum_text
 from cartoloop.map_output.unfinished_file import unfinished_file
 
 if TYPE_CHECKING:
-    from cartoloop.map_output.report import Report
-    from cartoloop.map_output.result import Result
+    from cartoloop.map_data import MapData
+    from cartoloop.report import Report
 
 FloatArray = NDArray[np.float64]
 
 
 def save(
-    result: Result,
+    result: MapData,
     out: str | PathLike[str],
     *,
     layers: Collection[Layer] = DEFAULT_LAYERS,
@@ -120,7 +120,7 @@ def write_file(path: Path, content: str | bytes) -> None:
         unfinished.write_bytes(data)
 
 
-def _png_bytes(result: Result, picture: MapPicture, layers: Collection[Layer]) -> bytes:
+def _png_bytes(result: MapData, picture: MapPicture, layers: Collection[Layer]) -> bytes:
     picture.draw(
         trajectory=result.trajectory if "trajectory" in layers else None,
         closures=_closure_ends(result.graph) if "closures" in layers else None,

@@ -23,8 +23,8 @@ from cartoloop.viewer.protocol import REJECTED, ConstraintRows
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.global_slam import AdjustmentRun
-    from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
+    from cartoloop.result import Result
     from cartoloop.scan_matching.least_squares import LeastSquaresMatch
     from cartoloop.submaps.finished_grid import FinishedGrid
 

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-import cartoloop
 from cartoloop.config import SubmapConfig
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.map_output.occupancy_map import MAX_LOG_ODDS, cell_log_odds
 from cartoloop.map_output.picture import palette
+from cartoloop.version import __version__
 from cartoloop.viewer import protocol
 from cartoloop.viewer.closure_details import closure_details
 from cartoloop.viewer.feed import Update
@@ -258,7 +258,7 @@ def _hello_content(name: str, config: SubmapConfig, log_odds: list[float]) -> di
     """Return the content of HELLO but for the mode."""
     return {
         "protocol": protocol.PROTOCOL_VERSION,
-        "program": f"cartoloop {cartoloop.__version__}",
+        "program": f"cartoloop {__version__}",
         "session": secrets.token_hex(8),
         "name": name,
         "mode": "",

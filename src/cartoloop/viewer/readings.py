@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cartoloop.local_slam.scan_matcher import degenerate_direction
-from cartoloop.map_output.report import peak_memory_mb
+from cartoloop.runtime.process_memory import peak_memory_mb
 from cartoloop.sensor.pose import FloatArray, wrap_angle
 from cartoloop.viewer.feed import Update
 

@@ -14,8 +14,8 @@ from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT, ViewServer
 
 if TYPE_CHECKING:
     from cartoloop.config import Config
-    from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
+    from cartoloop.result import Result
     from cartoloop.sensor.events import SensorEvent
 
 

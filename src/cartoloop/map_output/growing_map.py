@@ -13,10 +13,10 @@ from cartoloop.map_file.save import fill
 from cartoloop.map_output.unfinished_file import unfinished_file
 
 if TYPE_CHECKING:
-    from cartoloop.map_output.result import Result
+    from cartoloop.map_data import MapData
 
 
-def save_growing_map(result: Result, path: Path) -> None:
+def save_growing_map(result: MapData, path: Path) -> None:
     """Write a map database; the file is there whole, or as it was before.
 
     Other threads go on meanwhile: the database is made on the disk, row by row, so that no large
