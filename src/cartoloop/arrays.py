@@ -14,3 +14,9 @@ ByteArray = NDArray[np.uint8]
 
 CellArray = NDArray[np.int32]
 """Indices of grid cells."""
+
+RowArray = NDArray[np.int32]
+"""Row numbers, and indices of nodes and submaps, in the record of closures."""
+
+CodeArray = NDArray[np.int8]
+"""Values of an enumeration with few members."""

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.global_slam.closure_residuals import precision, residuals
-from cartoloop.global_slam.closures import Closures, Status
+from cartoloop.global_slam.closure_status import Status
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_adjustment import constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.runtime.stage_timer import StageSummary

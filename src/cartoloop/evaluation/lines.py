@@ -9,14 +9,13 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import ConfigError, InputError
 from cartoloop.evaluation.map_image import MapImage
 from cartoloop.evaluation.text_table import read_table
 from cartoloop.evaluation.wall_search import wall_distance
 
-FloatArray = NDArray[np.float64]
 Point = tuple[float, float]
 
 DEFAULT_SEARCH_M = 0.5

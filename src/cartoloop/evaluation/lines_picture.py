@@ -8,16 +8,15 @@ import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from cartoloop.arrays import FloatArray
 from cartoloop.evaluation.lines import LineError, LinesError
 from cartoloop.evaluation.map_image import MapImage
 from cartoloop.evaluation.plot_style import format_by_suffix
 from cartoloop.map_output.picture import BACKGROUND, CLOSURE_COLOUR, TRAJECTORY_COLOUR
 from cartoloop.map_output.save import write_file
 
-FloatArray = NDArray[np.float64]
 Colour = tuple[int, int, int]
 
 _FLOOR: Colour = (255, 255, 255)

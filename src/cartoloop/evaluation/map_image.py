@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import InputError
 from cartoloop.evaluation.text_table import read_text_lines
 from cartoloop.sensor.pose import Pose, inverse, transform_points
-
-FloatArray = NDArray[np.float64]
 
 UNKNOWN = np.float32(-1.0)
 """Stands for the occupancy of pixels that are declared to hold no value."""

@@ -9,13 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config import ConstraintSearchConfig
-from cartoloop.global_slam.closures import Requests, SearchMatches
+from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.finished_submap import FinishedSubmap
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.least_squares import LeastSquaresMatches, SmoothMap
 from cartoloop.scan_matching.match_information import match_informations
-from cartoloop.sensor.pose import FloatArray, wrap_angles
+from cartoloop.sensor.pose import wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
 
 

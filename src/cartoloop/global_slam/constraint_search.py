@@ -10,18 +10,19 @@ from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import RowArray
 from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.closure_search import NO_MATCHES, SearchOutcome, search
-from cartoloop.global_slam.closures import Closures, Reason, Requests, SearchMatches
+from cartoloop.global_slam.closure_status import Reason
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.finished_submap import FinishedSubmap
 from cartoloop.global_slam.node_points import NodePoints
 from cartoloop.growing_array import GrowingArray
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
-RowArray = NDArray[np.int32]
 
 MAX_THREADS = 4
 """Upper limit of the number of search threads chosen by default: more have nothing to do."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from threading import Lock
 
+from cartoloop.arrays import FloatArray
 from cartoloop.kernels.sum_at_points import sum_at_points
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.least_squares import SmoothMap
-from cartoloop.sensor.pose import FloatArray
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid, mean_probability
 

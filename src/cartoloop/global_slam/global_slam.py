@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
-from cartoloop.global_slam.closures import Closures, FinalMatches, Reason, Requests
+from cartoloop.global_slam.closure_matches import FinalMatches, Requests
+from cartoloop.global_slam.closure_status import Reason
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
 from cartoloop.global_slam.node_points import NodePoints

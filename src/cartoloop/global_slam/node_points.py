@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.growing_array import GrowingArray
-from cartoloop.sensor.pose import FloatArray
 from cartoloop.sensor.scan_points import ScanPoints
 
 

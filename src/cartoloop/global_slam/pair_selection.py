@@ -22,8 +22,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import ConstraintSearchConfig
-from cartoloop.global_slam.closures import Closures, Requests
+from cartoloop.global_slam.closure_matches import Requests
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.growing_array import GrowingArray
 from cartoloop.kernels.due_pairs import (
@@ -36,9 +38,6 @@ from cartoloop.kernels.due_pairs import (
 )
 from cartoloop.kernels.shortest_paths import shortest_paths
 from cartoloop.submaps.node import Node
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _NOTHING: FloatArray = np.empty(0)
 

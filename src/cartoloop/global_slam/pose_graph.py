@@ -16,11 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.growing_array import GrowingArray
 from cartoloop.kernels import constraint_faults as faults
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _ASYMMETRY = 1e-9  # what rounding leaves between two halves of one information matrix
 

@@ -13,15 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.closure_matches import FinalMatches, Matched
 from cartoloop.global_slam.closure_search import refine_all
-from cartoloop.global_slam.closures import FinalMatches, Matched, Reason
+from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.finished_submap import FinishedSubmap
 from cartoloop.scan_matching.match_information import match_informations
-from cartoloop.sensor.pose import FloatArray, relative_all
+from cartoloop.sensor.pose import relative_all
 from cartoloop.sensor.scan_points import ScanPoints
-
-IntArray = NDArray[np.int64]
 
 
 class FinalLimits(NamedTuple):

@@ -8,7 +8,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.sensor.pose import FloatArray, compose_all, relative_all, wrap_angles
+from cartoloop.arrays import FloatArray
+from cartoloop.sensor.pose import compose_all, relative_all, wrap_angles
 
 STRIDE_M = 0.1
 """A robot's way is measured from one place to the next that is so far away."""

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.errors import InputError
 from cartoloop.global_slam.closures import Closures
@@ -32,7 +33,6 @@ from cartoloop.map_file.tables import numbers_of
 from cartoloop.report import ConstraintSummary, InputSummary, Report
 from cartoloop.submaps.finished_grid import FinishedGrid
 
-FloatArray = NDArray[np.float64]
 Row = tuple[Any, ...]
 
 _MAX_UNIT = 1e300  # of points [m]: times 2^15 still a number

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.global_slam.closures import UPPER, Reason, Status
+from cartoloop.arrays import FloatArray
+from cartoloop.global_slam.closure_matches import UPPER
+from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.map_file.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES
 from cartoloop.version import __version__
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
     from cartoloop.report import Report
     from cartoloop.submaps.finished_grid import FinishedGrid
 
-FloatArray = NDArray[np.float64]
 Row = tuple[Any, ...]
 
 POINT_UNIT = 0.001

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.global_slam.closure_residuals import residuals, weights
-from cartoloop.global_slam.closures import Closures, Reason, Status
+from cartoloop.global_slam.closure_status import Reason, Status
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.kernels.csv_rows import MAX_DIGITS, write_rows
 from cartoloop.map_output.text_files import format_stamp
@@ -21,7 +23,6 @@ from cartoloop.map_output.text_files import format_stamp
 if TYPE_CHECKING:
     from cartoloop.map_data import MapData
 
-FloatArray = NDArray[np.float64]
 
 NODE_COLUMNS = ("node", "stamp", "submaps")
 """Index of the node, stamp of its scan [s], indices of its submaps separated by blanks."""

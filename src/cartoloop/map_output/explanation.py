@@ -11,7 +11,7 @@ import numpy as np
 
 from cartoloop.errors import InputError
 from cartoloop.global_slam.closure_residuals import residuals, weights
-from cartoloop.global_slam.closures import Reason, Status
+from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.pair_selection import PairSelection, PairVerdict
 from cartoloop.global_slam.pose_graph import (
     TRUE_ROTATION_RAD,

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config_file import MACHINE_PARAMETERS, config_hash, config_toml
 from cartoloop.errors import OutputError
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
@@ -29,8 +29,6 @@ from cartoloop.map_output.unfinished_file import unfinished_file
 if TYPE_CHECKING:
     from cartoloop.map_data import MapData
     from cartoloop.report import Report
-
-FloatArray = NDArray[np.float64]
 
 
 def save(

@@ -16,9 +16,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.global_slam.closures import Closures, Status
+from cartoloop.arrays import FloatArray
+from cartoloop.global_slam.closure_status import Status
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose
+from cartoloop.sensor.pose import IDENTITY, Pose
 from cartoloop.viewer.protocol import REJECTED, ConstraintRows
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cartoloop.sensor.pose import FloatArray
+from cartoloop.arrays import FloatArray
 from cartoloop.viewer.protocol import (
     ConstraintRows,
     MessageType,
