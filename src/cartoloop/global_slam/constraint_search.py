@@ -14,12 +14,11 @@ import numpy as np
 from cartoloop.arrays import RowArray
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
-from cartoloop.global_slam.closure_search import NO_MATCHES, SearchOutcome, search
+from cartoloop.global_slam.closure_search import NO_MATCHES, FinishedSubmap, SearchOutcome, search
 from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.closures import Closures
-from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.node_points import NodePoints
 from cartoloop.growing_array import GrowingArray
+from cartoloop.sensor.scan_points import NodePoints
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
