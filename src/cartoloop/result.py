@@ -69,6 +69,6 @@ def load_map(path: str | PathLike[str]) -> Result:
     InputError
         It is not there, is no map database, is damaged, or was written by a newer program.
     """
-    from cartoloop.map_file.load import read_map
+    from cartoloop.map_file.read import read_map
 
     return Result(**vars(read_map(path)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.errors import InputError
-from cartoloop.evaluation.closures import (
+from cartoloop.evaluation.closure_scores import (
     Recall,
     evaluate_closures,
     recall,

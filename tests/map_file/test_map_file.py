@@ -13,8 +13,8 @@ import pytest
 from cartoloop.config_file import load_config
 from cartoloop.errors import InputError
 from cartoloop.global_slam.closure_status import Reason, Status
-from cartoloop.map_file.save import map_bytes
 from cartoloop.map_file.schema import FILE_NAME
+from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.save import save
 from cartoloop.report import InputSummary
 from cartoloop.result import load_map

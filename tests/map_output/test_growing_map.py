@@ -12,8 +12,8 @@ import pytest
 
 from cartoloop.config import Config
 from cartoloop.errors import OutputError
-from cartoloop.map_file.save import map_bytes
 from cartoloop.map_file.schema import FILE_NAME
+from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.growing_map import save_growing_map
 from tests.map_output.small_result import small_result
 

@@ -47,7 +47,7 @@ class Lines:
 
 
 @dataclass(frozen=True)
-class LineError:
+class MeasuredLine:
     """One line of table I.
 
     Attributes
@@ -98,7 +98,7 @@ class LinesError:
     search : how far from the given ends walls were looked for [m].
     """
 
-    lines: tuple[LineError, ...]
+    lines: tuple[MeasuredLine, ...]
     resolution: float
     search: float
 
@@ -218,7 +218,7 @@ def _extent(map_image: MapImage) -> str:
 
 def _measure_line(
     map_image: MapImage, place: str, ends: FloatArray, tape: float, search: float
-) -> LineError:
+) -> MeasuredLine:
     middle = (ends[:2] + ends[2:]) / 2.0
     half = float(np.hypot(*(ends[2:] - ends[:2]))) / 2.0
     walls: list[Point | None] = []
@@ -228,7 +228,7 @@ def _measure_line(
         wall = None if distance is None else (middle + distance * along).tolist()
         walls.append(None if wall is None else (wall[0], wall[1]))
     x1, y1, x2, y2 = ends.tolist()
-    return LineError(
+    return MeasuredLine(
         place=place,
         given=(x1, y1, x2, y2),
         tape=None if math.isnan(tape) else tape,

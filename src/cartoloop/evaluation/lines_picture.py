@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from cartoloop.arrays import FloatArray
-from cartoloop.evaluation.lines import LineError, LinesError
+from cartoloop.evaluation.lines import LinesError, MeasuredLine
 from cartoloop.evaluation.map_image import MapImage
 from cartoloop.evaluation.plot_style import format_by_suffix
 from cartoloop.map_output.picture import BACKGROUND, CLOSURE_COLOUR, TRAJECTORY_COLOUR
@@ -87,17 +87,17 @@ def _enlarged(picture: Image.Image) -> tuple[Image.Image, float]:
     return picture.reduce(divisor), 1.0 / divisor
 
 
-def _colour(line: LineError) -> Colour:
+def _colour(line: MeasuredLine) -> Colour:
     return TRAJECTORY_COLOUR if None not in line.walls else CLOSURE_COLOUR
 
 
-def _drawn_ends(line: LineError) -> FloatArray:
+def _drawn_ends(line: MeasuredLine) -> FloatArray:
     """Return where a line is drawn from and to, shape (2, 2) [m]: the walls, else as given."""
     given = (line.given[:2], line.given[2:])
     return np.array([wall or end for wall, end in zip(line.walls, given, strict=True)])
 
 
-def _draw_line(draw: ImageDraw.ImageDraw, ends: FloatArray, line: LineError) -> None:
+def _draw_line(draw: ImageDraw.ImageDraw, ends: FloatArray, line: MeasuredLine) -> None:
     """Draw a line between its ends, shape (2, 2) [px]: a bar at each wall, a cross for none."""
     (x1, y1), (x2, y2) = ends.tolist()
     colour = _colour(line)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cartoloop.errors import OutputError
-from cartoloop.map_file.save import fill
+from cartoloop.map_file.write import fill
 from cartoloop.map_output.unfinished_file import unfinished_file
 
 if TYPE_CHECKING:

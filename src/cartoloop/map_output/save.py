@@ -18,7 +18,7 @@ from cartoloop.config_file import MACHINE_PARAMETERS, config_hash, config_toml
 from cartoloop.errors import OutputError
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.map_file import schema as map_file
-from cartoloop.map_file.save import map_bytes
+from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
 from cartoloop.map_output.map_files import pgm_bytes, yaml_text
 from cartoloop.map_output.occupancy_map import compose_map

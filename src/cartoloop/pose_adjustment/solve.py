@@ -46,7 +46,7 @@ _MAX_ROUNDS = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class Solution:
     """What an adjustment did.
 
     Attributes
@@ -75,7 +75,7 @@ def solve(
     *,
     max_iterations: int = 50,
     relative_tolerance: float = 1e-6,
-) -> Result:
+) -> Solution:
     """Return the poses at which the constraints of a problem agree best.
 
     Parameters
@@ -110,7 +110,7 @@ def solve(
     poses = run.poses
     poses[:, 2] = wrap_angles(poses[:, 2])
     weights, num_constraints = plan.weights(), problem.constraints.groups.size
-    return Result(
+    return Solution(
         poses[: problem.num_submaps],
         poses[problem.num_submaps : problem.map_frame],
         run.cost,

@@ -21,7 +21,7 @@ from cartoloop.viewer import protocol
 from cartoloop.viewer.closure_details import closure_details
 from cartoloop.viewer.feed import Update
 from cartoloop.viewer.parts import (
-    Constraints,
+    ConstraintTable,
     Latest,
     Part,
     Table,
@@ -75,7 +75,7 @@ class LiveState:
         self._poses = Table(MessageType.SUBMAP_POSES, np.zeros((0, 3)), sent_whole=True)
         self._nodes = Table(MessageType.NODES, np.zeros((0, 3)))
         self._times = Table(MessageType.NODE_TIMES, np.zeros(0))
-        self._constraints = Constraints()
+        self._constraints = ConstraintTable()
         self._latest = {kind: Latest() for kind in _LATEST}
         self.parts: dict[Key, Part] = {
             key_of(MessageType.SUBMAP_POSES): self._poses,

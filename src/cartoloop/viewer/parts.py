@@ -124,7 +124,7 @@ class Table(_Rows):
         )
 
 
-class Constraints(_Rows):
+class ConstraintTable(_Rows):
     """The constraints between submaps and nodes."""
 
     def __init__(self) -> None:
