@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the files of a result into a folder; each is there whole or not at all."""
+"""Writes the files of a map into a folder, each completely or not at all."""
 
 from __future__ import annotations
 
@@ -38,18 +38,19 @@ def save(
     layers: Collection[Layer] = DEFAULT_LAYERS,
     origins: Mapping[str, str] | None = None,
 ) -> None:
-    """Write all files of a result into the folder `out`, which is made if need be.
+    """Write all files of a map into the folder `out`, creating it if necessary.
 
     ``map.pgm``, ``map.yaml``, ``map.png``, ``trajectory.tum``, ``local_trajectory.tum``,
     ``graph.g2o``, ``nodes.csv``, ``closures.csv``, ``map.cartoloop``, ``config.toml`` and
-    ``report.json``. The same result yields the same bytes; times stand in the report alone.
+    ``report.json``. The same map yields the same bytes, except in ``report.json``, which
+    contains run times.
 
     Parameters
     ----------
-    result : what to write.
+    result : the map.
     out : the folder.
-    layers : what is drawn over ``map.png``.
-    origins : by key, who gave a value of the configuration.
+    layers : drawn over the map in ``map.png``.
+    origins : by key of the configuration, where its value comes from.
 
     Raises
     ------
@@ -64,7 +65,7 @@ def save(
     write_file(folder / "map.pgm", pgm_bytes(occupancy_map, options))
     write_file(folder / "map.yaml", yaml_text(occupancy_map, options, "map.pgm"))
     picture = MapPicture(occupancy_map)
-    del occupancy_map  # the largest of all, and what follows is not small either
+    del occupancy_map  # free the largest array before the others are made
     write_file(folder / "map.png", _png_bytes(result, picture, layers))
     del picture
     write_file(folder / "trajectory.tum", tum_text(result.stamps, result.trajectory))
@@ -80,17 +81,17 @@ def save(
 
 
 def save_report(report: Report, out: str | PathLike[str]) -> None:
-    """Write ``report.json`` into the folder `out`, in place of one that is there."""
+    """Write ``report.json`` into the folder `out`, replacing an existing one."""
     write_file(Path(out) / "report.json", report.to_json())
 
 
 def prepare_folder(out: str | PathLike[str]) -> Path:
-    """Make the folder `out` if need be, and make sure that files can be written into it.
+    """Create the folder `out` if necessary, and check that it is writable.
 
     Raises
     ------
     OutputError
-        They cannot.
+        It is not.
     """
     folder = Path(out)
     try:
@@ -106,12 +107,12 @@ def prepare_folder(out: str | PathLike[str]) -> Path:
 
 
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a file so that its name never stands for half of its content.
+    """Write a file atomically: under a temporary name, then renamed.
 
     Raises
     ------
     OutputError
-        It cannot be written; what was there before is kept.
+        It cannot be written; an existing file is kept.
     """
     data = content if isinstance(content, bytes) else content.encode("utf-8")
     with unfinished_file(path) as unfinished:
@@ -129,7 +130,7 @@ def _png_bytes(result: MapData, picture: MapPicture, layers: Collection[Layer]) 
 
 
 def _closure_ends(graph: PoseGraph) -> FloatArray:
-    """Return where the submap and the node of each loop closure stand, shape (m, 4) [m]."""
+    """Return the positions of the submap and the node of each loop closure, shape (m, 4) [m]."""
     closures = graph.kinds == ConstraintKind.LOOP_CLOSURE
     return np.hstack(
         (

@@ -58,7 +58,7 @@ class ScanPoints(Sequence[FloatArray]):
 
 
 class NodePoints:
-    """Keeps the returns of ever more nodes; one thread adds, others may read what there is."""
+    """The returns of all nodes so far; one thread adds nodes, others may read."""
 
     def __init__(self) -> None:
         self._points = GrowingArray((2,), np.float64)
@@ -72,6 +72,6 @@ class NodePoints:
 
     @property
     def view(self) -> ScanPoints:
-        """The returns of the nodes so far; they stay as they are."""
-        bounds = self._bounds.view  # first, so that the points of these nodes are all there
+        """The returns of the nodes so far; nodes added later do not change it."""
+        bounds = self._bounds.view  # read before the points, which are appended first
         return ScanPoints(self._points.view, bounds[:-1], bounds[1:])
