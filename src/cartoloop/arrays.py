@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Types of NumPy arrays, named by what they hold; shapes and units stand where they are used."""
+"""Types of NumPy arrays, named by their content; shapes and units are given where they are used."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from cartoloop.submaps.finished_grid import FinishedGrid
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MapData:
-    """A finished map, or a growing one as it stands.
+    """A finished map, or a snapshot of a growing one.
 
     Attributes
     ----------

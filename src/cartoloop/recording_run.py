@@ -85,7 +85,7 @@ def map_recording(
     ----------
     recording : path of a recording, of its parts in order, or a log that is open.
     config : by default the defaults.
-    out : folder to save in; None: nothing is saved.
+    out : folder to save in; None: the map is not saved.
     options : how to read the recording; see `cartoloop.readers.open_log`.
     layers : drawn over the picture of the map; by default the trajectory.
     observer : is informed of the progress.
@@ -130,7 +130,7 @@ def map_recording(
         result = replace(result, report=timed(result.report, start))
         save_report(result.report, folder)
     observer.saved(result, outcome.failure)
-    # A stop during saving, too, is reported: the user does not want what comes next.
+    # A stop during saving is reported too, so that no further step follows.
     is_complete = outcome.is_complete and not stop.made
     _raise_if_incomplete(Outcome(result, outcome.failure, is_complete), log, folder)
     return result
@@ -185,7 +185,7 @@ def finish(mapper: Mapper, observer: RunObserver, stop: StopRequest) -> Outcome:
 def completed(
     result: Result, name: str, also_skipped: Mapping[str, int], problems: Sequence[str] = ()
 ) -> Report:
-    """Return the report of a result with what only its reader knows.
+    """Return the report of a result, completed by the reader's findings.
 
     Parameters
     ----------

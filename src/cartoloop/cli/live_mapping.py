@@ -80,7 +80,7 @@ class _Display(LiveObserver):
         typer.echo(line, err=True)
 
     def changed(self, mapper: Mapper) -> None:
-        """Update the view, in the thread in which the pose graph does not change meanwhile."""
+        """Update the view, in the thread that owns the pose graph."""
         view = self._view
         if view is None or self._is_due:
             return

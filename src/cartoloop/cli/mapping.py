@@ -133,7 +133,7 @@ class _Display(RunObserver):
 
 
 def show_stage(view: LiveView | None, mapper: Mapper, stage: str | None) -> None:
-    """Show in the view, if there is one, what is done after the last scan."""
+    """Show the steps after the last scan in the view, if there is one."""
     if view is None:
         return
     if stage is None:

@@ -23,7 +23,7 @@ PART_SCANS = 1500
 """Scans of the part that is matched: enough for an estimate, and matched within seconds."""
 
 MIN_SCANS = 50
-"""Scans below which nothing is estimated."""
+"""Minimum number of scans for an estimate."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,7 +52,7 @@ def draw_lines(map_image: MapImage, error: LinesError) -> Image.Image:
 
 
 def write_picture(picture: Image.Image, path: Path) -> None:
-    """Write a picture in the format that the name ends with, as a whole or not at all.
+    """Write a picture atomically, in the format of the name's suffix.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def write_picture(picture: Image.Image, path: Path) -> None:
 
 
 def _shaded(map_image: MapImage) -> Image.Image:
-    """Return the map with what it takes for free bright and for occupied dark."""
+    """Return the map with free cells bright and occupied cells dark."""
     occupancy = map_image.occupancy
     colours = np.full((*occupancy.shape, 3), BACKGROUND, dtype=np.uint8)
     colours[(occupancy >= 0.0) & (occupancy < map_image.free_thresh)] = _FLOOR

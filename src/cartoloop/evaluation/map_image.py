@@ -65,7 +65,7 @@ class MapImage:
     def sample(self, points_map: FloatArray) -> NDArray[np.float32]:
         """Return the occupancy of the pixel each point (n, 2) [m, map frame] lies in, shape (n,).
 
-        Beyond the image nothing is known: -1.
+        Pixels outside the image are unknown: -1.
         """
         rows, cols = self.occupancy.shape
         col, row = np.floor(self.to_pixels(points_map)).astype(np.int64).T

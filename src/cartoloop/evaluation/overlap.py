@@ -27,7 +27,7 @@ MIN_SHARE = 0.6
 """Share of a scan's points that must agree with a submap for the scan to show it, by default."""
 
 MAX_SAMPLE = 100
-"""Points of a scan that are asked."""
+"""Number of points of a scan that are compared."""
 
 MAX_EXTENT_M = 2000.0
 """No submap reaches so far."""

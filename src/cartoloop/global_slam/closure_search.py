@@ -26,12 +26,12 @@ SEARCH_BYTES_A_PIXEL = 16
 
 
 class FinishedSubmap:
-    """The grid of a finished submap; its precomputed grids come when needed and go when not.
+    """The grid of a finished submap; its precomputed grids are made when they are needed.
 
     Attributes
     ----------
     index : its index in the pose graph.
-    grid : what is known of it.
+    grid : its cells.
     own_score : mean probability that the scans it is made of find in it, in [0, 1]: where scans
         are sparse or noisy, not even they fit well.
     matcher : branch and bound in it.
@@ -47,7 +47,7 @@ class FinishedSubmap:
 
     @property
     def smooth_map(self) -> SmoothMap:
-        """The grid as the least-squares matcher wants it, made at the first use."""
+        """The grid for the least-squares matcher, made at the first use."""
         with self._lock:
             if self._smooth_map is None:
                 grid = self.grid

@@ -38,7 +38,7 @@ class Status(IntEnum):
 
     @property
     def text(self) -> str:
-        """The name as it stands in files: lower case with underscores."""
+        """The name in files: lower case with underscores."""
         return self.name.lower()
 
 
@@ -46,7 +46,7 @@ class Reason(IntEnum):
     """Why a pair has its status. The numbers are part of the file format: append only."""
 
     NONE = 0
-    """The status says all."""
+    """No further reason."""
     BACKLOG_FULL = 1
     """DROPPED: more searches were waiting than the limit."""
     ENOUGH_CLOSURES = 2
@@ -78,7 +78,7 @@ class Reason(IntEnum):
 
     @property
     def text(self) -> str:
-        """The name as it stands in files; empty for NONE."""
+        """The name in files; empty for NONE."""
         return self.name.lower() if self else ""
 
 

@@ -24,7 +24,7 @@ Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
 MAX_THREADS = 4
-"""Upper limit of the number of search threads chosen by default: more have nothing to do."""
+"""Upper limit of the number of search threads chosen by default: more would be idle."""
 
 PRECOMPUTED_BYTES = 32 * 2**20
 """Size of the cache of precomputed grids [bytes]."""
@@ -37,7 +37,7 @@ class ConstraintSearch:
 
     Parameters
     ----------
-    config : what is accepted.
+    config : windows and thresholds.
     closures : the record; requests are read from it, and what became of them is noted in it.
     submaps : the finished submaps by their index; the owner adds to it.
     node_points : the returns of the nodes, likewise.
@@ -93,7 +93,7 @@ class ConstraintSearch:
         self._waiting.extend(rows)
 
     def start(self, *, may_defer: bool = False) -> None:
-        """Hand what was submitted to the threads; returns at once.
+        """Pass the submitted requests to the threads; returns immediately.
 
         Requests in the same submap go together, so that its grids are precomputed once.
 

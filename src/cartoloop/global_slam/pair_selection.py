@@ -122,7 +122,7 @@ class PairSelection:
         self._num_found.update(zip(submaps.tolist(), node_submaps.tolist(), strict=True))
 
     def note_requested(self, closures: Closures) -> None:
-        """Note what was requested and found, as it stands in a record."""
+        """Note the requests and found closures of a record."""
         found, config = closures.found, self._config
         self.note_found(found.submap, found.node)
         drift = closures.linear_window - config.min_linear_search_window

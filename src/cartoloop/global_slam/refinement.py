@@ -211,14 +211,14 @@ class LastPass:
         self._node_points = node_points
 
     def run(self, closures: Closures, search: ConstraintSearch) -> None:
-        """Match again, note in the record what was found, and replace the loop closures."""
+        """Match again, record the matches, and replace the loop closures."""
         config, graph = self._config, self._graph
         numbers = range(len(self._submaps))
         overlapping = list(search.map(self._overlapping, numbers))
         nodes = in_nearest_submaps(
             overlapping, graph.submap_poses, graph.node_poses, config.final_max_submaps_of_node
         )
-        # All matches first: a run that is stopped meanwhile keeps what was found before.
+        # All matches first: a run that is stopped meanwhile keeps the closures of the searches.
         passes = list(search.map(lambda index: self._match(index, nodes[index]), numbers))
         not_matched = why_not_matched(
             closures.found, overlapping, nodes, config.final_every_nth_node

@@ -22,7 +22,7 @@ MAX_SHARE = 0.015
 
 
 class Autosave:
-    """Writes ``map.cartoloop`` periodically, each time as a whole; in a thread of its own.
+    """Writes ``map.cartoloop`` periodically, in a background thread.
 
     Parameters
     ----------

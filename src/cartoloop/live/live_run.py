@@ -175,7 +175,7 @@ def _session(
 
 
 def _map_until_end(session: LiveSession, mapper: Mapper, stop: StopRequest) -> Exception | None:
-    """Run the session; return its failure if there is a map to be saved nevertheless."""
+    """Run the session; return its failure if there is still a map to save."""
     try:
         session.run(lambda: stop.made)
     except KeyboardInterrupt:

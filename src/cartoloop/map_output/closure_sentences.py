@@ -23,7 +23,7 @@ class Sentences:
         self._closures = closures
 
     def of_request(self, row: int, values: dict[str, float]) -> list[str]:
-        """Return what was requested, of a row of the requests."""
+        """Return the sentences about the request of a row, which must be a request."""
         record = self._closures
         config = self._config.constraint_search
         x, y, theta = record.predicted[row].tolist()
@@ -39,7 +39,7 @@ class Sentences:
         ]
 
     def after_request(self, row: int, values: dict[str, float]) -> list[str]:
-        """Return what became of a row: the search, the last pass and the final residual."""
+        """Return the sentences about search, last pass and final residual of a row."""
         return [
             *self._search_sentences(row, values),
             *self._last_pass_sentences(row, values),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Why a pair of submap and node is a loop closure, or is not, in plain sentences."""
+"""Explains in sentences why a pair of submap and node is a loop closure, or why not."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NEAR_M = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """What is known of one pair.
+    """The explanation of one pair.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Explanation:
     status, reason : words of :class:`Status` and :class:`Reason`; for a pair without a row
         "not_requested" and why, in words.
     values : numbers behind the sentences, by the names of the columns of ``closures.csv``.
-    sentences : what happened, in order.
+    sentences : what happened to it, in order.
     """
 
     submap: int
@@ -205,7 +205,7 @@ class Explainer:
 
 
 def selection_of(result: MapData) -> PairSelection:
-    """Return the choice of pairs as it is after all nodes and closures of a map."""
+    """Return the pair selection in its state after all nodes and closures of a map."""
     graph = result.graph
     selection = PairSelection(result.config.global_slam.constraint_search)
     own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)

@@ -23,7 +23,7 @@ from cartoloop.submaps.finished_grid import (
 )
 
 GROWTH_CELLS = 64
-"""Least growth of a grid, so that it seldom grows [cells]: 3.2 m at 0.05 m."""
+"""Minimum growth of a grid, so that it rarely grows [cells]: 3.2 m at 0.05 m."""
 
 
 class Extent(NamedTuple):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The state of the view: the map and its figures, as the parts that pages are sent.
 
-It lives in the viewer's thread alone.
+Only the viewer's thread accesses it.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class LiveState:
     mode : what is shown.
     config : of the submaps.
     readings : figures beside the map.
-    playback : pace of the recording; None where nothing is played.
+    playback : pace of the recording; None without one.
 
     Attributes
     ----------
@@ -190,7 +190,7 @@ class LiveState:
 
     @property
     def is_over(self) -> bool:
-        """Whether the map no longer changes."""
+        """Whether the map is finished."""
         return self.readings.phase in ("finished", "failed")
 
     def drawing(self) -> Drawing:

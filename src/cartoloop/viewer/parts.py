@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of the state: each knows what a page lacks that saw it before, or never.
+"""The parts of the state: each makes the messages that bring a page up to date.
 
 What a page has seen of a part is a token that the part hands out and is shown again; None stands
 for nothing. So a page that fell behind gets one message, not those that it missed. What is made for

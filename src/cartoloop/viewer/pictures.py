@@ -38,7 +38,7 @@ class Drawable(Protocol):
 
     @property
     def is_over(self) -> bool:
-        """Whether the map no longer changes."""
+        """Whether the map is finished."""
 
     def drawing(self) -> Drawing:
         """Return what a picture of the present map is made of."""

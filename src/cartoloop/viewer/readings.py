@@ -94,7 +94,7 @@ class RealTimeFactor:
 
     @property
     def value(self) -> float | None:
-        """The factor, None as long as nothing is known."""
+        """The factor, None while it is unknown."""
         if len(self._history) < 2:
             return None
         (wall, recorded), (last_wall, last_recorded) = self._history[0], self._history[-1]
