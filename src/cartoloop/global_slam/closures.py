@@ -29,6 +29,32 @@ UPPER = np.triu_indices(3)
 _SYMMETRIC = np.array(((0, 1, 2), (1, 3, 4), (2, 4, 5)))
 _NO_MATCH = -1
 
+_ROW = np.dtype(
+    [
+        ("submap", np.int32),
+        ("node", np.int32),
+        ("found_match", np.int32),
+        ("final_match", np.int32),
+        ("status", np.int8),
+        ("reason", np.int8),
+        ("search_status", np.int8),
+    ]
+)
+"""A row of the record. One structured array, because most requests come one at a time, and to
+append to seven arrays takes longer than to select the pairs."""
+
+_REQUEST = np.dtype(
+    [
+        ("node_submap", np.int32),
+        ("requested_at", np.int32),
+        ("predicted", np.float64, (3,)),
+        ("linear_window", np.float64),
+        ("angular_window", np.float64),
+        ("min_score", np.float64),
+    ]
+)
+"""What a row holds if it was requested while mapping."""
+
 
 class Status(IntEnum):
     """What became of a pair. The numbers are part of the file format: append only."""
@@ -272,19 +298,8 @@ class Closures:
     """
 
     def __init__(self) -> None:
-        self._submap = GrowingArray((), np.int32)
-        self._node = GrowingArray((), np.int32)
-        self._status = GrowingArray((), np.int8)
-        self._reason = GrowingArray((), np.int8)
-        self._search_status = GrowingArray((), np.int8)
-        self._found_match = GrowingArray((), np.int32)
-        self._final_match = GrowingArray((), np.int32)
-        self._node_submap = GrowingArray((), np.int32)
-        self._predicted = GrowingArray((3,), np.float64)
-        self._linear_window = GrowingArray((), np.float64)
-        self._angular_window = GrowingArray((), np.float64)
-        self._min_score = GrowingArray((), np.float64)
-        self._requested_at = GrowingArray((), np.int32)
+        self._rows = GrowingArray((), _ROW)
+        self._requests = GrowingArray((), _REQUEST)
         self._poses = GrowingArray((3,), np.float64)
         self._informations = GrowingArray((6,), np.float64)
         self._residuals = GrowingArray((), np.float64)
@@ -294,12 +309,12 @@ class Closures:
         self._joined_at = GrowingArray((), np.int32)
 
     def __len__(self) -> int:
-        return len(self._submap)
+        return len(self._rows)
 
     @property
     def num_requested(self) -> int:
         """Number of pairs that were requested while mapping."""
-        return len(self._node_submap)
+        return len(self._requests)
 
     @property
     def num_found(self) -> int:
@@ -323,27 +338,27 @@ class Closures:
     @property
     def submap(self) -> RowArray:
         """Index of the submap."""
-        return self._submap.view
+        return self._row_column("submap")
 
     @property
     def node(self) -> RowArray:
         """Index of the node."""
-        return self._node.view
+        return self._row_column("node")
 
     @property
     def status(self) -> CodeArray:
         """:class:`Status` of each pair."""
-        return self._status.view
+        return self._row_column("status")
 
     @property
     def reason(self) -> CodeArray:
         """:class:`Reason` of each pair."""
-        return self._reason.view
+        return self._row_column("reason")
 
     @property
     def search_status(self) -> CodeArray:
         """:class:`Status` after the search while mapping."""
-        return self._search_status.view
+        return self._row_column("search_status")
 
     @property
     def was_searched(self) -> NDArray[np.bool_]:
@@ -356,47 +371,47 @@ class Closures:
     @property
     def node_submap(self) -> RowArray:
         """The older submap that the node was inserted into; requests only."""
-        return self._node_submap.view
+        return self._request_column("node_submap")
 
     @property
     def predicted(self) -> FloatArray:
         """Predicted tf_submap_node, shape (num_requested, 3) [m, m, rad]."""
-        return self._predicted.view
+        return self._request_column("predicted")
 
     @property
     def linear_window(self) -> FloatArray:
         """Search window radius [m]; requests only."""
-        return self._linear_window.view
+        return self._request_column("linear_window")
 
     @property
     def angular_window(self) -> FloatArray:
         """Search window radius [rad]; requests only."""
-        return self._angular_window.view
+        return self._request_column("angular_window")
 
     @property
     def min_score(self) -> FloatArray:
         """Threshold that was applied, NaN where not searched; requests only."""
-        return self._min_score.view
+        return self._request_column("min_score")
 
     @property
     def requested_at(self) -> RowArray:
         """Number of nodes when the pair was requested; requests only."""
-        return self._requested_at.view
+        return self._request_column("requested_at")
 
     @property
     def score(self) -> FloatArray:
         """Match score of the search, shape (len(self),); NaN where not found."""
-        return self._spread(self._found_match.view, self._scores.view)
+        return self._spread(self._found_match, self._scores.view)
 
     @property
     def runner_up(self) -> FloatArray:
         """Best score elsewhere in the window, shape (len(self),); NaN where not found."""
-        return self._spread(self._found_match.view, self._runner_ups.view)
+        return self._spread(self._found_match, self._runner_ups.view)
 
     @property
     def found_at(self) -> FloatArray:
         """Number of nodes when the closure joined the graph, shape (len(self),); NaN: never."""
-        return self._spread(self._found_match.view, self._joined_at.view)
+        return self._spread(self._found_match, self._joined_at.view)
 
     @property
     def residual(self) -> FloatArray:
@@ -411,23 +426,23 @@ class Closures:
     @property
     def has_final_match(self) -> NDArray[np.bool_]:
         """Whether the last pass measured each pair, shape (len(self),)."""
-        has_match: NDArray[np.bool_] = self._final_match.view >= 0
+        has_match: NDArray[np.bool_] = self._final_match >= 0
         return has_match
 
     @property
     def found(self) -> Matched:
         """What searches found, as they measured it, in the order in which it joined the graph."""
         order = np.arange(self.num_found)
-        rows = np.flatnonzero(self._found_match.view >= 0)
+        rows = np.flatnonzero(self._found_match >= 0)
         by_match = np.empty(self.num_found, dtype=np.int64)
-        by_match[self._found_match.view[rows]] = rows
+        by_match[self._found_match[rows]] = rows
         return self._matched(by_match, order)
 
     @property
     def match_table(self) -> MatchTable:
         """All measurements, as they are stored."""
         rows = np.empty(len(self._poses), dtype=np.int64)
-        for column in (self._found_match.view, self._final_match.view):
+        for column in (self._found_match, self._final_match):
             has_match = np.flatnonzero(column >= 0)
             rows[column[has_match]] = has_match
         return MatchTable(
@@ -519,7 +534,7 @@ class Closures:
         self._runner_ups.extend(matches.runner_up)
         self._joined_at.grow(len(matches.row))[:] = num_nodes
         # Last: the viewer's thread may read the record, and must not find a match without a score.
-        self._found_match.view[matches.row] = numbers
+        self._found_match[matches.row] = numbers
 
     def note_last_pass(
         self, not_matched: CodeArray, passes: Iterable[FinalMatches]
@@ -592,8 +607,8 @@ class Closures:
         closures._runner_ups.extend(matches.runner_up)
         closures._joined_at.extend(matches.joined_at)
         numbers, num_found = np.arange(len(matches.row)), len(matches.score)
-        closures._found_match.view[matches.row[:num_found]] = numbers[:num_found]
-        closures._final_match.view[matches.row[num_found:]] = numbers[num_found:]
+        closures._found_match[matches.row[:num_found]] = numbers[:num_found]
+        closures._final_match[matches.row[num_found:]] = numbers[num_found:]
         return closures
 
     def copy(self) -> Closures:
@@ -603,10 +618,26 @@ class Closures:
             getattr(copied, name).extend(column.view)
         return copied
 
+    def _row_column(self, name: str) -> NDArray[Any]:
+        column: NDArray[Any] = self._rows.view[name]
+        return column
+
+    def _request_column(self, name: str) -> NDArray[Any]:
+        column: NDArray[Any] = self._requests.view[name]
+        return column
+
+    @property
+    def _found_match(self) -> RowArray:
+        return self._row_column("found_match")
+
+    @property
+    def _final_match(self) -> RowArray:
+        return self._row_column("final_match")
+
     @property
     def _newest_match(self) -> RowArray:
-        final = self._final_match.view
-        newest: RowArray = np.where(final >= 0, final, self._found_match.view)
+        final = self._final_match
+        newest: RowArray = np.where(final >= 0, final, self._found_match)
         return newest
 
     @staticmethod
@@ -623,7 +654,7 @@ class Closures:
         return keys
 
     def _matched(self, rows: IntArray, matches: NDArray[Any]) -> Matched:
-        found = self._found_match.view[rows]
+        found = self._found_match[rows]
         return Matched(
             rows,
             self.submap[rows],
@@ -636,23 +667,18 @@ class Closures:
         )
 
     def _add_rows(self, submap: ArrayLike, node: NDArray[Any], status: Status) -> None:
-        count = len(node)
-        self._submap.grow(count)[:] = submap
-        self._node.extend(node)
-        self._status.grow(count)[:] = status
-        self._search_status.grow(count)[:] = status
-        self._reason.grow(count)[:] = Reason.NONE
-        self._found_match.grow(count)[:] = _NO_MATCH
-        self._final_match.grow(count)[:] = _NO_MATCH
+        rows = self._rows.grow(len(node))
+        rows[:] = (0, 0, _NO_MATCH, _NO_MATCH, status, Reason.NONE, status)
+        rows["submap"], rows["node"] = submap, node
 
     def _add_requests(self, requests: Requests, requested_at: ArrayLike) -> None:
-        count = len(requests.submap)
-        self._node_submap.extend(requests.node_submap)
-        self._predicted.extend(requests.tf_submap_node)
-        self._linear_window.extend(requests.linear_window)
-        self._angular_window.extend(requests.angular_window)
-        self._min_score.grow(count)[:] = np.nan
-        self._requested_at.grow(count)[:] = requested_at
+        rows = self._requests.grow(len(requests.submap))
+        rows["node_submap"] = requests.node_submap
+        rows["requested_at"] = requested_at
+        rows["predicted"] = requests.tf_submap_node
+        rows["linear_window"] = requests.linear_window
+        rows["angular_window"] = requests.angular_window
+        rows["min_score"] = np.nan
 
     def _add_matches(
         self,
@@ -674,12 +700,10 @@ class Closures:
         self.reason[rows] = reason
 
     def _forget_last_pass(self) -> None:
-        for name, column in vars(self).items():
-            if name in _ROW_COLUMNS:
-                column.shorten(self.num_requested)
-            elif name in _MATCH_COLUMNS:
-                column.shorten(self.num_found)
-        self._final_match.view[:] = _NO_MATCH
+        self._rows.shorten(self.num_requested)
+        for column in (self._poses, self._informations, self._residuals, self._moves):
+            column.shorten(self.num_found)
+        self._final_match[:] = _NO_MATCH
         is_final = self.status >= Status.REPLACED
         self.status[is_final] = self.search_status[is_final]
         # The reasons of a search follow from its status, but for requests that were not searched.
@@ -696,7 +720,7 @@ class Closures:
         self._add_rows(matches.submap[is_new], matches.node[is_new], Status.NOT_REQUESTED)
         self.status[rows] = _STATUS_OF_REASON[matches.reason]
         self.reason[rows] = matches.reason
-        self._final_match.view[rows] = self._add_matches(
+        self._final_match[rows] = self._add_matches(
             matches.tf_submap_node,
             matches.information,
             matches.residual,
@@ -706,10 +730,6 @@ class Closures:
         return rows
 
 
-_ROW_COLUMNS = frozenset(
-    ("_submap", "_node", "_status", "_reason", "_search_status", "_found_match", "_final_match")
-)
-_MATCH_COLUMNS = frozenset(("_poses", "_informations", "_residuals", "_moves"))
 _REASON_OF_SEARCH = np.zeros(len(Status), dtype=np.int8)
 _REASON_OF_SEARCH[Status.DROPPED] = Reason.BACKLOG_FULL
 _REASON_OF_SEARCH[Status.NOT_SEARCHED] = Reason.ENOUGH_CLOSURES
