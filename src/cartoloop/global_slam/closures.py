@@ -28,6 +28,7 @@ UPPER = np.triu_indices(3)
 
 _SYMMETRIC = np.array(((0, 1, 2), (1, 3, 4), (2, 4, 5)))
 _NO_MATCH = -1
+_NO_REASON = 0
 
 _ROW = np.dtype(
     [
@@ -667,9 +668,12 @@ class Closures:
         )
 
     def _add_rows(self, submap: ArrayLike, node: NDArray[Any], status: Status) -> None:
-        rows = self._rows.grow(len(node))
-        rows[:] = (0, 0, _NO_MATCH, _NO_MATCH, status, Reason.NONE, status)
+        # Column by column: to write tuples into a structured array takes longer.
+        rows, code = self._rows.grow(len(node)), int(status)
         rows["submap"], rows["node"] = submap, node
+        rows["found_match"] = rows["final_match"] = _NO_MATCH
+        rows["status"] = rows["search_status"] = code
+        rows["reason"] = _NO_REASON
 
     def _add_requests(self, requests: Requests, requested_at: ArrayLike) -> None:
         rows = self._requests.grow(len(requests.submap))

@@ -252,13 +252,14 @@ class PairSelection:
         ]
         if not taken:
             return NO_REQUESTS
-        return Requests(
-            submaps[taken],
-            nodes[taken],
-            node_submaps[taken].astype(np.int32),
-            poses[taken],
-            *windows(self._config, lengths[taken]),
+        requests = Requests(
+            submaps,
+            nodes,
+            node_submaps.astype(np.int32),
+            poses[: len(submaps)],
+            *windows(self._config, lengths),
         )
+        return requests if len(taken) == len(submaps) else requests.take(np.array(taken))
 
     def _take(self, pair: tuple[int, int], path_length: float) -> bool:
         """Return whether a pair that is due is searched, and count it if so.
