@@ -103,9 +103,9 @@ def _pairs_workload() -> Workload:
         nodes - 1, x, y, theta, 0.2 * nodes, submaps - 1, submaps - 1, submaps - 1, 0.0
     )
     find = partial(
-        pairs_of_node, newest, submaps, graph.submap_poses, travelled,
-        np.full(submaps, np.inf), rule,
-        np.empty(submaps, dtype=np.int64), np.empty(submaps), np.empty((submaps, 3)),
+        pairs_of_node, newest[:], submaps, graph.submap_poses, travelled,
+        np.full(submaps, np.inf), rule[:],
+        np.empty(submaps, dtype=np.int32), np.empty(submaps), np.empty((submaps, 3)),
     )  # fmt: skip
     case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
     return Workload("pairs", ("due_pairs",), case, find, submaps, "submaps")

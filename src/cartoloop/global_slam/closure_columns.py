@@ -16,6 +16,33 @@ from cartoloop.growing_array import GrowingArray
 _SYMMETRIC = np.array(((0, 1, 2), (1, 3, 4), (2, 4, 5)))
 
 
+_ROW = np.dtype(
+    [
+        ("submap", np.int32),
+        ("node", np.int32),
+        ("found_match", np.int32),
+        ("final_match", np.int32),
+        ("status", np.int8),
+        ("reason", np.int8),
+        ("search_status", np.int8),
+    ]
+)
+"""A row of the record. One structured array, because most requests come one at a time, and to
+append to seven arrays takes longer than to select the pairs."""
+
+_REQUEST = np.dtype(
+    [
+        ("node_submap", np.int32),
+        ("requested_at", np.int32),
+        ("predicted", np.float64, (3,)),
+        ("linear_window", np.float64),
+        ("angular_window", np.float64),
+        ("min_score", np.float64),
+    ]
+)
+"""What a row holds if it was requested while mapping."""
+
+
 class ClosureColumns:
     """One row per pair of submap and node; :class:`Closures` writes them.
 
@@ -24,28 +51,17 @@ class ClosureColumns:
     """
 
     def __init__(self) -> None:
-        self._submap = GrowingArray((), np.int32)
-        self._node = GrowingArray((), np.int32)
-        self._status = GrowingArray((), np.int8)
-        self._reason = GrowingArray((), np.int8)
-        self._search_status = GrowingArray((), np.int8)
-        self._found_match = GrowingArray((), np.int32)
-        self._final_match = GrowingArray((), np.int32)
-        self._node_submap = GrowingArray((), np.int32)
-        self._predicted = GrowingArray((3,), np.float64)
-        self._linear_window = GrowingArray((), np.float64)
-        self._angular_window = GrowingArray((), np.float64)
-        self._min_score = GrowingArray((), np.float64)
-        self._requested_at = GrowingArray((), np.int32)
+        self._rows = GrowingArray((), _ROW)
+        self._requests = GrowingArray((), _REQUEST)
         self._matches = MatchColumns()
 
     def __len__(self) -> int:
-        return len(self._submap)
+        return len(self._rows)
 
     @property
     def num_requested(self) -> int:
         """Number of pairs that were requested while mapping."""
-        return len(self._node_submap)
+        return len(self._requests)
 
     @property
     def num_found(self) -> int:
@@ -65,27 +81,27 @@ class ClosureColumns:
     @property
     def submap(self) -> RowArray:
         """Index of the submap."""
-        return self._submap.view
+        return self._row_column("submap")
 
     @property
     def node(self) -> RowArray:
         """Index of the node."""
-        return self._node.view
+        return self._row_column("node")
 
     @property
     def status(self) -> CodeArray:
         """:class:`Status` of each pair."""
-        return self._status.view
+        return self._row_column("status")
 
     @property
     def reason(self) -> CodeArray:
         """:class:`Reason` of each pair."""
-        return self._reason.view
+        return self._row_column("reason")
 
     @property
     def search_status(self) -> CodeArray:
         """:class:`Status` after the search while mapping."""
-        return self._search_status.view
+        return self._row_column("search_status")
 
     @property
     def was_searched(self) -> BoolArray:
@@ -98,47 +114,47 @@ class ClosureColumns:
     @property
     def node_submap(self) -> RowArray:
         """The older submap that the node was inserted into; requests only."""
-        return self._node_submap.view
+        return self._request_column("node_submap")
 
     @property
     def predicted(self) -> FloatArray:
         """Predicted tf_submap_node, shape (num_requested, 3) [m, m, rad]."""
-        return self._predicted.view
+        return self._request_column("predicted")
 
     @property
     def linear_window(self) -> FloatArray:
         """Search window radius [m]; requests only."""
-        return self._linear_window.view
+        return self._request_column("linear_window")
 
     @property
     def angular_window(self) -> FloatArray:
         """Search window radius [rad]; requests only."""
-        return self._angular_window.view
+        return self._request_column("angular_window")
 
     @property
     def min_score(self) -> FloatArray:
         """Threshold that was applied, NaN where not searched; requests only."""
-        return self._min_score.view
+        return self._request_column("min_score")
 
     @property
     def requested_at(self) -> RowArray:
         """Number of nodes when the pair was requested; requests only."""
-        return self._requested_at.view
+        return self._request_column("requested_at")
 
     @property
     def score(self) -> FloatArray:
         """Match score of the search, shape (len(self),); NaN where not found."""
-        return self._spread(self._found_match.view, self._matches.scores.view)
+        return self._spread(self._found_match, self._matches.scores.view)
 
     @property
     def runner_up(self) -> FloatArray:
         """Best score elsewhere in the window, shape (len(self),); NaN where not found."""
-        return self._spread(self._found_match.view, self._matches.runner_ups.view)
+        return self._spread(self._found_match, self._matches.runner_ups.view)
 
     @property
     def found_at(self) -> FloatArray:
         """Number of nodes when the closure joined the graph, shape (len(self),); NaN: never."""
-        return self._spread(self._found_match.view, self._matches.joined_at.view)
+        return self._spread(self._found_match, self._matches.joined_at.view)
 
     @property
     def residual(self) -> FloatArray:
@@ -153,23 +169,23 @@ class ClosureColumns:
     @property
     def has_final_match(self) -> BoolArray:
         """Whether the last pass measured each pair, shape (len(self),)."""
-        has_match: BoolArray = self._final_match.view >= 0
+        has_match: BoolArray = self._final_match >= 0
         return has_match
 
     @property
     def found(self) -> Matched:
         """What searches found, as they measured it, in the order in which it joined the graph."""
         order = np.arange(self.num_found)
-        rows = np.flatnonzero(self._found_match.view >= 0)
+        rows = np.flatnonzero(self._found_match >= 0)
         by_match = np.empty(self.num_found, dtype=np.int64)
-        by_match[self._found_match.view[rows]] = rows
+        by_match[self._found_match[rows]] = rows
         return self._matched(by_match, order)
 
     @property
     def match_table(self) -> MatchTable:
         """All measurements, as they are stored."""
         rows = np.empty(len(self._matches), dtype=np.int64)
-        for column in (self._found_match.view, self._final_match.view):
+        for column in (self._found_match, self._final_match):
             has_match = np.flatnonzero(column >= 0)
             rows[column[has_match]] = has_match
         return self._matches.table(rows)
@@ -216,13 +232,30 @@ class ClosureColumns:
 
     def stored(self) -> dict[str, NDArray[Any]]:
         """Return all columns as they are stored, by name."""
-        stored = vars(self) | vars(self._matches)
-        return {name: one.view for name, one in stored.items() if isinstance(one, GrowingArray)}
+        stored = {name: self._row_column(name) for name in _ROW.names or ()}
+        stored |= {name: self._request_column(name) for name in _REQUEST.names or ()}
+        return stored | {name: column.view for name, column in vars(self._matches).items()}
+
+    def _row_column(self, name: str) -> NDArray[Any]:
+        column: NDArray[Any] = self._rows.view[name]
+        return column
+
+    def _request_column(self, name: str) -> NDArray[Any]:
+        column: NDArray[Any] = self._requests.view[name]
+        return column
+
+    @property
+    def _found_match(self) -> RowArray:
+        return self._row_column("found_match")
+
+    @property
+    def _final_match(self) -> RowArray:
+        return self._row_column("final_match")
 
     @property
     def _newest_match(self) -> RowArray:
-        final = self._final_match.view
-        newest: RowArray = np.where(final >= 0, final, self._found_match.view)
+        final = self._final_match
+        newest: RowArray = np.where(final >= 0, final, self._found_match)
         return newest
 
     @staticmethod
@@ -234,7 +267,7 @@ class ClosureColumns:
         return column
 
     def _matched(self, rows: IntArray, matches: NDArray[Any]) -> Matched:
-        found = self._found_match.view[rows]
+        found = self._found_match[rows]
         return Matched(
             rows,
             self.submap[rows],

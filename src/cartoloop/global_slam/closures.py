@@ -28,9 +28,9 @@ from cartoloop.global_slam.closure_status import (
     Reason,
     Status,
 )
-from cartoloop.growing_array import GrowingArray
 
 _NO_MATCH = -1
+_NO_REASON = int(Reason.NONE)
 
 
 class Closures(ClosureColumns):
@@ -72,7 +72,7 @@ class Closures(ClosureColumns):
         numbers = self._matches.add(matches)
         self._matches.add_scores(matches, num_nodes)
         # Last: the viewer's thread may read the record, and must not find a match without a score.
-        self._found_match.view[matches.row] = numbers
+        self._found_match[matches.row] = numbers
 
     def note_last_pass(
         self, not_matched: CodeArray, passes: Iterable[FinalMatches]
@@ -139,16 +139,15 @@ class Closures(ClosureColumns):
         closures.min_score[:] = min_score
         closures._matches.restore(matches)
         numbers, num_found = np.arange(len(matches.row)), len(matches.score)
-        closures._found_match.view[matches.row[:num_found]] = numbers[:num_found]
-        closures._final_match.view[matches.row[num_found:]] = numbers[num_found:]
+        closures._found_match[matches.row[:num_found]] = numbers[:num_found]
+        closures._final_match[matches.row[num_found:]] = numbers[num_found:]
         return closures
 
     def copy(self) -> Closures:
         """Return a copy that does not change when this record does."""
         copied = Closures()
-        for name, column in vars(self).items():
-            if isinstance(column, GrowingArray):
-                getattr(copied, name).extend(column.view)
+        copied._rows.extend(self._rows.view)
+        copied._requests.extend(self._requests.view)
         copied._matches.restore(self.match_table)
         return copied
 
@@ -158,41 +157,30 @@ class Closures(ClosureColumns):
         return keys
 
     def _add_rows(self, submap: ArrayLike, node: NDArray[Any], status: Status) -> None:
-        count = len(node)
-        self._submap.grow(count)[:] = submap
-        self._node.extend(node)
-        self._status.grow(count)[:] = status
-        self._search_status.grow(count)[:] = status
-        self._reason.grow(count)[:] = Reason.NONE
-        self._found_match.grow(count)[:] = _NO_MATCH
-        self._final_match.grow(count)[:] = _NO_MATCH
+        # Column by column: to write tuples into a structured array takes longer.
+        rows, code = self._rows.grow(len(node)), int(status)
+        rows["submap"], rows["node"] = submap, node
+        rows["found_match"] = rows["final_match"] = _NO_MATCH
+        rows["status"] = rows["search_status"] = code
+        rows["reason"] = _NO_REASON
 
     def _add_requests(self, requests: Requests, requested_at: ArrayLike) -> None:
-        count = len(requests.submap)
-        self._node_submap.extend(requests.node_submap)
-        self._predicted.extend(requests.tf_submap_node)
-        self._linear_window.extend(requests.linear_window)
-        self._angular_window.extend(requests.angular_window)
-        self._min_score.grow(count)[:] = np.nan
-        self._requested_at.grow(count)[:] = requested_at
+        rows = self._requests.grow(len(requests.submap))
+        rows["node_submap"] = requests.node_submap
+        rows["requested_at"] = requested_at
+        rows["predicted"] = requests.tf_submap_node
+        rows["linear_window"] = requests.linear_window
+        rows["angular_window"] = requests.angular_window
+        rows["min_score"] = np.nan
 
     def _set_search_status(self, rows: RowArray, status: Status, reason: Reason) -> None:
         self.status[rows] = self.search_status[rows] = status
         self.reason[rows] = reason
 
     def _forget_last_pass(self) -> None:
-        for column in (
-            self._submap,
-            self._node,
-            self._status,
-            self._reason,
-            self._search_status,
-            self._found_match,
-            self._final_match,
-        ):
-            column.shorten(self.num_requested)
+        self._rows.shorten(self.num_requested)
         self._matches.forget_last_pass()
-        self._final_match.view[:] = _NO_MATCH
+        self._final_match[:] = _NO_MATCH
         is_final = self.status >= Status.REPLACED
         self.status[is_final] = self.search_status[is_final]
         # The reasons of a search follow from its status, but for requests that were not searched.
@@ -209,5 +197,5 @@ class Closures(ClosureColumns):
         self._add_rows(matches.submap[is_new], matches.node[is_new], Status.NOT_REQUESTED)
         self.status[rows] = STATUS_OF_REASON[matches.reason]
         self.reason[rows] = matches.reason
-        self._final_match.view[rows] = self._matches.add(matches)
+        self._final_match[rows] = self._matches.add(matches)
         return rows

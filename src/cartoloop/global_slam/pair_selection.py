@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.arrays import FloatArray, IntArray, RowArray
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_matches import Requests
 from cartoloop.global_slam.closures import Closures
@@ -142,29 +142,31 @@ class PairSelection:
 
     def of_node(self, graph: PoseGraph, node: int, num_finished: int) -> Requests:
         """Return the requests for a node in the finished submaps, which are the first."""
+        if num_finished == 0 or not self._is_searchable.view[node]:
+            return NO_REQUESTS
         place = self._place(graph, node)
-        submaps = np.empty(num_finished, dtype=np.int64)
+        submaps = np.empty(num_finished, dtype=np.int32)
         lengths, poses = np.empty(num_finished), np.empty((num_finished, 3))
-        num_due = 0
-        if self._is_searchable.view[node]:
-            num_due = pairs_of_node(
-                place,
-                num_finished,
-                graph.submap_poses,
-                self._submap_travelled.view,
-                self._submap_paths.lengths_from(place.anchor),
-                self._rule,
-                submaps,
-                lengths,
-                poses,
-            )
-        nodes = np.full(num_due, node)
+        num_due = pairs_of_node(
+            place[:],
+            num_finished,
+            graph.submap_poses,
+            self._submap_travelled.view,
+            self._submap_paths.lengths_from(place.anchor),
+            self._rule[:],
+            submaps,
+            lengths,
+            poses,
+        )
+        if num_due == 0:
+            return NO_REQUESTS
+        nodes = np.full(num_due, node, dtype=np.int32)
         return self._requests(submaps[:num_due], nodes, lengths[:num_due], poses)
 
     def in_submap(self, graph: PoseGraph, submap: int) -> Requests:
         """Return the requests for all nodes in one submap."""
         count = graph.num_nodes
-        nodes = np.empty(count, dtype=np.int64)
+        nodes = np.empty(count, dtype=np.int32)
         lengths, poses = np.empty(count), np.empty((count, 3))
         num_due = pairs_of_submap(
             submap,
@@ -178,7 +180,9 @@ class PairSelection:
             lengths,
             poses,
         )
-        return self._requests(np.full(num_due, submap), nodes[:num_due], lengths[:num_due], poses)
+        return self._requests(
+            np.full(num_due, submap, dtype=np.int32), nodes[:num_due], lengths[:num_due], poses
+        )
 
     def verdict(self, graph: PoseGraph, submap: int, node: int) -> PairVerdict:
         """Return whether a pair would be requested now, or why not."""
@@ -229,28 +233,28 @@ class PairSelection:
         return NodePlace(node, x, y, theta, travelled, first, last, anchor, length)
 
     def _requests(
-        self, submaps: IntArray, nodes: IntArray, lengths: FloatArray, poses: FloatArray
+        self, submaps: RowArray, nodes: RowArray, lengths: FloatArray, poses: FloatArray
     ) -> Requests:
         """Return the requests for those of the pairs that the counts allow."""
         if len(submaps) == 0:
             return NO_REQUESTS
         node_submaps = self._node_submaps.view[nodes, 0]
         pairs = zip(submaps.tolist(), node_submaps.tolist(), strict=True)
-        taken = np.array(
-            [
-                i
-                for i, (pair, length) in enumerate(zip(pairs, lengths.tolist(), strict=True))
-                if self._take(pair, length)
-            ],
-            dtype=np.int64,
+        taken = [
+            i
+            for i, (pair, length) in enumerate(zip(pairs, lengths.tolist(), strict=True))
+            if self._take(pair, length)
+        ]
+        if not taken:
+            return NO_REQUESTS
+        requests = Requests(
+            submaps,
+            nodes,
+            node_submaps.astype(np.int32),
+            poses[: len(submaps)],
+            *windows(self._config, lengths),
         )
-        return Requests(
-            submaps[taken].astype(np.int32),
-            nodes[taken].astype(np.int32),
-            node_submaps[taken].astype(np.int32),
-            poses[taken],
-            *windows(self._config, lengths[taken]),
-        )
+        return requests if len(taken) == len(submaps) else requests.take(np.array(taken))
 
     def _take(self, pair: tuple[int, int], path_length: float) -> bool:
         """Return whether a pair that is due is searched, and count it if so.

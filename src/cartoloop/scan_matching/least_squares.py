@@ -12,7 +12,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.kernels.match_batch import match_all_least_squares
 from cartoloop.kernels.match_covariance import inverse_covariances
 from cartoloop.kernels.scan_batch import ScanBatch
-from cartoloop.kernels.scan_residuals import MatchOptions, MotionPrior, match_least_squares
+from cartoloop.kernels.scan_residuals import MatchOptions, match_scan
 from cartoloop.kernels.smooth_map import SmoothMap
 from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.scan_points import ScanPoints
@@ -76,14 +76,13 @@ def match(
     """
     near_start = prior.theta + wrap_angle(start.theta - prior.theta)
     found = np.empty(11)
-    iterations = match_least_squares(
-        smooth_map,
+    iterations = match_scan(
+        smooth_map[:],
         MIN_PROBABILITY,
         points,
         np.array((start.x, start.y, near_start)),
-        MotionPrior(np.array(prior), prior_information, prior_scale),
-        options,
-        math.inf,
+        (np.array(prior), prior_information, prior_scale),
+        options[:],
         found,
     )
     x, y, theta, xx, xy, xt, yy, yt, tt, squares, cost = found.tolist()
