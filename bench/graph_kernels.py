@@ -18,6 +18,7 @@ from bench.workload import Workload
 from cartoloop.config import Config
 from cartoloop.global_slam.pair_selection import SubmapPaths
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, constraint_residuals
+from cartoloop.kernels.csv_rows import MAX_DIGITS, write_rows
 from cartoloop.kernels.due_pairs import NodePlace, PairRule, pairs_of_node
 
 GRAPHS = ((1_000, 12, 3_000), (11_456, 128, 35_300))
@@ -31,6 +32,7 @@ GRAPH_KERNELS = (
     "chordal start",
     "shortest paths",
     "pairs",
+    "write rows",
 )
 
 
@@ -60,6 +62,7 @@ def graph_workloads() -> Iterator[Workload]:
         )  # fmt: skip
     yield _shortest_paths_workload()
     yield _pairs_workload()
+    yield _csv_workload()
 
 
 def _shortest_paths_workload() -> Workload:
@@ -106,3 +109,17 @@ def _pairs_workload() -> Workload:
     )  # fmt: skip
     case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
     return Workload("pairs", ("due_pairs",), case, find, submaps, "submaps")
+
+
+def _csv_workload() -> Workload:
+    """Return the writing of a table like closures.csv: two words and ten numbers a row."""
+    rows, columns = 10_000, 10
+    words = np.frombuffer(b"final" + b"fits", dtype=np.uint8)
+    bounds = np.array((0, 5, 9), dtype=np.int64)
+    codes = np.tile(np.array((0, 1), dtype=np.int64), (rows, 1))
+    numbers = np.random.default_rng(0).uniform(-20.0, 20.0, (rows, columns))
+    decimals = np.full(columns, 6, dtype=np.int64)
+    text = np.empty(rows * (len(words) + 2 + columns * (MAX_DIGITS + 1)), dtype=np.uint8)
+    write = partial(write_rows, words, bounds, codes, numbers, decimals, text)
+    case: Case = {"input": f"{rows:,} rows of {columns} numbers"}
+    return Workload("write rows", ("csv_rows",), case, write, rows, "rows")

@@ -202,13 +202,14 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
     for name, estimate, cloud in (("hit", off, own[middle].points), ("miss", off, driven.points)):
         yield Workload(
             "branch and bound",
-            ("branch_and_bound", "node_bounds", "search_batch", "search_tree"),
+            ("branch_and_bound", "node_bounds", "search_batch", "search_tree", "search_window"),
             {**case, "window": f"±7 m, ±30°, {name}"},
             partial(search_for, cloud, estimate), len(cloud), "points",
         )  # fmt: skip
     finished = FinishedSubmap(0, grid, 1.0)
     yield Workload(
-        "match again", ("match_batch", "match_covariance", "scan_residuals", "smooth_map"), case,
+        "match again",
+        ("match_batch", "match_covariance", "scan_batch", "scan_residuals", "smooth_map"), case,
         partial(
             refinement.match_again, finished, np.zeros(3), np.arange(len(own)), np.array(in_submap),
             ScanPoints.of(points), search,

@@ -66,6 +66,7 @@ LOCAL_SLAM = {
     "range_projection",
     "ray_casting",
     "ray_fan",
+    "search_window",
     "scan_residuals",
     "voxel_filter",
     "window_bounds",

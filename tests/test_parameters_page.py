@@ -11,6 +11,7 @@ import pytest
 
 from cartoloop.config import Config
 from cartoloop.config_file import config_toml
+from cartoloop.pose_adjustment import Loss
 
 SCRIPT = Path(__file__).parent.parent / "docs" / "make_parameters.py"
 
@@ -36,7 +37,9 @@ def test_page_holds_every_parameter_with_its_default(maker):
         at = Config()
         for name in key.split("."):
             at = getattr(at, name)
-        assert ast.literal_eval(value.strip("`")) == at
+        text = value.strip("`")
+        is_enum = text.startswith("Loss.")
+        assert (Loss[text.removeprefix("Loss.")] if is_enum else ast.literal_eval(text)) == at
     assert len(found) == sum(
         " = " in line for line in config_toml(Config()).splitlines() if not line.startswith("[")
     )

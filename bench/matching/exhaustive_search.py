@@ -2,7 +2,8 @@
 """Exhaustive search, algorithm 1 of the paper: the reference for branch and bound.
 
 It scores the same candidates, in the same cells, and decides between equal scores in the same
-manner, so both must find the same candidate. There are two versions: one as the paper writes it, and a fast one.
+manner, so both must find the same candidate. There are two versions: one as the paper writes it,
+and a fast one.
 """
 
 from __future__ import annotations

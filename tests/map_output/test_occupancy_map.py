@@ -13,13 +13,13 @@ from hypothesis.extra import numpy as st_numpy
 
 from cartoloop.config import SubmapConfig
 from cartoloop.errors import OutputError
-from cartoloop.kernels.map_composition import add_submap, cell_evidence
+from cartoloop.kernels.map_composition import NEUTRAL, add_submap, cell_evidence
 from cartoloop.map_output.occupancy_map import UNKNOWN, compose_map
 from cartoloop.submaps.finished_grid import FinishedGrid
 from tests.reference.naive_map_composition import naive_add_submap, naive_cell_evidence
 
 CONFIG = SubmapConfig()
-LOG_ODDS = np.linspace(-2.2, 4.4, 256).astype(np.float32)
+LOG_ODDS = np.interp(np.arange(256), (1, NEUTRAL, 255), (-2.2, 0.0, 4.4)).astype(np.float32)
 LOG_ODDS[0] = 0.0
 FREE, OCCUPIED, RATHER_OCCUPIED = 1, 255, 191
 
