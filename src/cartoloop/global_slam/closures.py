@@ -61,8 +61,11 @@ class Closures(ClosureColumns):
         """Note that requests were not searched when it was their turn."""
         self._set_search_status(rows, Status.NOT_SEARCHED, reason)
 
-    def note_searched(self, rows: RowArray, min_score: float) -> None:
-        """Note that requests were searched with a threshold; :meth:`add_found` may follow."""
+    def note_searched(self, rows: RowArray, min_score: float | FloatArray) -> None:
+        """Note that requests were searched with a threshold, or with one each, shape (n,).
+
+        :meth:`add_found` may follow.
+        """
         self._set_search_status(rows, Status.NOT_FOUND, Reason.BELOW_THRESHOLD)
         self.min_score[rows] = min_score
 

@@ -142,20 +142,29 @@ class ConstraintSearch:
         if not wait:
             started, pending = pending, [task for task in pending if task[0].done()]
             self._pending = [task for task in started if task not in pending]
-        found = [NO_MATCHES]
+        outcomes = []
         for future, _ in pending:
             outcome, duration = future.result()
-            self._closures.note_searched(outcome.searched, outcome.min_score)
-            self._closures.note_not_searched(
-                outcome.not_searched,
-                Reason.EMPTY_SUBMAP if outcome.is_empty else Reason.ENOUGH_CLOSURES,
-            )
-            if len(outcome.matches.row):
-                found.append(outcome.matches)
+            outcomes.append(outcome)
             self.durations.append(duration)
+        self._note(outcomes)
+        found = [NO_MATCHES, *(each.matches for each in outcomes if len(each.matches.row))]
         together = SearchMatches._make(map(np.concatenate, zip(*found, strict=True)))
         order = np.argsort(together.row, kind="stable")
         return SearchMatches._make(column[order] for column in together)
+
+    def _note(self, outcomes: Sequence[SearchOutcome]) -> None:
+        """Note in the record what was searched, and what was not."""
+        if outcomes:
+            searched = [outcome.searched for outcome in outcomes]
+            min_scores = [outcome.min_score for outcome in outcomes]
+            self._closures.note_searched(
+                np.concatenate(searched), np.repeat(min_scores, [len(rows) for rows in searched])
+            )
+        for outcome in outcomes:
+            if len(outcome.not_searched):
+                reason = Reason.EMPTY_SUBMAP if outcome.is_empty else Reason.ENOUGH_CLOSURES
+                self._closures.note_not_searched(outcome.not_searched, reason)
 
     def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
         """Run a task on each of the items in the background threads; answers in their order."""
