@@ -16,8 +16,8 @@ from bench.adjustment.synthetic_graphs import bipartite_graph
 from bench.record import Case
 from bench.workload import Workload
 from cartoloop.config import Config
-from cartoloop.global_slam.pair_selection import SubmapPaths
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, constraint_residuals
+from cartoloop.global_slam.submap_paths import SubmapPaths
 from cartoloop.kernels.csv_rows import MAX_DIGITS, write_rows
 from cartoloop.kernels.due_pairs import NodePlace, PairRule, pairs_of_node
 
@@ -103,9 +103,9 @@ def _pairs_workload() -> Workload:
         nodes - 1, x, y, theta, 0.2 * nodes, submaps - 1, submaps - 1, submaps - 1, 0.0
     )
     find = partial(
-        pairs_of_node, newest, submaps, graph.submap_poses, travelled,
-        np.full(submaps, np.inf), rule,
-        np.empty(submaps, dtype=np.int64), np.empty(submaps), np.empty((submaps, 3)),
+        pairs_of_node, newest[:], submaps, graph.submap_poses, travelled,
+        np.full(submaps, np.inf), rule[:],
+        np.empty(submaps, dtype=np.int32), np.empty(submaps), np.empty((submaps, 3)),
     )  # fmt: skip
     case: Case = {"input": f"{nodes:,} nodes, {submaps} submaps"}
     return Workload("pairs", ("due_pairs",), case, find, submaps, "submaps")

@@ -13,10 +13,9 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from cartoloop.map_output.report import peak_memory_mb
 from cartoloop.mapper import Mapper
 from cartoloop.readers import open_log
-from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
+from cartoloop.runtime.process_memory import peak_memory_mb, relax_gc, set_malloc_thresholds
 
 
 @dataclass(frozen=True, slots=True)

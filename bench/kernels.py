@@ -21,8 +21,7 @@ from bench.workload import Workload
 from cartoloop.config import CorrelativeMatcherConfig
 from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement
-from cartoloop.global_slam.closure_search import refine_all
-from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
+from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score, refine_all
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.scan_matching import correlative
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
@@ -30,7 +29,7 @@ from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
 from cartoloop.sensor.pose import Pose, compose, relative, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
 from cartoloop.sensor.scan_points import ScanPoints
-from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
+from cartoloop.submaps.probability_grid import insert_cells, scan_cells
 from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (

@@ -13,7 +13,7 @@ import numpy as np
 from bench.matching.programs import Problem, Window, branch_and_bound
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import AdaptiveVoxelFilterConfig, Config
-from cartoloop.global_slam.finished_submap import mean_score
+from cartoloop.global_slam.closure_search import mean_score
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.mapper import Mapper
 from cartoloop.readers import read

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from cartoloop._jit import kernel
 from cartoloop.arrays import ByteArray, FloatArray, IntArray
-from cartoloop.kernels.branch_and_bound import comes_first, node_key
 from cartoloop.kernels.node_bounds import COL, KEY, ROTATION, ROW, Places, place_candidate
+from cartoloop.kernels.search_order import comes_first, node_key
 from cartoloop.kernels.search_window import SearchFrame, SearchWindow
 
 SUM, BEST_COL, BEST_ROW, BEST_ROTATION = range(4)

@@ -13,8 +13,8 @@ import numpy as np
 
 from cartoloop._jit import kernel
 from cartoloop.arrays import ByteArray, CellArray, FloatArray, IntArray
-from cartoloop.kernels.branch_and_bound import comes_first, node_key, order_by_key
 from cartoloop.kernels.node_bounds import COL, KEY, ROTATION, ROW, Places, place_candidate
+from cartoloop.kernels.search_order import comes_first, node_key, order_by_key
 from cartoloop.kernels.search_window import SearchFrame, SearchWindow
 
 FIRST, ROW_LENGTH, NUM_ROWS, BEFORE, SHIFT, READS_FOUR = range(6)
@@ -23,7 +23,7 @@ FIRST, ROW_LENGTH, NUM_ROWS, BEFORE, SHIFT, READS_FOUR = range(6)
 _HEIGHT = 4
 """Column of a node's height, after key, column, row and rotation."""
 _NEAR = 28
-"""Bits of a key that hold the distance from the estimate, see branch_and_bound.node_key()."""
+"""Bits of a key that hold the distance from the estimate, see search_order.node_key()."""
 
 
 @kernel

@@ -16,9 +16,9 @@ from bench.command_runs import CommandRun
 from bench.paper.mapped_log import MappedLog
 from bench.paper.published import SOURCES, published
 from bench.record import Case, Figure, Row
-from cartoloop.evaluation.closures import evaluate_closures
+from cartoloop.evaluation.closure_scores import evaluate_closures
 from cartoloop.evaluation.finished_run import read_run
-from cartoloop.evaluation.lines import LineError, LinesError, measure_lines, read_lines
+from cartoloop.evaluation.lines import LinesError, MeasuredLine, measure_lines, read_lines
 from cartoloop.evaluation.map_image import read_map
 from cartoloop.evaluation.relations import RelationsError, evaluate_relations, read_relations
 from cartoloop.evaluation.trajectories import read_tum
@@ -206,7 +206,7 @@ def lines_rows(name: str, folder: Path, lines: Path) -> tuple[list[Row], LinesEr
     ], measured
 
 
-def _line_row(name: str, number: int, line: LineError, resolution: float) -> Row:
+def _line_row(name: str, number: int, line: MeasuredLine, resolution: float) -> Row:
     case: Case = {"experiment": "lines", "log": name, "line": number}
     length, error, relative = line.length, line.error, line.relative_error
     pixels = line.error_pixels_per_end(resolution)

@@ -23,9 +23,9 @@ from time import perf_counter, process_time, sleep, time
 from bench.view.clients import Seen
 from cartoloop.config import Config
 from cartoloop.live.warm_up import warm_up
-from cartoloop.map_output.result import Result
 from cartoloop.mapper import Mapper
 from cartoloop.readers import open_log
+from cartoloop.result import Result
 from cartoloop.sensor.events import SensorEvent
 from cartoloop.viewer.view import LiveView
 

@@ -13,18 +13,20 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from cartoloop.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from cartoloop.config import Config as Config
     from cartoloop.errors import CartoloopError as CartoloopError
     from cartoloop.errors import ConfigError as ConfigError
     from cartoloop.errors import InputError as InputError
     from cartoloop.errors import OutputError as OutputError
-    from cartoloop.map_file.load import load_map as load_map
     from cartoloop.mapper import Mapper as Mapper
-    from cartoloop.mapper import Result as Result
     from cartoloop.readers import open_log as open_log
     from cartoloop.readers import read as read
     from cartoloop.recording_run import map_recording as map_recording
+    from cartoloop.result import Result as Result
+    from cartoloop.result import load_map as load_map
     from cartoloop.sensor.events import CloudGeometry as CloudGeometry
     from cartoloop.sensor.events import Imu as Imu
     from cartoloop.sensor.events import LaserScan as LaserScan
@@ -34,8 +36,6 @@ if TYPE_CHECKING:
     from cartoloop.sensor.pose import Pose as Pose
 
     load = load_map
-
-__version__ = "0.1.0"
 
 _HOME = {
     "CartoloopError": ("errors", "CartoloopError"),
@@ -50,10 +50,10 @@ _HOME = {
     "OutputError": ("errors", "OutputError"),
     "PointCloud": ("sensor.events", "PointCloud"),
     "Pose": ("sensor.pose", "Pose"),
-    "Result": ("mapper", "Result"),
+    "Result": ("result", "Result"),
     "ScanGeometry": ("sensor.events", "ScanGeometry"),
-    "load": ("map_file.load", "load_map"),
-    "load_map": ("map_file.load", "load_map"),
+    "load": ("result", "load_map"),
+    "load_map": ("result", "load_map"),
     "map_recording": ("recording_run", "map_recording"),
     "open_log": ("readers", "open_log"),
     "read": ("readers", "read"),

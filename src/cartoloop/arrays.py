@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Types of NumPy arrays, named by what they hold; shapes and units stand where they are used."""
+"""Types of NumPy arrays, named by their content; shapes and units are given where they are used."""
 
 from __future__ import annotations
 
@@ -14,3 +14,9 @@ ByteArray = NDArray[np.uint8]
 
 CellArray = NDArray[np.int32]
 """Indices of grid cells."""
+
+RowArray = NDArray[np.int32]
+"""Row numbers, and indices of nodes and submaps, in the record of closures."""
+
+CodeArray = NDArray[np.int8]
+"""Values of an enumeration with few members."""

@@ -31,7 +31,7 @@ class OutputError(CartoloopError):
 
 
 class ServeError(CartoloopError):
-    """The viewer cannot be served where it was asked for."""
+    """The viewer cannot be served at the given address."""
 
 
 class Interrupted(CartoloopError):  # noqa: N818 - it is not a fault

@@ -26,8 +26,8 @@ class GrowingArray:
     def view(self) -> NDArray[Any]:
         """The rows so far, writable, shape (len(self), ...).
 
-        After the next append it may be another array: what is written into this one is lost then,
-        but it keeps the rows that it has.
+        Valid until the next append, which may allocate another array. An earlier view keeps its
+        rows, but writing to it has no effect then.
         """
         return self._buffer[: self._size]
 
@@ -53,7 +53,7 @@ class GrowingArray:
         return self._buffer[first : self._size]
 
     def shorten(self, size: int) -> None:
-        """Keep the first rows only. Views of before keep what they show, but are detached."""
+        """Keep the first rows only. Earlier views keep their content, but are detached."""
         self._buffer = self._buffer[: min(size, self._size)].copy()
         self._size = len(self._buffer)
 

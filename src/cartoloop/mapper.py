@@ -18,21 +18,19 @@ from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.trajectory import optimized_trajectory, path_length
 from cartoloop.growing_array import GrowingArray
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
-from cartoloop.map_output.report import (
+from cartoloop.report import (
     AdjustmentSummary,
     InputSummary,
     Report,
     summarize_constraints,
 )
-from cartoloop.map_output.result import Result
+from cartoloop.result import Result
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.event_faults import EventChecker
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
 from cartoloop.sensor.pose import IDENTITY, Pose, compose
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.submap import Submap
-
-__all__ = ["Mapper", "Result"]
 
 
 class Mapper:

@@ -24,10 +24,10 @@ from cartoloop.stop_request import StopRequest
 
 if TYPE_CHECKING:
     from cartoloop.map_output.picture import Layer
-    from cartoloop.map_output.report import Report
-    from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
     from cartoloop.readers import Log, ReadOptions
+    from cartoloop.report import Report
+    from cartoloop.result import Result
     from cartoloop.sensor.events import SensorEvent
 
 
@@ -85,7 +85,7 @@ def map_recording(
     ----------
     recording : path of a recording, of its parts in order, or a log that is open.
     config : by default the defaults.
-    out : folder to save in; None: nothing is saved.
+    out : folder to save in; None: the map is not saved.
     options : how to read the recording; see `cartoloop.readers.open_log`.
     layers : drawn over the picture of the map; by default the trajectory.
     observer : is informed of the progress.
@@ -130,7 +130,7 @@ def map_recording(
         result = replace(result, report=timed(result.report, start))
         save_report(result.report, folder)
     observer.saved(result, outcome.failure)
-    # A stop during saving, too, is reported: the user does not want what comes next.
+    # A stop during saving is reported too, so that no further step follows.
     is_complete = outcome.is_complete and not stop.made
     _raise_if_incomplete(Outcome(result, outcome.failure, is_complete), log, folder)
     return result
@@ -185,7 +185,7 @@ def finish(mapper: Mapper, observer: RunObserver, stop: StopRequest) -> Outcome:
 def completed(
     result: Result, name: str, also_skipped: Mapping[str, int], problems: Sequence[str] = ()
 ) -> Report:
-    """Return the report of a result with what only its reader knows.
+    """Return the report of a result, completed by the reader's findings.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def completed(
 
 def timed(report: Report, start: float) -> Report:
     """Return the report with the time and memory that the run took since `start` [s]."""
-    from cartoloop.map_output.report import peak_memory_mb
+    from cartoloop.runtime.process_memory import peak_memory_mb
 
     wall_s = time.perf_counter() - start
     return replace(

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from cartoloop.evaluation.trajectories import read_tum
-from cartoloop.map_file.load import load_map
+from cartoloop.result import load_map
 from tests.limits import LIMIT_S, wait_until
 from tests.live.live_room import drive, lines
 

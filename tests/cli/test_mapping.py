@@ -15,7 +15,7 @@ import pytest
 
 from cartoloop.cli.main import run
 from cartoloop.errors import InputError
-from cartoloop.map_output.report import InputSummary, Report
+from cartoloop.report import InputSummary, Report
 from cartoloop.sensor.events import LaserScan
 from tests.map_output.small_result import small_result
 

@@ -10,7 +10,7 @@ import pytest
 from cartoloop.doctor import clouds, frames, imu, odometry, scans, times
 from cartoloop.doctor.contents import Stream, times_of
 from cartoloop.doctor.findings import Finding, from_message, worst_first
-from cartoloop.local_slam.odometry_calibration import OdometryModel
+from cartoloop.local_slam.odometry_calibration import OdometryParameters
 from cartoloop.readers.ros.inventory import TopicSummary, TransformSummary
 from cartoloop.readers.ros.stream_times import StampStatistics
 from cartoloop.sensor.events import (
@@ -143,7 +143,7 @@ def odometry_of(poses, period=0.1):
     return watch
 
 
-MODEL = OdometryModel(rotation_error=0.001, translation_error=0.001)
+MODEL = OdometryParameters(rotation_error=0.001, translation_error=0.001)
 MOVING = [(0.1 * k, 0.0, 0.01 * k) for k in range(50)]
 
 
@@ -177,7 +177,7 @@ class TestOdometry:
         assert odometry.check_moves(odometry_of(MOVING)) is None
 
     def test_disagreement(self):
-        unknown = OdometryModel()
+        unknown = OdometryParameters()
         assert odometry.check_agreement(odometry_of(MOVING), unknown).code == "odometry_disagrees"
         assert odometry.check_agreement(odometry_of(MOVING[:10]), unknown) is None
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.errors import InputError
-from cartoloop.evaluation.closures import (
+from cartoloop.evaluation.closure_scores import (
     Recall,
     evaluate_closures,
     recall,
@@ -18,7 +18,7 @@ from cartoloop.evaluation.closures import (
 )
 from cartoloop.evaluation.finished_run import Stage, read_run
 from cartoloop.evaluation.trajectories import Trajectory
-from cartoloop.map_output.report import summarize_constraints
+from cartoloop.report import summarize_constraints
 from cartoloop.sensor.pose import compose_all
 from tests.evaluation.hand_made_run import (
     NODE_POSES,

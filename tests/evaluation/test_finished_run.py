@@ -11,7 +11,7 @@ import pytest
 from cartoloop.errors import InputError
 from cartoloop.evaluation.finished_run import Stage, read_run
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.map_file.save import map_bytes
+from cartoloop.map_file.write import map_bytes
 from tests.evaluation.hand_made_run import NODE_POSES, OWN, STAMPS, SUBMAP_POSES, closure
 from tests.evaluation.hand_made_run import hand_made_result as hand_made
 from tests.global_slam.closures import record

@@ -7,14 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.global_slam.closures import (
-    Closures,
-    FinalMatches,
-    Reason,
-    Requests,
-    SearchMatches,
-    Status,
-)
+from cartoloop.global_slam.closure_matches import FinalMatches, Requests, SearchMatches
+from cartoloop.global_slam.closure_status import Reason, Status
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import ClosureConstraints
 
 INFORMATION = np.array([(4.0, 1.0, 0.5), (1.0, 5.0, 0.25), (0.5, 0.25, 6.0)])

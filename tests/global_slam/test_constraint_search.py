@@ -10,11 +10,11 @@ import pytest
 
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam import constraint_search
-from cartoloop.global_slam.closure_search import NO_MATCHES, SearchOutcome
-from cartoloop.global_slam.closures import Closures, Reason, Status
+from cartoloop.global_slam.closure_search import NO_MATCHES, FinishedSubmap, SearchOutcome
+from cartoloop.global_slam.closure_status import Reason, Status
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.constraint_search import ConstraintSearch, spread_out
-from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.node_points import NodePoints
+from cartoloop.sensor.scan_points import NodePoints
 from cartoloop.submaps.finished_grid import FinishedGrid
 from tests.global_slam.closures import requests, search_matches
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
+from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score
 from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY, FinishedGrid

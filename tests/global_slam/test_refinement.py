@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cartoloop.config import ConstraintSearchConfig
-from cartoloop.global_slam.closures import Reason
-from cartoloop.global_slam.finished_submap import FinishedSubmap
+from cartoloop.global_slam.closure_search import FinishedSubmap
+from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.refinement import (
     in_nearest_submaps,
     match_again,

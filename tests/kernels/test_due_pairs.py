@@ -88,7 +88,7 @@ def test_pairs_of_a_node_are_those_of_the_reference(seed, num_known, rule):
         anchor,
         length,
     )
-    submaps, lengths = np.empty(NUM_SUBMAPS, np.int64), np.empty(NUM_SUBMAPS)
+    submaps, lengths = np.empty(NUM_SUBMAPS, np.int32), np.empty(NUM_SUBMAPS)
     seen = np.empty((NUM_SUBMAPS, 3))
 
     num_due = pairs_of_node(
@@ -111,7 +111,7 @@ def test_pairs_of_a_submap_are_those_of_the_reference(seed, num_known, rule):
     walk = Walk(rng)
     submap, known = int(rng.integers(NUM_SUBMAPS)), known_lengths(rng, num_known)
     is_searchable = rng.random(NUM_NODES) < 0.9
-    nodes, lengths = np.empty(NUM_NODES, np.int64), np.empty(NUM_NODES)
+    nodes, lengths = np.empty(NUM_NODES, np.int32), np.empty(NUM_NODES)
     seen = np.empty((NUM_NODES, 3))
 
     num_due = pairs_of_submap(

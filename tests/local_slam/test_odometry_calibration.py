@@ -14,7 +14,7 @@ from cartoloop.local_slam.odometry_calibration import (
     MAX_SCALE,
     MIN_SCALE,
     OdometryCalibration,
-    OdometryModel,
+    OdometryParameters,
     estimate,
 )
 from cartoloop.local_slam.odometry_track import OdometryTrack
@@ -29,7 +29,7 @@ from cartoloop.sensor.pose import (
 )
 
 PERIOD, FINE = 0.2, 0.01
-UNKNOWN = OdometryModel()
+UNKNOWN = OdometryParameters()
 
 
 def winding_way(duration=120.0, before=3.0):
@@ -83,38 +83,38 @@ def calibrated(model, **kwargs):
 
 @pytest.mark.parametrize("offset", [-0.25, 0.0, 0.14, 0.64])
 def test_the_offset_of_the_clock_is_found(offset):
-    found = calibrated(OdometryModel(time_offset=offset))
+    found = calibrated(OdometryParameters(time_offset=offset))
     assert found.time_offset == pytest.approx(offset, abs=0.02)
 
 
 @pytest.mark.parametrize("scale", [0.82, 1.0, 1.2])
 def test_the_scale_of_rotation_is_found(scale):
-    found = calibrated(OdometryModel(rotation_scale=scale, time_offset=0.1))
+    found = calibrated(OdometryParameters(rotation_scale=scale, time_offset=0.1))
     assert found.rotation_scale == pytest.approx(scale, rel=0.02)
 
 
 @pytest.mark.parametrize("scale", [0.9, 1.0, 1.1])
 def test_the_scale_of_distance_is_found(scale):
-    found = calibrated(OdometryModel(translation_scale=scale, time_offset=0.1))
+    found = calibrated(OdometryParameters(translation_scale=scale, time_offset=0.1))
     assert found.translation_scale == pytest.approx(scale, rel=0.01)
 
 
 @pytest.mark.parametrize("yaw_deg", [-3.0, 0.0, 1.0])
 def test_the_yaw_of_a_scanner_is_found(yaw_deg):
     """Half a degree unknown bends long corridors: each prediction lies to the side of the truth."""
-    found = calibrated(OdometryModel(yaw=math.radians(yaw_deg), lever_x=0.1))
+    found = calibrated(OdometryParameters(yaw=math.radians(yaw_deg), lever_x=0.1))
     assert found.yaw == pytest.approx(math.radians(yaw_deg), abs=math.radians(0.2))
     assert found.lever_x == pytest.approx(0.1, abs=0.02)
 
 
 @pytest.mark.parametrize("lever", [(0.0, 0.0), (0.3, 0.0), (-0.1, 0.2)])
 def test_the_lever_arm_is_found(lever):
-    found = calibrated(OdometryModel(lever_x=lever[0], lever_y=lever[1]))
+    found = calibrated(OdometryParameters(lever_x=lever[0], lever_y=lever[1]))
     assert (found.lever_x, found.lever_y) == pytest.approx(lever, abs=0.02)
 
 
 def test_the_model_predicts_the_motion_up_to_noise():
-    true = OdometryModel(0.2, 0.9, 1.05, yaw=-0.03, lever_x=0.15, lever_y=-0.05)
+    true = OdometryParameters(0.2, 0.9, 1.05, yaw=-0.03, lever_x=0.15, lever_y=-0.05)
     found = calibrated(true)
     assert found.is_known
     assert found.rotation_error < 0.006
@@ -129,7 +129,7 @@ def test_the_errors_are_those_of_the_odometry():
 
 def test_occasional_false_matches_do_no_harm():
     way = winding_way()
-    stamps, odometry = reported_by(OdometryModel(0.1, 0.9, 1.05), way)
+    stamps, odometry = reported_by(OdometryParameters(0.1, 0.9, 1.05), way)
     poses = matched(stamps, way)
     poses[10::40] += np.random.default_rng(1).normal(scale=0.5, size=poses[10::40].shape)
     found = estimate(stamps, poses, stamps, odometry, UNKNOWN)
@@ -141,7 +141,7 @@ def test_occasional_false_matches_do_no_harm():
 def test_a_robot_at_rest_does_not_change_the_model():
     stamps = np.arange(0.0, 60.0, PERIOD)
     noise = np.random.default_rng(2).normal(scale=1e-3, size=(len(stamps), 3))
-    before = OdometryModel(0.1, 0.95, rotation_error=0.01, translation_error=0.01)
+    before = OdometryParameters(0.1, 0.95, rotation_error=0.01, translation_error=0.01)
     assert estimate(stamps, noise, stamps, np.zeros_like(noise), before) is before
 
 
@@ -182,13 +182,13 @@ def test_no_odometry_does_not_change_the_model():
 
 
 def test_scales_stay_within_what_is_plausible():
-    found = calibrated(OdometryModel(rotation_scale=2.5, translation_scale=3.0))
+    found = calibrated(OdometryParameters(rotation_scale=2.5, translation_scale=3.0))
     for scale in (found.rotation_scale, found.translation_scale):
         assert MIN_SCALE <= scale <= MAX_SCALE
 
 
 def test_the_model_is_estimated_while_scans_come_in():
-    true = OdometryModel(0.1, 0.9, 1.05)
+    true = OdometryParameters(0.1, 0.9, 1.05)
     way = winding_way()
     stamps, odometry = reported_by(true, way)
     calibration, track = OdometryCalibration(), OdometryTrack()
@@ -224,7 +224,7 @@ def test_a_lever_arm_moves_the_tracking_frame_as_a_rigid_body(lever, start, step
     tf_report_tracking = Pose(*lever, 0.0)
     tracking = compose(start, tf_report_tracking)
     moved = compose(compose(start, step), tf_report_tracking)
-    predicted = OdometryModel(lever_x=lever[0], lever_y=lever[1]).predict(step)
+    predicted = OdometryParameters(lever_x=lever[0], lever_y=lever[1]).predict(step)
     assert predicted == pytest.approx(relative(tracking, moved), abs=1e-9)
     back = compose(inverse(tracking), moved)
     assert math.hypot(predicted.x - back.x, predicted.y - back.y) < 1e-9
@@ -238,7 +238,7 @@ def test_a_lever_arm_moves_the_tracking_frame_as_a_rigid_body(lever, start, step
     lever=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)),
 )
 def test_predictions_of_an_array_equal_single_ones(seed, rotation_scale, yaw, lever):
-    model = OdometryModel(0.0, rotation_scale, 1.1, yaw, *lever)
+    model = OdometryParameters(0.0, rotation_scale, 1.1, yaw, *lever)
     reported = np.random.default_rng(seed).normal(scale=(1.0, 0.2, 0.5), size=(20, 3))
     each = [model.predict(Pose(*step)) for step in reported.tolist()]
     assert model.predict_all(reported).tolist() == [list(pose) for pose in each]

@@ -7,8 +7,8 @@ import numpy as np
 
 from cartoloop.config import Config
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.map_output.report import Report
-from cartoloop.map_output.result import Result
+from cartoloop.report import Report
+from cartoloop.result import Result
 from cartoloop.submaps.finished_grid import FinishedGrid
 from tests.global_slam.closures import add_to_graph, closure, record
 

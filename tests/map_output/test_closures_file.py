@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cartoloop.config import Config
-from cartoloop.global_slam.closures import Reason
+from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust, constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.map_output.closures_file import (

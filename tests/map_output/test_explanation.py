@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cartoloop.errors import InputError
-from cartoloop.global_slam.closures import Reason, Status
+from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.map_output.explanation import Explainer
 from tests.evaluation.hand_made_run import closure, hand_made_result
 from tests.global_slam.closures import final_matches, record, requests

@@ -17,14 +17,14 @@ from cartoloop.errors import OutputError
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.global_slam import AdjustmentRun
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.map_output.report import (
+from cartoloop.map_output.save import prepare_folder, save, save_report, write_file
+from cartoloop.report import (
     AdjustmentSummary,
     ConstraintSummary,
     InputSummary,
     Report,
-    peak_memory_mb,
 )
-from cartoloop.map_output.save import prepare_folder, save, save_report, write_file
+from cartoloop.runtime.process_memory import peak_memory_mb
 from cartoloop.runtime.stage_timer import StageTimer
 from tests.map_output.small_result import small_result
 

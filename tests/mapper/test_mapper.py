@@ -13,7 +13,7 @@ import pytest
 from cartoloop import Config, Imu, Mapper, Odometry, Pose
 from cartoloop.evaluation.trajectories import absolute_trajectory_error
 from cartoloop.global_slam import refinement
-from cartoloop.global_slam.closures import Status
+from cartoloop.global_slam.closure_status import Status
 from cartoloop.sensor.events import LaserScan
 from cartoloop.simulation import office, simulate
 

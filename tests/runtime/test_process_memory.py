@@ -8,7 +8,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from cartoloop.runtime.process_memory import release_unused_memory, set_malloc_thresholds
+from cartoloop.runtime.process_memory import (
+    peak_memory_mb,
+    release_unused_memory,
+    set_malloc_thresholds,
+)
 
 
 def test_malloc_thresholds_of_glibc_are_set(monkeypatch):
@@ -34,3 +38,7 @@ def test_other_c_libraries_are_left_as_they_are(monkeypatch, error):
     monkeypatch.setattr(ctypes, "CDLL", no_such_library)
     set_malloc_thresholds()
     release_unused_memory()
+
+
+def test_peak_memory_is_measured():
+    assert 10 < peak_memory_mb() < 1e5

@@ -14,8 +14,7 @@ from cartoloop.config import CorrelativeMatcherConfig, SubmapConfig
 from cartoloop.kernels.window_bounds import box_sizes
 from cartoloop.scan_matching.correlative import Scratch, match, step_of_points
 from cartoloop.sensor.pose import Pose, inverse, transform_points, wrap_angle
-from cartoloop.submaps.probability_grid import ProbabilityGrid
-from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
+from cartoloop.submaps.probability_grid import ProbabilityGrid, insert_cells, scan_cells
 
 RESOLUTION = 0.05
 MAX_RANGE = CorrelativeMatcherConfig().max_rotation_step_range

@@ -12,8 +12,7 @@ from cartoloop.config import SubmapConfig
 from cartoloop.scan_matching.least_squares import MatchOptions, SmoothMap, match
 from cartoloop.sensor.pose import Pose, inverse, transform_points, wrap_angle
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
-from cartoloop.submaps.probability_grid import ProbabilityGrid
-from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
+from cartoloop.submaps.probability_grid import ProbabilityGrid, insert_cells, scan_cells
 from tests.reference.naive_scan_residuals import naive_smooth_probability
 
 RESOLUTION = 0.05

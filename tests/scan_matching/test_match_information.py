@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.scan_matching.least_squares import LeastSquaresMatch
-from cartoloop.scan_matching.match_information import (
+from cartoloop.scan_matching.least_squares import (
     MIN_RESIDUAL,
     MIN_SIGMA_M,
     MIN_SIGMA_RAD,
+    LeastSquaresMatch,
     match_information,
 )
 

@@ -15,8 +15,7 @@ from cartoloop.errors import InputError
 from cartoloop.kernels.ray_casting import SUBPIXELS
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY
-from cartoloop.submaps.probability_grid import ProbabilityGrid
-from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
+from cartoloop.submaps.probability_grid import ProbabilityGrid, insert_cells, scan_cells
 from tests.reference.naive_ray_casting import naive_scan_cells
 
 RESOLUTION = 0.1

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from cartoloop.config import SubmapConfig
 from cartoloop.sensor.pose import Pose
-from cartoloop.submaps.probability_grid import ProbabilityGrid
-from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
+from cartoloop.submaps.probability_grid import ProbabilityGrid, insert_cells, scan_cells
 from cartoloop.submaps.submap import ActiveSubmaps
 
 RESOLUTION = 0.1

@@ -9,7 +9,7 @@ import pytest
 
 from bench.browser import NoBrowserError, browser
 from cartoloop import Config
-from cartoloop.map_file.load import load_map
+from cartoloop.result import load_map
 from cartoloop.simulation import ring, simulate
 from cartoloop.viewer.view import LiveView, serve_result
 from tests.limits import LIMIT_S

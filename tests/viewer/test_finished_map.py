@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from cartoloop.errors import OutputError
-from cartoloop.global_slam.closures import Reason, Status
+from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.picture import palette
 from cartoloop.viewer.feed import rejected_closures

@@ -11,7 +11,7 @@ import typer
 from cartoloop.errors import ConfigError
 
 if TYPE_CHECKING:
-    from cartoloop.evaluation.closures import ClosuresScore, StageScore
+    from cartoloop.evaluation.closure_scores import ClosuresScore, StageScore
 
 
 def closures_command(
@@ -47,7 +47,7 @@ def closures_command(
     import json
 
     from cartoloop.config_file import load_config
-    from cartoloop.evaluation.closures import evaluate_closures
+    from cartoloop.evaluation.closure_scores import evaluate_closures
     from cartoloop.evaluation.finished_run import read_run
     from cartoloop.evaluation.plot_style import image_format
     from cartoloop.evaluation.trajectories import read_tum

@@ -9,7 +9,7 @@ from cartoloop.cli.evaluate_closures import closures_command
 from cartoloop.cli.evaluate_lines import lines_command
 from cartoloop.cli.evaluate_relations import relations_command
 from cartoloop.cli.evaluate_trajectory import trajectory_command
-from cartoloop.cli.make_relations import make_relations_command
+from cartoloop.cli.make_relations_command import make_relations_command
 
 evaluate_app = typer.Typer(help="Evaluate a result.", no_args_is_help=True, rich_markup_mode=None)
 

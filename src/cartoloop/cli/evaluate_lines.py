@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from cartoloop.evaluation.lines import LineError, LinesError
+    from cartoloop.evaluation.lines import LinesError, MeasuredLine
 
 
 def lines_command(
@@ -81,7 +81,7 @@ def _table(error: LinesError) -> str:
     return "\n".join((*table, "", *summary))
 
 
-def _row(number: int, line: LineError, error: LinesError) -> tuple[str, str, str, str, str, str]:
+def _row(number: int, line: MeasuredLine, error: LinesError) -> tuple[str, str, str, str, str, str]:
     relative = line.relative_error
     return (
         str(number),

@@ -41,8 +41,8 @@ def explain_command(options: ExplainOptions) -> None:
 
     import json
 
-    from cartoloop.map_file.load import load_map
     from cartoloop.map_output.explanation import Explainer
+    from cartoloop.result import load_map
 
     explainer = Explainer(load_map(options.out))
     if closure is not None:

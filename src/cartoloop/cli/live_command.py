@@ -77,7 +77,7 @@ class LiveCommandOptions(ConfigOptions, OutputOptions):
 
 
 def live_command(options: LiveCommandOptions) -> None:
-    """Map what a robot sends while it drives; docs/live.md describes what it has to send."""
+    """Map the messages of a robot while it drives; their formats are in docs/live.md."""
     layers = options.layers
     require_view(options.view, view_host=options.view_host, port=options.port)
     laser_pose = parse_pose(options.laser_pose)

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
     from cartoloop.live.source import Source
     from cartoloop.map_output.picture import Layer
-    from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
+    from cartoloop.result import Result
     from cartoloop.viewer.view import LiveView
 
 
@@ -80,7 +80,7 @@ class _Display(LiveObserver):
         typer.echo(line, err=True)
 
     def changed(self, mapper: Mapper) -> None:
-        """Update the view, in the thread in which the pose graph does not change meanwhile."""
+        """Update the view, in the thread that owns the pose graph."""
         view = self._view
         if view is None or self._is_due:
             return

@@ -15,7 +15,6 @@ from typing import Annotated
 
 import typer
 
-import cartoloop
 from cartoloop.cli.commands import add_command
 from cartoloop.cli.config_command import config_app
 from cartoloop.cli.demo_command import DemoOptions, demo_command
@@ -27,6 +26,7 @@ from cartoloop.cli.map_command import MapOptions, map_command
 from cartoloop.cli.simulate_command import SimulateOptions, simulate_command
 from cartoloop.cli.view_command import ViewCommandOptions, view_command
 from cartoloop.errors import CartoloopError, ConfigError, Interrupted
+from cartoloop.version import __version__
 
 app = typer.Typer(
     name="cartoloop",
@@ -59,7 +59,7 @@ app.add_typer(config_app, name="config")
 
 def _print_version(asked: bool) -> None:
     if asked:
-        typer.echo(f"cartoloop {cartoloop.__version__}")
+        typer.echo(f"cartoloop {__version__}")
         raise typer.Exit
 
 

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from cartoloop._jit import CompileWatch
     from cartoloop.config_file import LoadedConfig
     from cartoloop.map_output.picture import Layer
-    from cartoloop.map_output.report import Report
-    from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
     from cartoloop.readers import Log
+    from cartoloop.report import Report
+    from cartoloop.result import Result
     from cartoloop.sensor.events import SensorEvent
     from cartoloop.viewer.view import LiveView
 
@@ -133,7 +133,7 @@ class _Display(RunObserver):
 
 
 def show_stage(view: LiveView | None, mapper: Mapper, stage: str | None) -> None:
-    """Show in the view, if there is one, what is done after the last scan."""
+    """Show the steps after the last scan in the view, if there is one."""
     if view is None:
         return
     if stage is None:

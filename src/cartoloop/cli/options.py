@@ -108,7 +108,7 @@ class ConfigOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingOptions:
-    """Options that say how to read a recording."""
+    """Options for reading a recording."""
 
     scan_topics: ScanTopicOption = None
     odom_topic: OdomTopicOption = None
@@ -158,7 +158,7 @@ class ReadingOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions:
-    """Options that say where the map is written, and its picture."""
+    """Options for the output folder and the picture of the map."""
 
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map; is created.")

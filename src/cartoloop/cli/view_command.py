@@ -114,7 +114,7 @@ class ViewCommandOptions:
 
 def view_command(options: ViewCommandOptions) -> None:
     """Show a finished map in a browser."""
-    from cartoloop.map_file.load import load_map
+    from cartoloop.result import load_map
     from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT
     from cartoloop.viewer.view import serve_result
 
@@ -143,7 +143,7 @@ def require_view(view: bool, **options: object) -> None:
 
 
 def wait_for_stop(what: str) -> None:
-    """Print what is served where, and return when the user stops it."""
+    """Print the address of the view, and return when the user stops it."""
     typer.echo(f"{what} (Ctrl-C ends)")
     with stop_signals() as stop:
         while not stop.made:

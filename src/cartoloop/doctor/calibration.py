@@ -13,7 +13,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.doctor.odometry import OdometryWatch
 from cartoloop.local_slam.local_slam import LocalSlam
-from cartoloop.local_slam.odometry_calibration import OdometryModel
+from cartoloop.local_slam.odometry_calibration import OdometryParameters
 from cartoloop.readers.log import Log
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.event_faults import fault_of
@@ -23,7 +23,7 @@ PART_SCANS = 1500
 """Scans of the part that is matched: enough for an estimate, and matched within seconds."""
 
 MIN_SCANS = 50
-"""Scans below which nothing is estimated."""
+"""Minimum number of scans for an estimate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Calibration:
     first_scan: int
     num_scans: int
     num_matched: int
-    model: OdometryModel
+    model: OdometryParameters
 
 
 def choose_part(scan_times: FloatArray, odometry: OdometryWatch, size: int = PART_SCANS) -> int:

@@ -11,7 +11,7 @@ from cartoloop.doctor.clouds import CloudWatch
 from cartoloop.doctor.contents import Contents
 from cartoloop.doctor.odometry import OdometryWatch
 from cartoloop.doctor.scans import ScanWatch
-from cartoloop.local_slam.odometry_calibration import OdometryModel
+from cartoloop.local_slam.odometry_calibration import OdometryParameters
 from cartoloop.readers.log import Log
 from cartoloop.sensor.sensor_profile import SensorProfile
 
@@ -40,7 +40,7 @@ def choices_of(
     contents: Contents,
     watch: ScanWatch | CloudWatch,
     odometry: OdometryWatch,
-    model: OdometryModel | None,
+    model: OdometryParameters | None,
 ) -> tuple[Choice, ...]:
     """Return how the mapper would use a recording."""
     used = sorted((s for s in contents.streams if s.used), key=lambda s: _ROLES.index(s.role))
@@ -99,7 +99,7 @@ def _beam_times(watch: ScanWatch | CloudWatch) -> Choice:
     return Choice("motion in a sweep", "all beams at one time", "no time between beams is recorded")
 
 
-def _trust(model: OdometryModel | None) -> Choice:
+def _trust(model: OdometryParameters | None) -> Choice:
     if model is None:
         return Choice(
             "odometry's model", "found while mapping", "too little data to estimate before"

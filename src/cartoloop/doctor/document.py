@@ -156,7 +156,7 @@ def _values(source: object, attributes: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _finite(value: Any) -> Any:  # noqa: ANN401 - anything that JSON holds
-    """Return plain data with None for numbers that JSON does not know."""
+    """Return plain data with None for numbers that JSON cannot represent."""
     if isinstance(value, dict):
         return {key: _finite(inner) for key, inner in value.items()}
     if isinstance(value, list):

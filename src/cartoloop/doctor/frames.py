@@ -45,7 +45,7 @@ def check_shared_frames(topics: Sequence[TopicSummary]) -> list[Finding]:
 
 
 def check_nameless_frames(topics: Sequence[TopicSummary]) -> list[Finding]:
-    """Messages that do not say in which frame they are."""
+    """Messages without the name of a frame."""
     return [
         Finding(
             "warning",

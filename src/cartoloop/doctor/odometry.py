@@ -11,7 +11,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.doctor.findings import Finding, first_of
-from cartoloop.local_slam.odometry_calibration import OdometryModel
+from cartoloop.local_slam.odometry_calibration import OdometryParameters
 from cartoloop.sensor.events import Odometry
 from cartoloop.sensor.pose import Pose, relative
 
@@ -97,7 +97,7 @@ class OdometryWatch:
         return np.interp(times, np.asarray(self.times), turned)
 
 
-def check_odometry(watch: OdometryWatch, model: OdometryModel | None) -> list[Finding]:
+def check_odometry(watch: OdometryWatch, model: OdometryParameters | None) -> list[Finding]:
     """Return what is wrong with the odometry.
 
     Parameters
@@ -167,7 +167,7 @@ def check_moves(watch: OdometryWatch) -> Finding | None:
     )
 
 
-def check_agreement(watch: OdometryWatch, model: OdometryModel) -> Finding | None:
+def check_agreement(watch: OdometryWatch, model: OdometryParameters) -> Finding | None:
     """Motion that the scans do not confirm."""
     if model.is_known or watch.path_length < 3.0:
         return None
@@ -181,7 +181,7 @@ def check_agreement(watch: OdometryWatch, model: OdometryModel) -> Finding | Non
     )
 
 
-def check_offset(watch: OdometryWatch, model: OdometryModel) -> Finding | None:
+def check_offset(watch: OdometryWatch, model: OdometryParameters) -> Finding | None:
     """A constant offset between the clocks of odometry and scans."""
     if not model.is_known or abs(model.time_offset) < LATE_S:
         return None
@@ -197,7 +197,7 @@ def check_offset(watch: OdometryWatch, model: OdometryModel) -> Finding | None:
     )
 
 
-def check_scale(watch: OdometryWatch, model: OdometryModel) -> Finding | None:
+def check_scale(watch: OdometryWatch, model: OdometryParameters) -> Finding | None:
     """Distances or turns that are reported too long or too short."""
     if not model.is_known:
         return None

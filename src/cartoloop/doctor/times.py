@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stamps: order, gaps, clocks, and how late they were recorded. One check a function."""
+"""Checks of stamps: order, gaps, clocks, and delays of recording."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def check_resets(report: TimeReport, where: str) -> list[Finding]:
 
 
 def check_gaps(streams: Sequence[Stream], period: float) -> list[Finding]:
-    """Pauses of the sensors that are used; odometry that goes on bridges those of the scans.
+    """Pauses of the sensors that are used; odometry bridges pauses of the scans.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def check_gaps(streams: Sequence[Stream], period: float) -> list[Finding]:
         times = stream.times
         if times is None or not times.num_gaps or stream.role not in ("scan", "cloud", "odometry"):
             continue
-        # Text logs hold odometry with each scan, whose pauses are reported once.
+        # Text logs contain odometry with each scan: the same pause is reported once.
         if (key := (times.num_gaps, times.longest_gap_at)) in known:
             continue
         known.add(key)
@@ -129,8 +129,8 @@ def check_delays(topics: Sequence[TopicSummary]) -> list[Finding]:
             continue
         very = abs(stamps.largest_delay) > VERY_LATE_S
         constant = abs(stamps.delay) > 0.8 * abs(stamps.largest_delay)
-        # A constant difference means another clock or a delayed driver, which harms nothing that
-        # is stamped alike; a varying one means that the recorder could not keep up.
+        # A constant difference is a clock offset or a driver's delay, which is harmless if all
+        # sensors share it; a varying one means that the recorder could not keep up.
         found.append(
             Finding(
                 "warning" if very else "info",

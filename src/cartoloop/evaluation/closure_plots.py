@@ -6,8 +6,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.evaluation.finished_run import FinishedRun, Stage, StageClosures
 from cartoloop.evaluation.plot_style import (
     COLOURS,
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FloatArray = NDArray[np.float64]
 
 _NUM_BINS = 50
 _REJECTED_COLOUR = "#d40000"

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from cartoloop.arrays import FloatArray
 
 PERCENTILES = (50, 75, 90, 95, 99)
 """Per cent of the errors that :func:`percentiles` gives the bounds of."""

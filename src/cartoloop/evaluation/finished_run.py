@@ -9,17 +9,14 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.errors import InputError
+from cartoloop.global_slam.closure_matches import Matched
 from cartoloop.global_slam.closure_residuals import residuals, weights
-from cartoloop.global_slam.closures import Matched, Status
+from cartoloop.global_slam.closure_status import Status
 from cartoloop.global_slam.pose_graph import ConstraintKind
-from cartoloop.map_file.load import load_map
-from cartoloop.map_output.result import Result
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from cartoloop.result import Result, load_map
 
 
 class Stage(StrEnum):

@@ -9,14 +9,13 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import ConfigError, InputError
 from cartoloop.evaluation.map_image import MapImage
 from cartoloop.evaluation.text_table import read_table
 from cartoloop.evaluation.wall_search import wall_distance
 
-FloatArray = NDArray[np.float64]
 Point = tuple[float, float]
 
 DEFAULT_SEARCH_M = 0.5
@@ -48,7 +47,7 @@ class Lines:
 
 
 @dataclass(frozen=True)
-class LineError:
+class MeasuredLine:
     """One line of table I.
 
     Attributes
@@ -99,7 +98,7 @@ class LinesError:
     search : how far from the given ends walls were looked for [m].
     """
 
-    lines: tuple[LineError, ...]
+    lines: tuple[MeasuredLine, ...]
     resolution: float
     search: float
 
@@ -219,7 +218,7 @@ def _extent(map_image: MapImage) -> str:
 
 def _measure_line(
     map_image: MapImage, place: str, ends: FloatArray, tape: float, search: float
-) -> LineError:
+) -> MeasuredLine:
     middle = (ends[:2] + ends[2:]) / 2.0
     half = float(np.hypot(*(ends[2:] - ends[:2]))) / 2.0
     walls: list[Point | None] = []
@@ -229,7 +228,7 @@ def _measure_line(
         wall = None if distance is None else (middle + distance * along).tolist()
         walls.append(None if wall is None else (wall[0], wall[1]))
     x1, y1, x2, y2 = ends.tolist()
-    return LineError(
+    return MeasuredLine(
         place=place,
         given=(x1, y1, x2, y2),
         tape=None if math.isnan(tape) else tape,

@@ -8,16 +8,15 @@ import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from cartoloop.evaluation.lines import LineError, LinesError
+from cartoloop.arrays import FloatArray
+from cartoloop.evaluation.lines import LinesError, MeasuredLine
 from cartoloop.evaluation.map_image import MapImage
 from cartoloop.evaluation.plot_style import format_by_suffix
 from cartoloop.map_output.picture import BACKGROUND, CLOSURE_COLOUR, TRAJECTORY_COLOUR
 from cartoloop.map_output.save import write_file
 
-FloatArray = NDArray[np.float64]
 Colour = tuple[int, int, int]
 
 _FLOOR: Colour = (255, 255, 255)
@@ -53,7 +52,7 @@ def draw_lines(map_image: MapImage, error: LinesError) -> Image.Image:
 
 
 def write_picture(picture: Image.Image, path: Path) -> None:
-    """Write a picture in the format that the name ends with, as a whole or not at all.
+    """Write a picture atomically, in the format of the name's suffix.
 
     Raises
     ------
@@ -69,7 +68,7 @@ def write_picture(picture: Image.Image, path: Path) -> None:
 
 
 def _shaded(map_image: MapImage) -> Image.Image:
-    """Return the map with what it takes for free bright and for occupied dark."""
+    """Return the map with free cells bright and occupied cells dark."""
     occupancy = map_image.occupancy
     colours = np.full((*occupancy.shape, 3), BACKGROUND, dtype=np.uint8)
     colours[(occupancy >= 0.0) & (occupancy < map_image.free_thresh)] = _FLOOR
@@ -88,17 +87,17 @@ def _enlarged(picture: Image.Image) -> tuple[Image.Image, float]:
     return picture.reduce(divisor), 1.0 / divisor
 
 
-def _colour(line: LineError) -> Colour:
+def _colour(line: MeasuredLine) -> Colour:
     return TRAJECTORY_COLOUR if None not in line.walls else CLOSURE_COLOUR
 
 
-def _drawn_ends(line: LineError) -> FloatArray:
+def _drawn_ends(line: MeasuredLine) -> FloatArray:
     """Return where a line is drawn from and to, shape (2, 2) [m]: the walls, else as given."""
     given = (line.given[:2], line.given[2:])
     return np.array([wall or end for wall, end in zip(line.walls, given, strict=True)])
 
 
-def _draw_line(draw: ImageDraw.ImageDraw, ends: FloatArray, line: LineError) -> None:
+def _draw_line(draw: ImageDraw.ImageDraw, ends: FloatArray, line: MeasuredLine) -> None:
     """Draw a line between its ends, shape (2, 2) [px]: a bar at each wall, a cross for none."""
     (x1, y1), (x2, y2) = ends.tolist()
     colour = _colour(line)

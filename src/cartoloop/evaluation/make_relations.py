@@ -11,14 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import IntArray
 from cartoloop.errors import InputError
 from cartoloop.evaluation.finished_run import FinishedRun, Stage
 from cartoloop.evaluation.relations import Relations
 from cartoloop.evaluation.trajectories import read_tum
 from cartoloop.map_output.text_files import format_stamp
 from cartoloop.sensor.pose import relative_all
-
-IntArray = NDArray[np.int64]
 
 MIN_DISTANCE_M = 100.0
 MAX_TRANSLATION_M = 0.15

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import InputError
 from cartoloop.evaluation.text_table import read_text_lines
 from cartoloop.sensor.pose import Pose, inverse, transform_points
-
-FloatArray = NDArray[np.float64]
 
 UNKNOWN = np.float32(-1.0)
 """Stands for the occupancy of pixels that are declared to hold no value."""
@@ -66,7 +65,7 @@ class MapImage:
     def sample(self, points_map: FloatArray) -> NDArray[np.float32]:
         """Return the occupancy of the pixel each point (n, 2) [m, map frame] lies in, shape (n,).
 
-        Beyond the image nothing is known: -1.
+        Pixels outside the image are unknown: -1.
         """
         rows, cols = self.occupancy.shape
         col, row = np.floor(self.to_pixels(points_map)).astype(np.int64).T

@@ -12,16 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import CellArray, FloatArray, IntArray
 from cartoloop.config import Config
 from cartoloop.errors import InputError
 from cartoloop.kernels.voxel_filter import voxel_filter
 from cartoloop.sensor.events import LaserScan, PointCloud, SensorEvent
 from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-CellArray = NDArray[np.int32]
 
 CELL_M = 0.1
 """Edge of the cells [m]; a point agrees with a submap in whose cell, or the next, it lies."""
@@ -30,7 +27,7 @@ MIN_SHARE = 0.6
 """Share of a scan's points that must agree with a submap for the scan to show it, by default."""
 
 MAX_SAMPLE = 100
-"""Points of a scan that are asked."""
+"""Number of points of a scan that are compared."""
 
 MAX_EXTENT_M = 2000.0
 """No submap reaches so far."""

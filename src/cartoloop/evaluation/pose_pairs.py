@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import ConfigError
 
-FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 DELTA_TOLERANCE = 0.1

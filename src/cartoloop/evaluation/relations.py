@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import InputError
 from cartoloop.evaluation.error_statistics import percentiles
 from cartoloop.evaluation.text_table import read_table
 from cartoloop.evaluation.trajectories import Trajectory
 from cartoloop.sensor.pose import relative_all, wrap_angles
-
-FloatArray = NDArray[np.float64]
 
 DEFAULT_TOLERANCE_S = 5e-3
 """Stamps of relations are those of scans up to rounding; scans are tens of milliseconds apart."""

@@ -8,11 +8,9 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 
 def read_text_lines(path: str | PathLike[str], expected: str) -> list[str]:

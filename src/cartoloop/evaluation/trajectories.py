@@ -9,11 +9,10 @@ from os import PathLike
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import ConfigError, InputError
 from cartoloop.evaluation.text_table import read_table
 from cartoloop.sensor.pose import Pose, compose_all
-
-FloatArray = NDArray[np.float64]
 
 _MAX_LENGTH_ERROR = 0.1  # of quaternions: written with few digits, they are not of length one
 

@@ -28,15 +28,14 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import InputError
 from cartoloop.evaluation.error_statistics import ErrorStatistics
 from cartoloop.evaluation.pose_pairs import frame_pairs, span_pairs
 from cartoloop.evaluation.trajectories import Trajectory, align
 from cartoloop.sensor.pose import IDENTITY, Pose, compose_all, relative_all, wrap_angles
 
-FloatArray = NDArray[np.float64]
 DeltaUnit = Literal["m", "s", "frames"]
 PairsFrom = Literal["estimate", "truth"]
 

@@ -8,9 +8,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.evaluation.map_image import MapImage
-
-FloatArray = NDArray[np.float64]
 
 _HALF_BAND_M = 0.15
 _MAX_RAYS_ASIDE = 20

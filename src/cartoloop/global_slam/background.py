@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Global SLAM in a thread of its own, so that no pose ever waits for the graph."""
+"""Global SLAM in a background thread, so that poses do not wait for the pose graph."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ Task = Callable[[], None]
 
 
 class BackgroundGlobalSlam:
-    """Hands nodes to global SLAM one after another, in a thread that alone touches the graph.
+    """Passes nodes to global SLAM in their order, in a thread that alone accesses the graph.
 
     Parameters
     ----------
-    slam : from now on, only `call` may look at it.
+    slam : to be accessed by tasks of `call` only, until `close`.
 
     Attributes
     ----------
-    failure : what ended the thread, if anything did.
+    failure : the exception that ended the thread, or None.
     """
 
     def __init__(self, slam: GlobalSlam) -> None:
@@ -35,32 +35,32 @@ class BackgroundGlobalSlam:
 
     @property
     def num_waiting(self) -> int:
-        """How many nodes and tasks are not done."""
+        """Number of nodes and tasks that are not done."""
         return self._tasks.qsize()
 
     def add_node(self, node: Node) -> None:
-        """Add a scan that was inserted; returns at once.
+        """Queue a node; returns immediately.
 
         Raises
         ------
         Exception
-            What ended the thread.
+            The failure that ended the thread.
         """
         if self.failure is not None:
             raise self.failure
         self._tasks.put(lambda: self._slam.add_node(node))
 
     def call(self, task: Task) -> None:
-        """Have something done when all nodes so far have been added; returns at once."""
+        """Queue a task that runs after all nodes so far were added; returns immediately."""
         self._tasks.put(task)
 
     def close(self) -> None:
-        """Add what was handed over and end the thread; the graph is the caller's then."""
+        """Add the queued nodes and end the thread; the caller may access the graph afterwards."""
         self._tasks.put(None)
         self._thread.join()
 
     def _run(self) -> None:
-        lower_thread_priority()  # the threads that search are started by this one
+        lower_thread_priority()  # inherited by the search threads
         while (task := self._tasks.get()) is not None:
             try:
                 task()

@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config import PoseAdjustmentConfig
-from cartoloop.global_slam.closures import Matched
+from cartoloop.global_slam.closure_matches import Matched
 from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
 from cartoloop.pose_adjustment import loss_weights
-from cartoloop.sensor.pose import FloatArray, relative_all, wrap_angles
+from cartoloop.sensor.pose import relative_all, wrap_angles
 
 
 def pose_errors(closures: Matched, submap_poses: FloatArray, node_poses: FloatArray) -> FloatArray:

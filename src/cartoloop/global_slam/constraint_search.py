@@ -10,21 +10,21 @@ from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import RowArray
 from cartoloop.config import ConstraintSearchConfig
-from cartoloop.global_slam.closure_search import NO_MATCHES, SearchOutcome, search
-from cartoloop.global_slam.closures import Closures, Reason, Requests, SearchMatches
-from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.global_slam.node_points import NodePoints
+from cartoloop.global_slam.closure_matches import Requests, SearchMatches
+from cartoloop.global_slam.closure_search import NO_MATCHES, FinishedSubmap, SearchOutcome, search
+from cartoloop.global_slam.closure_status import Reason
+from cartoloop.global_slam.closures import Closures
 from cartoloop.growing_array import GrowingArray
+from cartoloop.sensor.scan_points import NodePoints
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
-RowArray = NDArray[np.int32]
 
 MAX_THREADS = 4
-"""Upper limit of the number of search threads chosen by default: more have nothing to do."""
+"""Upper limit of the number of search threads chosen by default: more would be idle."""
 
 PRECOMPUTED_BYTES = 32 * 2**20
 """Size of the cache of precomputed grids [bytes]."""
@@ -37,7 +37,7 @@ class ConstraintSearch:
 
     Parameters
     ----------
-    config : what is accepted.
+    config : windows and thresholds.
     closures : the record; requests are read from it, and what became of them is noted in it.
     submaps : the finished submaps by their index; the owner adds to it.
     node_points : the returns of the nodes, likewise.
@@ -93,7 +93,7 @@ class ConstraintSearch:
         self._waiting.extend(rows)
 
     def start(self, *, may_defer: bool = False) -> None:
-        """Hand what was submitted to the threads; returns at once.
+        """Pass the submitted requests to the threads; returns immediately.
 
         Requests in the same submap go together, so that its grids are precomputed once.
 
@@ -142,20 +142,29 @@ class ConstraintSearch:
         if not wait:
             started, pending = pending, [task for task in pending if task[0].done()]
             self._pending = [task for task in started if task not in pending]
-        found = [NO_MATCHES]
+        outcomes = []
         for future, _ in pending:
             outcome, duration = future.result()
-            self._closures.note_searched(outcome.searched, outcome.min_score)
-            self._closures.note_not_searched(
-                outcome.not_searched,
-                Reason.EMPTY_SUBMAP if outcome.is_empty else Reason.ENOUGH_CLOSURES,
-            )
-            if len(outcome.matches.row):
-                found.append(outcome.matches)
+            outcomes.append(outcome)
             self.durations.append(duration)
+        self._note(outcomes)
+        found = [NO_MATCHES, *(each.matches for each in outcomes if len(each.matches.row))]
         together = SearchMatches._make(map(np.concatenate, zip(*found, strict=True)))
         order = np.argsort(together.row, kind="stable")
         return SearchMatches._make(column[order] for column in together)
+
+    def _note(self, outcomes: Sequence[SearchOutcome]) -> None:
+        """Note in the record what was searched, and what was not."""
+        if outcomes:
+            searched = [outcome.searched for outcome in outcomes]
+            min_scores = [outcome.min_score for outcome in outcomes]
+            self._closures.note_searched(
+                np.concatenate(searched), np.repeat(min_scores, [len(rows) for rows in searched])
+            )
+        for outcome in outcomes:
+            if len(outcome.not_searched):
+                reason = Reason.EMPTY_SUBMAP if outcome.is_empty else Reason.ENOUGH_CLOSURES
+                self._closures.note_not_searched(outcome.not_searched, reason)
 
     def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
         """Run a task on each of the items in the background threads; answers in their order."""

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
-from cartoloop.global_slam.closures import Closures, FinalMatches, Reason, Requests
+from cartoloop.global_slam.closure_matches import Requests
+from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.constraint_search import ConstraintSearch
-from cartoloop.global_slam.finished_submap import FinishedSubmap, mean_score
-from cartoloop.global_slam.node_points import NodePoints
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
@@ -31,7 +31,7 @@ from cartoloop.global_slam.pose_graph import (
 )
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
-from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.sensor.scan_points import NodePoints, ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import Submap
@@ -295,46 +295,11 @@ class GlobalSlam:
 
     def _match_again(self) -> None:
         """Replace the loop closures by matches from the adjusted poses."""
-        config, graph = self._config.constraint_search, self.graph
-
-        def overlapping_nodes(index: int) -> NDArray[np.int64]:
-            return refinement.overlapping_nodes(
-                self._finished[index],
-                graph.submap_poses[index],
-                graph.node_poses,
-                self._submap_nodes[index],
-                config.final_every_nth_node,
-            )
-
-        def match_submap(index: int) -> FinalMatches:
-            submap, pose = self._finished[index], graph.submap_poses[index]
-            matches = refinement.match_again(
-                submap, pose, nodes[index], graph.node_poses, self.node_points, config
-            )
-            submap.release()
-            return matches
-
-        numbers = range(len(self._finished))
-        overlapping = list(self.search.map(overlapping_nodes, numbers))
-        nodes = refinement.in_nearest_submaps(
-            overlapping, graph.submap_poses, graph.node_poses, config.final_max_submaps_of_node
+        last_pass = refinement.LastPass(
+            self._config.constraint_search,
+            self.graph,
+            self._finished,
+            self._submap_nodes,
+            self.node_points,
         )
-        # All matches first: a run that is stopped meanwhile keeps what was found before.
-        passes = list(self.search.map(match_submap, numbers))
-        not_matched = refinement.why_not_matched(
-            self.closures.found, overlapping, nodes, config.final_every_nth_node
-        )
-        rows = self.closures.note_last_pass(not_matched, passes)
-        graph.replace_loop_closures(map(_accepted, passes, rows))
-
-
-def _accepted(matches: FinalMatches, rows: NDArray[np.int64]) -> ClosureConstraints:
-    """Return the matches of a pass that become constraints."""
-    fits = matches.reason == Reason.FITS
-    return ClosureConstraints(
-        rows[fits],
-        matches.submap[fits],
-        matches.node[fits],
-        matches.tf_submap_node[fits],
-        matches.information[fits],
-    )
+        last_pass.run(self.closures, self.search)

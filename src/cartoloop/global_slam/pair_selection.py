@@ -22,9 +22,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray, IntArray, RowArray
 from cartoloop.config import ConstraintSearchConfig
-from cartoloop.global_slam.closures import Closures, Requests
+from cartoloop.global_slam.closure_matches import Requests
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.global_slam.submap_paths import SubmapPaths
 from cartoloop.growing_array import GrowingArray
 from cartoloop.kernels.due_pairs import (
     NodePlace,
@@ -34,16 +37,9 @@ from cartoloop.kernels.due_pairs import (
     pairs_of_node,
     pairs_of_submap,
 )
-from cartoloop.kernels.shortest_paths import shortest_paths
 from cartoloop.submaps.node import Node
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
 _NOTHING: FloatArray = np.empty(0)
-
-_SHORTEST_STEP_M = 1e-3
-"""Path length between two submaps, at least: path lengths must be positive [m]."""
 
 
 class WhyNot(Enum):
@@ -126,7 +122,7 @@ class PairSelection:
         self._num_found.update(zip(submaps.tolist(), node_submaps.tolist(), strict=True))
 
     def note_requested(self, closures: Closures) -> None:
-        """Note what was requested and found, as it stands in a record."""
+        """Note the requests and found closures of a record."""
         found, config = closures.found, self._config
         self.note_found(found.submap, found.node)
         drift = closures.linear_window - config.min_linear_search_window
@@ -146,29 +142,31 @@ class PairSelection:
 
     def of_node(self, graph: PoseGraph, node: int, num_finished: int) -> Requests:
         """Return the requests for a node in the finished submaps, which are the first."""
+        if num_finished == 0 or not self._is_searchable.view[node]:
+            return NO_REQUESTS
         place = self._place(graph, node)
-        submaps = np.empty(num_finished, dtype=np.int64)
+        submaps = np.empty(num_finished, dtype=np.int32)
         lengths, poses = np.empty(num_finished), np.empty((num_finished, 3))
-        num_due = 0
-        if self._is_searchable.view[node]:
-            num_due = pairs_of_node(
-                place,
-                num_finished,
-                graph.submap_poses,
-                self._submap_travelled.view,
-                self._submap_paths.lengths_from(place.anchor),
-                self._rule,
-                submaps,
-                lengths,
-                poses,
-            )
-        nodes = np.full(num_due, node)
+        num_due = pairs_of_node(
+            place[:],
+            num_finished,
+            graph.submap_poses,
+            self._submap_travelled.view,
+            self._submap_paths.lengths_from(place.anchor),
+            self._rule[:],
+            submaps,
+            lengths,
+            poses,
+        )
+        if num_due == 0:
+            return NO_REQUESTS
+        nodes = np.full(num_due, node, dtype=np.int32)
         return self._requests(submaps[:num_due], nodes, lengths[:num_due], poses)
 
     def in_submap(self, graph: PoseGraph, submap: int) -> Requests:
         """Return the requests for all nodes in one submap."""
         count = graph.num_nodes
-        nodes = np.empty(count, dtype=np.int64)
+        nodes = np.empty(count, dtype=np.int32)
         lengths, poses = np.empty(count), np.empty((count, 3))
         num_due = pairs_of_submap(
             submap,
@@ -182,7 +180,9 @@ class PairSelection:
             lengths,
             poses,
         )
-        return self._requests(np.full(num_due, submap), nodes[:num_due], lengths[:num_due], poses)
+        return self._requests(
+            np.full(num_due, submap, dtype=np.int32), nodes[:num_due], lengths[:num_due], poses
+        )
 
     def verdict(self, graph: PoseGraph, submap: int, node: int) -> PairVerdict:
         """Return whether a pair would be requested now, or why not."""
@@ -233,28 +233,28 @@ class PairSelection:
         return NodePlace(node, x, y, theta, travelled, first, last, anchor, length)
 
     def _requests(
-        self, submaps: IntArray, nodes: IntArray, lengths: FloatArray, poses: FloatArray
+        self, submaps: RowArray, nodes: RowArray, lengths: FloatArray, poses: FloatArray
     ) -> Requests:
         """Return the requests for those of the pairs that the counts allow."""
         if len(submaps) == 0:
             return NO_REQUESTS
         node_submaps = self._node_submaps.view[nodes, 0]
         pairs = zip(submaps.tolist(), node_submaps.tolist(), strict=True)
-        taken = np.array(
-            [
-                i
-                for i, (pair, length) in enumerate(zip(pairs, lengths.tolist(), strict=True))
-                if self._take(pair, length)
-            ],
-            dtype=np.int64,
+        taken = [
+            i
+            for i, (pair, length) in enumerate(zip(pairs, lengths.tolist(), strict=True))
+            if self._take(pair, length)
+        ]
+        if not taken:
+            return NO_REQUESTS
+        requests = Requests(
+            submaps,
+            nodes,
+            node_submaps.astype(np.int32),
+            poses[: len(submaps)],
+            *windows(self._config, lengths),
         )
-        return Requests(
-            submaps[taken].astype(np.int32),
-            nodes[taken].astype(np.int32),
-            node_submaps[taken].astype(np.int32),
-            poses[taken],
-            *windows(self._config, lengths[taken]),
-        )
+        return requests if len(taken) == len(submaps) else requests.take(np.array(taken))
 
     def _take(self, pair: tuple[int, int], path_length: float) -> bool:
         """Return whether a pair that is due is searched, and count it if so.
@@ -273,74 +273,8 @@ class PairSelection:
         return True
 
 
-class SubmapPaths:
-    """The shortest paths between submaps, along the robot's path and across loop closures.
-
-    Parameters
-    ----------
-    config : gives the path length of a closure, and the longest that matters.
-    submap_travelled : shape (m,), path length of the robot when each submap was begun [m].
-    closures : int64, shape (k, 2): submap, and the submap that the node was inserted into.
-    """
-
-    def __init__(
-        self,
-        config: ConstraintSearchConfig,
-        submap_travelled: FloatArray = _NOTHING,
-        closures: IntArray | None = None,
-    ) -> None:
-        self._num_submaps = m = len(submap_travelled)
-        self._longest = longest_path(config)
-        self._lengths: dict[int, FloatArray] = {}
-        if closures is None or m == 0:
-            return
-        first, second = closures.min(axis=1), closures.max(axis=1)
-        pairs = np.unique((first * m + second)[second - first > 1])
-        chain = np.arange(m - 1) * (m + 1) + 1
-        lengths = np.concatenate(
-            (
-                np.maximum(np.diff(submap_travelled), _SHORTEST_STEP_M),
-                np.full(len(pairs), config.closure_path_length),
-            )
-        )
-        one, other = np.divmod(np.concatenate((chain, pairs)), m)
-        ends = np.concatenate((one, other))
-        order = np.argsort(ends, kind="stable")
-        self._firsts = np.searchsorted(ends[order], np.arange(m + 1))
-        self._neighbours = np.concatenate((other, one))[order]
-        self._edge_lengths = np.tile(lengths, 2)[order]
-
-    def lengths_from(self, submap: int) -> FloatArray:
-        """Return the lengths [m] of the shortest known paths from a submap, shape (m,).
-
-        Empty where the submap is not known yet; inf for paths too long to matter.
-        """
-        if submap >= self._num_submaps:
-            return _NOTHING
-        if submap not in self._lengths:
-            lengths = self._lengths[submap] = np.empty(self._num_submaps)
-            shortest_paths(
-                self._firsts,
-                self._neighbours,
-                self._edge_lengths,
-                submap,
-                self._longest,
-                lengths,
-            )
-        return self._lengths[submap]
-
-
 _NO_ROWS = np.zeros(0, np.int32)
 NO_REQUESTS = Requests(_NO_ROWS, _NO_ROWS, _NO_ROWS, np.zeros((0, 3)), _NOTHING, _NOTHING)
-
-LEAST_DRIFT = 1e-6
-"""Drift per metre, at least, where a path length is divided by it."""
-
-
-def longest_path(config: ConstraintSearchConfig) -> float:
-    """Return a path length beyond which windows grow no more, with 1 m to spare [m]."""
-    linear = config.linear_search_window - config.min_linear_search_window
-    return linear / max(config.linear_drift, LEAST_DRIFT) + 1.0
 
 
 def windows(

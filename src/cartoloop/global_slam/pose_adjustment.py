@@ -54,7 +54,7 @@ class AdjustmentResult:
     ----------
     cost, initial_cost : half the sum of rho(E^2), after and before (eq. SPA).
     iterations : linear systems solved.
-    converged : False if it stopped for want of iterations.
+    converged : False if it stopped at the maximum number of iterations.
     weights : what the loss leaves of each constraint's information, in [0, 1],
         shape (num_constraints,).
     """
@@ -89,7 +89,7 @@ def graph_problem(graph: PoseGraph, points: ControlPoints | None = None) -> Prob
 
 
 class PoseAdjuster:
-    """Adjusts a graph repeatedly while it grows; what is prepared is kept for the next time.
+    """Adjusts a graph repeatedly while it grows; the plan is kept between adjustments.
 
     Parameters
     ----------

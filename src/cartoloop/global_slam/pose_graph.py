@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pose graph: nodes, submaps and the constraints between them (section V). Data only.
 
-A constraint says where b was seen from a, with what certainty: `relative_pose` is tf_a_b and
-`information` the inverse of its covariance in the frame of a, Sigma^-1 of eq. (4). What the paper
+A constraint is a measured relative pose: `relative_pose` is tf_a_b and `information` the inverse of
+its covariance in the frame of a, Sigma^-1 of eq. (4). What the paper
 calls scan poses are the poses of the nodes.
 """
 
@@ -16,11 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.growing_array import GrowingArray
 from cartoloop.kernels import constraint_faults as faults
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _ASYMMETRY = 1e-9  # what rounding leaves between two halves of one information matrix
 
@@ -280,7 +278,7 @@ class PoseGraph:
         self._adopt_constraints(self.without(constraints))
 
     def replace_loop_closures(self, closures: Iterable[ClosureConstraints]) -> None:
-        """Replace the loop closures by others. What raises meanwhile leaves the graph as it was."""
+        """Replace the loop closures by others; if that raises, the graph is unchanged."""
         replaced = self.without(self.kinds == ConstraintKind.LOOP_CLOSURE)
         for some in closures:
             replaced.add_loop_closures(some)

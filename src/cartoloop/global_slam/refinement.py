@@ -13,15 +13,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import ConstraintSearchConfig
-from cartoloop.global_slam.closure_search import refine_all
-from cartoloop.global_slam.closures import FinalMatches, Matched, Reason
-from cartoloop.global_slam.finished_submap import FinishedSubmap
-from cartoloop.scan_matching.match_information import match_informations
-from cartoloop.sensor.pose import FloatArray, relative_all
+from cartoloop.global_slam.closure_matches import FinalMatches, Matched
+from cartoloop.global_slam.closure_search import FinishedSubmap, refine_all
+from cartoloop.global_slam.closure_status import Reason
+from cartoloop.global_slam.closures import Closures
+from cartoloop.global_slam.constraint_search import ConstraintSearch
+from cartoloop.global_slam.pose_graph import ClosureConstraints, PoseGraph
+from cartoloop.scan_matching.least_squares import match_informations
+from cartoloop.sensor.pose import relative_all
 from cartoloop.sensor.scan_points import ScanPoints
-
-IntArray = NDArray[np.int64]
 
 
 class FinalLimits(NamedTuple):
@@ -180,6 +182,80 @@ def _reasons(
     reasons[~(moved_m <= limits.translation)] = Reason.TRANSLATION
     reasons[~(residual <= limits.residual)] = Reason.RESIDUAL
     return reasons
+
+
+class LastPass:
+    """Matches the nodes of a map to the submaps that they overlap at its adjusted poses.
+
+    Parameters
+    ----------
+    config : limits.
+    graph : with adjusted poses; its loop closures are replaced.
+    submaps : all submaps, finished.
+    submap_nodes : of each, the nodes that were inserted into it.
+    node_points : the returns of all nodes.
+    """
+
+    def __init__(
+        self,
+        config: ConstraintSearchConfig,
+        graph: PoseGraph,
+        submaps: Sequence[FinishedSubmap],
+        submap_nodes: Sequence[set[int]],
+        node_points: ScanPoints,
+    ) -> None:
+        self._config = config
+        self._graph = graph
+        self._submaps = submaps
+        self._submap_nodes = submap_nodes
+        self._node_points = node_points
+
+    def run(self, closures: Closures, search: ConstraintSearch) -> None:
+        """Match again, record the matches, and replace the loop closures."""
+        config, graph = self._config, self._graph
+        numbers = range(len(self._submaps))
+        overlapping = list(search.map(self._overlapping, numbers))
+        nodes = in_nearest_submaps(
+            overlapping, graph.submap_poses, graph.node_poses, config.final_max_submaps_of_node
+        )
+        # All matches first: a run that is stopped meanwhile keeps the closures of the searches.
+        passes = list(search.map(lambda index: self._match(index, nodes[index]), numbers))
+        not_matched = why_not_matched(
+            closures.found, overlapping, nodes, config.final_every_nth_node
+        )
+        rows = closures.note_last_pass(not_matched, passes)
+        graph.replace_loop_closures(map(_accepted, passes, rows))
+
+    def _overlapping(self, submap: int) -> IntArray:
+        graph = self._graph
+        return overlapping_nodes(
+            self._submaps[submap],
+            graph.submap_poses[submap],
+            graph.node_poses,
+            self._submap_nodes[submap],
+            self._config.final_every_nth_node,
+        )
+
+    def _match(self, index: int, nodes: IntArray) -> FinalMatches:
+        submap, graph = self._submaps[index], self._graph
+        pose = graph.submap_poses[index]
+        matches = match_again(
+            submap, pose, nodes, graph.node_poses, self._node_points, self._config
+        )
+        submap.release()
+        return matches
+
+
+def _accepted(matches: FinalMatches, rows: NDArray[np.int64]) -> ClosureConstraints:
+    """Return the matches of a pass that become constraints."""
+    fits = matches.reason == Reason.FITS
+    return ClosureConstraints(
+        rows[fits],
+        matches.submap[fits],
+        matches.node[fits],
+        matches.tf_submap_node[fits],
+        matches.information[fits],
+    )
 
 
 NO_FINAL_MATCHES = FinalMatches(

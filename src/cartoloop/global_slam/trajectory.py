@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A pose for every scan: scans between two nodes move with both."""
+"""The adjusted pose of every scan, from the adjusted poses of the nodes."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.sensor.pose import FloatArray, compose_all, relative_all, wrap_angles
+from cartoloop.arrays import FloatArray
+from cartoloop.sensor.pose import compose_all, relative_all, wrap_angles
 
 STRIDE_M = 0.1
-"""A robot's way is measured from one place to the next that is so far away."""
+"""Shortest step that adds to the path length [m]: shorter ones are noise of the poses."""
 
 
 def optimized_trajectory(
@@ -27,8 +28,8 @@ def optimized_trajectory(
 
     Notes
     -----
-    A scan keeps its local pose relative to the node before and to the node after; where the two
-    disagree, the share of each falls linearly with the number of scans in between.
+    The pose of a scan is interpolated linearly between its local pose relative to the node before
+    and that relative to the node after, by the number of scans.
     """
     if len(node_scan_index) == 0 or len(local) == 0:
         return local.copy()
@@ -50,10 +51,10 @@ def optimized_trajectory(
 
 
 def path_length(trajectory: FloatArray) -> float:
-    """Return how far the robot went [m], in strides of :data:`STRIDE_M`.
+    """Return the length of a path [m], in steps of at least :data:`STRIDE_M`.
 
-    The poses of a robot that stands, or of one whose scanners see each their own way, differ by a
-    little from scan to scan; that is no way.
+    Shorter steps are noise: the matched poses of a robot at rest differ a little from scan to scan,
+    and so do those of different scanners.
     """
     length, here = 0.0, 0
     places = trajectory[:, :2].tolist()

@@ -5,13 +5,7 @@ A node of the search tree is a block of 2^h x 2^h translations, eq. (11), for a 
 neighbouring rotations rather than for a single one; see :mod:`cartoloop.kernels.node_bounds` for
 its bound. Candidates are counted as :mod:`cartoloop.kernels.search_window` describes.
 
-A node's *key* orders the search and breaks a tie: its bound first, then nearness to the estimate
-(the squared distance in steps), so that of equal scores the nearest to the estimate wins, and of
-equally near ones the first in rotation, row, column. The key of a node is never below that of its
-candidates. ::
-
-    bit 63            28 27                                    0
-        [ bound or sum  ][ 2^28 - 1 - squared distance in steps ]
+A node's *key* orders the search and breaks a tie, see :mod:`cartoloop.kernels.search_order`.
 
 All nodes stand in one array, `nodes`. Each height but the top one has _CHILDREN rows for the
 children of the node that is being expanded above it; then comes the root, which stands for the
@@ -53,6 +47,16 @@ from cartoloop.kernels.node_bounds import (
     place_points,
     score_children,
 )
+from cartoloop.kernels.precomputation_grid import GridArrays
+from cartoloop.kernels.search_order import (
+    NEAR_BITS,
+    Excluded,
+    comes_first,
+    is_excluded,
+    most_promising,
+    node_key,
+    order_by_key,
+)
 from cartoloop.kernels.search_tree import grow_tree
 from cartoloop.kernels.search_window import ScanExtent, SearchFrame, SearchWindow
 
@@ -66,45 +70,8 @@ _CHILDREN = 8
 """Maximum number of children of a node: four translations, two halves of the rotations. (The first
 group, of up to four rotations, has single translations, which are not divided.)"""
 
-_NEAR = 28
-"""Bits of a key that hold the nearness to the estimate."""
-
 _MAX_CELL = 255
 """Largest cell value."""
-
-
-class GridArrays(NamedTuple):
-    """The precomputed grids of a submap, see :mod:`cartoloop.kernels.precomputation_grid`.
-
-    Attributes
-    ----------
-    cells : uint8, shape (n,): all grids, one after the other.
-    levels : of :data:`node_bounds.LEVEL`, shape (num_levels,), for blocks of 1, 2, 4, ...
-        translations.
-    boxes : int32, shape (num_levels, num_moves): where in `cells` the first cell of the grid is
-        whose boxes are large enough for the block if a point moves by this number of cells.
-    """
-
-    cells: ByteArray
-    levels: Records
-    boxes: CellArray
-
-
-class Excluded(NamedTuple):
-    """Candidates that are not searched for: those near another one, both in place and rotation.
-
-    Attributes
-    ----------
-    col, row, rotation : the other candidate.
-    squared_distance : [cells^2]; negative: nothing is excluded.
-    num_rotations : [rotation steps].
-    """
-
-    col: int
-    row: int
-    rotation: int
-    squared_distance: int
-    num_rotations: int
 
 
 class Elsewhere(NamedTuple):
@@ -170,83 +137,6 @@ class Branch(NamedTuple):
     min_sum: int
     min_key: int
     end: int
-
-
-@kernel
-def distance_from_zero(first: int, size: int) -> int:
-    """Return the least absolute value among the whole numbers first ... first + size - 1."""
-    return max(first, -(first + size - 1), 0)
-
-
-@kernel
-def node_key(
-    bound: int, col: int, row: int, rotation: int, block: int, group: int, window: SearchWindow
-) -> int:
-    """Return the key of a node: an upper bound of the keys of its candidates."""
-    x = distance_from_zero(col - window.half_cols, block)
-    y = distance_from_zero(row - window.half_rows, block)
-    turn = distance_from_zero(rotation - window.half_rotations, group)
-    far = (1 << _NEAR) - 1
-    return (bound << _NEAR) + far - min(x * x + y * y + turn * turn, far)
-
-
-@kernel
-def order_by_key(nodes: IntArray, first: int, count: int) -> IntArray:
-    """Return the indices of `count` nodes from `first` on, the largest key first (Shell's sort)."""
-    order = np.arange(first, first + count)
-    gap = 1
-    while gap < count // 3:
-        gap = 3 * gap + 1
-    while gap > 0:
-        for i in range(gap, count):
-            moving = order[i]
-            j = i
-            while j >= gap and nodes[order[j - gap], KEY] < nodes[moving, KEY]:
-                order[j] = order[j - gap]
-                j -= gap
-            order[j] = moving
-        gap //= 3
-    return order
-
-
-@kernel
-def most_promising(nodes: IntArray, first: int, count: int, min_key: int) -> int:
-    """Return which of `count` nodes has the largest key, -1 if none reaches `min_key` or 0."""
-    found, largest = -1, max(min_key, 0)
-    for k in range(first, first + count):
-        if nodes[k, KEY] >= largest:
-            found, largest = k, nodes[k, KEY]
-    return found
-
-
-@kernel
-def farthest_from(value: int, first: int, size: int) -> int:
-    """Return the largest distance of the whole numbers first ... first + size - 1 from a value."""
-    return max(abs(first - value), abs(first + size - 1 - value))
-
-
-@kernel
-def is_excluded(
-    excluded: Excluded, col: int, row: int, rotation: int, block: int, group: int
-) -> bool:
-    """Return whether all candidates of a node are excluded."""
-    if excluded.squared_distance < 0:
-        return False
-    x, y = farthest_from(excluded.col, col, block), farthest_from(excluded.row, row, block)
-    turn = farthest_from(excluded.rotation, rotation, group)
-    return bool(x * x + y * y <= excluded.squared_distance and turn <= excluded.num_rotations)
-
-
-@kernel
-def comes_first(key: int, col: int, row: int, rotation: int, best: IntArray) -> bool:
-    """Return whether a candidate beats the best one; on equal keys, whether it comes first."""
-    if key != best[KEY]:
-        return bool(key > best[KEY])
-    if rotation != best[ROTATION]:
-        return bool(rotation < best[ROTATION])
-    if row != best[ROW]:
-        return bool(row < best[ROW])
-    return bool(col < best[COL])
 
 
 @inlined_kernel
@@ -378,7 +268,7 @@ def find_best(
         if height == 0:
             if comes_first(key, col, row, group, best):
                 best[KEY], best[COL], best[ROW], best[ROTATION] = key, col, row, group
-                min_sum, min_key = max(min_sum, key >> _NEAR), key
+                min_sum, min_key = max(min_sum, key >> NEAR_BITS), key
             continue
         child = height - 1
         step = heights[child]["block"] if heights[child]["block"] < block else 0
@@ -480,7 +370,7 @@ def search(
     for match in range(2):
         excluded = Excluded(best[COL], best[ROW], best[ROTATION], squared_distance, num_rotations)
         find_best(state, order, min_sum, excluded, best)
-        out_matches[match, 0] = best[KEY] >> _NEAR
+        out_matches[match, 0] = best[KEY] >> NEAR_BITS
         for k in range(1, 4):
             out_matches[match, k] = best[k]
         if best[KEY] < 0 or elsewhere.max_gap < 0:

@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop._jit import kernel
+from cartoloop._jit import inlined_kernel, kernel
 from cartoloop.arrays import ByteArray, CellArray, FloatArray, IntArray
-from cartoloop.kernels.smooth_map import SmoothMap
+from cartoloop.kernels.smooth_map import PatchArray, SmoothMap, SmoothMapFields
 from cartoloop.kernels.window_bounds import (
     COL,
     LEVEL,
@@ -185,10 +185,11 @@ def keep_live(bounds: FloatArray, best: float, live: IntArray, num_live: int) ->
     return kept
 
 
-@kernel
+@inlined_kernel
 def search_rotation(
-    grid: SmoothMap,
+    grid: PatchArray,
     unknown: float,
+    resolution: float,
     boxes: RotationBoxes,
     cols: CellArray,
     rows: CellArray,
@@ -203,6 +204,7 @@ def search_rotation(
 
     Parameters
     ----------
+    grid, unknown, resolution : of the occupancy grid, see :func:`match_correlative`.
     cols, rows : int32, shape (n,), cells of the points at the rotation, without translation.
     number : of the rotation, from the window's first one on.
     factor : a sum of bytes times this bounds the penalised score.
@@ -212,6 +214,7 @@ def search_rotation(
     """
     num_points, half_width = cols.size, window.half_width
     width = 2 * half_width + 1
+    box_cells, indices, sizes = boxes.cells, boxes.indices, boxes.sizes
     turn = number - window.half_num_rotations
     stack[0] = 0
     stack[0, SUM] = np.int64(MAX_BYTE) * num_points
@@ -220,16 +223,16 @@ def search_rotation(
         height -= 1
         if stack[height, SUM] * factor < best[WEIGHTED]:
             continue
-        if stack[height, LEVEL] < boxes.sizes.size - 1:
+        if stack[height, LEVEL] < sizes.size - 1:
             height = push_quarters(
-                boxes.cells, boxes.indices, number * num_points, num_points, boxes.area,
-                boxes.row_length, boxes.sizes, stack, height,
+                box_cells, indices, number * num_points, num_points, boxes.area, boxes.row_length,
+                sizes, stack, height,
             )  # fmt: skip
             continue
         dx = stack[height, COL] - half_width
         dy = stack[height, ROW] - half_width
-        score = mean_probability(grid.cells, np.float32(unknown), cols, rows, dx, dy)
-        distance = grid.resolution * math.hypot(dx, dy)
+        score = mean_probability(grid, np.float32(unknown), cols, rows, dx, dy)
+        distance = resolution * math.hypot(dx, dy)
         rotation = turn * window.rotation_step
         delta = window.translation_weight * distance + window.rotation_weight * abs(rotation)
         weighted = score * math.exp(-delta * delta)
@@ -241,52 +244,60 @@ def search_rotation(
 
 @kernel
 def match_correlative(
-    grid: SmoothMap,
+    grid: SmoothMapFields,
     unknown: float,
     points: FloatArray,
     estimate: FloatArray,
-    window: CorrelativeWindow,
-    scratch: CorrelativeScratch,
+    window: tuple[int, int, float, float, float],
+    scratch: tuple[CellArray, ByteArray],
     out_pose: FloatArray,
 ) -> float:
     """Write the best pose of the window into `out_pose`; return its mean probability in [0, 1].
 
+    Python calls it for each scan, so all inputs are plain tuples.
+
     Parameters
     ----------
-    grid : the occupancy grid; here without interpolation.
+    grid : fields of a `SmoothMap`, here without interpolation.
     unknown : the value of cells never observed.
     points : float64, shape (n, 2), tracking frame [m]; n > 0.
     estimate : float64, shape (3,), tf_submap_scan, the centre of the window.
+    window, scratch : fields of a `CorrelativeWindow` and of `CorrelativeScratch`.
     out_pose : float64, shape (3,), tf_submap_scan.
 
     Notes
     -----
     Of equally good candidates the first counts, by rotation, then row, then column.
     """
-    half_num_rotations, step = window.half_num_rotations, window.rotation_step
+    smooth_map = SmoothMap(grid[0], grid[1], grid[2], grid[3])
+    limits = CorrelativeWindow(window[0], window[1], window[2], window[3], window[4])
+    places, grid_cells = scratch
+    map_cells, resolution = smooth_map.cells, smooth_map.resolution
+    half_width, half_num_rotations = limits.half_width, limits.half_num_rotations
+    step = limits.rotation_step
     num_points, num_rotations = points.shape[0], 2 * half_num_rotations + 1
     count = num_rotations * num_points
-    all_cols, all_rows = scratch.places[:count], scratch.places[count : 2 * count]
+    all_cols, all_rows = places[:count], places[count : 2 * count]
     cols = all_cols.reshape((num_rotations, num_points))
     rows = all_rows.reshape((num_rotations, num_points))
-    index = scratch.places[2 * count : 3 * count]
+    index = places[2 * count : 3 * count]
     by_axis = points.T.copy()
     for j in range(num_rotations):
         theta = estimate[2] + (j - half_num_rotations) * step
-        place_points(grid, by_axis, estimate[0], estimate[1], theta, cols[j], rows[j])
-    num_rows, num_cols = grid.cells.shape
-    part = index_points(all_cols, all_rows, window.half_width, num_cols, num_rows, index)
+        place_points(smooth_map, by_axis, estimate[0], estimate[1], theta, cols[j], rows[j])
+    num_rows, num_cols = map_cells.shape
+    part = index_points(all_cols, all_rows, half_width, num_cols, num_rows, index)
     area = part.row_length * part.num_rows
-    sizes = box_sizes(2 * window.half_width + 1)
-    cells = scratch.cells[: sizes.size * area]
-    bounding_grids(grid.cells, unknown, part, sizes, cells)
+    sizes = box_sizes(2 * half_width + 1)
+    cells = grid_cells[: sizes.size * area]
+    bounding_grids(map_cells, unknown, part, sizes, cells)
     boxes = RotationBoxes(cells, index, sizes, area, part.row_length)
     # A sum of bytes times its rotation's factor is no less than the score of any candidate in the
     # box times its penalty, although that score is a rounded sum of float32.
     rounding = 1.0 + ROUNDING * (num_points + _EXTRA_ROUNDINGS)
     factors, bounds = np.empty(num_rotations), np.empty(num_rotations)
     for j in range(num_rotations):
-        delta = window.rotation_weight * abs((j - half_num_rotations) * step)
+        delta = limits.rotation_weight * abs((j - half_num_rotations) * step)
         factors[j] = math.exp(-delta * delta) * rounding / (MAX_BYTE * num_points)
         bounds[j] = sum_one(cells, index, j * num_points, num_points, 0) * factors[j]
     live, num_live = np.arange(num_rotations), num_rotations
@@ -297,10 +308,11 @@ def match_correlative(
     while num_live > 0:
         j = live[num_live - 1]
         search_rotation(
-            grid, unknown, boxes, cols[j], rows[j], window, j, factors[j], stack, best, steps
-        )
+            map_cells, unknown, resolution, boxes, cols[j], rows[j], limits, j, factors[j], stack,
+            best, steps,
+        )  # fmt: skip
         num_live = keep_live(bounds, best[WEIGHTED], live, num_live - 1)
-    out_pose[0] = estimate[0] + steps[0] * grid.resolution
-    out_pose[1] = estimate[1] + steps[1] * grid.resolution
+    out_pose[0] = estimate[0] + steps[0] * resolution
+    out_pose[1] = estimate[1] + steps[1] * resolution
     out_pose[2] = estimate[2] + steps[2] * step
     return float(best[SCORE])

@@ -13,6 +13,7 @@ from cartoloop._jit import kernel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+RowArray = NDArray[np.int32]
 
 FULL_TURN = 2.0 * math.pi
 
@@ -150,28 +151,30 @@ def write_relative_pose(
 
 @kernel
 def pairs_of_node(
-    place: NodePlace,
+    place: tuple[int, float, float, float, float, int, int, int, float],
     num_submaps: int,
     submap_poses: FloatArray,
     submap_travelled: FloatArray,
     known_lengths: FloatArray,
-    rule: PairRule,
-    out_submaps: IntArray,
+    rule: tuple[float, float, int, int],
+    out_submaps: RowArray,
     out_lengths: FloatArray,
     out_poses: FloatArray,
 ) -> int:
     """Select the submaps to search for a node.
 
+    Python calls it for each node, so `place` and `rule` are plain tuples.
+
     Parameters
     ----------
-    place : the node.
+    place : the node, fields of a :class:`NodePlace`.
     num_submaps : the first submaps, which are finished.
     submap_poses : float64, shape (m, 3) [m, m, rad].
     submap_travelled : see :class:`Paths`.
     known_lengths : float64, shape (k,), of the shortest known paths from the node's anchor to the
         first k submaps [m].
-    rule : see :class:`PairRule`.
-    out_submaps : int64, shape (num_submaps,).
+    rule : fields of a :class:`PairRule`.
+    out_submaps : int32, shape (num_submaps,).
     out_lengths : float64, shape (num_submaps,), the shortest known path between the two [m].
     out_poses : float64, shape (num_submaps, 3), tf_submap_node.
 
@@ -179,21 +182,23 @@ def pairs_of_node(
     -------
     how many pairs are due, submaps ascending.
     """
+    node, x, y, theta, travelled, first, last, anchor, anchor_length = place
+    due = PairRule(rule[0], rule[1], rule[2], rule[3])
     num_due, num_known = 0, known_lengths.shape[0]
     for submap in range(num_submaps):
-        if not may_be_due(submap, place.node, rule):
+        if not may_be_due(submap, node, due):
             continue
-        dx, dy = place.x - submap_poses[submap, 0], place.y - submap_poses[submap, 1]
-        if math.hypot(dx, dy) > rule.max_distance:
+        dx, dy = x - submap_poses[submap, 0], y - submap_poses[submap, 1]
+        if math.hypot(dx, dy) > due.max_distance:
             continue
-        if place.first_submap == submap or place.last_submap == submap:
+        if first == submap or last == submap:
             continue
-        length = abs(place.travelled - submap_travelled[submap])
-        if submap < num_known and place.anchor < num_known:
-            length = min(length, known_lengths[submap] + place.anchor_length)
-        if is_due(submap, place.node, length, rule):
+        length = abs(travelled - submap_travelled[submap])
+        if submap < num_known and anchor < num_known:
+            length = min(length, known_lengths[submap] + anchor_length)
+        if is_due(submap, node, length, due):
             out_submaps[num_due], out_lengths[num_due] = submap, length
-            write_relative_pose(submap_poses[submap], dx, dy, place.theta, out_poses[num_due])
+            write_relative_pose(submap_poses[submap], dx, dy, theta, out_poses[num_due])
             num_due += 1
     return num_due
 
@@ -207,7 +212,7 @@ def pairs_of_submap(
     paths: Paths,
     known_lengths: FloatArray,
     rule: PairRule,
-    out_nodes: IntArray,
+    out_nodes: RowArray,
     out_lengths: FloatArray,
     out_poses: FloatArray,
 ) -> int:
@@ -223,7 +228,7 @@ def pairs_of_submap(
     known_lengths : float64, shape (k,), of the shortest known paths from the submap to the first k
         submaps [m]; empty where the submap is not among them.
     rule : see :class:`PairRule`.
-    out_nodes : int64, shape (n,).
+    out_nodes : int32, shape (n,).
     out_lengths : float64, shape (n,), the shortest known path between the two [m].
     out_poses : float64, shape (n, 3), tf_submap_node.
 

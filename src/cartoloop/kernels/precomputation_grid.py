@@ -8,10 +8,30 @@ a whole grid can be treated as one long row, which compilers turn into vector in
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from cartoloop._jit import kernel
-from cartoloop.arrays import ByteArray, IntArray
+from cartoloop.arrays import ByteArray, CellArray, IntArray
+from cartoloop.kernels.node_bounds import Records
+
+
+class GridArrays(NamedTuple):
+    """The precomputed grids of a submap.
+
+    Attributes
+    ----------
+    cells : uint8, shape (n,): all grids, one after the other.
+    levels : of :data:`node_bounds.LEVEL`, shape (num_levels,), for blocks of 1, 2, 4, ...
+        translations.
+    boxes : int32, shape (num_levels, num_moves): where in `cells` the first cell of the grid is
+        whose boxes are large enough for the block if a point moves by this number of cells.
+    """
+
+    cells: ByteArray
+    levels: Records
+    boxes: CellArray
 
 
 @kernel

@@ -43,8 +43,8 @@ class RangeLimits(NamedTuple):
 def project_ranges(
     ranges: FloatArray,
     directions: FloatArray,
-    origin: Position,
-    limits: RangeLimits,
+    origin: tuple[float, float, float],
+    limits: tuple[float, float, float, bool, float],
     out_returns: FloatArray,
     out_misses: FloatArray,
 ) -> tuple[int, int]:
@@ -54,29 +54,30 @@ def project_ranges(
     ----------
     ranges : float64, shape (num_beams,) [m]; may hold NaN, inf and negative values.
     directions : float64, shape (num_beams, 2), unit vectors of the beams, tracking frame.
-    origin : position of the sensor; its height is not used.
-    limits : which beams are hits.
+    origin : fields of the `Position` of the sensor; its height is not used.
+    limits : fields of `RangeLimits`: which beams are hits. Plain tuples, because a NamedTuple costs
+        a microsecond more in each call from Python.
     out_returns, out_misses : float64, shape (num_beams, 2), end points, tracking frame [m].
 
     Notes
     -----
     NaN, -inf, negative and too short ranges are ignored: neither hit nor free.
     """
+    min_range, max_range, no_return_range, no_return_is_free, free_ray_length = limits
+    origin_x, origin_y, _ = origin
     num_returns = 0
     num_misses = 0
     for k in range(ranges.shape[0]):
         r = ranges[k]
-        if not r >= limits.min_range or r <= 0.0:
+        if not r >= min_range or r <= 0.0:
             continue
-        if r <= limits.max_range and r < limits.no_return_range:
-            out_returns[num_returns, 0] = origin.x + r * directions[k, 0]
-            out_returns[num_returns, 1] = origin.y + r * directions[k, 1]
+        if r <= max_range and r < no_return_range:
+            out_returns[num_returns, 0] = origin_x + r * directions[k, 0]
+            out_returns[num_returns, 1] = origin_y + r * directions[k, 1]
             num_returns += 1
-        elif limits.free_ray_length > 0.0 and (
-            r < limits.no_return_range or limits.no_return_is_free or r == np.inf
-        ):
-            length = min(r, limits.free_ray_length)
-            out_misses[num_misses, 0] = origin.x + length * directions[k, 0]
-            out_misses[num_misses, 1] = origin.y + length * directions[k, 1]
+        elif free_ray_length > 0.0 and (r < no_return_range or no_return_is_free or r == np.inf):
+            length = min(r, free_ray_length)
+            out_misses[num_misses, 0] = origin_x + length * directions[k, 0]
+            out_misses[num_misses, 1] = origin_y + length * directions[k, 1]
             num_misses += 1
     return num_returns, num_misses

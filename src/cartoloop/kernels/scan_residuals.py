@@ -18,6 +18,7 @@ from cartoloop.kernels.smooth_map import (
     VALUE,
     PointScratch,
     SmoothMap,
+    SmoothMapFields,
     point_scratch,
     sample_smooth_map,
 )
@@ -258,3 +259,34 @@ def match_least_squares(
     out_match[0], out_match[1], out_match[2] = pose_x, pose_y, pose_t
     out_match[COST] = best_cost
     return iterations
+
+
+@kernel
+def match_scan(
+    smooth_map: SmoothMapFields,
+    unknown: float,
+    points: FloatArray,
+    start: FloatArray,
+    prior: tuple[FloatArray, FloatArray, float],
+    options: tuple[float, int, float],
+    out_match: FloatArray,
+) -> int:
+    """Match one scan, without a limit at its start; see :func:`match_least_squares`.
+
+    Python calls it for each scan, so all inputs are plain tuples.
+
+    Parameters
+    ----------
+    smooth_map : fields of a `SmoothMap`.
+    prior, options : fields of a `MotionPrior` and of `MatchOptions`.
+    """
+    return match_least_squares(
+        SmoothMap(smooth_map[0], smooth_map[1], smooth_map[2], smooth_map[3]),
+        unknown,
+        points,
+        start,
+        MotionPrior(prior[0], prior[1], prior[2]),
+        MatchOptions(options[0], options[1], options[2]),
+        np.inf,
+        out_match,
+    )

@@ -10,7 +10,8 @@ import numpy as np
 
 from cartoloop._jit import kernel
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
-from cartoloop.kernels.branch_and_bound import Elsewhere, GridArrays, search
+from cartoloop.kernels.branch_and_bound import Elsewhere, search
+from cartoloop.kernels.precomputation_grid import GridArrays
 from cartoloop.kernels.scan_batch import ScanBatch
 from cartoloop.kernels.search_window import (
     ROUNDING,

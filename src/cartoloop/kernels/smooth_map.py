@@ -46,6 +46,11 @@ class SmoothMap(NamedTuple):
     resolution: float
 
 
+SmoothMapFields = tuple[PatchArray, float, float, float]
+"""The fields of a `SmoothMap` as a plain tuple, ``smooth_map[:]``: for calls from Python, where a
+NamedTuple costs a microsecond more."""
+
+
 class PointScratch(NamedTuple):
     """Memory to evaluate n points in.
 

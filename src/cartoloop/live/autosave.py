@@ -9,10 +9,10 @@ from time import monotonic
 
 from cartoloop.errors import OutputError
 from cartoloop.live.notices import Notices
-from cartoloop.map_file.growing_map import save_growing_map
 from cartoloop.map_file.schema import FILE_NAME
-from cartoloop.map_output.result import Result
+from cartoloop.map_output.growing_map import save_growing_map
 from cartoloop.mapper import Mapper
+from cartoloop.result import Result
 
 MIN_PERIOD_S = 1.0
 """Period at which a small map is saved [s]."""
@@ -22,7 +22,7 @@ MAX_SHARE = 0.015
 
 
 class Autosave:
-    """Writes ``map.cartoloop`` periodically, each time as a whole; in a thread of its own.
+    """Writes ``map.cartoloop`` periodically, in a background thread.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS 2 messages that can be mapped, as DDS knows them; needs the extra ``dds``.
+"""DDS types of the ROS 2 messages that can be mapped; needs the extra ``dds``.
 
 Names and order of the fields are those of ROS 2's own definitions. What is received is decoded by
 `cartoloop.readers.ros`, as out of a recording; the fields here serve to announce the types, and to

@@ -75,7 +75,7 @@ class GrowingFile:
             file.close()
 
     def _is_restarted(self, file: BinaryIO, position: int) -> bool:
-        """Return whether the path is another file now, or one shorter than what was read."""
+        """Return whether the file was replaced or truncated."""
         try:
             now = self._path.stat()
         except FileNotFoundError:

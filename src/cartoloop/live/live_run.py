@@ -21,10 +21,10 @@ from cartoloop.live.session import AddedScan, LiveSession
 from cartoloop.live.source import Source
 from cartoloop.live.warm_up import get_ready
 from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer
-from cartoloop.map_output.result import Result
 from cartoloop.map_output.save import prepare_folder, save, save_report
 from cartoloop.mapper import Mapper
 from cartoloop.recording_run import Outcome, RunObserver, completed, finish, timed
+from cartoloop.result import Result
 from cartoloop.runtime.process_memory import release_unused_memory
 from cartoloop.sensor.pose import Pose
 from cartoloop.stop_request import StopRequest
@@ -175,7 +175,7 @@ def _session(
 
 
 def _map_until_end(session: LiveSession, mapper: Mapper, stop: StopRequest) -> Exception | None:
-    """Run the session; return its failure if there is a map to be saved nevertheless."""
+    """Run the session; return its failure if there is still a map to save."""
     try:
         session.run(lambda: stop.made)
     except KeyboardInterrupt:

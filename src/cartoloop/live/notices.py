@@ -52,7 +52,7 @@ class Notices:
 
         Parameters
         ----------
-        kind : what it is counted under.
+        kind : its category in the counts.
         detail : the line to report in place of `kind`.
         count : number of occurrences.
         """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the poses, one line of JSON for each scan, in a thread of its own."""
+"""Writes poses in a background thread, one line of JSON per scan."""
 
 from __future__ import annotations
 

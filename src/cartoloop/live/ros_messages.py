@@ -10,10 +10,11 @@ from cartoloop.live.messages import MessageError
 from cartoloop.live.notices import Notices
 from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros import raw_messages as ros
-from cartoloop.readers.ros.choice import BASE_FRAMES, OdometryChoice, ScannerChoice
+from cartoloop.readers.ros.choice import BASE_FRAMES, ScannerChoice
 from cartoloop.readers.ros.decoders import CloudDecoder, ImuDecoder, OdometryDecoder, ScanDecoder
 from cartoloop.readers.ros.imu_choice import ImuChoice
 from cartoloop.readers.ros.index import Role, TopicStream
+from cartoloop.readers.ros.odometry_choice import OdometryChoice
 from cartoloop.readers.ros.transforms import Pose3, TransformTree
 from cartoloop.readers.ros.wire import NANO, DecodeError, frame_name, read_header
 from cartoloop.sensor.events import SensorEvent

@@ -50,7 +50,7 @@ class AddedScan:
 
 
 class LiveSession:
-    """Runs a source in a thread of its own, and maps in this one.
+    """Runs a source in a background thread, and maps in this one.
 
     Parameters
     ----------

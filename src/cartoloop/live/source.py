@@ -37,7 +37,7 @@ class Source(Protocol):
         """
 
     def run(self, put: Put, notices: Notices, stop: Event) -> None:
-        """Pass on messages until the source ends or `stop` is set; in a thread of its own.
+        """Pass on messages until the source ends or `stop` is set; runs in a background thread.
 
         Problems are noted and do not end it.
         """

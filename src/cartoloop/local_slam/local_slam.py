@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -10,16 +11,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cartoloop.arrays import FloatArray
-from cartoloop.config import AdaptiveVoxelFilterConfig, LocalSlamConfig, SensorConfig
+from cartoloop.config import (
+    AdaptiveVoxelFilterConfig,
+    LocalSlamConfig,
+    MotionFilterConfig,
+    SensorConfig,
+)
 from cartoloop.errors import InputError
-from cartoloop.local_slam.motion_filter import MotionFilter
 from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator, Prediction
 from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher
 from cartoloop.runtime.stage_timer import StageTimer
-from cartoloop.scan_matching.least_squares import LeastSquaresMatch
-from cartoloop.scan_matching.match_information import match_information
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
-from cartoloop.sensor.pose import Pose, compose, transform_points
+from cartoloop.sensor.pose import Pose, compose, transform_points, wrap_angle
 from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
 from cartoloop.sensor.sweep_motion import SweepMotion
 from cartoloop.submaps.node import Node
@@ -59,6 +63,29 @@ class FilteredScan(NamedTuple):
     motion: SweepMotion | None
     data: RangeData
     points: FloatArray
+
+
+class MotionFilter:
+    """Lets a scan pass if time, distance or rotation since the last one passed is large enough."""
+
+    def __init__(self, config: MotionFilterConfig) -> None:
+        self._config = config
+        self._last_time = -math.inf
+        self._last_pose = Pose(math.inf, math.inf, 0.0)
+
+    def is_new(self, time: float, pose: Pose) -> bool:
+        """Return whether the scan is to be inserted; if so, compare the next ones with it."""
+        config = self._config
+        if (
+            time - self._last_time <= config.max_time_seconds
+            and math.hypot(pose.x - self._last_pose.x, pose.y - self._last_pose.y)
+            <= config.max_distance_meters
+            and abs(wrap_angle(pose.theta - self._last_pose.theta))
+            <= math.radians(config.max_angle_degrees)
+        ):
+            return False
+        self._last_time, self._last_pose = time, pose
+        return True
 
 
 @dataclass(slots=True)

@@ -50,7 +50,7 @@ MIN_TYPICAL_ERROR_M = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
-class OdometryModel:
+class OdometryParameters:
     """The estimated errors of the odometry.
 
     Attributes
@@ -120,7 +120,7 @@ class OdometryModel:
 
 
 class OdometryCalibration:
-    """Collects matched scan poses and estimates the :class:`OdometryModel` from them.
+    """Collects matched scan poses and estimates the :class:`OdometryParameters` from them.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ class OdometryCalibration:
     """
 
     def __init__(self, window: int = WINDOW, first: int = FIRST_ESTIMATE) -> None:
-        self.model = OdometryModel()
+        self.model = OdometryParameters()
         self._window = window
         self._due = first
         self._times: list[float] = []
@@ -154,8 +154,8 @@ def estimate(
     poses: FloatArray,
     odometry_times: FloatArray,
     odometry_poses: FloatArray,
-    previous: OdometryModel,
-) -> OdometryModel:
+    previous: OdometryParameters,
+) -> OdometryParameters:
     """Return the model that fits the motion between scans best; `previous` if too few steps move.
 
     Parameters
@@ -185,7 +185,7 @@ def estimate(
     moving = known & (turning | (np.hypot(reported[:, 0], reported[:, 1]) > MIN_MOVE_M))
     if np.count_nonzero(moving) < MIN_STEPS:
         return previous
-    model = OdometryModel(
+    model = OdometryParameters(
         offset, rotation_scale, *_scale_yaw_and_lever(reported[moving], steps[moving])
     )
     errors = np.abs(model.predict_all(reported[moving]) - steps[moving])

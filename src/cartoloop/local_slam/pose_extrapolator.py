@@ -13,7 +13,7 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.imu_calibration import ImuCalibration
-from cartoloop.local_slam.odometry_calibration import OdometryCalibration, OdometryModel
+from cartoloop.local_slam.odometry_calibration import OdometryCalibration, OdometryParameters
 from cartoloop.local_slam.odometry_track import OdometryTrack
 from cartoloop.local_slam.velocity_filter import VelocityFilter
 from cartoloop.sensor.events import Imu
@@ -81,7 +81,7 @@ class PoseExtrapolator:
         self.num_overlong_sweeps = 0
 
     @property
-    def odometry_model(self) -> OdometryModel:
+    def odometry_model(self) -> OdometryParameters:
         """The estimated calibration of the odometry."""
         return self._calibration.model
 

@@ -8,9 +8,11 @@ import sqlite3
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.global_slam.closures import Closures, MatchTable, Requests
+from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.global_slam.closure_matches import MatchTable, Requests
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.map_file.tables import FloatArray, IntArray, finite, indices, numbers_of, symmetric
+from cartoloop.map_file.tables import finite, indices, numbers_of, symmetric
 
 
 def constraints_and_closures(database: sqlite3.Connection, graph: PoseGraph) -> Closures:

@@ -11,15 +11,12 @@ import sqlite3
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.global_slam.closures import (
-    Closures,
-    FinalMatches,
-    Reason,
-    Requests,
-    SearchMatches,
-)
+from cartoloop.arrays import FloatArray
+from cartoloop.global_slam.closure_matches import FinalMatches, Requests, SearchMatches
+from cartoloop.global_slam.closure_status import Reason
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.map_file.tables import FloatArray, finite, indices, numbers_of, symmetric
+from cartoloop.map_file.tables import finite, indices, numbers_of, symmetric
 
 _REJECTED = 3
 """Kind of a loop closure that had been removed from the graph."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of ``map.cartoloop``. Any SQLite reads them; this page says what stands in them.
+"""The tables of ``map.cartoloop``. Any SQLite can read them; their columns are described here.
 
 Poses are x, y [m], theta [rad]. The same map yields the same bytes.
 """
@@ -9,10 +9,10 @@ from __future__ import annotations
 FILE_NAME = "map.cartoloop"
 
 APPLICATION_ID = 0x6361_7274
-"""Stands in the file's header: it is such a map, not any database. ASCII "cart"."""
+"""In the header of the file: marks the database as a map. ASCII "cart"."""
 
 SCHEMA_VERSION = 3
-"""Stands in the file's header as ``user_version``; rises when readers of the old would fail.
+"""``user_version`` in the header of the file; increased when older readers would fail.
 
 Version 2 had no tables of closures: all constraints stood in one table, with their score.
 """

@@ -12,16 +12,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.global_slam.closure_residuals import residuals, weights
-from cartoloop.global_slam.closures import Closures, Reason, Status
+from cartoloop.global_slam.closure_status import Reason, Status
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.kernels.csv_rows import MAX_DIGITS, write_rows
 from cartoloop.map_output.text_files import format_stamp
 
 if TYPE_CHECKING:
-    from cartoloop.map_output.result import Result
+    from cartoloop.map_data import MapData
 
-FloatArray = NDArray[np.float64]
 
 NODE_COLUMNS = ("node", "stamp", "submaps")
 """Index of the node, stamp of its scan [s], indices of its submaps separated by blanks."""
@@ -59,7 +60,7 @@ CLOSURE_COLUMNS = ("status", "reason", "search", *(column.name for column in _NU
 mapping) are words of :class:`Status` and :class:`Reason`."""
 
 
-def nodes_csv(result: Result) -> str:
+def nodes_csv(result: MapData) -> str:
     """Return which scan each node is and which submaps it was inserted into, one row a node."""
     graph = result.graph
     submaps: list[list[int]] = [[] for _ in range(graph.num_nodes)]
@@ -75,7 +76,7 @@ def nodes_csv(result: Result) -> str:
     return "\n".join(lines) + "\n"
 
 
-def closures_csv(result: Result) -> bytes:
+def closures_csv(result: MapData) -> bytes:
     """Return the record of closures, one row per pair, in the order of the record."""
     header = f"{','.join(CLOSURE_COLUMNS)}\n".encode()
     closures = result.closures
@@ -102,7 +103,7 @@ _ROWS_AT_A_TIME = 4096
 """Rows that are written in one go: bounds the memory."""
 
 
-def _numbers(result: Result) -> list[NDArray[np.floating | np.integer]]:
+def _numbers(result: MapData) -> list[NDArray[np.floating | np.integer]]:
     """Return the columns of :data:`_NUMBERS`, shape (n,) each."""
     closures, graph = result.closures, result.graph
     measured = closures.measured

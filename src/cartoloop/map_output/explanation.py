@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Why a pair of submap and node is a loop closure, or is not, in plain sentences."""
+"""Explains in sentences why a pair of submap and node is a loop closure, or why not."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ import numpy as np
 
 from cartoloop.errors import InputError
 from cartoloop.global_slam.closure_residuals import residuals, weights
-from cartoloop.global_slam.closures import Reason, Status
+from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.pair_selection import PairSelection, PairVerdict
 from cartoloop.global_slam.pose_graph import (
-    TRUE_ROTATION_RAD,
-    TRUE_TRANSLATION_M,
     ConstraintKind,
 )
-from cartoloop.map_output.result import Result
+from cartoloop.map_data import MapData
+from cartoloop.map_output.closure_sentences import Sentences, why_not_requested
 
 NEAR_M = 1.0
 """Nodes this close to a position are considered by :func:`explain_near` [m]."""
@@ -26,7 +25,7 @@ NEAR_M = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """What is known of one pair.
+    """The explanation of one pair.
 
     Attributes
     ----------
@@ -35,7 +34,7 @@ class Explanation:
     status, reason : words of :class:`Status` and :class:`Reason`; for a pair without a row
         "not_requested" and why, in words.
     values : numbers behind the sentences, by the names of the columns of ``closures.csv``.
-    sentences : what happened, in order.
+    sentences : what happened to it, in order.
     """
 
     submap: int
@@ -66,9 +65,10 @@ class Explainer:
     result : the map.
     """
 
-    def __init__(self, result: Result) -> None:
+    def __init__(self, result: MapData) -> None:
         self._result = result
         self._closures = result.closures
+        self._sentences = Sentences(result.config.global_slam, result.closures)
         self._selection: PairSelection | None = None
 
     def row(self, closure: int) -> Explanation:
@@ -88,12 +88,12 @@ class Explainer:
         values = self._values(closure)
         status = Status(int(record.status[closure]))
         reason = Reason(int(record.reason[closure]))
-        sentences = (
-            *self._request_sentences(closure, values),
-            *self._search_sentences(closure, values),
-            *self._last_pass_sentences(closure, values),
-            *self._residual_sentences(status, values),
-        )
+        if closure < record.num_requested:
+            requested = self._sentences.of_request(closure, values)
+        else:
+            verdict = self._verdict(int(record.submap[closure]), int(record.node[closure]))
+            requested = [why_not_requested(verdict)]
+        sentences = (*requested, *self._sentences.after_request(closure, values))
         return Explanation(
             int(record.submap[closure]),
             int(record.node[closure]),
@@ -130,7 +130,7 @@ class Explainer:
             Status.NOT_REQUESTED.text,
             why,
             {"distance_m": verdict.distance, "path_length_m": verdict.path_length},
-            (self._why_not_requested(verdict),),
+            (why_not_requested(verdict),),
         )
 
     def near(self, x: float, y: float, limit: int = 10) -> list[Explanation]:
@@ -198,110 +198,14 @@ class Explainer:
             values["residual_deg"] = math.degrees(radians[0])
         return {name: value for name, value in values.items() if math.isfinite(value)}
 
-    def _request_sentences(self, row: int, values: dict[str, float]) -> list[str]:
-        record = self._closures
-        if row >= record.num_requested:
-            verdict = self._verdict(int(record.submap[row]), int(record.node[row]))
-            return [self._why_not_requested(verdict)]
-        config = self._result.config.global_slam.constraint_search
-        x, y, theta = record.predicted[row].tolist()
-        drift = values["window_m"] - config.min_linear_search_window
-        path = drift / config.linear_drift if config.linear_drift else math.nan
-        is_full = values["window_m"] >= config.linear_search_window
-        why = "the largest window" if is_full else f"the path between the two is {path:.1f} m long"
-        return [
-            f"Requested when the graph had {values['requested_at']:.0f} nodes. Predicted pose in "
-            f"the submap: x {x:.2f} m, y {y:.2f} m, {math.degrees(theta):.1f} deg.",
-            f"Search window radius: {values['window_m']:.2f} m, {values['window_deg']:.1f} deg "
-            f"({why}).",
-        ]
-
-    def _search_sentences(self, row: int, values: dict[str, float]) -> list[str]:
-        config = self._result.config.global_slam
-        sentences = []
-        if "min_score" in values:
-            sentences.append(self._threshold_sentence(values["min_score"]))
-        match Status(int(self._closures.search_status[row])):
-            case Status.WAITING:
-                sentences.append("The search had not ended when the run was stopped.")
-            case Status.DROPPED:
-                sentences.append(
-                    f"Dropped: {config.max_live_backlog} other searches were waiting "
-                    "(max_live_backlog)."
-                )
-            case Status.NOT_SEARCHED:
-                sentences.append(
-                    f"Not searched: {config.constraint_search.max_closures_of_pair} closures with "
-                    "other nodes of the same submap had been found (max_closures_of_pair), or the "
-                    "submap is empty."
-                )
-            case Status.NOT_FOUND:
-                sentences.append("Searched: no candidate in the window reached the minimum score.")
-            case Status.FOUND:
-                sentences.append(_found_sentence(values))
-        return sentences
-
-    def _threshold_sentence(self, min_score: float) -> str:
-        config = self._result.config.global_slam.constraint_search
-        if min_score >= config.min_score:
-            return f"Minimum score: {min_score:.3f} (min_score)."
-        own = min_score / config.min_score_ratio
-        return (
-            f"Minimum score: {min_score:.3f}, {config.min_score_ratio:g} of the mean score of the "
-            f"submap's own scans, {own:.3f} (min_score_ratio): less than min_score, "
-            f"{config.min_score:g}."
-        )
-
-    def _last_pass_sentences(self, row: int, values: dict[str, float]) -> list[str]:
-        reason = Reason(int(self._closures.reason[row]))
-        if self._closures.has_final_match[row] and reason in (Reason.FITS, Reason.DISAGREES):
-            sentence = "matched from the adjusted pose, {fit}: accepted."
-        elif reason in _LAST_PASS:
-            sentence = _LAST_PASS[reason]
-        else:
-            return []
-        config = self._result.config.global_slam.constraint_search
-        fit = (
-            f"residual {values.get('residual', math.nan):.3f}, moved by "
-            f"{values.get('moved_m', math.nan):.3f} m, {values.get('moved_deg', math.nan):.2f} deg"
-        )
-        degrees = math.degrees(config.max_refinement / config.lever)
-        return ["Last pass: " + sentence.format(fit=fit, config=config, degrees=degrees)]
-
-    def _residual_sentences(self, status: Status, values: dict[str, float]) -> list[str]:
-        if "residual_m" not in values:
-            return []
-        sentences = [
-            f"The map disagrees with the measured pose by {values['residual_m']:.3f} m and "
-            f"{values['residual_deg']:.2f} deg; its weight there is {values['weight']:.2f}."
-        ]
-        if status == Status.CONTRADICTED:
-            sentences.append(
-                f"Removed from the graph: after the adjustment with it the residual was above "
-                f"{TRUE_TRANSLATION_M:g} m or {math.degrees(TRUE_ROTATION_RAD):g} deg: the other "
-                "constraints contradict it."
-            )
-        elif status in (Status.FINAL, Status.FOUND):
-            sentences.append("It is a constraint of the graph.")
-        return sentences
-
-    def _why_not_requested(self, verdict: PairVerdict) -> str:
-        apart = f"{verdict.distance:.1f} m apart, path of {verdict.path_length:.1f} m"
-        if verdict.why_not is None:
-            return (
-                f"Never requested while mapping, though it would be at the final poses ({apart}): "
-                "then the poses, or the number of nodes and submaps, were others."
-            )
-        return f"Never requested while mapping: {verdict.why_not.value} ({apart})."
-
     def _verdict(self, submap: int, node: int) -> PairVerdict:
         if self._selection is None:
             self._selection = selection_of(self._result)
         return self._selection.verdict(self._result.graph, submap, node)
 
 
-def selection_of(result: Result) -> PairSelection:
-    """Return the choice of pairs as it is after all nodes and closures of a map."""
+def selection_of(result: MapData) -> PairSelection:
+    """Return the pair selection in its state after all nodes and closures of a map."""
     graph = result.graph
     selection = PairSelection(result.config.global_slam.constraint_search)
     own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
@@ -317,39 +221,3 @@ def selection_of(result: Result) -> PairSelection:
     closures = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)
     selection.note_adjusted(graph, closures)
     return selection
-
-
-def _found_sentence(values: dict[str, float]) -> str:
-    runner_up = values.get("runner_up", 0.0)
-    other = (
-        f"the best elsewhere in the window {runner_up:.3f}"
-        if runner_up > 0.0
-        else "no candidate elsewhere in the window reached the minimum"
-    )
-    return (
-        f"Found: score {values.get('score', math.nan):.3f}, {other}. It joined the graph when that "
-        f"had {values.get('found_at', math.nan):.0f} nodes."
-    )
-
-
-_LAST_PASS = {
-    Reason.RESIDUAL: (
-        "{fit}. Residual above the limit of {config.max_refined_residual:g} (max_refined_residual, "
-        "more where the submap's own scans fit poorly)."
-    ),
-    Reason.TRANSLATION: "{fit}. Shift above {config.max_refinement:g} m (max_refinement).",
-    Reason.ROTATION: "{fit}. Rotation above {degrees:.1f} deg (max_refinement).",
-    Reason.START_RESIDUAL: (
-        "at the adjusted pose the residual was above {config.max_start_residual:g} "
-        "(max_start_residual); not matched again."
-    ),
-    Reason.EVERY_NTH_NODE: (
-        "not matched again, one in {config.final_every_nth_node} nodes is (final_every_nth_node)."
-    ),
-    Reason.NO_OVERLAP: "at the adjusted poses the node is outside the submap's grid.",
-    Reason.NEARER_SUBMAPS: (
-        "{config.final_max_submaps_of_node} other submaps were nearer to the node "
-        "(final_max_submaps_of_node)."
-    ),
-}
-"""What the last pass came to, by the reason of a pair's status."""

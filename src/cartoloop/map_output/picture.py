@@ -174,7 +174,7 @@ def _draw_lines(
 def _draw_footer(
     canvas: Image.Image, pixels_per_metre: float, legend: Sequence[tuple[str, Colour]]
 ) -> None:
-    """Draw the scale bar and the names of what is drawn over the map."""
+    """Draw the scale bar and the legend of the layers."""
     draw = ImageDraw.Draw(canvas)
     font = ImageFont.load_default(_FONT_SIZE)
     metres = nice_length(0.2 * (canvas.width - 2 * _MARGIN) / pixels_per_metre)

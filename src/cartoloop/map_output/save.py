@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the files of a result into a folder; each is there whole or not at all."""
+"""Writes the files of a map into a folder, each completely or not at all."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config_file import MACHINE_PARAMETERS, config_hash, config_toml
 from cartoloop.errors import OutputError
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.map_file import schema as map_file
-from cartoloop.map_file.save import map_bytes
+from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
 from cartoloop.map_output.map_files import pgm_bytes, yaml_text
 from cartoloop.map_output.occupancy_map import compose_map
@@ -27,31 +27,30 @@ from cartoloop.map_output.text_files import g2o_text, tum_text
 from cartoloop.map_output.unfinished_file import unfinished_file
 
 if TYPE_CHECKING:
-    from cartoloop.map_output.report import Report
-    from cartoloop.map_output.result import Result
-
-FloatArray = NDArray[np.float64]
+    from cartoloop.map_data import MapData
+    from cartoloop.report import Report
 
 
 def save(
-    result: Result,
+    result: MapData,
     out: str | PathLike[str],
     *,
     layers: Collection[Layer] = DEFAULT_LAYERS,
     origins: Mapping[str, str] | None = None,
 ) -> None:
-    """Write all files of a result into the folder `out`, which is made if need be.
+    """Write all files of a map into the folder `out`, creating it if necessary.
 
     ``map.pgm``, ``map.yaml``, ``map.png``, ``trajectory.tum``, ``local_trajectory.tum``,
     ``graph.g2o``, ``nodes.csv``, ``closures.csv``, ``map.cartoloop``, ``config.toml`` and
-    ``report.json``. The same result yields the same bytes; times stand in the report alone.
+    ``report.json``. The same map yields the same bytes, except in ``report.json``, which
+    contains run times.
 
     Parameters
     ----------
-    result : what to write.
+    result : the map.
     out : the folder.
-    layers : what is drawn over ``map.png``.
-    origins : by key, who gave a value of the configuration.
+    layers : drawn over the map in ``map.png``.
+    origins : by key of the configuration, where its value comes from.
 
     Raises
     ------
@@ -66,7 +65,7 @@ def save(
     write_file(folder / "map.pgm", pgm_bytes(occupancy_map, options))
     write_file(folder / "map.yaml", yaml_text(occupancy_map, options, "map.pgm"))
     picture = MapPicture(occupancy_map)
-    del occupancy_map  # the largest of all, and what follows is not small either
+    del occupancy_map  # free the largest array before the others are made
     write_file(folder / "map.png", _png_bytes(result, picture, layers))
     del picture
     write_file(folder / "trajectory.tum", tum_text(result.stamps, result.trajectory))
@@ -82,17 +81,17 @@ def save(
 
 
 def save_report(report: Report, out: str | PathLike[str]) -> None:
-    """Write ``report.json`` into the folder `out`, in place of one that is there."""
+    """Write ``report.json`` into the folder `out`, replacing an existing one."""
     write_file(Path(out) / "report.json", report.to_json())
 
 
 def prepare_folder(out: str | PathLike[str]) -> Path:
-    """Make the folder `out` if need be, and make sure that files can be written into it.
+    """Create the folder `out` if necessary, and check that it is writable.
 
     Raises
     ------
     OutputError
-        They cannot.
+        It is not.
     """
     folder = Path(out)
     try:
@@ -108,19 +107,19 @@ def prepare_folder(out: str | PathLike[str]) -> Path:
 
 
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a file so that its name never stands for half of its content.
+    """Write a file atomically: under a temporary name, then renamed.
 
     Raises
     ------
     OutputError
-        It cannot be written; what was there before is kept.
+        It cannot be written; an existing file is kept.
     """
     data = content if isinstance(content, bytes) else content.encode("utf-8")
     with unfinished_file(path) as unfinished:
         unfinished.write_bytes(data)
 
 
-def _png_bytes(result: Result, picture: MapPicture, layers: Collection[Layer]) -> bytes:
+def _png_bytes(result: MapData, picture: MapPicture, layers: Collection[Layer]) -> bytes:
     picture.draw(
         trajectory=result.trajectory if "trajectory" in layers else None,
         closures=_closure_ends(result.graph) if "closures" in layers else None,
@@ -131,7 +130,7 @@ def _png_bytes(result: Result, picture: MapPicture, layers: Collection[Layer]) -
 
 
 def _closure_ends(graph: PoseGraph) -> FloatArray:
-    """Return where the submap and the node of each loop closure stand, shape (m, 4) [m]."""
+    """Return the positions of the submap and the node of each loop closure, shape (m, 4) [m]."""
     closures = graph.kinds == ConstraintKind.LOOP_CLOSURE
     return np.hstack(
         (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are there whole or not at all."""
+"""Files that are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cartoloop.errors import OutputError
 def unfinished_file(path: Path) -> Iterator[Path]:
     """Yield the name of a file to be written, which becomes `path` when the body is done.
 
-    Where the body fails, it is removed, and what was at `path` before is kept.
+    If the body fails, it is removed, and an existing file at `path` is kept.
 
     Raises
     ------

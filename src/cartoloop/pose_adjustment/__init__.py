@@ -18,7 +18,7 @@ from cartoloop.pose_adjustment.problem import (
     held_vertices,
     residuals,
 )
-from cartoloop.pose_adjustment.solve import Result, solve
+from cartoloop.pose_adjustment.solve import Solution, solve
 
 __all__ = [
     "Constraints",
@@ -30,7 +30,7 @@ __all__ = [
     "Planner",
     "Problem",
     "Residuals",
-    "Result",
+    "Solution",
     "Step",
     "control_points",
     "cost_at",

@@ -35,7 +35,7 @@ class PackedNodes:
 
     Attributes
     ----------
-    num_groups : groups of all constraints taken in, packed or not.
+    num_groups : groups of all constraints added, packed or not.
     """
 
     def __init__(self, kept_nodes: IntArray) -> None:
@@ -63,7 +63,7 @@ class PackedNodes:
 
     @property
     def num_constraints(self) -> int:
-        """How many constraints of the problem it has taken in, packed or not."""
+        """Number of constraints of the problem that were added, packed or not."""
         return len(self._following)
 
     @property

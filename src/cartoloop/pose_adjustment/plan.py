@@ -67,7 +67,7 @@ class Plan:
 
     Attributes
     ----------
-    problem : what is solved.
+    problem : the problem to solve.
     layout, elimination : the nodes that are eliminated.
     direct : the constraints between two vertices that are both not eliminated.
     vertices : which vertices are kept.
@@ -108,7 +108,7 @@ class Plan:
 
 
 class Planner:
-    """Plans problems that grow from one to the next; what is packed already stays packed.
+    """Plans problems that grow from one to the next; packed constraints stay packed.
 
     Constraints may be added at the end of a problem; those that it has must stay as they are.
     """

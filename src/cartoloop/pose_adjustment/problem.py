@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is adjusted: poses, which of them are fixed, and what was measured between them."""
+"""The adjustment problem: poses, which of them are fixed, and constraints between them."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ _VANISHING_COST = 1e-20
 """Cost of rounding errors: all constraints are satisfied."""
 _LAST_STEP = 1e-3
 """Predicted share of the cost below which a step is likely the last: nodes are not eliminated for
-another. Affects the time alone."""
+another. Affects only the run time."""
 _GRADUATION = 1.4
 """Factor of mu from one round of graduated non-convexity to the next (Yang et al., 2020)."""
 _MAX_ROUNDS = 10
@@ -46,7 +46,7 @@ _MAX_ROUNDS = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class Solution:
     """What an adjustment did.
 
     Attributes
@@ -54,7 +54,7 @@ class Result:
     submap_poses, node_poses : where the constraints agree best, as in the problem.
     cost, initial_cost : half the sum of rho(E^2), after and before (eq. SPA).
     iterations : linear systems solved.
-    converged : False if it stopped for want of iterations.
+    converged : False if it stopped at the maximum number of iterations.
     weights : what the losses leave of each constraint's information, in [0, 1].
     control_weights : the same for each control point.
     """
@@ -75,7 +75,7 @@ def solve(
     *,
     max_iterations: int = 50,
     relative_tolerance: float = 1e-6,
-) -> Result:
+) -> Solution:
     """Return the poses at which the constraints of a problem agree best.
 
     Parameters
@@ -110,7 +110,7 @@ def solve(
     poses = run.poses
     poses[:, 2] = wrap_angles(poses[:, 2])
     weights, num_constraints = plan.weights(), problem.constraints.groups.size
-    return Result(
+    return Solution(
         poses[: problem.num_submaps],
         poses[problem.num_submaps : problem.map_frame],
         run.cost,

@@ -35,7 +35,7 @@ _HOME = {
 
 
 def __getattr__(name: str) -> object:
-    """Import a public name when it is first used: the command line asks for format names alone."""
+    """Import a public name when it is first used: the command line needs only format names."""
     if name not in _HOME:
         raise AttributeError(f"module 'cartoloop.readers' has no attribute {name!r}")
     return getattr(import_module(f"cartoloop.readers.{_HOME[name]}"), name)

@@ -107,7 +107,7 @@ def _stated_mounting(scan: ScanLine) -> Pose | None:
 
 
 def _setting(tokens: list[bytes]) -> Reading | None:
-    """Return a parameter whose value is a finite number; others say nothing about scanners."""
+    """Return a parameter with a finite value; others do not concern scanners."""
     try:
         value = float(tokens[2])
     except (ValueError, IndexError):

@@ -17,6 +17,7 @@ Which optional parts a line has follows from the number of tokens, counted from 
 from __future__ import annotations
 
 import math
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +35,7 @@ SCAN_TAGS = (
     b"RAWLASER1",
     b"RAWLASER2",
 )
-# Messages of CARMEN that hold nothing to map with.
+# Messages of CARMEN that are not used for mapping.
 IGNORED_TAGS = frozenset(
     b"SYNC TRUEPOS NMEA NMEAGGA NMEARMC GPS IMU LASER3 LASER4 LASER5 RAWLASER3 RAWLASER4 "
     b"RAWLASER5 ROBOTLASER0 REMISSIONFLASER REMISSIONRLASER POSITIONLASER BASEODOMETRY FRONTLASER "
@@ -196,8 +197,11 @@ def parse_stamp(tokens: list[bytes], index: int) -> float:
     """
     if index < 0:
         return math.nan
-    stamp = _number(tokens[index])
-    return stamp if math.isfinite(stamp) else math.nan
+    try:
+        stamp = float(tokens[index])
+    except ValueError:
+        raise _not_a_number(tokens[index : index + 1]) from None
+    return stamp if isfinite(stamp) else math.nan
 
 
 def parse_pose(tokens: list[bytes], index: int) -> Pose:
@@ -208,8 +212,12 @@ def parse_pose(tokens: list[bytes], index: int) -> Pose:
     LineError
         If a token is not a number, or not finite.
     """
-    x, y, theta = _number(tokens[index]), _number(tokens[index + 1]), _number(tokens[index + 2])
-    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
+    try:
+        x, y, theta = float(tokens[index]), float(tokens[index + 1]), float(tokens[index + 2])
+    except ValueError:
+        raise _not_a_number(tokens[index : index + 3]) from None
+    # The sum first: this is done for each line.
+    if not (isfinite(x + y + theta) or (isfinite(x) and isfinite(y) and isfinite(theta))):
         raise LineError("pose not finite", "a number of the pose is NaN or infinite")
     return Pose(x, y, theta)
 
@@ -227,9 +235,7 @@ def parse_ranges(scan: ScanLine) -> FloatArray:
     try:
         return np.array(scan.words, dtype=np.float64)
     except ValueError:
-        for word in scan.words:
-            _number(word)
-        raise
+        raise _not_a_number(scan.words) from None
 
 
 def parse_mounting(scan: ScanLine) -> Pose:
@@ -262,21 +268,23 @@ def beam_angles(scan: ScanLine) -> BeamAngles:
     if scan.head[0] in _FLASER_TAGS:
         steps = max(num_beams if num_beams % 2 == 0 else num_beams - 1, 1)
         return BeamAngles(-math.pi / 2, math.pi / steps, math.inf)
-    start, field_of_view, step, longest = (_number(token) for token in scan.head[2:6])
-    if not (math.isfinite(start) and math.isfinite(field_of_view)):
+    try:
+        start, field_of_view, step, longest = map(float, scan.head[2:6])
+    except ValueError:
+        raise _not_a_number(scan.head[2:6]) from None
+    if not (isfinite(start) and isfinite(field_of_view)):
         raise LineError("header not finite", "an angle of the scan's header is NaN or infinite")
-    if not (math.isfinite(step) and step != 0.0):
+    if not (isfinite(step) and step != 0.0):
         step = field_of_view / max(num_beams - 1, 1)
-    usable = math.isfinite(longest) and longest > 0.0
+    usable = isfinite(longest) and longest > 0.0
     return BeamAngles(start, step, longest if usable else math.inf)
 
 
-def _number(token: bytes) -> float:
-    try:
-        return float(token)
-    except ValueError:
-        shown = token.decode("ascii", "replace")[:20]
-        raise LineError("not a number", f"{shown!r} is not a number") from None
+def _not_a_number(tokens: list[bytes]) -> LineError:
+    """Return the fault of the first of the tokens that is not a number."""
+    fault = next((token for token in tokens if not _is_number(token)), tokens[0])
+    shown = fault.decode("ascii", "replace")[:20]
+    return LineError("not a number", f"{shown!r} is not a number")
 
 
 def _is_number(token: bytes) -> bool:

@@ -147,7 +147,8 @@ class LineLog(LogBase):
                 reading = parse(line)
                 if reading is None:
                     continue
-                _check(reading)
+                if kind == _SILENT:
+                    _check(reading)  # the other lines passed it while they were indexed
             except LineError as error:
                 place = f"{self.name}:{number + 1}: {error.detail}"
                 problems.skip(error.reason, place if error.detail else "")
@@ -238,10 +239,11 @@ class LineLog(LogBase):
         geometry = reading.geometry or self._geometry
         if geometry is None:
             raise LineError("scan without angles", "the beam angles of the scan are not known")
-        if geometry.sensor not in self._samples:
+        sample = self._samples.get(geometry.sensor)
+        if sample is None:
             self._scanners.append(geometry.sensor)
-            self._samples[geometry.sensor] = ScanSample()
-        self._samples[geometry.sensor].offer(number, reading)
+            sample = self._samples[geometry.sensor] = ScanSample()
+        sample.offer(number, reading)
         return self._kind_of(geometry.sensor)
 
     def _kind_of(self, scanner: str) -> int:
@@ -334,7 +336,8 @@ def _rigid_mounting(stated: Sequence[Pose]) -> Pose | None:
 def _check(reading: Reading) -> None:
     """Raise `LineError` if a reading cannot be used."""
     pose, ranges = reading.tf_odom_tracking, reading.ranges
-    if pose is not None and not (isfinite(pose[0]) and isfinite(pose[1]) and isfinite(pose[2])):
+    # The sum first: this is done for each line.
+    if pose is not None and not (isfinite(sum(pose)) or all(map(isfinite, pose))):
         raise LineError("pose not finite", "a number of the pose is NaN or infinite")
     if ranges is not None and len(ranges) == 0:
         raise LineError("scan without ranges", "the scan has no ranges")

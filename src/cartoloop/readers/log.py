@@ -138,7 +138,7 @@ class Log(Protocol):
 
     @property
     def description(self) -> str:
-        """What the recording holds and what is used of it: some lines for the user."""
+        """Contents of the recording and what is used of it: some lines for the user."""
 
     @property
     def num_scans(self) -> int:
@@ -184,7 +184,7 @@ class LogBase(ABC):
 
     @abstractmethod
     def _events(self, problems: ProblemLog) -> EventGenerator:
-        """Yield the events of one pass; add what is wrong to `problems`."""
+        """Yield the events of one pass; add faults to `problems`."""
 
     def __iter__(self) -> LogPass:
         """Begin a pass; bad lines and messages are skipped and counted."""

@@ -35,7 +35,7 @@ class ReadOptions:
 
     @property
     def bag_only(self) -> list[str]:
-        """Command-line names of the options in use that make sense for bags alone."""
+        """Command-line names of the options in use that apply to bags only."""
         used = {
             "--scan-topic": self.scan_topics,
             "--odom-topic": self.odom_topic,

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the C library and of Python for the memory of a mapping process."""
+"""Memory of the process: settings of the C library and of Python, and what was used."""
 
 from __future__ import annotations
 
 import ctypes
 import gc
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import cast
 
 from cartoloop.runtime.reused_memory import drop_idle_memory
@@ -49,6 +51,21 @@ def release_unused_memory() -> None:
     drop_idle_memory()
     if (malloc_trim := _c_function("malloc_trim")) is not None:
         malloc_trim(0)
+
+
+def peak_memory_mb() -> float:
+    """Return the most memory that this process ever held [MB]; 0 where it is unknown."""
+    if sys.platform == "win32":
+        return 0.0
+    status = Path("/proc/self/status")
+    if status.exists():  # getrusage would include the process that this one was forked from
+        for line in status.read_text(encoding="utf-8").splitlines():
+            if line.startswith("VmHWM:"):
+                return float(line.split()[1]) * 1024 / 1e6
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
 
 
 def _c_function(name: str) -> Callable[..., int] | None:

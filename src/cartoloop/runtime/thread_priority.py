@@ -15,7 +15,7 @@ BACKGROUND_NICENESS = 5
 def lower_thread_priority(niceness: int = BACKGROUND_NICENESS) -> None:
     """Lower the priority of this thread and of the threads that it starts from now on.
 
-    Only on Linux, where threads have priorities of their own; elsewhere nothing happens.
+    Only on Linux, where threads have priorities of their own; elsewhere this does nothing.
 
     Parameters
     ----------

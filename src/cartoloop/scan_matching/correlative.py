@@ -10,13 +10,8 @@ import numpy as np
 
 from cartoloop.arrays import ByteArray, CellArray, FloatArray
 from cartoloop.config import CorrelativeMatcherConfig
-from cartoloop.kernels.correlative import (
-    CorrelativeScratch,
-    CorrelativeWindow,
-    match_correlative,
-)
+from cartoloop.kernels.correlative import match_correlative
 from cartoloop.kernels.search_window import rotation_step
-from cartoloop.kernels.smooth_map import SmoothMap
 from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 from cartoloop.submaps.probability_grid import ProbabilityGrid
@@ -87,18 +82,18 @@ def match(
     margin, num_levels = 2 * (2 * half_width + 1), 1 + (2 * half_width).bit_length()
     pose = np.empty(3)
     score = match_correlative(
-        SmoothMap(grid.cells, grid.origin_x, grid.origin_y, resolution),
+        (grid.cells, grid.origin_x, grid.origin_y, resolution),
         MIN_PROBABILITY,
         points,
         np.array(tf_submap_scan),
-        CorrelativeWindow(
+        (
             half_width,
             half_num_rotations,
             step,
             config.translation_delta_cost_weight,
             config.rotation_delta_cost_weight,
         ),
-        CorrelativeScratch(
+        (
             scratch.places(3 * len(points) * (2 * half_num_rotations + 1)),
             scratch.cells(num_levels * (num_rows + margin) * (num_cols + margin)),
         ),

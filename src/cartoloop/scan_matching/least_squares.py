@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Least-squares matching of a scan to a grid, (CS) in section IV-C of the paper."""
+"""Least-squares matching of a scan to a grid, (CS) in section IV-C, and its covariance."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.kernels.match_batch import match_all_least_squares
+from cartoloop.kernels.match_covariance import inverse_covariances
 from cartoloop.kernels.scan_batch import ScanBatch
-from cartoloop.kernels.scan_residuals import MatchOptions, MotionPrior, match_least_squares
+from cartoloop.kernels.scan_residuals import MatchOptions, match_scan
 from cartoloop.kernels.smooth_map import SmoothMap
 from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.scan_points import ScanPoints
@@ -24,6 +25,8 @@ __all__ = [
     "SmoothMap",
     "match",
     "match_all",
+    "match_information",
+    "match_informations",
 ]
 
 TRUSTED = 1e3
@@ -73,14 +76,13 @@ def match(
     """
     near_start = prior.theta + wrap_angle(start.theta - prior.theta)
     found = np.empty(11)
-    iterations = match_least_squares(
-        smooth_map,
+    iterations = match_scan(
+        smooth_map[:],
         MIN_PROBABILITY,
         points,
         np.array((start.x, start.y, near_start)),
-        MotionPrior(np.array(prior), prior_information, prior_scale),
-        options,
-        math.inf,
+        (np.array(prior), prior_information, prior_scale),
+        options[:],
         found,
     )
     x, y, theta, xx, xy, xt, yy, yt, tt, squares, cost = found.tolist()
@@ -146,3 +148,52 @@ def match_all(
     return LeastSquaresMatches(
         found[:, :3], found[:, _UPPER_TRIANGLE], np.sqrt(found[:, 9] / scans.counts)
     )
+
+
+MIN_SIGMA_M = 0.01
+"""Smallest standard deviation of a match's position [m]: walls are not straighter than this."""
+
+MIN_SIGMA_RAD = math.radians(0.1)
+"""Smallest standard deviation of a match's angle [rad]: scanners are not more accurate."""
+
+MIN_RESIDUAL = 0.03
+"""Smallest root mean square of 1 - M that is not by chance [probability]: cell values are clamped
+to 0.9, so that a residual below 0.1 is due to interpolation."""
+
+OPEN_INFORMATION = 1e-2
+"""Information along a degenerate direction [1/m^2], [1/rad^2]: a standard deviation of 10 m or
+10 rad, which keeps the matrix invertible."""
+
+_MIN_INFORMATIONS = np.full(3, OPEN_INFORMATION)
+_MIN_VARIANCES = np.array((MIN_SIGMA_M, MIN_SIGMA_M, MIN_SIGMA_RAD)) ** 2
+
+
+def match_information(match: LeastSquaresMatch) -> FloatArray:
+    """Return the inverse covariance of a match, shape (3, 3), in the submap's axes."""
+    information: FloatArray = match_informations(
+        match.information[np.newaxis], np.array((match.residual,))
+    )[0]
+    return information
+
+
+def match_informations(curvatures: FloatArray, residuals: FloatArray) -> FloatArray:
+    """Return the inverse covariances of matches, shape (n, 3, 3), in the submap's axes.
+
+    Along a corridor, a degenerate direction, the curvature of (CS) and so the information is small.
+    The variances of `MIN_SIGMA_M` and `MIN_SIGMA_RAD` are added to the covariance.
+
+    Parameters
+    ----------
+    curvatures : J^T J of the points' residuals, shape (n, 3, 3).
+    residuals : root mean square of the points' residuals, shape (n,).
+    """
+    informations = np.empty(curvatures.shape)
+    inverse_covariances(
+        np.ascontiguousarray(curvatures),  # one memory layout, so that only one is compiled
+        residuals,
+        MIN_RESIDUAL,
+        _MIN_INFORMATIONS,
+        _MIN_VARIANCES,
+        informations,
+    )
+    return informations

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.arrays import ByteArray, CellArray, IntArray
-from cartoloop.kernels.branch_and_bound import GridArrays
 from cartoloop.kernels.node_bounds import LEVEL
-from cartoloop.kernels.precomputation_grid import grow_boxes, halve
+from cartoloop.kernels.precomputation_grid import GridArrays, grow_boxes, halve
 from cartoloop.runtime.reused_memory import ReusedMemory
 from cartoloop.submaps.finished_grid import probabilities_of_part
 

@@ -105,7 +105,12 @@ class RangeFilter:
         mounting = scanner.mounting
         if motion is None and geometry.is_level:
             num_returns, num_misses = project_ranges(
-                scan.ranges, scanner.directions, scanner.origin, scanner.limits, returns, misses
+                scan.ranges,
+                scanner.directions,
+                scanner.origin[:],
+                scanner.limits[:],
+                returns,
+                misses,
             )
         else:
             motion = motion or AT_REST

@@ -9,6 +9,7 @@ from typing import overload
 import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.growing_array import GrowingArray
 
 
 class ScanPoints(Sequence[FloatArray]):
@@ -54,3 +55,23 @@ class ScanPoints(Sequence[FloatArray]):
         if isinstance(scan, slice):
             return ScanPoints(self.points, self.firsts[scan], self.ends[scan])
         return self.points[self.firsts[scan] : self.ends[scan]]
+
+
+class NodePoints:
+    """The returns of all nodes so far; one thread adds nodes, others may read."""
+
+    def __init__(self) -> None:
+        self._points = GrowingArray((2,), np.float64)
+        self._bounds = GrowingArray((), np.int64)
+        self._bounds.append(0)
+
+    def append(self, points: FloatArray) -> None:
+        """Add the returns of the next node, shape (k, 2) [m], tracking frame."""
+        self._points.extend(points)
+        self._bounds.append(len(self._points))
+
+    @property
+    def view(self) -> ScanPoints:
+        """The returns of the nodes so far; nodes added later do not change it."""
+        bounds = self._bounds.view  # read before the points, which are appended first
+        return ScanPoints(self._points.view, bounds[:-1], bounds[1:])

@@ -17,7 +17,7 @@ RANGE_MIN_LIMITS = (0.05, 0.3)
 """Limits of the smallest range [m]: below the first, scanners send error codes."""
 
 ABSURD_RANGE = 1e6
-"""Ranges beyond stand for infinity [m]."""
+"""Longer ranges mean infinity [m]."""
 
 _QUANTA = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Usual steps of ranges [m]."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the stamps of a recording to times that never run backwards.
+"""Strictly increasing times from the stamps of a recording.
 
-The order of the file is the true order. Stamps may be written late (bursts that run backwards),
-repeat, be missing, be wild, or be reset. All functions are pure functions of arrays.
+The order of the file is taken to be correct. Stamps may be late (bursts that run backwards), equal,
+missing, outliers ("wild"), or on a clock that was reset. All functions are pure.
 """
 
 from __future__ import annotations
@@ -20,17 +20,16 @@ NOMINAL_PERIOD = 0.2
 """Period of a log without any stamps [s]: the usual scanner of such logs sends at 5 Hz."""
 
 MIN_JUMP, JUMP_PERIODS = 10.0, 20.0
-"""Least length of a jump [s], [periods]: shorter ones are delays; periods count in sparse logs."""
+"""Minimum length of a jump [s], [periods], the larger of both: shorter steps are delays."""
 
 WILD_AT_THE_END = 3600.0
-"""Deviation from which on a first or last stamp is wild although it is in order [s]."""
+"""A first or last stamp that deviates by more is wild even if it is in order [s]."""
 
 AGREEING_STAMPS = 5
-"""Neighbours on either side by whose median a stamp is judged."""
+"""Number of neighbours on either side; a stamp is compared with their median."""
 
 BURSTY_SHARE, BURSTY_COUNT = 0.01, 10
-"""Share and number of stamps that run backwards from which on a section is bursty: then none of its
-stamps is used by itself."""
+"""Share and number of backward steps that make a section bursty: its stamps are then averaged."""
 
 BLOCK_SCANS = 100
 """Number of scans over which bursty stamps are averaged."""
@@ -107,11 +106,10 @@ def repair_times(
 
     Returns
     -------
-    times : float64, shape (n,) [s]. The stamps themselves where these are in order. Sections
-        between real gaps are repaired separately: where at least 1% of the steps run
-        backwards, no stamp of the section is used by itself: the times follow a polyline through
-        the medians of blocks of 100; otherwise the largest set of stamps that are in
-        order is kept and the others are spread between them.
+    times : float64, shape (n,) [s]. The stamps where these are in order. Sections between gaps are
+        repaired separately. In a bursty section the times follow a polyline through the medians
+        of blocks of 100 stamps. In other sections the largest set of stamps in order is kept, and
+        the others are interpolated.
     report : the faults.
 
     Notes
@@ -146,12 +144,12 @@ def repair_times(
 
 
 def jump_length(period: float) -> float:
-    """Return the least length of a jump between stamps [s], given the typical step."""
+    """Return the minimum length of a jump between stamps [s], given the typical step."""
     return max(MIN_JUMP, JUMP_PERIODS * period)
 
 
 def _typical_period(stamps: FloatArray, places: IntArray, nominal_period: float) -> float:
-    """Return the mean step without jumps [s]; the median would be wrong for bursts."""
+    """Return the mean step without jumps [s]; the median would be too small for bursts."""
     steps = np.diff(stamps) / np.diff(places)  # stamps may be missing in between
     moving = np.abs(steps[steps != 0.0])
     if len(moving) == 0:
@@ -197,7 +195,7 @@ def _repair_in_sections(
             continue
         section = _repair_section(stamps[start:stop], period)
         if start > 0:
-            # A clock that was set back to its former time needs no shift.
+            # A clock that returns to its former time needs no shift.
             fitting = [s for s in (0.0, shift) if section[0] + s > previous_end]
             shift = fitting[0] if fitting else previous_end + period - section[0]
             if not fitting:
@@ -280,7 +278,7 @@ def longest_ordered(values: FloatArray) -> IntArray:
 
 
 def strictly_increasing(times: FloatArray) -> FloatArray:
-    """Return the times, increased by the least amount wherever they do not increase."""
+    """Return the times, raised as little as possible where they do not increase."""
     if len(times) < 2 or (np.diff(times) > 0.0).all():
         return times
     # A ramp of a few rounding errors keeps the running maximum from being flat.
@@ -326,9 +324,9 @@ def times_between(
 
     Returns
     -------
-    float64, shape (n,) [s], never decreasing, and never after the next scan. Exactly the stamp
-    (shifted like its neighbours) where that is in order and the scans around it are sound; the
-    scan's time where the stamp is the scan's; else evenly spread between the scans.
+    float64, shape (n,) [s], non-decreasing, none after the next scan. The stamp, shifted like those
+    of the scans around it, where it is in order and both scans have the same shift; the time of
+    the scan where the stamps are equal; otherwise interpolated between the scans.
     """
     before = np.searchsorted(anchor_places, places) - 1
     left = np.maximum(before, 0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Text files of any length, written line by line, whole or not at all."""
+"""Text files of any length, written line by line, completely or not at all."""
 
 from __future__ import annotations
 

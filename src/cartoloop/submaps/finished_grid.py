@@ -27,7 +27,7 @@ _MEMORY = ReusedMemory(max_idle_bytes=8 << 20)
 
 
 class FinishedGrid:
-    """A probability grid that does not change, stored compressed since its cells are seldom read.
+    """A probability grid that does not change, stored compressed since its cells are rarely read.
 
     Parameters
     ----------

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from cartoloop.arrays import FloatArray
 from cartoloop.config import SubmapConfig
 from cartoloop.sensor.pose import Pose
-from cartoloop.submaps.probability_grid import ProbabilityGrid
-from cartoloop.submaps.range_data_inserter import insert_cells, scan_cells
+from cartoloop.submaps.probability_grid import ProbabilityGrid, insert_cells, scan_cells
 
 
 @dataclass(slots=True)

@@ -55,9 +55,9 @@ def create_app(
 
     Parameters
     ----------
-    state : what is shown; to be touched in the application's event loop only.
-    playback : what pages may pause; None where there is nothing to be paused.
-    token : what pages must know; "" admits all programs on this machine.
+    state : what is shown; accessed in the application's event loop only.
+    playback : playback that pages may pause, or None.
+    token : secret that pages must send; "" admits all programs on this machine.
     on_failure : called with what should not have happened; it ends the connection with that page.
     """
     static = static_files()
@@ -128,7 +128,7 @@ def is_welcome(websocket: WebSocket, token: str) -> bool:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether a name or an address is of this machine alone."""
+    """Return whether a name or an address is that of this machine (loopback)."""
     if host == "localhost":
         return True
     with suppress(ValueError):
@@ -208,7 +208,7 @@ class _Session:
             await asyncio.sleep(REQUEST_PERIOD_S)
 
     async def _answer(self, request: requests.Request) -> bytes:
-        """Do what was asked; return the answer, b"" if the change of state is the answer."""
+        """Carry out a request; return the answer, b"" if the answer is the change of state."""
         match request:
             case requests.Ping():
                 return protocol.json_message(MessageType.PONG, {"id": request.id})

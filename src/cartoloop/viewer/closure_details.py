@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from cartoloop.global_slam.closures import Closures, Reason, Status
+from cartoloop.arrays import FloatArray
+from cartoloop.global_slam.closure_status import Reason, Status
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import ConstraintKind
-from cartoloop.sensor.pose import FloatArray, Pose, relative, wrap_angle
+from cartoloop.sensor.pose import Pose, relative, wrap_angle
 from cartoloop.viewer.protocol import REJECTED, ConstraintRows
 
 CLOSURES = (ConstraintKind.LOOP_CLOSURE, REJECTED)

@@ -11,7 +11,7 @@ MAX_CONNECTIONS = 256
 """Fewer than the files that a process may have open, commonly 1024."""
 
 ACCEPTED_AT_ONCE = 64
-"""Connections that are taken in before any is looked at."""
+"""Number of connections that are accepted before they are checked."""
 
 
 class BoundedConnection(H11Protocol):
@@ -30,7 +30,7 @@ class BoundedConnection(H11Protocol):
 
 
 def _is_idle(connection: object) -> bool:
-    """Return whether a connection is no page's, and nothing is being sent to it."""
+    """Return whether a connection belongs to no page and is idle."""
     if not isinstance(connection, H11Protocol):
         return False
     return connection.cycle is None or connection.cycle.response_complete

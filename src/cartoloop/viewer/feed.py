@@ -16,15 +16,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.global_slam.closures import Closures, Status
+from cartoloop.arrays import FloatArray
+from cartoloop.global_slam.closure_status import Status
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.sensor.pose import IDENTITY, FloatArray, Pose
+from cartoloop.sensor.pose import IDENTITY, Pose
 from cartoloop.viewer.protocol import REJECTED, ConstraintRows
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.global_slam import AdjustmentRun
-    from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
+    from cartoloop.result import Result
     from cartoloop.scan_matching.least_squares import LeastSquaresMatch
     from cartoloop.submaps.finished_grid import FinishedGrid
 

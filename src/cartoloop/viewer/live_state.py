@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The state of the view: the map and its figures, as the parts that pages are sent.
 
-It lives in the viewer's thread alone.
+Only the viewer's thread accesses it.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-import cartoloop
 from cartoloop.config import SubmapConfig
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.map_output.occupancy_map import MAX_LOG_ODDS, cell_log_odds
 from cartoloop.map_output.picture import palette
+from cartoloop.version import __version__
 from cartoloop.viewer import protocol
 from cartoloop.viewer.closure_details import closure_details
 from cartoloop.viewer.feed import Update
 from cartoloop.viewer.parts import (
-    Constraints,
+    ConstraintTable,
     Latest,
     Part,
     Table,
@@ -47,7 +47,7 @@ class LiveState:
     mode : what is shown.
     config : of the submaps.
     readings : figures beside the map.
-    playback : pace of the recording; None where nothing is played.
+    playback : pace of the recording; None without one.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class LiveState:
         self._poses = Table(MessageType.SUBMAP_POSES, np.zeros((0, 3)), sent_whole=True)
         self._nodes = Table(MessageType.NODES, np.zeros((0, 3)))
         self._times = Table(MessageType.NODE_TIMES, np.zeros(0))
-        self._constraints = Constraints()
+        self._constraints = ConstraintTable()
         self._latest = {kind: Latest() for kind in _LATEST}
         self.parts: dict[Key, Part] = {
             key_of(MessageType.SUBMAP_POSES): self._poses,
@@ -190,7 +190,7 @@ class LiveState:
 
     @property
     def is_over(self) -> bool:
-        """Whether the map no longer changes."""
+        """Whether the map is finished."""
         return self.readings.phase in ("finished", "failed")
 
     def drawing(self) -> Drawing:
@@ -258,7 +258,7 @@ def _hello_content(name: str, config: SubmapConfig, log_odds: list[float]) -> di
     """Return the content of HELLO but for the mode."""
     return {
         "protocol": protocol.PROTOCOL_VERSION,
-        "program": f"cartoloop {cartoloop.__version__}",
+        "program": f"cartoloop {__version__}",
         "session": secrets.token_hex(8),
         "name": name,
         "mode": "",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of the state: each knows what a page lacks that saw it before, or never.
+"""The parts of the state: each makes the messages that bring a page up to date.
 
 What a page has seen of a part is a token that the part hands out and is shown again; None stands
 for nothing. So a page that fell behind gets one message, not those that it missed. What is made for
@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cartoloop.sensor.pose import FloatArray
+from cartoloop.arrays import FloatArray
 from cartoloop.viewer.protocol import (
     ConstraintRows,
     MessageType,
@@ -124,7 +124,7 @@ class Table(_Rows):
         )
 
 
-class Constraints(_Rows):
+class ConstraintTable(_Rows):
     """The constraints between submaps and nodes."""
 
     def __init__(self) -> None:

@@ -9,10 +9,10 @@ import math
 from time import perf_counter
 from typing import NamedTuple, Protocol
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config import SubmapConfig
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.picture import draw_map
-from cartoloop.sensor.pose import FloatArray
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 _MIN_AGE_S = 5.0
@@ -38,7 +38,7 @@ class Drawable(Protocol):
 
     @property
     def is_over(self) -> bool:
-        """Whether the map no longer changes."""
+        """Whether the map is finished."""
 
     def drawing(self) -> Drawing:
         """Return what a picture of the present map is made of."""

@@ -12,9 +12,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.local_slam.scan_matcher import degenerate_direction
-from cartoloop.map_output.report import peak_memory_mb
-from cartoloop.sensor.pose import FloatArray, wrap_angle
+from cartoloop.runtime.process_memory import peak_memory_mb
+from cartoloop.sensor.pose import wrap_angle
 from cartoloop.viewer.feed import Update
 
 Phase = Literal["starting", "mapping", "finishing", "finished", "failed"]
@@ -93,7 +94,7 @@ class RealTimeFactor:
 
     @property
     def value(self) -> float | None:
-        """The factor, None as long as nothing is known."""
+        """The factor, None while it is unknown."""
         if len(self._history) < 2:
             return None
         (wall, recorded), (last_wall, last_recorded) = self._history[0], self._history[-1]

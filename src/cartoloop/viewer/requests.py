@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What pages may ask for; anything else is refused. See ``docs/viewer-protocol.md``."""
+"""Requests that pages may send; others are refused. See ``docs/viewer-protocol.md``."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ _ANY: TypeAdapter[Request] = TypeAdapter(Annotated[Request, Field(discriminator=
 
 
 class BadRequestError(Exception):
-    """A page has sent what is no request; the connection must end."""
+    """A page has sent an invalid request; the connection must be closed."""
 
 
 def parse_request(text: str) -> Request:

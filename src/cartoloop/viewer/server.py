@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Serves a state to any number of pages, in a thread of its own with its own event loop."""
+"""Serves a state to any number of pages, in a background thread with an event loop."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class ViewServer:
     Parameters
     ----------
     state : what is shown; from now on it belongs to the server's thread.
-    feed : where updates come from; None where the state stays as it is.
+    feed : source of updates; None where the state does not change.
     playback : what pages may pause.
     host, port : where it is served; where the port is taken, one of the next.
 

@@ -82,7 +82,7 @@ class SubmapParts:
 
 
 def _map_all(make: Callable[[int], _Made], submaps: Sequence[int]) -> Iterable[_Made]:
-    """Return what is made of each submap, in threads where there are many."""
+    """Return the result for each submap, computed in threads where there are many."""
     if len(submaps) <= _FEW:
         return [make(submap) for submap in submaps]
     with ThreadPoolExecutor(_THREADS) as threads:

@@ -66,7 +66,7 @@ class GrowingTexture:
         self._made: dict[int, bytes] = {}
 
     def set(self, grid: GrowingCells) -> bool:
-        """Take in the grid as it is now; return whether it has changed."""
+        """Update from the present grid; return whether it has changed."""
         place = (grid.origin_x, grid.origin_y, grid.resolution)
         if grid.cells.shape != self._seen.shape or place != self._place:
             self._place = place

@@ -14,8 +14,8 @@ from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT, ViewServer
 
 if TYPE_CHECKING:
     from cartoloop.config import Config
-    from cartoloop.map_output.result import Result
     from cartoloop.mapper import Mapper
+    from cartoloop.result import Result
     from cartoloop.sensor.events import SensorEvent
 
 
@@ -71,12 +71,12 @@ class LiveView:
 
     @property
     def failure(self) -> Exception | None:
-        """What ended the view, if anything did; mapping goes on without it."""
+        """The failure that ended the view, or None; mapping continues without it."""
         return self._server.failure
 
     @property
     def paused_s(self) -> float:
-        """How long the operator has let mapping stand still [s]."""
+        """Time that mapping was paused by the operator [s]."""
         return self._playback.paused_s if self._playback is not None else 0.0
 
     def before_event(
@@ -87,7 +87,7 @@ class LiveView:
             self._playback.wait_for(event.time, is_stopped, lambda: self.after_event(mapper))
 
     def after_event(self, mapper: Mapper) -> None:
-        """Let the view know that the map may have changed; also while no event comes.
+        """Notify the view that the map may have changed; also called while no event arrives.
 
         It takes in one change at a time: what came too quickly is seen with the next call.
         """

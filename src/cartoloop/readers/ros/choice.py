@@ -9,11 +9,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cartoloop.errors import InputError
-from cartoloop.readers.read_options import NO_TOPIC, ReadOptions
+from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros.container import BagFinding
 from cartoloop.readers.ros.imu_choice import ImuChoice, choose_imu
 from cartoloop.readers.ros.index import RecordingIndex, TopicStream
-from cartoloop.readers.ros.raw_messages import RawOdometry
+from cartoloop.readers.ros.odometry_choice import (
+    OdometryChoice,
+    choose_odometry,
+    odometry_streams,
+)
 from cartoloop.readers.ros.transforms import FrameTransform, Pose3
 
 MAX_TILT = math.radians(15.0)
@@ -34,10 +38,6 @@ _SCAN_PENALTIES = {
     "vertical": 8, "down": 6, "cliff": 6, "back": 3, "rear": 3, "merged": 2, "throttle": 2,
     "filtered": 2, "camera": 2, "depth": 2, "right": 1, "left": 1, "horizontal": -1, "front": -1,
 }  # fmt: skip
-_ODOMETRY_PENALTIES = {
-    "truth": 9, "gt": 9, "map": 6, "slam": 6, "amcl": 6, "gps": 5, "icp": 4, "vio": 4,
-    "visual": 4, "lidar": 4, "laser": 4, "filtered": 2, "ekf": 2, "fused": 2, "wheel": -1,
-}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,14 +46,6 @@ class ScannerChoice:
 
     stream: TopicStream
     tf_base_sensor: Pose3
-
-
-@dataclass(frozen=True, eq=False)
-class OdometryChoice:
-    """The odometry in use, and the pose of the base in the frame whose pose it estimates."""
-
-    stream: TopicStream
-    tf_child_base: Pose3
 
 
 @dataclass(eq=False)
@@ -101,11 +93,11 @@ def choose_topics(index: RecordingIndex, options: ReadOptions, name: str) -> Top
     candidates = _scan_candidates(index, options, choice, name)
     _choose_base(index, candidates, options, choice)
     _choose_scanners(index, candidates, options, choice)
-    _choose_odometry(index, options, choice, name)
+    odometry = choose_odometry(index, options, choice.base_frame, name)
     imu = choose_imu(index, options, choice.base_frame, name)
-    choice.imu = imu.imu
-    choice.reasons.update(imu.reasons)
-    choice.findings += imu.findings
+    choice.odometry, choice.imu = odometry.odometry, imu.imu
+    choice.reasons.update(odometry.reasons | imu.reasons)
+    choice.findings += odometry.findings + imu.findings
     return choice
 
 
@@ -172,7 +164,7 @@ def _choose_base(
 ) -> None:
     """Set the tracking frame: one of the usual names, or a frame above the scanner's."""
     tree, main = index.tree, candidates[0]
-    odometry = sorted(index.with_role("odometry"), key=lambda s: s.rank(_ODOMETRY_PENALTIES))
+    odometry = odometry_streams(index)
     children = [s.child_frame for s in [*odometry, *index.edges] if s.child_frame]
     roots = [frame for frame in reversed(tree.above(main.frame)) if frame not in _WORLD_FRAMES]
     known = tree.frames | set(children)
@@ -285,67 +277,3 @@ def _moving(transforms: list[FrameTransform], stream: TopicStream) -> list[BagFi
         for t in transforms
         if t.moves
     ]
-
-
-def _choose_odometry(
-    index: RecordingIndex, options: ReadOptions, choice: TopicChoice, name: str
-) -> None:
-    """Add the odometry to a choice whose base frame is known: a topic, else a moving transform.
-
-    Raises
-    ------
-    InputError
-        The topic asked for holds none.
-    """
-    streams = sorted(index.with_role("odometry"), key=lambda s: s.rank(_ODOMETRY_PENALTIES))
-    if options.odom_topic == NO_TOPIC:
-        choice.reasons.update({s.topic: "no odometry is asked for" for s in streams})
-        return
-    moving = [stream for stream in streams if not _stands_still(stream)]
-    if options.odom_topic is not None:
-        chosen: TopicStream | None = index.named(options.odom_topic, "odometry", name)
-        why = "asked for"
-    elif moving:
-        chosen = moving[0]
-        why = "the only odometry" if len(streams) == 1 else "the most likely wheel odometry"
-    else:
-        chosen = _edge_of(index, choice)
-        edge = " -> ".join(chosen.edge or ()) if chosen is not None else ""
-        why = f"{edge} serves as odometry: no topic holds any"
-    for stream in streams:
-        other = f"{chosen.topic} is used; --odom-topic for this one" if chosen else ""
-        choice.reasons[stream.topic] = other if stream in moving else "its pose never changes"
-    if chosen is None:
-        return
-    choice.reasons[chosen.topic] = why
-    child = chosen.child_frame or choice.base_frame
-    found = index.tree.lookup(child, choice.base_frame)
-    if found is None:
-        choice.findings.append(
-            BagFinding(
-                "warning",
-                "missing_transform",
-                f"no transform from {child} to {choice.base_frame}: the poses of {chosen.topic} "
-                f"are taken for those of {choice.base_frame}",
-                "record /tf_static, or give --urdf FILE",
-                chosen.topic,
-            )
-        )
-    choice.odometry = OdometryChoice(chosen, found[0] if found else Pose3.identity())
-
-
-def _stands_still(stream: TopicStream) -> bool:
-    poses = {s.values for s in stream.samples if isinstance(s, RawOdometry)}
-    return len(stream.samples) > 3 and len(poses) == 1
-
-
-def _edge_of(index: RecordingIndex, choice: TopicChoice) -> TopicStream | None:
-    """Return the poses on ``/tf`` of the base below an odometry frame, if they move."""
-    above = index.tree.above(choice.base_frame)
-    for edge in index.edges:
-        parent, child = edge.edge or ("", "")
-        transform = index.tree.transforms.get(child)
-        moves = transform is not None and transform.parent == parent and transform.moves
-        if moves and (child in above or len(index.edges) == 1):
-            return edge
-    return None

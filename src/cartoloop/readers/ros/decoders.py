@@ -11,9 +11,10 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros import raw_messages as ros
-from cartoloop.readers.ros.choice import OdometryChoice, ScannerChoice
+from cartoloop.readers.ros.choice import ScannerChoice
 from cartoloop.readers.ros.cloud import decode_cloud
 from cartoloop.readers.ros.imu_choice import ABSURD_READING, ImuChoice
+from cartoloop.readers.ros.odometry_choice import OdometryChoice
 from cartoloop.readers.ros.transforms import Pose3
 from cartoloop.readers.ros.wire import DecodeError
 from cartoloop.sensor.events import (

@@ -109,7 +109,7 @@ def choose_imu(index: RecordingIndex, options: ReadOptions, base: str, name: str
 def _imu_doubts(
     stream: TopicStream, base: str, pose: Pose3, gravity: FloatArray, *, is_placed: bool
 ) -> list[BagFinding]:
-    """Return the doubts about an IMU that is used nevertheless; gravity in m/s^2."""
+    """Return the findings about an IMU that is used; gravity in m/s^2."""
     doubts = []
     if _is_in_g(_usual_acceleration(stream)):
         size = np.linalg.norm(_usual_acceleration(stream))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The contents of a ROS recording and what is used of it, as plain data and as lines of text."""
+"""Contents of a ROS recording and what is used of it, as data and as text."""
 
 from __future__ import annotations
 

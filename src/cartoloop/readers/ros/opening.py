@@ -232,7 +232,7 @@ def _unreadable_message(path: Path) -> str:
 
 
 def has_unwritten_log(path: Path) -> bool:
-    """Return whether messages of a database still stand in its write-ahead log beside it."""
+    """Return whether messages of a database are still in its write-ahead log."""
     beside = path.with_name(path.name + "-wal")
     return beside.is_file() and beside.stat().st_size > 0
 

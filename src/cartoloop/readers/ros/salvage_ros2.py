@@ -58,7 +58,7 @@ class McapSalvage(SalvageContainer):
             whole = len(data) == size
             if code[0] == _MCAP_CHUNK:
                 plain = self._unpacked(data)
-                # Its end is no damage; a broken record costs the rest of this chunk alone.
+                # Its end is no damage; a broken record loses only the rest of this chunk.
                 with suppress(EOFError):
                     yield from self._chunk(plain, keys)
             elif whole:

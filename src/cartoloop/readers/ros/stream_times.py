@@ -116,7 +116,7 @@ def _lag(
 
 
 def _with_recording_times(stream: TopicStream) -> tuple[FloatArray, list[BagFinding]]:
-    """Return stamps, all there, and what was found."""
+    """Return stamps without missing ones, and the faults found."""
     stamps, records = _recorded_stamps(stream), _seconds(stream.records)
     missing = np.isnan(stamps)
     if not missing.any():
@@ -199,7 +199,7 @@ def _time_findings(
 
 
 def stamp_statistics(stream: TopicStream) -> StampStatistics | None:
-    """Return what a stream's stamps say, as recorded; None if it has no message."""
+    """Return the statistics of a stream's stamps as recorded; None without messages."""
     if not stream.stamps:
         return None
     stamps, records = _recorded_stamps(stream), _seconds(stream.records)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The file of a map that is saved again and again while it grows."""
+"""The map database of a growing map, saved repeatedly while mapping."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cartoloop.errors import OutputError
-from cartoloop.map_file.save import fill
+from cartoloop.map_file.write import fill
 from cartoloop.map_output.unfinished_file import unfinished_file
 
 if TYPE_CHECKING:
-    from cartoloop.map_output.result import Result
+    from cartoloop.map_data import MapData
 
 
-def save_growing_map(result: Result, path: Path) -> None:
-    """Write a map database; the file is there whole, or as it was before.
+def save_growing_map(result: MapData, path: Path) -> None:
+    """Write a map database; if that fails, an existing file is kept.
 
-    Other threads go on meanwhile: the database is made on the disk, row by row, so that no large
-    block of memory is copied while the interpreter is held.
+    The database is made on the disk, row by row: no large block of memory is copied while the
+    interpreter's lock is held, so that other threads keep running.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def save_growing_map(result: Result, path: Path) -> None:
     with unfinished_file(path) as unfinished:
         try:
             with closing(sqlite3.connect(unfinished)) as database:
-                # Nobody but us knows the file until it is whole.
+                # No other process opens the file before it is renamed.
                 database.executescript("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF")
                 fill(database, result)
         except sqlite3.Error as error:

@@ -13,19 +13,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-import cartoloop
-from cartoloop.global_slam.closures import UPPER, Reason, Status
+from cartoloop.arrays import FloatArray
+from cartoloop.global_slam.closure_matches import UPPER
+from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.map_file.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES
+from cartoloop.version import __version__
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.closures import Closures
     from cartoloop.global_slam.pose_graph import PoseGraph
-    from cartoloop.map_output.report import Report
-    from cartoloop.map_output.result import Result
+    from cartoloop.map_data import MapData
+    from cartoloop.report import Report
     from cartoloop.submaps.finished_grid import FinishedGrid
 
-FloatArray = NDArray[np.float64]
 Row = tuple[Any, ...]
 
 POINT_UNIT = 0.001
@@ -35,14 +36,14 @@ _MAX_INT16 = 32767
 _ROWS_AT_A_TIME = 500
 
 
-def map_bytes(result: Result) -> bytes:
+def map_bytes(result: MapData) -> bytes:
     """Return a result as the content of ``map.cartoloop``; the same result, the same bytes."""
     with closing(sqlite3.connect(":memory:")) as database:
         fill(database, result)
         return database.serialize()
 
 
-def fill(database: sqlite3.Connection, result: Result) -> None:
+def fill(database: sqlite3.Connection, result: MapData) -> None:
     """Write a result into an empty database."""
     database.executescript(
         f"PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {SCHEMA_VERSION};{TABLES}"
@@ -93,12 +94,12 @@ def _insert(database: sqlite3.Connection, table: str, rows: Iterator[Row]) -> No
     database.executemany(values, rows)
 
 
-def _about(result: Result) -> Iterator[Row]:
+def _about(result: MapData) -> Iterator[Row]:
     yield "name", result.report.input.name
     # the result does not depend on the threads
     yield "config", result.config.model_dump_json(exclude={"global_slam": {"num_threads"}})
     yield "report", json.dumps(report_without_times(result.report), allow_nan=False)
-    yield "program", f"cartoloop {cartoloop.__version__}"
+    yield "program", f"cartoloop {__version__}"
 
 
 def _submaps(grids: Sequence[FinishedGrid], poses: FloatArray) -> Iterator[Row]:
@@ -107,7 +108,7 @@ def _submaps(grids: Sequence[FinishedGrid], poses: FloatArray) -> Iterator[Row]:
         yield index, *pose, *grid.shape, *place, grid.packed
 
 
-def _nodes(result: Result) -> Iterator[Row]:
+def _nodes(result: MapData) -> Iterator[Row]:
     nothing = np.zeros((0, 2))
     for index, scan, *pose in _rows(result.node_scan_index, *result.graph.node_poses.T):
         points = result.node_points[index] if index < len(result.node_points) else nothing
@@ -169,7 +170,7 @@ def _matches(closures: Closures) -> Iterator[Row]:
     yield from _rows(*of_last_pass, *([nothing] * len(of_searches)), first=num_found)
 
 
-def _trajectory(result: Result) -> Iterator[Row]:
+def _trajectory(result: MapData) -> Iterator[Row]:
     return _rows(result.stamps, *result.trajectory.T, *result.local_trajectory.T)
 
 

@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import Config
 from cartoloop.errors import InputError
 from cartoloop.evaluation.finished_run import FinishedRun, Stage, StageClosures
@@ -21,10 +21,6 @@ from cartoloop.evaluation.trajectories import Trajectory
 from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
 from cartoloop.readers.log import Log
 from cartoloop.sensor.pose import compose_all, relative_all, wrap_angles
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 TOLERANCE_S = 5e-3
 """Stamps of true poses are those of scans up to rounding."""

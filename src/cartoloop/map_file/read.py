@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A map database as the result that it was made of."""
+"""A map database as the map that it was made of."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.errors import InputError
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.map_data import MapData
 from cartoloop.map_file.closure_tables import constraints_and_closures
 from cartoloop.map_file.closure_tables_v2 import constraints_and_closures_v2
 from cartoloop.map_file.schema import (
@@ -28,23 +30,17 @@ from cartoloop.map_file.schema import (
     SCHEMA_VERSION,
 )
 from cartoloop.map_file.tables import numbers_of
-from cartoloop.map_output.report import ConstraintSummary, InputSummary, Report
-from cartoloop.map_output.result import Result
+from cartoloop.report import ConstraintSummary, InputSummary, Report
 from cartoloop.submaps.finished_grid import FinishedGrid
 
-FloatArray = NDArray[np.float64]
 Row = tuple[Any, ...]
 
 _MAX_UNIT = 1e300  # of points [m]: times 2^15 still a number
 _MAX_CELLS = 2**27  # of one submap: a square of 500 m; more is no submap but a damaged file
 
 
-def load_map(path: str | PathLike[str]) -> Result:
-    """Return the result that a map database was made of; times are not kept in it.
-
-    Parameters
-    ----------
-    path : the file, or the folder that ``cartoloop map`` wrote.
+def read_map(path: str | PathLike[str]) -> MapData:
+    """Return the content of a map database, given the file or its folder.
 
     Raises
     ------
@@ -58,7 +54,7 @@ def load_map(path: str | PathLike[str]) -> Result:
         nodes = _rows(database, "nodes")
         trajectory = _poses(_rows(database, "trajectory"), 8)
         report = json.loads(about["report"])
-        return Result(
+        return MapData(
             stamps=trajectory[:, 1].copy(),
             trajectory=trajectory[:, 2:5].copy(),
             local_trajectory=trajectory[:, 5:].copy(),

@@ -4,21 +4,20 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-import cartoloop
 from cartoloop.global_slam.closure_residuals import precision, residuals
-from cartoloop.global_slam.closures import Closures, Status
+from cartoloop.global_slam.closure_status import Status
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_adjustment import constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.runtime.stage_timer import StageSummary
+from cartoloop.version import __version__
 
 if TYPE_CHECKING:
     from cartoloop.global_slam.global_slam import AdjustmentRun
@@ -133,7 +132,7 @@ class Report:
     adjustment: AdjustmentSummary = AdjustmentSummary()
     stages: dict[str, StageSummary] = field(default_factory=dict)
     skipped: dict[str, int] = field(default_factory=dict)
-    version: str = cartoloop.__version__
+    version: str = __version__
     config_hash: str = ""
     extra: dict[str, Any] = field(default_factory=dict)
 
@@ -181,18 +180,3 @@ def summarize_constraints(graph: PoseGraph, closures: Closures) -> ConstraintSum
 def _fates(statuses: NDArray[np.int8]) -> dict[str, int]:
     counts = np.bincount(statuses, minlength=len(Status)).tolist()
     return {status.text: counts[status] for status in Status if counts[status]}
-
-
-def peak_memory_mb() -> float:
-    """Return the most memory that this process ever held [MB]; 0 where it is unknown."""
-    if sys.platform == "win32":
-        return 0.0
-    status = Path("/proc/self/status")
-    if status.exists():  # getrusage would include the process that this one was forked from
-        for line in status.read_text(encoding="utf-8").splitlines():
-            if line.startswith("VmHWM:"):
-                return float(line.split()[1]) * 1024 / 1e6
-    import resource
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6

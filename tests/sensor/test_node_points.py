@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cartoloop.global_slam.node_points import NodePoints
+from cartoloop.sensor.scan_points import NodePoints
 
 SCANS = [np.random.default_rng(k).uniform(-9.0, 9.0, (k, 2)) for k in (3, 0, 5)]
 

@@ -12,9 +12,9 @@ import pytest
 
 from cartoloop.config import Config
 from cartoloop.errors import OutputError
-from cartoloop.map_file.growing_map import save_growing_map
-from cartoloop.map_file.save import map_bytes
 from cartoloop.map_file.schema import FILE_NAME
+from cartoloop.map_file.write import map_bytes
+from cartoloop.map_output.growing_map import save_growing_map
 from tests.map_output.small_result import small_result
 
 
@@ -65,7 +65,7 @@ def test_a_save_that_fails_leaves_what_was_there(result, tmp_path, monkeypatch):
     def full(*_):
         raise sqlite3.OperationalError("database or disk is full")
 
-    monkeypatch.setattr("cartoloop.map_file.growing_map.fill", full)
+    monkeypatch.setattr("cartoloop.map_output.growing_map.fill", full)
     with pytest.raises(OutputError, match="disk is full"):
         save_growing_map(result, path)
 

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What mapping yields, as data: poses, pose graph, submaps, and how they came about.
+
+All that is written, drawn, explained or evaluated is made of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.config import Config
+from cartoloop.global_slam.closures import Closures
+from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.report import Report
+from cartoloop.submaps.finished_grid import FinishedGrid
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MapData:
+    """A finished map, or a snapshot of a growing one.
+
+    Attributes
+    ----------
+    stamps : float64 (n,), as recorded, in file order, one for each scan that got a pose [s].
+    trajectory : float64 (n, 3), ``tf_map_tracking`` of each scan, optimised [m, m, rad].
+    local_trajectory : float64 (n, 3), ``tf_local_tracking``, before loop closure.
+    graph : poses of nodes and submaps, and the constraints between them.
+    node_scan_index : int64 (k,), which of the n scans each node is.
+    submap_grids : one for each submap of the graph, in its order.
+    config : the parameters used.
+    report : what happened.
+    closures : the record of all pairs of submap and node that were searched or matched.
+    node_points : of each node the returns that searches match [m], tracking frame.
+    """
+
+    stamps: NDArray[np.float64]
+    trajectory: NDArray[np.float64]
+    local_trajectory: NDArray[np.float64]
+    graph: PoseGraph
+    node_scan_index: NDArray[np.int64]
+    submap_grids: list[FinishedGrid]
+    config: Config
+    report: Report
+    closures: Closures = field(default_factory=Closures)
+    node_points: Sequence[NDArray[np.float64]] = ()

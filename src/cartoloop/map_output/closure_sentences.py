@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sentences that explain one row of the record of closures."""
+
+from __future__ import annotations
+
+import math
+
+from cartoloop.config import GlobalSlamConfig
+from cartoloop.global_slam.closure_status import Reason, Status
+from cartoloop.global_slam.closures import Closures
+from cartoloop.global_slam.pair_selection import PairVerdict
+from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
+
+
+class Sentences:
+    """Describes rows of a record, given the parameters of the run.
+
+    The values of a row are those of :class:`Explanation`.
+    """
+
+    def __init__(self, config: GlobalSlamConfig, closures: Closures) -> None:
+        self._config = config
+        self._closures = closures
+
+    def of_request(self, row: int, values: dict[str, float]) -> list[str]:
+        """Return the sentences about the request of a row, which must be a request."""
+        record = self._closures
+        config = self._config.constraint_search
+        x, y, theta = record.predicted[row].tolist()
+        drift = values["window_m"] - config.min_linear_search_window
+        path = drift / config.linear_drift if config.linear_drift else math.nan
+        is_full = values["window_m"] >= config.linear_search_window
+        why = "the largest window" if is_full else f"the path between the two is {path:.1f} m long"
+        return [
+            f"Requested when the graph had {values['requested_at']:.0f} nodes. Predicted pose in "
+            f"the submap: x {x:.2f} m, y {y:.2f} m, {math.degrees(theta):.1f} deg.",
+            f"Search window radius: {values['window_m']:.2f} m, {values['window_deg']:.1f} deg "
+            f"({why}).",
+        ]
+
+    def after_request(self, row: int, values: dict[str, float]) -> list[str]:
+        """Return the sentences about search, last pass and final residual of a row."""
+        return [
+            *self._search_sentences(row, values),
+            *self._last_pass_sentences(row, values),
+            *_residual_sentences(Status(int(self._closures.status[row])), values),
+        ]
+
+    def _search_sentences(self, row: int, values: dict[str, float]) -> list[str]:
+        config = self._config
+        sentences = []
+        if "min_score" in values:
+            sentences.append(self._threshold_sentence(values["min_score"]))
+        match Status(int(self._closures.search_status[row])):
+            case Status.WAITING:
+                sentences.append("The search had not ended when the run was stopped.")
+            case Status.DROPPED:
+                sentences.append(
+                    f"Dropped: {config.max_live_backlog} other searches were waiting "
+                    "(max_live_backlog)."
+                )
+            case Status.NOT_SEARCHED:
+                sentences.append(
+                    f"Not searched: {config.constraint_search.max_closures_of_pair} closures with "
+                    "other nodes of the same submap had been found (max_closures_of_pair), or the "
+                    "submap is empty."
+                )
+            case Status.NOT_FOUND:
+                sentences.append("Searched: no candidate in the window reached the minimum score.")
+            case Status.FOUND:
+                sentences.append(_found_sentence(values))
+        return sentences
+
+    def _threshold_sentence(self, min_score: float) -> str:
+        config = self._config.constraint_search
+        if min_score >= config.min_score:
+            return f"Minimum score: {min_score:.3f} (min_score)."
+        own = min_score / config.min_score_ratio
+        return (
+            f"Minimum score: {min_score:.3f}, {config.min_score_ratio:g} of the mean score of the "
+            f"submap's own scans, {own:.3f} (min_score_ratio): less than min_score, "
+            f"{config.min_score:g}."
+        )
+
+    def _last_pass_sentences(self, row: int, values: dict[str, float]) -> list[str]:
+        reason = Reason(int(self._closures.reason[row]))
+        if self._closures.has_final_match[row] and reason in (Reason.FITS, Reason.DISAGREES):
+            sentence = "matched from the adjusted pose, {fit}: accepted."
+        elif reason in _LAST_PASS:
+            sentence = _LAST_PASS[reason]
+        else:
+            return []
+        config = self._config.constraint_search
+        fit = (
+            f"residual {values.get('residual', math.nan):.3f}, moved by "
+            f"{values.get('moved_m', math.nan):.3f} m, {values.get('moved_deg', math.nan):.2f} deg"
+        )
+        degrees = math.degrees(config.max_refinement / config.lever)
+        return ["Last pass: " + sentence.format(fit=fit, config=config, degrees=degrees)]
+
+
+def why_not_requested(verdict: PairVerdict) -> str:
+    """Return why a pair was never requested."""
+    apart = f"{verdict.distance:.1f} m apart, path of {verdict.path_length:.1f} m"
+    if verdict.why_not is None:
+        return (
+            f"Never requested while mapping, though it would be at the final poses ({apart}): "
+            "then the poses, or the number of nodes and submaps, were others."
+        )
+    return f"Never requested while mapping: {verdict.why_not.value} ({apart})."
+
+
+def _residual_sentences(status: Status, values: dict[str, float]) -> list[str]:
+    if "residual_m" not in values:
+        return []
+    sentences = [
+        f"The map disagrees with the measured pose by {values['residual_m']:.3f} m and "
+        f"{values['residual_deg']:.2f} deg; its weight there is {values['weight']:.2f}."
+    ]
+    if status == Status.CONTRADICTED:
+        sentences.append(
+            f"Removed from the graph: after the adjustment with it the residual was above "
+            f"{TRUE_TRANSLATION_M:g} m or {math.degrees(TRUE_ROTATION_RAD):g} deg: the other "
+            "constraints contradict it."
+        )
+    elif status in (Status.FINAL, Status.FOUND):
+        sentences.append("It is a constraint of the graph.")
+    return sentences
+
+
+def _found_sentence(values: dict[str, float]) -> str:
+    runner_up = values.get("runner_up", 0.0)
+    other = (
+        f"the best elsewhere in the window {runner_up:.3f}"
+        if runner_up > 0.0
+        else "no candidate elsewhere in the window reached the minimum"
+    )
+    return (
+        f"Found: score {values.get('score', math.nan):.3f}, {other}. It joined the graph when that "
+        f"had {values.get('found_at', math.nan):.0f} nodes."
+    )
+
+
+_LAST_PASS = {
+    Reason.RESIDUAL: (
+        "{fit}. Residual above the limit of {config.max_refined_residual:g} (max_refined_residual, "
+        "more where the submap's own scans fit poorly)."
+    ),
+    Reason.TRANSLATION: "{fit}. Shift above {config.max_refinement:g} m (max_refinement).",
+    Reason.ROTATION: "{fit}. Rotation above {degrees:.1f} deg (max_refinement).",
+    Reason.START_RESIDUAL: (
+        "at the adjusted pose the residual was above {config.max_start_residual:g} "
+        "(max_start_residual); not matched again."
+    ),
+    Reason.EVERY_NTH_NODE: (
+        "not matched again, one in {config.final_every_nth_node} nodes is (final_every_nth_node)."
+    ),
+    Reason.NO_OVERLAP: "at the adjusted poses the node is outside the submap's grid.",
+    Reason.NEARER_SUBMAPS: (
+        "{config.final_max_submaps_of_node} other submaps were nearer to the node "
+        "(final_max_submaps_of_node)."
+    ),
+}
+"""What the last pass came to, by the reason of a pair's status."""

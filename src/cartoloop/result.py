@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A map that can be saved, composed and loaded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from typing import TYPE_CHECKING
+
+from cartoloop.map_data import MapData
+
+if TYPE_CHECKING:
+    from cartoloop.map_output.occupancy_map import OccupancyMap
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Result(MapData):
+    """A finished map, or a growing one at one moment; its attributes are those of MapData."""
+
+    def __repr__(self) -> str:
+        counts = self.report.constraints
+        return (
+            f"<Result: {len(self.stamps)} scans, {self.graph.num_nodes} nodes, "
+            f"{self.graph.num_submaps} submaps, {self.graph.num_loop_closures} loop closures "
+            f"({counts.searched} pairs searched)>"
+        )
+
+    def occupancy_map(self) -> OccupancyMap:
+        """Return the map that is exported, composed of all submaps; computed once.
+
+        Raises
+        ------
+        OutputError
+            The map is too large.
+        """
+        return self._occupancy_map
+
+    @cached_property
+    def _occupancy_map(self) -> OccupancyMap:
+        from cartoloop.map_output.occupancy_map import compose_map
+
+        return compose_map(
+            self.submap_grids, self.graph.submap_poses, self.config.local_slam.submaps
+        )
+
+    def save(self, out: str | PathLike[str]) -> None:
+        """Write map, trajectories, graph, configuration and report into the folder `out`.
+
+        Raises
+        ------
+        OutputError
+            The folder or a file in it cannot be written.
+        """
+        from cartoloop.map_output.save import save
+
+        save(self, out)
+
+
+def load_map(path: str | PathLike[str]) -> Result:
+    """Return the map that was saved as a map database; times are not kept in it.
+
+    Parameters
+    ----------
+    path : the file, or the folder that ``cartoloop map`` wrote.
+
+    Raises
+    ------
+    InputError
+        It is not there, is no map database, is damaged, or was written by a newer program.
+    """
+    from cartoloop.map_file.read import read_map
+
+    return Result(**vars(read_map(path)))
