@@ -45,6 +45,7 @@ def test_json_holds_the_same(explain):
         (("--closure", "0", "--pair", "0", "5"), 2, "give one of --closure"),
         (("--closure", "9"), 1, "the record has 2 rows"),
         (("--pair", "9", "0"), 1, "the map has submaps 0 to 2"),
+        (("--near", "nan", "0"), 1, "give two finite numbers"),
     ],
 )
 def test_wrong_questions_are_refused_in_a_line(explain, arguments, status, message):

@@ -143,6 +143,45 @@ def test_pairs_of_nodes_near_a_position_are_found():
     assert len(explain.near(4.0, 4.0, limit=1)) == 1
 
 
+@pytest.mark.parametrize("position", [(np.nan, 0.0), (0.0, np.inf)])
+def test_a_position_that_is_not_finite_is_refused(position):
+    with pytest.raises(InputError, match="give two finite numbers"):
+        explainer(found=[closure(0, 5)]).near(*position)
+
+
+def version_2_explainer(**parts):
+    """The explainer of a map read from a file that holds closures, but no requests."""
+    result = replace(hand_made_result(**parts), node_points=ALL_POINTS)
+    constraints = replace(result.report.constraints, searched=7)
+    return Explainer(replace(result, report=replace(result.report, constraints=constraints)))
+
+
+@pytest.mark.parametrize("stage", ["found", "final"])
+def test_requests_missing_in_a_file_are_not_invented(stage):
+    explain = version_2_explainer(**{stage: [closure(0, 5)]})
+
+    row, other, own = explain.row(0), explain.pair(1, 5), explain.pair(0, 0)
+
+    assert "Requests and searches are not known" in row.text
+    for invented in ("equested", "window radius", "It joined the graph"):
+        assert invented not in row.text.replace("Requests", "") + other.text.replace("Requests", "")
+    assert not {"window_m", "requested_at", "found_at"} & set(row.values)
+    assert (other.status, other.reason) == ("unknown", "requests are not recorded")
+    assert own.reason == "the node was inserted into this submap"
+
+
+def test_an_unknown_correction_is_not_printed():
+    one = closure(0, 5)
+    matches = final_matches([one])
+    matches.moved_m[:] = matches.moved_rad[:] = np.nan
+    closures = record()
+    closures.note_last_pass(np.zeros(0, dtype=np.int8), [matches])
+
+    text = explainer(closures).row(0).text
+
+    assert "Last pass: matched from the adjusted pose, residual 0.250: accepted." in text
+
+
 def test_explanations_are_plain_data():
     explanation = explainer(found=[closure(0, 5)]).row(0)
 

@@ -11,6 +11,12 @@ from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pair_selection import PairVerdict
 from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
 
+REQUESTS_NOT_RECORDED = (
+    "Requests and searches are not known: the map file is of an earlier version and has no record "
+    "of them; map the recording again."
+)
+"""Said of pairs of a map file that holds no requests."""
+
 
 class Sentences:
     """Describes rows of a record, given the parameters of the run.
@@ -91,10 +97,9 @@ class Sentences:
         else:
             return []
         config = self._config.constraint_search
-        fit = (
-            f"residual {values.get('residual', math.nan):.3f}, moved by "
-            f"{values.get('moved_m', math.nan):.3f} m, {values.get('moved_deg', math.nan):.2f} deg"
-        )
+        fit = f"residual {values.get('residual', math.nan):.3f}"
+        if "moved_m" in values:
+            fit += f", moved by {values['moved_m']:.3f} m, {values['moved_deg']:.2f} deg"
         degrees = math.degrees(config.max_refinement / config.lever)
         return ["Last pass: " + sentence.format(fit=fit, config=config, degrees=degrees)]
 
@@ -135,10 +140,10 @@ def _found_sentence(values: dict[str, float]) -> str:
         if runner_up > 0.0
         else "no candidate elsewhere in the window reached the minimum"
     )
-    return (
-        f"Found: score {values.get('score', math.nan):.3f}, {other}. It joined the graph when that "
-        f"had {values.get('found_at', math.nan):.0f} nodes."
-    )
+    sentence = f"Found: score {values.get('score', math.nan):.3f}, {other}."
+    if "found_at" in values:
+        sentence += f" It joined the graph when that had {values['found_at']:.0f} nodes."
+    return sentence
 
 
 _LAST_PASS = {

@@ -12,15 +12,22 @@ import numpy as np
 from cartoloop.errors import InputError
 from cartoloop.global_slam.closure_residuals import residuals, weights
 from cartoloop.global_slam.closure_status import Reason, Status
-from cartoloop.global_slam.pair_selection import PairSelection, PairVerdict
+from cartoloop.global_slam.pair_selection import PairSelection, PairVerdict, WhyNot
 from cartoloop.global_slam.pose_graph import (
     ConstraintKind,
 )
 from cartoloop.map_data import MapData
-from cartoloop.map_output.closure_sentences import Sentences, why_not_requested
+from cartoloop.map_output.closure_sentences import (
+    REQUESTS_NOT_RECORDED,
+    Sentences,
+    why_not_requested,
+)
 
 NEAR_M = 1.0
 """Nodes this close to a position are considered by :func:`explain_near` [m]."""
+
+NOTHING_MAPPED = "the map has no nodes: nothing was mapped"
+"""Said of a map without nodes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +39,7 @@ class Explanation:
     submap, node : the pair.
     closure : its row in the record, None if it was never requested nor matched.
     status, reason : words of :class:`Status` and :class:`Reason`; for a pair without a row
-        "not_requested" and why, in words.
+        "not_requested" and why, in words; "unknown" if the map file holds no requests.
     values : numbers behind the sentences, by the names of the columns of ``closures.csv``.
     sentences : what happened to it, in order.
     """
@@ -70,6 +77,9 @@ class Explainer:
         self._closures = result.closures
         self._sentences = Sentences(result.config.global_slam, result.closures)
         self._selection: PairSelection | None = None
+        # A map file of version 2 has no requests, but its report counts the searches.
+        searched = result.report.constraints.searched
+        self._has_requests = result.closures.num_searched >= searched
 
     def row(self, closure: int) -> Explanation:
         """Return what happened to a row of the record.
@@ -88,7 +98,9 @@ class Explainer:
         values = self._values(closure)
         status = Status(int(record.status[closure]))
         reason = Reason(int(record.reason[closure]))
-        if closure < record.num_requested:
+        if not self._has_requests:
+            requested = [REQUESTS_NOT_RECORDED]
+        elif closure < record.num_requested:
             requested = self._sentences.of_request(closure, values)
         else:
             verdict = self._verdict(int(record.submap[closure]), int(record.node[closure]))
@@ -113,6 +125,8 @@ class Explainer:
             There is no such submap or node.
         """
         graph = self._result.graph
+        if graph.num_nodes == 0:
+            raise InputError(NOTHING_MAPPED)
         if not (0 <= submap < graph.num_submaps and 0 <= node < graph.num_nodes):
             raise InputError(
                 f"submap {submap}, node {node}: the map has submaps 0 to {graph.num_submaps - 1} "
@@ -122,6 +136,8 @@ class Explainer:
         if row is not None:
             return self.row(row)
         verdict = self._verdict(submap, node)
+        if not self._has_requests and verdict.why_not is not WhyNot.OWN_SUBMAP:
+            return self._unknown(submap, node, verdict)
         why = "" if verdict.why_not is None else verdict.why_not.value
         return Explanation(
             submap,
@@ -133,6 +149,18 @@ class Explainer:
             (why_not_requested(verdict),),
         )
 
+    @staticmethod
+    def _unknown(submap: int, node: int, verdict: PairVerdict) -> Explanation:
+        return Explanation(
+            submap,
+            node,
+            None,
+            "unknown",
+            "requests are not recorded",
+            {"distance_m": verdict.distance, "path_length_m": verdict.path_length},
+            (REQUESTS_NOT_RECORDED,),
+        )
+
     def near(self, x: float, y: float, limit: int = 10) -> list[Explanation]:
         """Return the pairs of the nodes near a position [m], map frame, nearest nodes first.
 
@@ -142,11 +170,13 @@ class Explainer:
         Raises
         ------
         InputError
-            The map has no nodes.
+            The map has no nodes, or the position is not finite.
         """
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise InputError(f"position {x:g} {y:g}: give two finite numbers")
         graph = self._result.graph
         if graph.num_nodes == 0:
-            raise InputError("the map has no nodes: nothing was mapped")
+            raise InputError(NOTHING_MAPPED)
         distance = np.hypot(*(graph.node_poses[:, :2] - (x, y)).T)
         nearest = int(np.argmin(distance))
         of_rows = distance[self._closures.node]
@@ -174,13 +204,13 @@ class Explainer:
         values = {
             "score": float(record.score[row]),
             "runner_up": float(record.runner_up[row]),
-            "found_at": float(record.found_at[row]),
             "residual": float(record.residual[row]),
             "moved_m": float(record.moved[row, 0]),
             "moved_deg": math.degrees(record.moved[row, 1]),
         }
-        if row < record.num_requested:
+        if row < record.num_requested and self._has_requests:
             values |= {
+                "found_at": float(record.found_at[row]),
                 "requested_at": float(record.requested_at[row]),
                 "window_m": float(record.linear_window[row]),
                 "window_deg": math.degrees(record.angular_window[row]),
