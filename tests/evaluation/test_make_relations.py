@@ -40,7 +40,7 @@ def test_relation_joins_middle_of_submap_and_matched_scan(run_of):
 
 
 def test_closures_after_a_short_way_say_nothing(run_of):
-    # node 1 is 12 m of way from node 4, and 17.5 m from node 5
+    # node 1 is a path of 12 m from node 4, and 17.5 m from node 5
     run = run_of(closure(0, 5), closure(0, 4))
 
     assert pairs(make_relations(run, min_distance=12.0)) == [(1, 4), (1, 5)]
@@ -105,5 +105,7 @@ def test_the_text_is_eight_numbers_a_line_without_a_header(run_of):
 
 
 def test_run_without_such_closures_is_an_error(run_of):
-    with pytest.raises(InputError, match=r"of 1 loop closures none .* 100 m of way .* 21 m long"):
+    with pytest.raises(
+        InputError, match=r"of 1 loop closures none .* a path of 100 m .* 21 m long"
+    ):
         make_relations(run_of(closure(0, 5)))

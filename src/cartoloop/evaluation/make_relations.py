@@ -63,7 +63,7 @@ def make_relations(
     if len(pairs) == 0:
         raise InputError(
             f"{run.folder}: of {len(closures)} loop closures none both agrees with the map and "
-            f"comes after {min_distance:g} m of way (the run is {travelled[-1]:.0f} m long): "
+            f"comes after a path of {min_distance:g} m (the run is {travelled[-1]:.0f} m long): "
             "try a smaller --min-distance"
         )
     first, second = pairs.T

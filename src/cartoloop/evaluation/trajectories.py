@@ -42,7 +42,7 @@ class Trajectory:
         """
         if not tolerance >= 0.0:
             raise ConfigError(
-                f"stamps cannot be {tolerance:g} s apart to be the same: give 0 s or more"
+                f"a tolerance of {tolerance:g} s between stamps is impossible: give 0 s or more"
             )
         if len(self.stamps) == 0:
             return np.full(len(stamps), -1, dtype=np.int64)
