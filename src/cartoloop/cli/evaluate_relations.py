@@ -16,8 +16,12 @@ _NAME_WIDTH, _COLUMN_WIDTH = 31, 25
 
 
 def relations_command(
-    trajectory: Annotated[Path, typer.Argument(help="Trajectory in TUM format.")],
-    relations: Annotated[Path, typer.Argument(help="File of verified relative poses.")],
+    trajectory: Annotated[
+        Path, typer.Argument(metavar="TRAJECTORY", help="Trajectory in TUM format.")
+    ],
+    relations: Annotated[
+        Path, typer.Argument(metavar="RELATIONS", help="File of verified relative poses.")
+    ],
     tolerance: Annotated[
         float, typer.Option(help="Largest difference of stamps that are matched [s].")
     ] = 5e-3,

@@ -87,7 +87,8 @@ class SimulateOptions:
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write true distances between walls, 'x1 y1 x2 y2 length' [m], map frame.",
+            help="Write true distances between walls, 'x1 y1 x2 y2 length' [m], map frame; "
+            "flat only.",
             rich_help_panel=TRUTH,
         ),
     ] = None
