@@ -28,7 +28,7 @@ UPPER = np.triu_indices(3)
 
 _SYMMETRIC = np.array(((0, 1, 2), (1, 3, 4), (2, 4, 5)))
 _NO_MATCH = -1
-_NO_REASON = 0
+"""Number of a match where a row has none."""
 
 _ROW = np.dtype(
     [
@@ -676,7 +676,7 @@ class Closures:
         rows["submap"], rows["node"] = submap, node
         rows["found_match"] = rows["final_match"] = _NO_MATCH
         rows["status"] = rows["search_status"] = code
-        rows["reason"] = _NO_REASON
+        rows["reason"] = int(Reason.NONE)
 
     def _add_requests(self, requests: Requests, requested_at: ArrayLike) -> None:
         rows = self._requests.grow(len(requests.submap))
