@@ -33,7 +33,7 @@ export class Status {
     clearTimeout(this.timer);
     document.body.dataset.connection = connection;
     if (connection === "connected") {
-      this.show("");
+      this.setBanner("");
       this.say(readings?.state ?? "starting", readings?.text ?? "loading the map");
       return;
     }
@@ -42,7 +42,7 @@ export class Status {
       return;
     }
     this.say("lost", readings ? "reconnecting" : "connecting");
-    this.timer = setTimeout(() => this.show(readings ? LOST : NEVER), PATIENCE_MS);
+    this.timer = setTimeout(() => this.setBanner(readings ? LOST : NEVER), PATIENCE_MS);
   }
 
   /** Nothing more can be shown. @param {string} text why */
@@ -51,14 +51,14 @@ export class Status {
     this.hasFailed = true;
     document.body.dataset.connection = "failed";
     this.say("failed", "the map cannot be shown");
-    this.show(text);
+    this.setBanner(text);
   }
 
   /** Watch over the graphics card: all that it held is gone when it is lost. */
   watch(canvas) {
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
-      this.show("The graphics card was lost. The page is loaded again as soon as it is back.");
+      this.setBanner("The graphics card was lost. The page is loaded again as soon as it is back.");
       setTimeout(() => location.reload(), GRAPHICS_MS);
     });
     canvas.addEventListener("webglcontextrestored", () => location.reload());
@@ -70,7 +70,7 @@ export class Status {
     this.empty.dataset.text = text;
   }
 
-  show(text) {
+  setBanner(text) {
     this.banner.hidden = text === "";
     setText(this.banner, text);
   }
