@@ -31,16 +31,6 @@ quick: .venv/.installed-dev
 
 # Kernels with checked indices: they are compiled for it, into a cache folder of their own.
 boundscheck: .venv/.installed-dev
-	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow" tests/kernels
-
-# Lines of the product that tests run: all quick tests, and those of the kernels once more without
-# the compiler, which hides the lines of kernels.
-coverage: .venv/.installed-dev
-	$(BIN)/coverage run -m pytest -m "not slow and not browser and not data"
-	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run --append -m pytest -m "not slow" tests/kernels
-	$(BIN)/coverage report
-
-check: .venv/.installed-dev
 	$(BIN)/ruff check $(SOURCES)
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy src bench
