@@ -33,11 +33,11 @@ quick: .venv/.installed-dev
 boundscheck: .venv/.installed-dev
 	NUMBA_BOUNDSCHECK=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow" tests/kernels
 
-# Lines of the product that tests run: all quick tests, and those of the kernels once more without
-# the compiler, which hides the lines of kernels.
+# Lines of the product that the tests run; those of kernels without the compiler, which hides them.
 coverage: .venv/.installed-dev
-	$(BIN)/coverage run -m pytest -m "not slow and not browser and not data"
-	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run --append -m pytest -m "not slow" tests/kernels
+	$(BIN)/coverage run -m pytest -q -m "not browser"
+	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run --append -m pytest -q -m "not slow and not data" \
+		tests/kernels tests/pose_adjustment tests/submaps tests/map_output tests/global_slam
 	$(BIN)/coverage report
 
 check: .venv/.installed-dev

@@ -201,7 +201,8 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
     for name, estimate, cloud in (("hit", off, own[middle].points), ("miss", off, driven.points)):
         yield Workload(
             "branch and bound",
-            ("branch_and_bound", "node_bounds", "search_batch", "search_tree", "search_window"),
+            ("branch_and_bound", "node_bounds", "search_batch", "search_order", "search_tree",
+             "search_window"),
             {**case, "window": f"±7 m, ±30°, {name}"},
             partial(search_for, cloud, estimate), len(cloud), "points",
         )  # fmt: skip

@@ -34,7 +34,7 @@ _LISTEN = """(() => {
       if (type === 12) heard.isComplete = true;
       if (type === 7) {
         const [first, count] = [view.getUint32(at + 8, true), view.getUint32(at + 12, true)];
-        const kinds = new Uint8Array(buffer, at + 24 + 28 * count, count);
+        const kinds = new Uint8Array(buffer, at + 24 + 20 * count, count);
         const added = kinds.filter((kind) => kind === 1).length;
         const number = closures = added + (first ? closures : 0);
         requestAnimationFrame(() => requestAnimationFrame(

@@ -30,6 +30,8 @@ from cartoloop.global_slam.closure_status import (
 )
 
 _NO_MATCH = -1
+"""Number of a match where a row has none."""
+
 _NO_REASON = int(Reason.NONE)
 
 
