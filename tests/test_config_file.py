@@ -88,6 +88,14 @@ def test_an_unknown_key_names_the_nearest(key, nearest):
         load_config(settings=[f"{key}=1"])
 
 
+@pytest.mark.parametrize("key", ["x", "a.b", "foo", "sensor.foo"])
+def test_a_key_like_no_other_names_none(key):
+    with pytest.raises(
+        ConfigError, match=f"unknown key '{key}'; 'cartoloop config show' lists all"
+    ):
+        load_config(settings=[f"{key}=1"])
+
+
 def test_an_unknown_key_of_a_file_is_named_with_its_line(tmp_path):
     path = file_of(tmp_path, "[local_slam.submaps]\nnum_range_data = 1\nresolutoin = 0.1\n")
 

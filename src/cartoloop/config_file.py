@@ -147,18 +147,29 @@ def _parse_value(written: str) -> object:
     return parsed["value"] if len(parsed) == 1 else written
 
 
+_MIN_LIKENESS = 1.5
+"""Of a key that is proposed instead of an unknown one, of at most 3: misspelt keys reach 2."""
+
+
 def _check(key: str, value: object, known: Mapping[str, object], where: str) -> None:
     """Raise ConfigError if there is no such parameter, or no parameter can have such a value."""
     if key not in known:
         if any(other.startswith(f"{key}.") for other in known):
             raise ConfigError(f"{where}: '{key}' is a section; set one of the keys in it")
-        raise ConfigError(f"{where}: unknown key '{key}'; did you mean '{_nearest(key, known)}'?")
+        nearest = _nearest(key, known)
+        hint = (
+            "'cartoloop config show' lists all" if nearest is None else f"did you mean '{nearest}'?"
+        )
+        raise ConfigError(f"{where}: unknown key '{key}'; {hint}")
     if isinstance(value, float) and not math.isfinite(value):
         raise ConfigError(f"{where}: {key} must be a finite number")
 
 
-def _nearest(key: str, known: Mapping[str, object]) -> str:
-    """Return the known key that is most alike: the parent, or by the whole and its last part."""
+def _nearest(key: str, known: Mapping[str, object]) -> str | None:
+    """Return the known key that is most alike: the parent, or by the whole and its last part.
+
+    None if no key is alike.
+    """
     if (parent := key.rpartition(".")[0]) in known:
         return parent
 
@@ -169,7 +180,8 @@ def _nearest(key: str, known: Mapping[str, object]) -> str:
             + 2.0 * SequenceMatcher(None, leaf.lower(), other_leaf).ratio()
         )
 
-    return max(known, key=likeness)
+    best = max(known, key=likeness)
+    return best if likeness(best) >= _MIN_LIKENESS else None
 
 
 def _validate(values: Mapping[str, object], origins: Mapping[str, str]) -> Config:
