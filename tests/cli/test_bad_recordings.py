@@ -16,23 +16,11 @@ from PIL import Image
 from cartoloop.cli.main import run
 from cartoloop.global_slam import constraint_search, global_slam
 from cartoloop.simulation import ring, simulate
+from tests.map_output.small_result import FILES
 
 pytestmark = pytest.mark.slow
 
 NUM_SCANS = 120
-FILES = {
-    "map.pgm",
-    "map.yaml",
-    "map.png",
-    "trajectory.tum",
-    "local_trajectory.tum",
-    "graph.g2o",
-    "map.cartoloop",
-    "nodes.csv",
-    "closures.csv",
-    "config.toml",
-    "report.json",
-}
 NUM_BEAMS = 361
 
 

@@ -17,22 +17,9 @@ from cartoloop.cli.main import run
 from cartoloop.errors import InputError
 from cartoloop.report import InputSummary, Report
 from cartoloop.sensor.events import LaserScan
-from tests.map_output.small_result import small_result
+from tests.map_output.small_result import FILES, small_result
 
 NUM_SCANS = 40
-FILES = {
-    "map.pgm",
-    "map.yaml",
-    "map.png",
-    "trajectory.tum",
-    "local_trajectory.tum",
-    "graph.g2o",
-    "map.cartoloop",
-    "nodes.csv",
-    "closures.csv",
-    "config.toml",
-    "report.json",
-}
 
 
 class StandIn:

@@ -12,6 +12,21 @@ from cartoloop.result import Result
 from cartoloop.submaps.finished_grid import FinishedGrid
 from tests.global_slam.closures import add_to_graph, closure, record
 
+FILES = {
+    "map.pgm",
+    "map.yaml",
+    "map.png",
+    "trajectory.tum",
+    "local_trajectory.tum",
+    "graph.g2o",
+    "map.cartoloop",
+    "nodes.csv",
+    "closures.csv",
+    "config.toml",
+    "report.json",
+}
+"""All files of a map."""
+
 
 def small_result(config=None, **report):
     cells = np.full((40, 60), 3, np.uint8)

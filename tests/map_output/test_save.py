@@ -26,21 +26,7 @@ from cartoloop.report import (
 )
 from cartoloop.runtime.process_memory import peak_memory_mb
 from cartoloop.runtime.stage_timer import StageTimer
-from tests.map_output.small_result import small_result
-
-FILES = {
-    "map.pgm",
-    "map.yaml",
-    "map.png",
-    "trajectory.tum",
-    "local_trajectory.tum",
-    "graph.g2o",
-    "map.cartoloop",
-    "nodes.csv",
-    "closures.csv",
-    "config.toml",
-    "report.json",
-}
+from tests.map_output.small_result import FILES, small_result
 
 
 def contents(folder):

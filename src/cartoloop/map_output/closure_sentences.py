@@ -106,7 +106,8 @@ class Sentences:
 
 def why_not_requested(verdict: PairVerdict) -> str:
     """Return why a pair was never requested."""
-    apart = f"{verdict.distance:.1f} m apart, path of {verdict.path_length:.1f} m"
+    path = f"shortest path over closures {verdict.path_length:.1f} m"
+    apart = f"{verdict.distance:.1f} m apart, {path}"
     if verdict.why_not is None:
         return (
             f"Never requested while mapping, though it would be at the final poses ({apart}): "

@@ -24,7 +24,7 @@ from cartoloop.map_output.closure_sentences import (
 )
 
 NEAR_M = 1.0
-"""Nodes this close to a position are considered by :func:`explain_near` [m]."""
+"""Nodes this close to a position are considered by :meth:`Explainer.near` [m]."""
 
 NOTHING_MAPPED = "the map has no nodes: nothing was mapped"
 """Said of a map without nodes."""

@@ -23,17 +23,18 @@ GROUP = "cartoloop.log_formats"
 """Entry points of this group are text formats."""
 
 _TEXT_FORMATS = {
-    "CARMEN log": ("carmen", "CARMEN"),
     "DP-SLAM log": ("dpslam", "DPSLAM"),
     "tinySLAM file": ("tinyslam", "TINYSLAM"),
     "CSV file": ("csv_log", "CSV"),
+    "CARMEN log": ("carmen", "CARMEN"),
 }
-"""Name for the user, module in `cartoloop.readers` and name of the `LineFormat` in it."""
+"""Name for the user, module in `cartoloop.readers` and name of the `LineFormat` in it.
+
+In the order of recognition: CARMEN logs last, because one known tag among the first lines is enough
+for them.
+"""
 
 _ROS_FORMATS = ("ROS 1 bag", "ROS 2 recording (folder, .mcap, .db3)")
-
-_ORDER = ("DP-SLAM log", "tinySLAM file", "CSV file", "CARMEN log")
-"""Order of recognition: CARMEN logs last, because one known tag among the first lines is enough."""
 
 
 def format_names() -> list[str]:
@@ -56,8 +57,7 @@ def text_formats() -> Iterator[LineFormat]:
     """
     for entry in _entry_points():
         yield _load(entry)
-    for name in _ORDER:
-        module, attribute = _TEXT_FORMATS[name]
+    for module, attribute in _TEXT_FORMATS.values():
         line_format: LineFormat = getattr(import_module(f"cartoloop.readers.{module}"), attribute)
         yield line_format
 
