@@ -17,6 +17,7 @@ ROOT = Path(__file__).parents[1]
 DOCUMENTS = (
     "README.md",
     "ARCHITECTURE.md",
+    "CONTRIBUTING.md",
     "docs/algorithm.md",
     "docs/readers.md",
     "docs/doctor.md",
@@ -32,7 +33,7 @@ def source(path):
     return next(p for p in (ROOT / "src/cartoloop" / path, ROOT / path) if p.exists())
 
 
-@pytest.mark.parametrize("document", DOCUMENTS[1:3])
+@pytest.mark.parametrize("document", DOCUMENTS[1:4])
 def test_files_and_names_in_documents_exist(document):
     places = PLACE.findall((ROOT / document).read_text())
 
