@@ -144,7 +144,7 @@ def require_view(view: bool, **options: object) -> None:
 
 def wait_for_stop(what: str) -> None:
     """Print the address of the view, and return when the user stops it."""
-    typer.echo(f"{what} (Ctrl-C ends)")
-    with stop_signals() as stop:
+    with stop_signals() as stop:  # before the line that invites to Ctrl-C
+        typer.echo(f"{what} (Ctrl-C ends)")
         while not stop.made:
             time.sleep(0.1)
