@@ -35,9 +35,9 @@ boundscheck: .venv/.installed-dev
 
 # Lines of the product that the tests run; those of kernels without the compiler, which hides them.
 coverage: .venv/.installed-dev
-	$(BIN)/coverage run -m pytest -q -m "not browser"
+	$(BIN)/coverage run -m pytest -q -m "not slow and not browser and not data" tests
 	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run --append -m pytest -q -m "not slow and not data" \
-		tests/kernels tests/pose_adjustment tests/submaps tests/map_output tests/global_slam
+		tests/kernels tests/pose_adjustment tests/submaps tests/map_output
 	$(BIN)/coverage report
 
 check: .venv/.installed-dev
