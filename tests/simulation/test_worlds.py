@@ -97,7 +97,7 @@ def test_the_wings_are_the_same_but_for_their_place():
     inside = [pose for pose in poses if pose[1] > 9.0 and pose[0] < shift / 2]
     assert len(inside) > 20
     here = np.array(inside)
-    there = here + (shift, 0.0, 0.0)
+    there = here + np.array((shift, 0.0, 0.0))
     lidar = make_lidar("sick")
     assert true_ranges(world.walls, here, lidar) == pytest.approx(
         true_ranges(world.walls, there, lidar), abs=1e-6
