@@ -28,6 +28,10 @@ NEAREST, FARTHEST = 0.05, 40.0
 """Ranges between these are returns [m], to which noise is added."""
 
 
+class NothingLeft(InputError):  # noqa: N818 - named for what happened
+    """A change leaves no scan of a recording."""
+
+
 @dataclass(frozen=True, slots=True)
 class Change:
     """A change of a recording, or of how it is mapped.
@@ -211,13 +215,15 @@ def changed_log(source: Path, target: Path, change: Change, seed: int) -> None:
     Raises
     ------
     InputError
-        The log cannot be read, or the change leaves nothing of it.
+        The log cannot be read.
+    NothingLeft
+        The change leaves no scan of it.
     """
     log = read_carmen(source)
     if change.apply is not None:
         change.apply(log, np.random.default_rng(seed))
     if not log.is_scan.any():
-        raise InputError(f"{source.name}: {change.name} leaves nothing: the recording is shorter")
+        raise NothingLeft(f"{source.name}: {change.name} leaves nothing: the recording is shorter")
     write_carmen(target, log)
 
 

@@ -14,7 +14,14 @@ import numpy as np
 
 from bench.command_runs import run_command
 from bench.robustness.carmen_text import read_carmen
-from bench.robustness.changes import CHANGES, UNCHANGED, Change, changed_log, changed_relations
+from bench.robustness.changes import (
+    CHANGES,
+    UNCHANGED,
+    Change,
+    NothingLeft,
+    changed_log,
+    changed_relations,
+)
 from bench.robustness.one_map import OneMap, map_log
 from bench.robustness.runs import Run, RunStore
 from bench.robustness.simulated_worlds import SimulatedWorld, simulated_worlds
@@ -133,7 +140,10 @@ class Runner:
             change = CHANGES[change_name]
             if change_name != UNCHANGED:
                 for seed in range(self._options.count(change.seeds)):
-                    yield self._changed(name, change, seed, first)
+                    try:
+                        yield self._changed(name, change, seed, first)
+                    except NothingLeft as error:
+                        self._progress(f"not applied: {error}")
 
     def _changed(
         self, name: str, change: Change, seed: int, unchanged: Run | None, again: bool | None = None
@@ -235,6 +245,8 @@ class Runner:
         try:
             made = make(log, out)
             done = replace(run, commands=made.commands, figures=made.figures, verdict=made.verdict)
+        except NothingLeft:
+            raise
         except CartoloopError as error:
             done = replace(run, failure=str(error))
         done = replace(done, commit=self._commit)

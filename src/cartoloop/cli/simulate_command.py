@@ -122,7 +122,7 @@ class SimulateOptions:
         float,
         typer.Option(
             metavar="METRES",
-            help="Sparse scans: one for each so many metres of path and for each turn of 20 "
+            help="Sparse scans: one after each such length of path and each turn of 20 "
             "degrees [m]; odometry stays as it is.",
             rich_help_panel=DIFFICULTIES,
         ),
@@ -271,7 +271,7 @@ def _with_two_scanners(
     # Scanners that nothing synchronizes measure at different moments.
     scanners = [
         MountedLidar(lidar, "front"),
-        MountedLidar(rear, "rear", delay=0.3 / lidar.rate, clock_offset=options.clock_offset),
+        MountedLidar(rear, "rear", delay=0.37 / lidar.rate, clock_offset=options.clock_offset),
     ]
     has_odometry = world.has_odometry if options.odometry is None else options.odometry
     return simulate_rig(

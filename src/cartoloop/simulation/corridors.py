@@ -7,7 +7,7 @@ import numpy as np
 
 from cartoloop.simulation.floor_plan import FloorPlan, Opening, Point, World
 
-BARE_STRETCH = 20.0
+BARE_STRETCH = 12.0
 """Length of bare walls where the robot sets off, and once more on its way [m]."""
 
 

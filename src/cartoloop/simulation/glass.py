@@ -36,7 +36,7 @@ class GlazedWalls(NamedTuple):
 
 
 def glazed(walls: FloatArray, share: float, rng: np.random.Generator) -> GlazedWalls:
-    """Return walls of which a share is glass, in pieces of one to three metres.
+    """Return walls with a share of glass, in pieces of one to three metres.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def seen_through(
     glass : float64, shape (m, 4), segments x1, y1, x2, y2 [m], map frame.
     robot_poses : float64, shape (n, 3), x [m], y [m], theta [rad], map frame.
     lidar : the scanner.
-    rng : the source of which beams do not come back; one number for each beam is drawn.
+    rng : the source of chance whether a beam comes back; one number for each beam is drawn.
     """
     chances = rng.random(ranges.shape)
     reach = lidar.range_max + math.hypot(*lidar.tf_tracking_sensor[:2])

@@ -36,7 +36,7 @@ COLUMN_SPACING = (6.0, 10.0)
 
 
 def hall(seed: int = 0) -> World:
-    """Return a hall and a route of some 600 m, on a sixth of which nothing is seen.
+    """Return a hall and a route of some 600 m; on a sixth of it nothing is seen.
 
     Parameters
     ----------
