@@ -10,7 +10,7 @@ import numpy as np
 from bench.environment import environment
 from bench.record import Better, Figure, Record, Row
 from bench.robustness.changes import change_of
-from bench.robustness.parts import PARTS, WORLDS, RobustnessOptions, Runner
+from bench.robustness.parts import HANDICAPPED, PARTS, WORLDS, RobustnessOptions, Runner
 from bench.robustness.runs import NO_VERDICT, Run, RunStore
 from bench.robustness.simulated_worlds import simulated_worlds
 from cartoloop.errors import ConfigError
@@ -125,10 +125,8 @@ def _notes(same: Sequence[Run]) -> list[str]:
 
 def _verdict_rows(runs: Sequence[Run]) -> list[Row]:
     """Return how many maps of worlds, right and wrong by the truth, have which verdict."""
-    judged = [
-        one for one in runs
-        if one.part == WORLDS and one.verdict != NO_VERDICT and "error" in one.figures
-    ]  # fmt: skip
+    with_truth = [one for one in runs if one.part in (WORLDS, HANDICAPPED)]
+    judged = [one for one in with_truth if one.verdict != NO_VERDICT and "error" in one.figures]
     found = []
     for label, is_wrong in (("right maps", False), ("wrong maps", True)):
         same = [one for one in judged if (one.figures["error"] > GROSSLY_WRONG_M) == is_wrong]

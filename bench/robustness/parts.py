@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -24,7 +24,11 @@ from bench.robustness.changes import (
 )
 from bench.robustness.one_map import OneMap, map_log
 from bench.robustness.runs import Run, RunStore
-from bench.robustness.simulated_worlds import SimulatedWorld, simulated_worlds
+from bench.robustness.simulated_worlds import (
+    SimulatedWorld,
+    handicapped_worlds,
+    simulated_worlds,
+)
 from cartoloop.errors import CartoloopError, InputError
 from cartoloop.evaluation.relations import evaluate_relations, read_relations
 from cartoloop.evaluation.trajectories import read_tum
@@ -46,8 +50,9 @@ CLOSED_M = 0.05
 MOST_TIMES_UNCHANGED = 1.5
 """Error of a changed recording over that of the unchanged one, at most, where people verified."""
 
-WORLDS, SPARSE, SCANNERS = "worlds", "sparse recordings", "two scanners"
-PARTS: Final = (*RECORDINGS, WORLDS, SPARSE, SCANNERS)
+WORLDS, HANDICAPPED = "worlds", "handicapped maps"
+SPARSE, SCANNERS = "sparse recordings", "two scanners"
+PARTS: Final = (*RECORDINGS, WORLDS, HANDICAPPED, SPARSE, SCANNERS)
 
 SPARSE_RECORDINGS: Final = ("belgioioso", "acapulco", "edmonton", "fhw")
 SPARSE_BAR_M = 0.20
@@ -116,12 +121,14 @@ class Runner:
     ) -> None:
         self._options, self._store, self._commit = options, store, commit
         self._progress = progress
+        self._is_warm = False
 
     def run(self) -> Iterator[Run]:
         """Yield the runs of all parts as they are made."""
         for part in self._options.parts:
-            if part == WORLDS:
-                yield from self._worlds()
+            if part in (WORLDS, HANDICAPPED):
+                table = simulated_worlds() if part == WORLDS else handicapped_worlds()
+                yield from self._worlds(part, table)
             elif part == SPARSE:
                 yield from (self._sparse(name) for name in SPARSE_RECORDINGS)
             elif part == SCANNERS:
@@ -174,27 +181,31 @@ class Runner:
 
         return self._made(Run(name, change.name, seed), ".clf", make, again)
 
-    def _worlds(self) -> Iterator[Run]:
-        """Yield the runs of the simulated worlds, the first seed of all first."""
-        table = simulated_worlds()
-        worlds = [table[name] for name in self._options.worlds or table]
-        for seed in range(max(self._options.count(world.seeds) for world in worlds)):
+    def _worlds(self, part: str, table: Mapping[str, SimulatedWorld]) -> Iterator[Run]:
+        """Yield the runs of simulated worlds, the first seed of all first."""
+        wanted = self._options.worlds
+        worlds = [
+            world for name, world in table.items() if not wanted or name.split(",")[0] in wanted
+        ]
+        for seed in range(max((self._options.count(each.seeds) for each in worlds), default=0)):
             for world in worlds:
                 if seed < self._options.count(world.seeds):
-                    yield self._world(world, self._options.first_seed + seed)
+                    yield self._world(part, world, self._options.first_seed + seed)
 
-    def _world(self, world: SimulatedWorld, seed: int) -> Run:
+    def _world(self, part: str, world: SimulatedWorld, seed: int) -> Run:
         def make(log: Path, out: Path) -> Run:
             truth = log.with_suffix(".tum")
             words: list[str | Path] = ["simulate", *world.options, "--seed", str(seed)]
             words += ["-o", log, "--truth", truth]
             run_command(*words)
-            mapped = map_log(log, out)
+            options = [word for setting in world.settings for word in ("--set", setting)]
+            mapped = map_log(log, out, options)
             figures = mapped.true_figures(truth)
-            figures["bar"] = world.bar_of(_path_length(truth))
+            if math.isfinite(world.bar):
+                figures["bar"] = world.bar
             return _finished(mapped, figures, f"cartoloop {' '.join(map(str, words))}")
 
-        return self._made(Run(WORLDS, world.name, seed), world.suffix, make)
+        return self._made(Run(part, world.name, seed), world.suffix, make)
 
     def _sparse(self, name: str) -> Run:
         def make(_: Path, out: Path) -> Run:
@@ -238,6 +249,7 @@ class Runner:
         known = self._store.find(*run.key)
         if known is not None and not (self._options.again if again is None else again):
             return known
+        self._warm_up()
         name = f"{run.case}-{run.seed}".replace(", ", "-")
         folder = self._options.folder / run.part.replace(" ", "-")
         folder.mkdir(parents=True, exist_ok=True)
@@ -257,6 +269,13 @@ class Runner:
             shutil.rmtree(out, ignore_errors=True)
         self._progress(_line(done))
         return done
+
+    def _warm_up(self) -> None:
+        """Compile kernels where they are not yet: that is no cost of the first run."""
+        if not self._is_warm:
+            self._is_warm = True
+            self._progress("warming up: compiling kernels where they are not yet")
+            run_command("demo", "-o", self._options.folder / "demo")
 
     def _relations_of(self, name: str) -> Path:
         """Return where the relations of a recording are, or are to be written."""
@@ -278,12 +297,6 @@ class Runner:
 
 def _finished(mapped: OneMap, figures: dict[str, float], *before: str) -> Run:
     return Run("", "", 0, (*before, mapped.command), figures, mapped.verdict)
-
-
-def _path_length(truth: Path) -> float:
-    """Return the true path length [m]."""
-    poses = read_tum(truth).poses
-    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
 
 
 def _line(run: Run) -> str:

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,8 +22,8 @@ class SimulatedWorld:
     name : of the row.
     options : arguments of ``cartoloop simulate``.
     seeds : how many seeds are tried.
-    bar : of the mean error [m], unless it is a share of the path length.
-    bar_share : of the path length; 0 where `bar` counts.
+    bar : of the mean error [m]; infinite where none is asked for.
+    settings : parameters of the mapper that are not the defaults, as ``key=value``.
     suffix : of the log's name.
     """
 
@@ -30,26 +31,44 @@ class SimulatedWorld:
     options: tuple[str, ...]
     seeds: int
     bar: float
-    bar_share: float
     suffix: str
+    settings: tuple[str, ...] = ()
 
-    def bar_of(self, path_length: float) -> float:
-        """Return the largest mean error of a map that is right [m]."""
-        return self.bar_share * path_length if self.bar_share else self.bar
+
+@cache
+def _table() -> dict[str, Any]:
+    return tomllib.loads(_FILE.read_text("utf-8"))
 
 
 @cache
 def simulated_worlds() -> dict[str, SimulatedWorld]:
     """Return all worlds by name, in the order of the table."""
-    table: dict[str, Any] = tomllib.loads(_FILE.read_text("utf-8"))
+    table = _table()
     return {
         name: SimulatedWorld(
             name=name,
             options=tuple(row.get("options", name).split()),
             seeds=row.get("seeds", table["default_seeds"]),
             bar=row.get("bar", table["default_bar"]),
-            bar_share=row.get("bar_share", 0.0),
             suffix=".bag" if row.get("bag", False) else ".log",
         )
         for name, row in table["worlds"].items()
+    }
+
+
+@cache
+def handicapped_worlds() -> dict[str, SimulatedWorld]:
+    """Return worlds that are mapped with a handicap, by name; they may be wrong."""
+    table = _table()["handicapped"]
+    worlds = simulated_worlds()
+    return {
+        f"{name}, {handicap}": replace(
+            worlds[name],
+            name=f"{name}, {handicap}",
+            seeds=table["seeds"],
+            bar=math.inf,
+            settings=tuple(settings),
+        )
+        for handicap, settings in table["settings"].items()
+        for name in table["worlds"]
     }

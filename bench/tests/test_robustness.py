@@ -23,7 +23,7 @@ from bench.robustness.changes import (
 )
 from bench.robustness.parts import PARTS, RobustnessOptions, Runner
 from bench.robustness.runs import Run, RunStore
-from bench.robustness.simulated_worlds import simulated_worlds
+from bench.robustness.simulated_worlds import handicapped_worlds, simulated_worlds
 from cartoloop.errors import ConfigError
 from cartoloop.evaluation.relations import Relations
 from cartoloop.readers import open_log
@@ -151,9 +151,11 @@ def test_the_table_of_worlds_names_worlds_and_bars():
     table = simulated_worlds()
     assert {world.options[0] for world in table.values()} == set(WORLDS)
     assert table["yard-sparse"].options == ("yard", "--scan-spacing", "1")
-    assert table["corridor"].bar_of(150.0) == pytest.approx(0.45)
-    assert table["office"].bar_of(150.0) == 0.1
+    assert (table["corridor"].bar, table["office"].bar) == (0.24, 0.1)
     assert table["wings"].seeds == 100
+    handicapped = handicapped_worlds()["hall, no-closures"]
+    assert handicapped.options == table["hall"].options
+    assert handicapped.settings == ("global_slam.optimize_every_n_nodes=0",)
 
 
 def test_names_of_parts_and_changes_are_checked():
@@ -194,6 +196,7 @@ def test_a_row_counts_right_runs_and_names_wrong_seeds():
     assert (right.figures["flagged"].value, wrong.figures["flagged"].value) == (0.0, 100.0)
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_not_there_is_a_row_with_the_reason(tmp_path):
     options = RobustnessOptions(tmp_path, tmp_path, ["aces"], ["mirror"])
     store = RunStore(tmp_path / "runs.jsonl", "abc")
