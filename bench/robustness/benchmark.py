@@ -90,6 +90,7 @@ def _row(part: str, case: str, same: Sequence[Run]) -> Row:
         ("false joins", "false joins", "", 1.0),
         ("scale", "odometry scale", "", 1.0),
         ("yaw", "odometry yaw", "deg", 1.0),
+        ("calibration", "calibration off, of its bar", "", 1.0),
         ("cpu", "CPU", "s", 1.0),
     ):
         values = [share * one.figures[name] for one in same if name in one.figures]

@@ -59,8 +59,13 @@ SPARSE_BAR_M = 0.20
 """Largest root mean square error of belgioioso against the poses of GMapping [m]."""
 
 BAGS: Final = ("guardian_3", "guardian_controller_2")
-TOPICS: Final = {"both": (), "front": ("/scan",), "rear": ("/hokuyo_back_scan",)}
-"""Scanners of the bags, by the name of the case."""
+BOTH = "both"
+TOPICS: Final = {"front": ("/scan",), "rear": ("/hokuyo_back_scan",), BOTH: ()}
+"""Scanners of the bags, by the name of the case; both are judged by each alone."""
+
+CALIBRATION_BARS: Final = {"scale": 0.02, "yaw": 1.0}
+"""How far the odometry's scale and yaw [deg] found with both scanners may be from those found with
+either."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +137,11 @@ class Runner:
             elif part == SPARSE:
                 yield from (self._sparse(name) for name in SPARSE_RECORDINGS)
             elif part == SCANNERS:
-                yield from (self._bag(name, case) for name in BAGS for case in TOPICS)
+                for name in BAGS:
+                    alone: list[Run] = []
+                    for case in TOPICS:
+                        alone.append(self._bag(name, case, alone))
+                        yield alone[-1]
             else:
                 yield from self._recording(part)
 
@@ -221,7 +230,7 @@ class Runner:
 
         return self._made(Run(SPARSE, name, 0), ".log", make)
 
-    def _bag(self, name: str, case: str) -> Run:
+    def _bag(self, name: str, case: str, alone: Sequence[Run]) -> Run:
         def make(_: Path, out: Path) -> Run:
             options = [word for topic in TOPICS[case] for word in ("--scan-topic", topic)]
             mapped = map_log(self._given(f"bags/{name}.bag"), out, options)
@@ -234,6 +243,8 @@ class Runner:
             ):
                 if odometry.get(key) is not None:
                     figures[figure] = factor * float(odometry[key])
+            if case == BOTH:
+                figures |= _calibration(figures, alone)
             return _finished(mapped, figures)
 
         return self._made(Run(SCANNERS, f"{name}, {case}", 0), ".bag", make)
@@ -297,6 +308,18 @@ class Runner:
 
 def _finished(mapped: OneMap, figures: dict[str, float], *before: str) -> Run:
     return Run("", "", 0, (*before, mapped.command), figures, mapped.verdict)
+
+
+def _calibration(figures: Mapping[str, float], alone: Sequence[Run]) -> dict[str, float]:
+    """Return how far the calibration is outside that of either scanner, as a share of the bar."""
+    shares = []
+    for name, bar in CALIBRATION_BARS.items():
+        known = [one.figures[name] for one in alone if name in one.figures]
+        if name not in figures or not known:
+            return {}
+        outside = max(min(known) - figures[name], figures[name] - max(known), 0.0)
+        shares.append(outside / bar)
+    return {"calibration": max(shares)}
 
 
 def _line(run: Run) -> str:

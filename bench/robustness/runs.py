@@ -23,7 +23,7 @@ class Run:
     part, case, seed : which one.
     commands : how to make it again.
     figures : by name; `error` [m] against relations or truth, `bar` [m], `cpu` [s], `precision` of
-        the found closures, as far as they are known.
+        the found closures, `calibration` over its bar, as far as they are known.
     verdict : the map's own.
     failure : why there is no map; empty otherwise.
     commit : of the sources.
@@ -45,9 +45,11 @@ class Run:
 
     @property
     def is_right(self) -> bool | None:
-        """Whether the error is within the bar; None where there is no bar."""
+        """Whether error or calibration is within the bar; None where there is no bar."""
         if self.failure:
             return False
+        if "calibration" in self.figures:
+            return self.figures["calibration"] <= 1.0
         if "bar" not in self.figures or "error" not in self.figures:
             return None
         return self.figures["error"] <= self.figures["bar"]

@@ -21,7 +21,7 @@ from bench.robustness.changes import (
     changed_log,
     changed_relations,
 )
-from bench.robustness.parts import PARTS, RobustnessOptions, Runner
+from bench.robustness.parts import PARTS, RobustnessOptions, Runner, _calibration
 from bench.robustness.runs import Run, RunStore
 from bench.robustness.simulated_worlds import handicapped_worlds, simulated_worlds
 from cartoloop.errors import ConfigError
@@ -178,6 +178,19 @@ def test_runs_of_the_same_commit_are_found_again(tmp_path):
     assert RunStore(path, "abc").find("worlds", "ring", 0) == replace(some_run(), commands=["a"])
     assert RunStore(path, "abd").find("worlds", "ring", 0) is None
     assert RunStore(path, "abc with changes").find("worlds", "ring", 0) is None
+
+
+def test_both_scanners_are_judged_by_each_alone():
+    alone = [
+        Run("two scanners", "a", 0, figures={"scale": scale, "yaw": yaw})
+        for scale, yaw in ((1.00, 0.5), (1.02, 1.0))
+    ]
+    assert _calibration({"scale": 1.01, "yaw": 0.7}, alone) == {"calibration": 0.0}
+    assert _calibration({"scale": 1.05, "yaw": 0.4}, alone)["calibration"] == pytest.approx(1.5)
+    assert _calibration({"scale": 1.05}, alone) == {}
+    both = Run("two scanners", "b", 0, figures={"calibration": 1.5})
+    assert both.is_right is False
+    assert alone[0].is_right is None
 
 
 def test_a_row_counts_right_runs_and_names_wrong_seeds():
