@@ -82,7 +82,8 @@ class Pairs:
     @property
     def contradiction(self) -> FloatArray:
         """Share of the counted returns that lie on floor."""
-        return self.on_floor / np.maximum(self.on_wall + self.on_floor, 1)
+        share: FloatArray = self.on_floor / np.maximum(self.on_wall + self.on_floor, 1)
+        return share
 
     def take(self, rows: NDArray[np.bool_] | IntArray) -> Pairs:
         """Return some of the pairs."""
