@@ -25,7 +25,7 @@ CHECKED_ONLY = ("wings", "hall", "bare")
 """Worlds that were not looked at when the limits were chosen, as far as the program has them."""
 
 ROUTES = {"office": 3, "wings": 3, "hall": 3}
-"""Worlds that take longer to map: used with one seed in so and so many."""
+"""Worlds that take longer to map: used with one seed in as many as given."""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from cartoloop.kernels.map_agreement import ShiftWindow, best_shifts
 from cartoloop.quality.pairs import WALL, MapContent, Pairs, cell_grid, cell_value
 from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.submaps.finished_grid import FinishedGrid
 
 MAX_ENCOUNTER_M = 4.0
 """Length of a run of nodes that is judged as one [m]: in it poses hardly drift."""
@@ -141,16 +142,25 @@ def _displacements(
         groups.append(points[:: max(1, -(-len(points) // MAX_SEARCH_POINTS))])
     batch = ScanPoints.of(groups)
     grid = content.submap_grids[submap]
-    step_cells = max(1, round(STEP_M / grid.resolution))
-    steps = round(config.max_displacement / (step_cells * grid.resolution))
-    window = ShiftWindow(steps, step_cells, MAX_TURNS, TURN_RAD, NEAR_STEPS)
-    shifts = np.zeros((len(groups), 5))
-    best_shifts(
-        cell_grid(grid), cell_value(WALL), window, batch.points, batch.firsts, batch.ends, shifts
-    )
+    shifts = shifts_in(grid, batch, config.max_displacement)
     here, there = shifts[:, 0] / batch.counts, shifts[:, 1] / batch.counts
     is_better = (there - here > MIN_GAIN) & (there > MIN_FIT)
     return np.where(is_better, np.hypot(shifts[:, 2], shifts[:, 3]), np.nan)
+
+
+def shifts_in(grid: FinishedGrid, groups: ScanPoints, max_displacement: float) -> FloatArray:
+    """Return how groups of points [m, submap frame] fit near and elsewhere, shape (k, 5).
+
+    The columns are those of :func:`cartoloop.kernels.map_agreement.best_shifts`.
+    """
+    step_cells = max(1, round(STEP_M / grid.resolution))
+    steps = round(max_displacement / (step_cells * grid.resolution))
+    window = ShiftWindow(steps, step_cells, MAX_TURNS, TURN_RAD, NEAR_STEPS)
+    shifts = np.zeros((len(groups), 5))
+    best_shifts(
+        cell_grid(grid), cell_value(WALL), window, groups.points, groups.firsts, groups.ends, shifts
+    )
+    return shifts
 
 
 def _near(points: FloatArray, max_range: float) -> FloatArray:
