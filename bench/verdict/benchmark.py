@@ -18,7 +18,7 @@ from cartoloop.simulation import WORLDS
 CHOSEN_ON = ("office", "corridor", "ring", "flat")
 """Worlds on whose seeds 0 to 11 the limits of the verdict were chosen."""
 
-FIRST_CHECKED_SEED = 100
+FIRST_CHECKED_SEED = 200
 """Seeds from here on were not looked at when the limits were chosen."""
 
 CHECKED_ONLY = ("wings", "hall", "bare")
@@ -66,6 +66,9 @@ def cases(maps: int) -> Iterator[Case]:
         seed += 1
 
 
+CLEAR = (0.2, 0.4)
+"""Errors below are clearly none, above clearly gross [m]."""
+
 RIGHT_SEEDS, AGAIN = 3, 1000
 """Seeds for which a recording without a fault is mapped, where one with a fault is for one."""
 
@@ -103,6 +106,8 @@ def _judge(case: Case) -> Judged:
 
 def _rows(judged: Sequence[Judged]) -> Iterator[Row]:
     yield _row({"maps": "all"}, judged)
+    clear = [one for one in judged if not CLEAR[0] < one.truth.error <= CLEAR[1]]
+    yield _row({"maps": "without errors of 0.2 to 0.4 m"}, clear, "what is nearly wrong left out")
     for world in dict.fromkeys(one.case.world for one in judged):
         note = "limits chosen on other seeds" if world in CHOSEN_ON else "world not looked at"
         yield _row({"world": world}, [one for one in judged if one.case.world == world], note)

@@ -58,9 +58,14 @@ class Truth:
     revisits: float
 
     @property
+    def error(self) -> float:
+        """The larger of the error in the mean and that between visits of a place [m]."""
+        return max(self.mean, self.revisits)
+
+    @property
     def is_wrong(self) -> bool:
-        """Whether there is a gross error: in the mean, or between visits of a place."""
-        return max(self.mean, self.revisits) > GROSS_ERROR_M
+        """Whether there is a gross error."""
+        return self.error > GROSS_ERROR_M
 
 
 def make_map(case: Case) -> tuple[Result, Truth]:

@@ -55,7 +55,9 @@ def cut(events: list[SensorEvent], rng: np.random.Generator) -> list[SensorEvent
 
 
 def pause(events: list[SensorEvent], rng: np.random.Generator) -> list[SensorEvent]:
-    """Remove some time in which the odometry went on: harmless."""
+    """Remove some time in which the odometry went on: harmless, if there is odometry."""
+    if not any(isinstance(event, Odometry) for event in events):
+        return events
     start, end = _split(events)
     first = rng.uniform(start + 0.25 * (end - start), start + 0.7 * (end - start))
     return _without(events, first, first + rng.uniform(2.0, 5.0), odometry_knows=True)
@@ -233,7 +235,7 @@ FAULTS: dict[str, Fault] = {
     "narrow, sparse": Fault(NARROW, BAD_ODOMETRY, change=thinned(6)),
     "narrow, short-sighted": Fault(NARROW, BAD_ODOMETRY, change=short_sighted(3.5)),
     "credulous": Fault(CREDULOUS, BAD_ODOMETRY),
-    "no odometry": Fault(without_odometry=True, change=thinned(2)),
+    "no odometry": Fault(without_odometry=True),
     "cut": Fault(change=cut),
     "cut, open": Fault(OPEN, change=cut),
     "turn missing": Fault(change=turn_missing),

@@ -89,6 +89,18 @@ def test_gaps_among_disordered_stamps_are_not_believed():
     assert motion.gaps(run) == []
 
 
+def test_a_turn_during_a_gap_is_seen_in_the_scans():
+    run = without(drive(speed=0.0), 108.0, 114.0, moved=False)
+    wide = room() * (2.0, 0.5)
+    run.node_points = [wide] * 40 + [wide[:, ::-1]] * (len(run.stamps) - 40)
+
+    [misfit] = motion.misfits(run)
+
+    assert misfit.scan == 40
+    run.node_points = [wide] * len(run.stamps)
+    assert motion.misfits(run) == []
+
+
 def test_jumps_are_faster_than_robots():
     run = drive()
     run.local_trajectory[50:, 1] += 2.0

@@ -47,6 +47,8 @@ def examine(
     consecutive = pairs.take(~is_apart)
     share = _share(met)
     gaps, jumps = motion.gaps(content), motion.jumps(content)
+    known = {event.scan for event in gaps}
+    misfits = [event for event in motion.misfits(content) if event.scan not in known]
     blind, stands = motion.blind_stretches(content), motion.standing(content)
     halls = motion.corridors(content, config.max_range)
     rotation_error = None if odometry is None else odometry.get("rotation_error_rad")
@@ -54,6 +56,7 @@ def examine(
         *places.contradictions(met, share, content, config),
         *places.breaks(consecutive, content, config),
         *places.gap_places(gaps, content),
+        *places.misfit_places(misfits, met, content),
         *places.jump_places(jumps, content),
         *places.blind_places(blind, content, config),
         *places.standing_places(stands, halls, content),
@@ -70,7 +73,7 @@ def examine(
         "displacement_m": _median(met.displacement),
         "consecutive_pairs": float(len(consecutive)),
         "consecutive_contradicted_share": float(np.mean(bad)) if len(bad) else 0.0,
-        "gaps": float(len(gaps)),
+        "gaps": float(len(gaps) + len(misfits)),
         "jumps": float(len(jumps)),
         "unmatched_m": float(sum(event.moved for event in blind)),
         "corridor_share": float(np.mean(halls.is_corridor)) if len(halls.nodes) else 0.0,

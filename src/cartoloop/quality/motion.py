@@ -24,7 +24,7 @@ SPEED_OVER_S = 2.0
 MIN_SPEED = 0.1
 """A slower robot stands, for all that its poses show [m/s]."""
 
-MOVED_SHARE, MIN_MISSING_M = 0.35, 1.0
+MOVED_SHARE, MIN_MISSING_M = 0.6, 1.0
 """A robot that drove before and after a gap drove during it: poses that moved by less than this
 share of what the lower of its speeds makes it, and by this length less, do not know [m]."""
 
@@ -66,6 +66,22 @@ class Event(NamedTuple):
     expected: float
 
 
+def _usual_interval(intervals: FloatArray) -> float:
+    """Return the usual time between scans [s]; stamps may run backwards or repeat."""
+    forwards = intervals[intervals > 0.0]
+    return float(np.median(forwards)) if len(forwards) else 1.0
+
+
+def _gap_rows(intervals: FloatArray, usual: float) -> list[int]:
+    """Return the scans after which there is a gap, where stamps increase all around."""
+    rows = np.flatnonzero(intervals > max(MIN_GAP_S, GAP_INTERVALS * usual)).tolist()
+    return [
+        row
+        for row in rows
+        if not np.any(intervals[max(row - ORDERED_SCANS, 0) : row + ORDERED_SCANS] < 0.0)
+    ]
+
+
 def gaps(content: MapContent) -> list[Event]:
     """Return the gaps in time during which the robot drove farther than its poses did."""
     stamps, poses = content.stamps, content.local_trajectory
@@ -73,12 +89,11 @@ def gaps(content: MapContent) -> list[Event]:
     if len(stamps) < 10:
         return found
     intervals = np.diff(stamps)
-    usual = float(np.median(intervals[intervals > 0.0])) if np.any(intervals > 0.0) else 0.0
-    limit = max(MIN_GAP_S, GAP_INTERVALS * usual)
+    usual = _usual_interval(intervals)
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     paths = np.concatenate(([0.0], np.cumsum(steps)))
     around = max(3, round(SPEED_OVER_S / max(usual, 1e-3)))
-    for before in np.flatnonzero(intervals > limit).tolist():
+    for before in _gap_rows(intervals, usual):
         after, seconds = before + 1, float(intervals[before])
         first, last = max(before - around, 0), min(after + around, len(stamps) - 1)
         speeds = [
@@ -86,8 +101,7 @@ def gaps(content: MapContent) -> list[Event]:
             for start, end in ((first, before), (after, last))
             if stamps[end] > stamps[start]
         ]
-        nearby = intervals[max(before - ORDERED_SCANS, 0) : before + ORDERED_SCANS]
-        if len(speeds) < 2 or min(speeds) < MIN_SPEED or np.any(nearby < 0.0):
+        if len(speeds) < 2 or min(speeds) < MIN_SPEED:
             continue
         typical = float(np.median(steps[first:last]))
         if steps[before] > 0.5 * typical and typical > SPARSE_STEP_M:
@@ -99,13 +113,36 @@ def gaps(content: MapContent) -> list[Event]:
     return found
 
 
+MISFIT_SHARE, MISFIT_M, MISFIT_RAD = 0.45, 1.0, 1.0
+"""Scans to both sides of a gap do not fit if this share of the returns is elsewhere, though by the
+poses the robot was nearly at rest [m], [rad]: it saw the same walls then."""
+
+
+def misfits(content: MapContent) -> list[Event]:
+    """Return the gaps across which scans do not fit, as after a turn; `expected` is 0."""
+    scans, poses = content.node_scan_index, content.graph.node_poses
+    intervals = np.diff(content.stamps)
+    found = []
+    for before in _gap_rows(intervals, _usual_interval(intervals)):
+        node = int(np.searchsorted(scans, before, side="right")) - 1
+        if not 0 <= node < len(scans) - 1:
+            continue
+        step = relative(Pose(*poses[node].tolist()), Pose(*poses[node + 1].tolist()))
+        if np.hypot(step.x, step.y) > MISFIT_M or abs(step.theta) > MISFIT_RAD:
+            continue
+        if changed_share(content, node, node + 1) > MISFIT_SHARE:
+            moved = float(np.hypot(step.x, step.y))
+            found.append(Event(before + 1, float(intervals[before]), moved, 0.0))
+    return found
+
+
 def jumps(content: MapContent) -> list[Event]:
     """Return the steps that are faster than robots are."""
     stamps, poses = content.stamps, content.local_trajectory
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     seconds = np.maximum(np.diff(stamps), 0.0)
     # Stamps may run backwards or repeat: such steps are judged by the usual interval.
-    usual = float(np.median(seconds[seconds > 0.0])) if np.any(seconds > 0.0) else 1.0
+    usual = _usual_interval(seconds)
     fast = (steps > MIN_JUMP_M) & (steps > JUMP_SPEED * np.maximum(seconds, usual))
     return [
         Event(row + 1, float(seconds[row]), float(steps[row]), 0.0)

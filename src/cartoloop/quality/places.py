@@ -126,6 +126,36 @@ def gap_places(found: list[Event], content: MapContent) -> list[Place]:
     ][:MAX_PLACES]
 
 
+BRIDGED_M, BRIDGED_SHARE = 5.0, 0.8
+"""A gap is bridged if later visits agree with submaps of before over so much path [m], and if they
+are this share of all that meet them."""
+
+
+def misfit_places(found: list[Event], met: Encounters, content: MapContent) -> list[Place]:
+    """Return the places of gaps across which scans do not fit; minor ones where others do."""
+    places = []
+    for event in found:
+        node = int(np.searchsorted(content.node_scan_index, event.scan))
+        first, own = met.pairs.node[met.first], met.pairs.own_node[met.first]
+        bridges = (first >= node) != (own >= node)
+        agreeing = float(met.length[bridges & ~met.contradicts].sum())
+        share = agreeing / max(float(met.length[bridges].sum()), 1e-9)
+        is_bridged = agreeing >= BRIDGED_M and share >= BRIDGED_SHARE
+        places.append(
+            _at_scan(
+                event,
+                content,
+                Kind.GAP,
+                Severity.MINOR if is_bridged else Severity.DOUBTFUL,
+                f"{event.seconds:.1f} s of the recording are missing, and the scans before and "
+                "after it do not fit to each other: the robot was moved or turned",
+                "map the parts before and after it alone; record without interruption, or stand "
+                "still while the recording is paused",
+            )
+        )
+    return places[:MAX_PLACES]
+
+
 def jump_places(found: list[Event], content: MapContent) -> list[Place]:
     """Return the places where the pose jumped."""
     return [
