@@ -278,6 +278,22 @@ def bench_robustness(
     _conclude(record, out, before, strict)
 
 
+@app.command("verdict")
+def bench_verdict(
+    out: OutOption = Path("bench-results"),
+    maps: Annotated[int, typer.Option(min=1, help="Number of simulated maps, at least.")] = 300,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Count how often maps with known truth are rightly called good, doubtful or wrong."""
+    from bench.verdict import benchmark
+
+    before = _earlier(against, "verdict")
+    record = benchmark.run(maps, lambda line: typer.echo(line, err=True))
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
 @app.command("page")
 def bench_page(
     records: Annotated[
