@@ -59,8 +59,9 @@ class OdometryParameters:
     rotation_scale, translation_scale : true motion over reported motion.
     yaw : forward direction of the odometry in the tracking frame [rad].
     lever_x, lever_y : the tracking frame relative to the point whose motion is reported [m].
-    rotation_error, translation_error : median error of a calibrated step [rad], [m]; NaN before
-        the first estimate.
+    rotation_error : median error of the rotation of a calibrated step [rad]; NaN before the robot
+        has turned enough, because straight steps do not show it.
+    translation_error : the same of the distance [m]; NaN before the first estimate.
     """
 
     time_offset: float = 0.0
@@ -75,6 +76,11 @@ class OdometryParameters:
     @property
     def is_known(self) -> bool:
         """Whether there was enough motion for an estimate."""
+        return not math.isnan(self.translation_error)
+
+    @property
+    def knows_rotation(self) -> bool:
+        """Whether the robot has turned enough for an estimate of clock offset and rotation."""
         return not math.isnan(self.rotation_error)
 
     def summary(self) -> dict[str, Any]:
@@ -85,7 +91,7 @@ class OdometryParameters:
             "translation_scale": self.translation_scale,
             "yaw_rad": self.yaw,
             "lever_m": [self.lever_x, self.lever_y],
-            "rotation_error_rad": self.rotation_error if self.is_known else None,
+            "rotation_error_rad": self.rotation_error if self.knows_rotation else None,
             "translation_error_m": self.translation_error if self.is_known else None,
         }
 
@@ -173,7 +179,9 @@ def estimate(
     offset, rotation_scale = previous.time_offset, previous.rotation_scale
     turns_enough = np.count_nonzero(turning) >= MIN_STEPS
     if turns_enough:
-        found = clock_offset(times, steps[:, 2], turning, odometry_times, heading)
+        found = clock_offset(
+            times, steps[:, 2], turning, odometry_times, heading, previous=previous.time_offset
+        )
         if found is None:
             return previous
         offset = found
@@ -189,9 +197,10 @@ def estimate(
         offset, rotation_scale, *_scale_yaw_and_lever(reported[moving], steps[moving])
     )
     errors = np.abs(model.predict_all(reported[moving]) - steps[moving])
+    knows_rotation = turns_enough or previous.knows_rotation
     return replace(
         model,
-        rotation_error=float(np.median(errors[:, 2])),
+        rotation_error=float(np.median(errors[:, 2])) if knows_rotation else math.nan,
         translation_error=float(np.median(np.hypot(errors[:, 0], errors[:, 1]))),
     )
 

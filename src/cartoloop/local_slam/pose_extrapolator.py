@@ -151,17 +151,18 @@ class PoseExtrapolator:
 
     def _odometry_information(self) -> FloatArray:
         config, model = self._prediction, self._calibration.model
-        if not model.is_known:
-            return isotropic_information(
-                config.unknown_translation_sigma, config.unknown_rotation_sigma
-            )
-        return isotropic_information(
-            max(
+        translation = config.unknown_translation_sigma
+        if model.is_known:
+            translation = max(
                 config.translation_error_factor * model.translation_error,
                 config.min_translation_sigma,
-            ),
-            max(config.rotation_error_factor * model.rotation_error, config.min_rotation_sigma),
-        )
+            )
+        rotation = config.unknown_rotation_sigma
+        if model.knows_rotation:
+            rotation = max(
+                config.rotation_error_factor * model.rotation_error, config.min_rotation_sigma
+            )
+        return isotropic_information(translation, rotation)
 
     def _velocity_information(self, time: float, moved: Pose) -> FloatArray:
         config, rest = self._prediction, self._tf_local_tracking
