@@ -18,6 +18,7 @@ from cartoloop.config import (
     SensorConfig,
 )
 from cartoloop.errors import InputError
+from cartoloop.local_slam.odometry_calibration import OdometryParameters
 from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator, Prediction
 from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher
 from cartoloop.runtime.stage_timer import StageTimer
@@ -115,6 +116,7 @@ class LocalSlam:
     sensor : which part of a scan is used.
     node_filter : voxel filter of the points that a node keeps for loop closure.
     timer : measures the stages.
+    odometry_model : what is known about the odometry before; by default nothing.
     """
 
     def __init__(
@@ -123,6 +125,7 @@ class LocalSlam:
         sensor: SensorConfig,
         node_filter: AdaptiveVoxelFilterConfig,
         timer: StageTimer,
+        odometry_model: OdometryParameters | None = None,
     ) -> None:
         self._config = config
         self._node_filter = node_filter
@@ -131,7 +134,7 @@ class LocalSlam:
         self._scanners: dict[str, _Scanner] = {}
         self._active = ActiveSubmaps(config.submaps)
         self._num_nodes = 0
-        self.extrapolator = PoseExtrapolator(config)
+        self.extrapolator = PoseExtrapolator(config, odometry_model)
 
     @property
     def active_submaps(self) -> tuple[Submap, ...]:

@@ -61,6 +61,7 @@ class OdometryParameters:
     lever_x, lever_y : the tracking frame relative to the point whose motion is reported [m].
     rotation_error : median error of the rotation of a calibrated step [rad]; NaN before the robot
         has turned enough, because straight steps do not show it.
+    num_turns : number of turning steps that it was estimated from.
     translation_error : the same of the distance [m]; NaN before the first estimate.
     """
 
@@ -72,6 +73,7 @@ class OdometryParameters:
     lever_y: float = 0.0
     rotation_error: float = math.nan
     translation_error: float = math.nan
+    num_turns: int = 0
 
     @property
     def is_known(self) -> bool:
@@ -130,12 +132,18 @@ class OdometryCalibration:
 
     Parameters
     ----------
+    model : what is known before; by default nothing.
     window : number of latest scans that are used.
     first : number of scans before the first estimate.
     """
 
-    def __init__(self, window: int = WINDOW, first: int = FIRST_ESTIMATE) -> None:
-        self.model = OdometryParameters()
+    def __init__(
+        self,
+        model: OdometryParameters | None = None,
+        window: int = WINDOW,
+        first: int = FIRST_ESTIMATE,
+    ) -> None:
+        self.model = model or OdometryParameters()
         self._window = window
         self._due = first
         self._times: list[float] = []
@@ -200,6 +208,7 @@ def estimate(
     knows_rotation = turns_enough or previous.knows_rotation
     return replace(
         model,
+        num_turns=int(np.count_nonzero(turning)),
         rotation_error=float(np.median(errors[:, 2])) if knows_rotation else math.nan,
         translation_error=float(np.median(np.hypot(errors[:, 0], errors[:, 1]))),
     )

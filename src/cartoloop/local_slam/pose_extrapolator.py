@@ -59,6 +59,11 @@ class PoseExtrapolator:
 
     Where there is an IMU, the heading is predicted by its gyroscope.
 
+    Parameters
+    ----------
+    config : parameters of local SLAM.
+    odometry_model : what is known about the odometry before; by default nothing.
+
     Attributes
     ----------
     imu : readings of the IMU; None without any.
@@ -66,11 +71,13 @@ class PoseExtrapolator:
     num_overlong_sweeps : number of sweeps longer than `MAX_SWEEP_S`.
     """
 
-    def __init__(self, config: LocalSlamConfig) -> None:
+    def __init__(
+        self, config: LocalSlamConfig, odometry_model: OdometryParameters | None = None
+    ) -> None:
         self._config = config
         self._prediction = config.prediction
         self._odometry = OdometryTrack()
-        self._calibration = OdometryCalibration()
+        self._calibration = OdometryCalibration(odometry_model)
         self._time = 0.0
         self._tf_local_tracking = IDENTITY
         self._velocity = VelocityFilter(config.prediction)
