@@ -19,8 +19,9 @@ from cartoloop.config import (
 )
 from cartoloop.errors import InputError
 from cartoloop.local_slam.odometry_calibration import OdometryParameters
+from cartoloop.local_slam.odometry_trust import Evidence
 from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator, Prediction
-from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher
+from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher, degenerate_direction
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
@@ -192,7 +193,7 @@ class LocalSlam:
         if on_pose is not None:
             on_pose(pose)
         with self._timer.measure("predict"):
-            self.extrapolator.add_pose(scan.time, pose, filtered.motion)
+            self.extrapolator.add_pose(scan.time, pose, filtered.motion, self._evidence(match))
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))
@@ -246,6 +247,15 @@ class LocalSlam:
             return filtered, match
         prediction = self.extrapolator.prediction_from(scan.time, pose)
         return filtered, self._match(filtered, prediction, matcher)
+
+    def _evidence(self, match: MatchedScan | None) -> Evidence | None:
+        """Return which directions a match determines, None without a match."""
+        if match is None:
+            return None
+        ratio, direction = degenerate_direction(match.match)
+        turned = self._active.submaps[0].tf_local_submap.theta
+        is_determined = ratio > self._config.prediction.spurious_information
+        return Evidence(is_determined, direction + turned)
 
     def _information(self, match: MatchedScan | None) -> FloatArray:
         """Return the information matrix of a scan's pose in the older active submap."""

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from cartoloop.arrays import FloatArray
+from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.local_slam.clock_offset import (
     FIRST_ESTIMATE,
     MIN_TURN_RAD,
@@ -148,11 +148,24 @@ class OdometryCalibration:
         self._due = first
         self._times: list[float] = []
         self._poses: list[Pose] = []
+        self._is_usable: list[bool] = []
 
-    def add(self, time: float, tf_local_tracking: Pose, track: OdometryTrack) -> None:
-        """Add a scan's pose as matched; from time to time, estimate again."""
+    def add(
+        self,
+        time: float,
+        tf_local_tracking: Pose,
+        track: OdometryTrack,
+        num_faulty: int = 0,
+    ) -> None:
+        """Add a scan's pose as matched; from time to time, estimate again.
+
+        `num_faulty` of the latest steps, up to this scan, are not used.
+        """
         self._times.append(time)
         self._poses.append(tf_local_tracking)
+        self._is_usable.append(True)
+        if num_faulty:
+            self._is_usable[-num_faulty:] = [False] * min(num_faulty, len(self._is_usable))
         if len(self._times) >= self._due:
             self._due = next_estimate(len(self._times))
             self.model = estimate(
@@ -160,6 +173,7 @@ class OdometryCalibration:
                 np.array(self._poses[-self._window :]),
                 *track.arrays(),
                 self.model,
+                np.array(self._is_usable[-self._window :]),
             )
 
 
@@ -169,6 +183,7 @@ def estimate(
     odometry_times: FloatArray,
     odometry_poses: FloatArray,
     previous: OdometryParameters,
+    is_usable: BoolArray | None = None,
 ) -> OdometryParameters:
     """Return the model that fits the motion between scans best; `previous` if too few steps move.
 
@@ -176,6 +191,7 @@ def estimate(
     ----------
     times, poses : float64, shapes (n,), (n, 3): matched scans.
     odometry_times, odometry_poses : float64, shapes (k,), (k, 3), times increasing.
+    is_usable : shape (n,), whether the step to each scan is used; by default all are.
     """
     if len(odometry_times) < 2:
         return previous
@@ -183,6 +199,8 @@ def estimate(
     heading = np.unwrap(odometry_poses[:, 2])
     span = (times >= odometry_times[0]) & (times <= odometry_times[-1])
     known = span[:-1] & span[1:]
+    if is_usable is not None:
+        known &= is_usable[1:]
     turning = (np.abs(steps[:, 2]) > MIN_TURN_RAD) & known
     offset, rotation_scale = previous.time_offset, previous.rotation_scale
     turns_enough = np.count_nonzero(turning) >= MIN_STEPS
