@@ -37,6 +37,13 @@ class SensorConfig(Section):
     missing_data_ray_length: float = Field(
         5.0, ge=0, description="free space cleared along a beam without a return [m]"
     )
+    missing_data_agreement_deg: float = Field(
+        1.0,
+        ge=0,
+        description="but only if the beams up to this angle on each side, at least one, have no "
+        "return or a range of that length too: dark and slanting surfaces return nothing; 0: "
+        "whatever they measure [deg]",
+    )
     min_z: float = Field(
         -0.8,
         description="lower points of tilted scans and clouds are floor; height above the "
