@@ -234,21 +234,22 @@ class GlobalSlam:
             with self._timer.measure("select pairs"):
                 self._wide.request(scan, self._pairs, self.graph)
 
-    def _request_again(self) -> int:
-        """Request what is due by now and was not before; return how many pairs."""
+    def _request_again(self) -> None:
+        """Request searches for the pairs that are due by now and were not before."""
         with self._timer.measure("select pairs"):
-            requests = self._pairs.again(self.graph, len(self._finished), self.closures)
-            self._submit(requests)
-        return len(requests.submap)
+            self._submit(self._pairs.again(self.graph, len(self._finished), self.closures))
 
     def _search_until_nothing_new(self, max_num_iterations: int) -> None:
         """Search all that is due, and adjust, until that finds no more closures."""
         wide = self._config.constraint_search.wide_search
         for _ in range(wide.max_final_rounds):
             before = self.graph.num_loop_closures
+            num_requested = len(self.closures)
             self._request_again()
             for scan in range(self._wide.num_scans):
                 self._request_wide(scan)
+            if len(self.closures) == num_requested:
+                break
             self.search.start()
             self._wide.start()
             self._close_loops(max_num_iterations, wait=True)

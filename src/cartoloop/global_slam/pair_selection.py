@@ -140,8 +140,10 @@ class PairSelection:
     def note_adjusted(self, graph: PoseGraph, closures: IntArray) -> None:
         """Note which constraints of the graph are loop closures that hold, shape (k,)."""
         nodes, submaps = graph.index_b[closures], graph.index_a[closures]
-        ends = np.column_stack((submaps, self._node_submaps.view[nodes, 0]))
-        self._submap_paths = SubmapPaths(self._config, self._submap_travelled.view, ends)
+        own, begun = self._node_submaps.view[nodes, 0], self._submap_travelled.view
+        inside = self._travelled.view[nodes] - begun[own]
+        ends = np.column_stack((submaps, own))
+        self._submap_paths = SubmapPaths(self._config, begun, ends, inside)
         order = np.argsort(nodes, kind="stable")
         self._closures = np.array((nodes[order], submaps[order]))
 
@@ -347,3 +349,24 @@ def windows(
         np.minimum(linear, config.linear_search_window),
         np.radians(np.minimum(angular_deg, config.angular_search_window_deg)),
     )
+
+
+def path_length_of(
+    config: ConstraintSearchConfig, linear_window: float, angular_window: float
+) -> float | None:
+    """Return the path length that :func:`windows` made a search window of [m].
+
+    None if the window is that of a wide search: it follows from the covariance of the drift.
+
+    Parameters
+    ----------
+    linear_window, angular_window : radii [m], [rad].
+    """
+    drift = linear_window - config.min_linear_search_window
+    length = drift / config.linear_drift if config.linear_drift else math.nan
+    _, angular = windows(config, np.array((length,)))
+    return None if abs(angular[0] - angular_window) > _ROUNDING else length
+
+
+_ROUNDING = 1e-9
+"""Largest difference between two windows of the same path length [rad]."""

@@ -25,6 +25,7 @@ class SubmapPaths:
     config : gives the path length of a closure, and the drift along a path.
     submap_travelled : shape (m,), path length of the robot when each submap was begun [m].
     closures : int64, shape (k, 2): submap, and the submap that the node was inserted into.
+    inside : shape (k,), path length from the beginning of that one to the node [m].
     """
 
     def __init__(
@@ -32,19 +33,25 @@ class SubmapPaths:
         config: ConstraintSearchConfig,
         submap_travelled: FloatArray = _NOTHING,
         closures: IntArray | None = None,
+        inside: FloatArray | None = None,
     ) -> None:
         self._config = config
         self._num_submaps = m = len(submap_travelled)
         self._paths: dict[int, tuple[FloatArray, IntArray]] = {}
-        if closures is None or m == 0:
+        if closures is None or inside is None or m == 0:
             return
         first, second = closures.min(axis=1), closures.max(axis=1)
-        pairs = np.unique((first * m + second)[second - first > 1])
+        skips = np.flatnonzero(second - first > 1)
+        numbers = (first * m + second)[skips]
+        # Of each pair of submaps the closure with the shortest path.
+        shortest = np.lexsort((inside[skips], numbers))
+        pairs, chosen = np.unique(numbers[shortest], return_index=True)
+        closure_lengths = config.closure_path_length + inside[skips][shortest][chosen]
         chain = np.arange(m - 1) * (m + 1) + 1
         lengths = np.concatenate(
             (
                 np.maximum(np.diff(submap_travelled), _SHORTEST_STEP_M),
-                np.full(len(pairs), config.closure_path_length),
+                closure_lengths,
             )
         )
         one, other = np.divmod(np.concatenate((chain, pairs)), m)
