@@ -285,14 +285,18 @@ class WideSearchConfig(Section):
     """
 
     min_path_length: float = Field(
-        60.0, ge=0, description="pairs with a longer path between them are searched this way [m]"
+        100.0, ge=0, description="pairs with a longer path between them are searched this way [m]"
     )
     rotation_drift_deg: float = Field(
-        0.3, gt=0, description="standard deviation of the heading after a metre of path; it grows "
-        "with the root of the length [deg/sqrt(m)]"
+        0.3,
+        gt=0,
+        description="standard deviation of the heading after a metre of path; it grows "
+        "with the root of the length [deg/sqrt(m)]",
     )
     translation_drift: float = Field(
-        0.1, gt=0, description="the same of the position, beside what the heading causes [m/sqrt(m)]"
+        0.1,
+        gt=0,
+        description="the same of the position, beside what the heading causes [m/sqrt(m)]",
     )
     num_sigmas: float = Field(
         3.0, gt=0, description="radius of the search window in standard deviations of the drift"
@@ -340,8 +344,9 @@ class WideSearchConfig(Section):
         2, ge=1, description="hypotheses that must agree before they become closures"
     )
     min_evidence: float = Field(
-        0.12, ge=0, description="by which their scores together must exceed threshold and other "
-        "places"
+        0.12,
+        ge=0,
+        description="by which their scores together must exceed threshold and other places",
     )
     max_final_rounds: int = Field(
         4, ge=0, description="searches of all that is due at the end, while they find something new"

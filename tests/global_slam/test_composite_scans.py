@@ -25,11 +25,9 @@ def drive(num_nodes, **changes):
     config = WideSearchConfig(
         **{"spacing": 4.0, "length": 1.0, "adaptive_voxel_filter": UNFILTERED, **changes}
     )
-    scans, completed = CompositeScans(config), []
+    scans = CompositeScans(config)
     points = ScanPoints.of([transform_points(inverse(pose(k)), WALL) for k in range(num_nodes)])
-    for node in range(num_nodes):
-        completed.append(scans.add_node(pose(node), points))
-    return scans, completed
+    return scans, [scans.add_node(pose(node), points) for node in range(num_nodes)]
 
 
 def test_a_composite_scan_is_made_every_few_metres():

@@ -61,8 +61,8 @@ def test_a_turned_match_is_another_place():
 
 
 def test_hypotheses_agree_if_the_path_between_them_fits():
-    far_off = DRIFT + (0.0, 4.0, 0.0)
-    turned = DRIFT + (0.0, 0.0, 0.3)
+    far_off = DRIFT + np.array((0.0, 4.0, 0.0))
+    turned = DRIFT + np.array((0.0, 0.0, 0.3))
     few = [hypothesis(0.0), hypothesis(4.0), hypothesis(8.0, far_off), hypothesis(12.0, turned)]
     agrees = agreement(few, CONFIG)
     assert agrees[0, 1]
@@ -72,7 +72,7 @@ def test_hypotheses_agree_if_the_path_between_them_fits():
 
 
 def test_hypotheses_may_drift_with_the_path_between_them():
-    drifted = DRIFT + (1.0, 0.0, 0.0)
+    drifted = DRIFT + np.array((1.0, 0.0, 0.0))
     assert not agreement([hypothesis(0.0), hypothesis(4.0, drifted)], CONFIG)[0, 1]
     assert agreement([hypothesis(0.0), hypothesis(40.0, drifted)], CONFIG)[0, 1]
 

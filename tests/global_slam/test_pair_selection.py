@@ -12,14 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cartoloop.config import ConstraintSearchConfig, WideSearchConfig
-from cartoloop.global_slam.pair_selection import (
-    PairSelection,
-    SubmapPaths,
-    WhyNot,
-    path_length_of,
-    windows,
-)
+from cartoloop.global_slam.pair_selection import PairSelection, SubmapPaths, WhyNot
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.global_slam.search_windows import path_length_of, windows
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.node import Node
 

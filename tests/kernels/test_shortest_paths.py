@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -52,7 +54,7 @@ def test_path_lengths_are_those_of_scipy(num_vertices, num_edges, seed):
 def reference_drift(path, positions, lengths):
     """The covariance of the last vertex: what each step adds, displaced to the end of the path."""
     covariance = np.zeros((3, 3))
-    for before, after in zip(path[:-1], path[1:], strict=True):
+    for before, after in itertools.pairwise(path):
         step = lengths[after] - lengths[before]
         dx, dy = positions[path[-1]] - positions[after]
         to_end = np.array(((1.0, 0.0, -dy), (0.0, 1.0, dx), (0.0, 0.0, 1.0)))

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from time import perf_counter
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -171,16 +171,13 @@ class ConstraintSearch:
         """Run a task on each of the items in the background threads; answers in their order."""
         return self._threads.map(task, items)
 
-    def run(self, task: Callable[..., Answer], submap: FinishedSubmap, *arguments: Any) -> Future[Answer]:
-        """Run a task on a submap in a background thread.
-
-        Parameters
-        ----------
-        task : called with the submap and the arguments.
-        """
+    def run(
+        self, task: Callable[[FinishedSubmap], Answer], submap: FinishedSubmap
+    ) -> Future[Answer]:
+        """Run a task on a submap in a background thread."""
 
         def run() -> Answer:
-            answer = task(submap, *arguments)
+            answer = task(submap)
             if submap.index not in self._kept:
                 submap.release()
             return answer

@@ -160,7 +160,7 @@ def consistent_set(
     for last, newest in enumerate(hypotheses):
         while hypotheses[first].travelled < newest.travelled - config.max_span:
             first += 1
-        nearby = [each for each in hypotheses[first : last + 1]]
+        nearby = hypotheses[first : last + 1]
         agrees = agreement(nearby, config)
         with_newest = [each for each, fits in zip(nearby, agrees[-1], strict=True) if fits]
         if len(with_newest) < config.min_hypotheses:

@@ -29,6 +29,7 @@ from cartoloop.global_slam.closure_matches import Requests
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.global_slam.search_windows import windows
 from cartoloop.global_slam.submap_paths import SubmapPaths
 from cartoloop.global_slam.wide_windows import bounding_boxes, wide_reach
 from cartoloop.growing_array import GrowingArray
@@ -337,36 +338,3 @@ class PairSelection:
 
 _NO_ROWS = np.zeros(0, np.int32)
 NO_REQUESTS = Requests(_NO_ROWS, _NO_ROWS, _NO_ROWS, np.zeros((0, 3)), _NOTHING, _NOTHING)
-
-
-def windows(
-    config: ConstraintSearchConfig, path_lengths: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the radii [m], [rad] of the search windows for path lengths [m], shape (n,)."""
-    linear = config.min_linear_search_window + config.linear_drift * path_lengths
-    angular_deg = config.min_angular_search_window_deg + config.angular_drift_deg * path_lengths
-    return (
-        np.minimum(linear, config.linear_search_window),
-        np.radians(np.minimum(angular_deg, config.angular_search_window_deg)),
-    )
-
-
-def path_length_of(
-    config: ConstraintSearchConfig, linear_window: float, angular_window: float
-) -> float | None:
-    """Return the path length that :func:`windows` made a search window of [m].
-
-    None if the window is that of a wide search: it follows from the covariance of the drift.
-
-    Parameters
-    ----------
-    linear_window, angular_window : radii [m], [rad].
-    """
-    drift = linear_window - config.min_linear_search_window
-    length = drift / config.linear_drift if config.linear_drift else math.nan
-    _, angular = windows(config, np.array((length,)))
-    return None if abs(angular[0] - angular_window) > _ROUNDING else length
-
-
-_ROUNDING = 1e-9
-"""Largest difference between two windows of the same path length [rad]."""

@@ -22,7 +22,6 @@ from cartoloop.pose_adjustment import (
     solve,
 )
 
-
 TRUSTED = len(ConstraintKind)
 """Group of the constraints that no loss weakens."""
 

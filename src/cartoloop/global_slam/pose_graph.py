@@ -267,9 +267,7 @@ class PoseGraph:
         self._is_trusted.grow(len(kinds))[:] = is_trusted
         return first
 
-    def add_loop_closures(
-        self, closures: ClosureConstraints, *, are_trusted: bool = False
-    ) -> None:
+    def add_loop_closures(self, closures: ClosureConstraints, *, are_trusted: bool = False) -> None:
         """Add loop closures; raises as :meth:`add_constraints` does.
 
         Parameters

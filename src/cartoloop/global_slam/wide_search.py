@@ -11,16 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import Future
+from functools import partial
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.arrays import FloatArray, IntArray, RowArray
+from cartoloop.arrays import IntArray, RowArray
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.closure_search import FinishedSubmap, refine_all
-from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.composite_scans import CompositeScans
 from cartoloop.global_slam.constraint_search import ConstraintSearch
@@ -121,9 +121,8 @@ class WideSearch:
             scans, rows = np.array(wanted).T
             requests = self._closures.requests(rows)
             points = self._scans.points.take(scans)
-            self._running.append(
-                self._search.run(self._find, self._submaps[submap], scans, rows, points, requests)
-            )
+            task = partial(self._find, scans=scans, rows=rows, points=points, requests=requests)
+            self._running.append(self._search.run(task, self._submaps[submap]))
         self._waiting = {}
 
     def collect(self, *, wait: bool) -> None:

@@ -27,7 +27,6 @@ from cartoloop.map_file.schema import (
     APPLICATION_ID,
     FILE_NAME,
     READABLE_VERSIONS,
-    SCHEMA_VERSION,
 )
 from cartoloop.map_file.tables import numbers_of
 from cartoloop.report import ConstraintSummary, InputSummary, Report

@@ -8,8 +8,9 @@ import math
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.closures import Closures
-from cartoloop.global_slam.pair_selection import PairVerdict, path_length_of
+from cartoloop.global_slam.pair_selection import PairVerdict
 from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
+from cartoloop.global_slam.search_windows import path_length_of
 
 REQUESTS_NOT_RECORDED = (
     "Requests and searches are not known: the map file is of an earlier version and has no record "
