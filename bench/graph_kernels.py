@@ -73,8 +73,10 @@ def _shortest_paths_workload() -> Workload:
     travelled = np.arange(0.0, 17.0 * submaps, 17.0)
     config = Config().global_slam.constraint_search
 
+    inside = np.zeros(len(closures))
+
     def find() -> None:
-        SubmapPaths(config, travelled, closures).lengths_from(submaps - 1)
+        SubmapPaths(config, travelled, closures, inside).lengths_from(submaps - 1)
 
     return Workload(
         "shortest paths",

@@ -37,6 +37,13 @@ class SensorConfig(Section):
     missing_data_ray_length: float = Field(
         5.0, ge=0, description="free space cleared along a beam without a return [m]"
     )
+    missing_data_agreement_deg: float = Field(
+        1.0,
+        ge=0,
+        description="but only if the beams up to this angle on each side, at least one, have no "
+        "return or a range of that length too: dark and slanting surfaces return nothing; 0: "
+        "whatever they measure [deg]",
+    )
     min_z: float = Field(
         -0.8,
         description="lower points of tilted scans and clouds are floor; height above the "
@@ -271,6 +278,81 @@ class LocalSlamConfig(Section):
     submaps: SubmapConfig = SubmapConfig()
 
 
+class WideSearchConfig(Section):
+    """Loop closures where the drift is large: composite scans, searched in all submaps in reach.
+
+    What is found is a hypothesis. It becomes a closure when others along the way agree with it.
+    """
+
+    min_path_length: float = Field(
+        100.0, ge=0, description="pairs with a longer path between them are searched this way [m]"
+    )
+    rotation_drift_deg: float = Field(
+        0.3,
+        gt=0,
+        description="standard deviation of the heading after a metre of path; it grows "
+        "with the root of the length [deg/sqrt(m)]",
+    )
+    translation_drift: float = Field(
+        0.1,
+        gt=0,
+        description="the same of the position, beside what the heading causes [m/sqrt(m)]",
+    )
+    num_sigmas: float = Field(
+        3.0, gt=0, description="radius of the search window in standard deviations of the drift"
+    )
+    spacing: float = Field(
+        4.0, gt=0, description="path length from one composite scan to the next [m]"
+    )
+    length: float = Field(
+        3.0, ge=0, description="path length that the scans of a composite scan come from [m]"
+    )
+    max_num_scans: int = Field(20, ge=1, description="scans in a composite scan, at most")
+    adaptive_voxel_filter: AdaptiveVoxelFilterConfig = AdaptiveVoxelFilterConfig(
+        max_length=0.9, min_num_points=200, max_range=30.0
+    )
+    max_submaps: int = Field(
+        60, ge=1, description="a composite scan is searched in this many submaps, the likeliest"
+    )
+    min_score: float = Field(0.45, ge=0, le=1, description="matches below are rejected")
+    min_score_ratio: float = Field(
+        0.82, ge=0, le=1, description="or below this share of the score of the submap's own scans"
+    )
+    place_distance: float = Field(
+        1.0, gt=0, description="two matches farther apart are in different places [m]"
+    )
+    place_angle_deg: float = Field(
+        10.0, gt=0, description="or turned by more against each other [deg]"
+    )
+    min_margin: float = Field(
+        0.03, ge=0, description="the score must exceed that in any other place by this"
+    )
+    max_span: float = Field(
+        80.0, gt=0, description="hypotheses that support each other lie within this path length [m]"
+    )
+    max_disagreement: float = Field(
+        0.3, ge=0, description="two hypotheses agree if the path between them fits to this [m]"
+    )
+    max_disagreement_growth: float = Field(
+        0.03, ge=0, description="and to this for each metre between them [m/m]"
+    )
+    max_turn_deg: float = Field(2.0, ge=0, description="the same for the heading [deg]")
+    max_turn_growth_deg: float = Field(
+        0.1, ge=0, description="and for each metre between them [deg/m]"
+    )
+    min_hypotheses: int = Field(
+        2, ge=1, description="hypotheses that must agree before they become closures"
+    )
+    min_evidence: float = Field(
+        0.12,
+        ge=0,
+        description="by which their scores together must exceed threshold and other places",
+    )
+    max_final_rounds: int = Field(
+        4, ge=0, description="searches of all that is due at the end, while they find something new"
+    )
+
+
 class ConstraintSearchConfig(Section):
     """Section V-B: which pairs of scan and finished submap are searched, and what is accepted."""
 
@@ -324,6 +406,12 @@ class ConstraintSearchConfig(Section):
     min_score_ratio: float = Field(
         0.85, ge=0, le=1, description="or below this share of the score of the submap's own scans"
     )
+    min_runner_up_margin: float = Field(
+        0.05,
+        ge=0,
+        description="matches that another place in the window fits as well, to this score, are "
+        "rejected as ambiguous",
+    )
     adaptive_voxel_filter: AdaptiveVoxelFilterConfig = AdaptiveVoxelFilterConfig(
         max_length=0.9, min_num_points=100
     )
@@ -357,6 +445,7 @@ class ConstraintSearchConfig(Section):
         gt=0,
         description="at the end, matches farther from the adjusted pose are rejected [m]",
     )
+    wide_search: WideSearchConfig = WideSearchConfig()
 
 
 class PoseAdjustmentConfig(Section):

@@ -110,10 +110,13 @@ def map_recording(
     start = time.perf_counter()
     folder = None if out is None else prepare_folder(out)
 
-    from cartoloop.mapper import Mapper  # loads the kernels: part of the measured time
+    # Loads the kernels: part of the measured time.
+    from cartoloop.first_pass import learn_odometry
+    from cartoloop.mapper import Mapper
 
     observer.started(log.num_scans)
-    outcome = run(log, Mapper(loaded.config), observer, stop)
+    model = learn_odometry(log, loaded.config, stop)
+    outcome = run(log, Mapper(loaded.config, odometry_model=model), observer, stop)
     messages = [problem.message for problem in log.problems]
     result = replace(
         outcome.result,

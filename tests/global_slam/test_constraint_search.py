@@ -50,7 +50,7 @@ class Searches:
 def found_rows(rows, count=None):
     """As if all of these requests had been searched, and the first `count` found."""
     matches = search_matches(rows[:count]) if len(rows[:count]) else NO_MATCHES
-    return SearchOutcome(0.5, False, rows, rows[:0], matches)
+    return SearchOutcome(0.5, False, rows, rows[:0], rows[:0], matches)
 
 
 @pytest.fixture
@@ -226,7 +226,7 @@ def test_requests_beyond_the_backlog_are_dropped():
 
 def test_the_record_says_what_became_of_requests(monkeypatch):
     def search(submap, rows, requests, node_points, config):
-        return SearchOutcome(0.4, False, rows[:2], rows[2:], search_matches(rows[:1]))
+        return SearchOutcome(0.4, False, rows[:2], rows[2:], rows[:0], search_matches(rows[:1]))
 
     monkeypatch.setattr(constraint_search, "search", search)
     search = Searches(submaps(1))

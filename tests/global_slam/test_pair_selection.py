@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.config import ConstraintSearchConfig
-from cartoloop.global_slam.pair_selection import PairSelection, SubmapPaths, WhyNot, windows
+from cartoloop.config import ConstraintSearchConfig, WideSearchConfig
+from cartoloop.global_slam.pair_selection import PairSelection, SubmapPaths, WhyNot
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.global_slam.search_windows import path_length_of, windows
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.node import Node
 
@@ -36,10 +37,10 @@ NO_CLOSURES = np.zeros((0, 2), dtype=np.int64)
 CLOSURE_LENGTH_M = CONFIG.closure_path_length
 
 
-def paths(travelled, closures=NO_CLOSURES):
-    return SubmapPaths(
-        CONFIG, np.array(travelled, dtype=np.float64), np.array(closures).reshape(-1, 2)
-    )
+def paths(travelled, closures=NO_CLOSURES, inside=None):
+    ends = np.array(closures).reshape(-1, 2)
+    inside = np.zeros(len(ends)) if inside is None else np.array(inside)
+    return SubmapPaths(CONFIG, np.array(travelled, dtype=np.float64), ends, inside)
 
 
 def test_the_window_grows_with_the_path_length():
@@ -60,6 +61,13 @@ def test_windows_stay_within_their_limits(lengths):
     assert (np.diff(angular) >= 0.0).all()
 
 
+def test_the_path_length_follows_from_the_window():
+    for length in (0.0, 20.0):
+        linear, angular = windows(CONFIG, np.array((length,)))
+        assert path_length_of(CONFIG, linear[0], angular[0]) == pytest.approx(length)
+    assert path_length_of(CONFIG, linear[0], 1.1 * angular[0]) is None
+
+
 def test_before_the_first_adjustment_no_path_is_known():
     assert len(SubmapPaths(CONFIG).lengths_from(0)) == 0
 
@@ -73,6 +81,11 @@ def test_a_closure_shortens_paths():
     closure = CLOSURE_LENGTH_M
     assert known.lengths_from(0) == pytest.approx([0.0, 9.0, 18.0, 9.0 + closure, closure])
     assert known.lengths_from(1) == pytest.approx([9.0, 0.0, 9.0, 18.0, 9.0 + closure])
+
+
+def test_the_path_inside_the_submap_of_the_node_counts():
+    known = paths([0.0, 9.0, 18.0, 27.0], [(0, 3), (0, 3)], inside=[5.0, 2.0])
+    assert known.lengths_from(0)[3] == pytest.approx(CLOSURE_LENGTH_M + 2.0)
 
 
 def test_closures_count_once_and_in_both_directions():
@@ -128,6 +141,7 @@ WALK_CONFIG = ConstraintSearchConfig(
     linear_search_window=100.0,
     linear_drift=1.0,
     min_num_points=1,
+    wide_search=WideSearchConfig(min_path_length=1e3),
 )
 NODES_A_SUBMAP = 10
 ROUND = 40
@@ -195,8 +209,9 @@ def test_without_closures_the_window_is_for_the_whole_path():
 
 def test_a_closure_of_the_own_submap_shortens_the_path():
     walk = Walk()
-    walk.close((0, 49))
-    assert walk.window(submap=0, node=41) == pytest.approx(1.0 + CLOSURE_LENGTH_M + 1.0)
+    walk.close((0, 42))
+    there = 1.0 + CLOSURE_LENGTH_M + 2.0
+    assert walk.window(submap=0, node=40) == pytest.approx(1.0 + there - 1.0)
 
 
 @pytest.mark.parametrize("closed", [47, 51])
@@ -215,15 +230,17 @@ def test_from_there_the_path_follows_the_first_round():
 def test_the_nearer_of_two_closed_nodes_counts():
     walk = Walk()
     walk.close((1, 52), (1, 46))
-    assert walk.window(submap=1, node=50) == pytest.approx(1.0 + CLOSURE_LENGTH_M)
-    assert walk.window(submap=1, node=51) == pytest.approx(1.0 + 1.0 + CLOSURE_LENGTH_M)
+    assert walk.window(submap=1, node=50) == pytest.approx(1.0 + 2.0 + CLOSURE_LENGTH_M)
+    by_the_own_submap = 1.0 + 2.0 + CLOSURE_LENGTH_M
+    assert walk.window(submap=1, node=51) == pytest.approx(1.0 + by_the_own_submap)
 
 
 def test_in_a_new_submap_only_the_path_travelled_counts():
     walk = Walk(num_nodes=45)
     walk.close((0, 44))
     walk.go_on(2 * ROUND)
-    assert walk.window(submap=0, node=41) == pytest.approx(1.0 + 1.0 + CLOSURE_LENGTH_M)
+    by_the_own_submap = 1.0 + 4.0 + CLOSURE_LENGTH_M
+    assert walk.window(submap=0, node=41) == pytest.approx(1.0 + by_the_own_submap)
     assert walk.window(submap=1, node=51) == pytest.approx(1.0 + 41.0)
     requests = walk.pairs.in_submap(walk.graph, 5)  # of the nodes 50 to 59
     [back] = requests.linear_window[requests.node == 10]

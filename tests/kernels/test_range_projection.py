@@ -23,6 +23,7 @@ def project(
     no_return_is_free=True,
     free=FREE,
     origin=(0.0, 0.0),
+    agreeing=0,
 ):
     ranges = np.array(ranges, dtype=np.float64)
     if directions is None:
@@ -32,7 +33,7 @@ def project(
         ranges,
         directions,
         Position(*origin, 0.0),
-        RangeLimits(MIN_RANGE, MAX_RANGE, no_return, no_return_is_free, free),
+        RangeLimits(MIN_RANGE, MAX_RANGE, no_return, no_return_is_free, free, agreeing),
         returns,
         misses,
     )
@@ -107,6 +108,60 @@ def test_beams_start_at_the_sensor_and_keep_their_order():
     returns, misses = project([2.0, math.inf, 1.0, 50.0], directions, origin=(10.0, -5.0))
     assert returns.tolist() == [[12.0, -5.0], [9.0, -5.0]]
     assert misses.tolist() == [[10.0, -1.0], [10.0, -9.0]]
+
+
+@pytest.mark.parametrize(
+    ("ranges", "clear"),
+    [
+        ([2.0, NO_RETURN, 2.0], 0),
+        ([NO_RETURN, NO_RETURN, 2.0], 1),
+        ([2.0, NO_RETURN, NO_RETURN, 2.0], 0),
+        ([2.0, NO_RETURN, math.inf, 81.9, 2.0], 1),
+        ([FREE, NO_RETURN, 9.0], 1),
+        ([2.0, 15.0, 2.0], 1),  # a return beyond the useful range is no missing one
+        ([math.nan, NO_RETURN, NO_RETURN], 1),
+        ([0.1, NO_RETURN, 0.1], 0),
+        ([NO_RETURN], 1),
+    ],
+)
+def test_a_missing_return_clears_what_its_neighbours_clear(ranges, clear):
+    _, misses = project(ranges, agreeing=1)
+    assert len(misses) == clear
+
+
+def test_all_beams_within_the_angle_must_agree():
+    ranges = [2.0] + [NO_RETURN] * 5 + [2.0]
+    assert [len(project(ranges, agreeing=n)[1]) for n in range(4)] == [5, 3, 1, 0]
+
+
+def naive_num_clear(ranges, agreeing, is_free):
+    """Return how many beams clear space: a beam without a return only among those like it."""
+
+    def agrees(r):
+        missing = r >= NO_RETURN and (is_free or r == math.inf)
+        return missing or FREE <= r < NO_RETURN
+
+    num_clear = 0
+    for k, r in enumerate(ranges):
+        around = ranges[max(k - agreeing, 0) : k + agreeing + 1]
+        num_clear += MAX_RANGE < r < NO_RETURN or (r >= NO_RETURN and all(map(agrees, around)))
+    return num_clear
+
+
+measured_ranges = st.one_of(
+    st.floats(-1.0, 30.0), st.sampled_from((math.nan, math.inf, NO_RETURN, FREE, 2.0))
+)
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    ranges=st.lists(measured_ranges, min_size=1, max_size=30),
+    agreeing=st.integers(0, 3),
+    is_free=st.booleans(),
+)
+def test_missing_returns_equal_the_reference(ranges, agreeing, is_free):
+    _, misses = project(ranges, no_return_is_free=is_free, agreeing=agreeing)
+    assert len(misses) == naive_num_clear(ranges, agreeing, is_free)
 
 
 @settings(deadline=None, max_examples=100)

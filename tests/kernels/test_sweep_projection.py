@@ -32,11 +32,19 @@ def test_deskewed_points_equal_the_reference(point, time, m):
     )
 
 
-LIMITS = RangeLimits(0.5, 10.0, 20.0, True, 4.0)
+LIMITS = RangeLimits(0.5, 10.0, 20.0, True, 4.0, 0)
 HEIGHTS = Heights(-0.8, 2.0)
 
 
-def sweep(ranges, directions, origin=(0.0, 0.0, 0.0), increment=0.0, motion=AT_REST, free=True):
+def sweep(
+    ranges,
+    directions,
+    origin=(0.0, 0.0, 0.0),
+    increment=0.0,
+    motion=AT_REST,
+    free=True,
+    agreeing=0,
+):
     returns, misses = np.empty((len(ranges), 2)), np.empty((len(ranges), 2))
     num_returns, num_misses = project_sweep(
         np.array(ranges, dtype=np.float64),
@@ -44,7 +52,7 @@ def sweep(ranges, directions, origin=(0.0, 0.0, 0.0), increment=0.0, motion=AT_R
         Position(*origin),
         increment,
         motion,
-        LIMITS._replace(no_return_is_free=free),
+        LIMITS._replace(no_return_is_free=free, num_agreeing=agreeing),
         HEIGHTS,
         returns,
         misses,
@@ -98,6 +106,12 @@ def test_a_sweep_at_rest_equals_the_plain_projection():
 
     assert returns == pytest.approx(plain[0][: counts[0]], abs=1e-12)
     assert misses == pytest.approx(plain[1][: counts[1]], abs=1e-12)
+
+
+def test_lonely_beams_without_a_return_clear_nothing_in_a_sweep():
+    ranges = [2.0, math.inf, 2.0, math.inf, math.inf, math.inf, 2.0]
+    _, misses = sweep(ranges, [(1.0, 0.0, 0.0)] * len(ranges), agreeing=1)
+    assert misses.tolist() == [[4.0, 0.0]]
 
 
 def test_beams_that_hit_the_floor_are_ignored():

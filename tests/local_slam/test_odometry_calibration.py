@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cartoloop.local_slam.clock_offset import is_better_than_none
 from cartoloop.local_slam.odometry_calibration import (
     MAX_SCALE,
     MIN_SCALE,
@@ -202,6 +203,60 @@ def test_the_model_is_estimated_while_scans_come_in():
     assert calibration.model.time_offset == pytest.approx(0.1, abs=0.03)
     assert calibration.model.rotation_scale == pytest.approx(0.9, rel=0.02)
     assert calibration.model.translation_scale == pytest.approx(1.05, rel=0.02)
+
+
+def test_sparse_readings_do_not_show_an_offset():
+    """Scans at irregular times between readings a second apart: averaging these explains a part."""
+    rng = np.random.default_rng(8)
+    way = winding_way()
+    stamps = np.arange(0.0, 110.0)
+    poses = matched(stamps - rng.uniform(0.0, 0.7, len(stamps)), way)
+    found = estimate(stamps, poses, stamps, at(stamps, way), UNKNOWN)
+    assert found.time_offset == 0.0
+    assert found.knows_rotation
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_is_no_offset(seed):
+    rng = np.random.default_rng(seed)
+    way = winding_way(duration=10.0)
+    stamps, odometry = reported_by(UNKNOWN, way)
+    odometry[:, 2] += np.cumsum(rng.normal(scale=0.05, size=len(odometry)))
+    found = estimate(stamps, matched(stamps, way), stamps, odometry, UNKNOWN)
+    assert found.time_offset == 0.0
+
+
+def test_an_accepted_offset_stays_while_it_is_better_than_none():
+    way = winding_way()
+    stamps, odometry = reported_by(OdometryParameters(0.1), way)
+    few = slice(0, 35)
+    poses = matched(stamps, way, noise=(0.005, 0.01))
+    before = OdometryParameters(0.1)
+    found = [
+        estimate(stamps[few], poses[few], stamps, odometry, model).time_offset
+        for model in (UNKNOWN, before)
+    ]
+    assert found == [0.0, 0.1]
+
+
+def test_the_further_readings_are_apart_the_more_is_required():
+    errors = np.random.default_rng(3).normal(size=400)
+    assert is_better_than_none(0.6 * errors, errors, spacing=0.2)
+    assert not is_better_than_none(0.6 * errors, errors, spacing=0.5)
+    assert not is_better_than_none(0.01 * errors, errors, spacing=1.0)
+    assert not is_better_than_none(0.6 * errors[:30], errors[:30], spacing=0.2)
+    assert not is_better_than_none(errors, errors, spacing=0.1)
+    assert not is_better_than_none(np.zeros(9), np.zeros(9), spacing=0.1)
+
+
+def test_straight_driving_does_not_show_the_error_of_rotation():
+    """The weak prior stays until turns are compared, or a wrong offset would confirm itself."""
+    stamps = np.arange(0.0, 60.0, PERIOD)
+    poses = np.column_stack((0.5 * stamps, 0.0 * stamps, 0.0 * stamps))
+    found = estimate(stamps, poses, stamps, poses, UNKNOWN)
+    assert found.is_known
+    assert not found.knows_rotation
+    assert found.summary()["rotation_error_rad"] is None
 
 
 def test_the_initial_model_is_the_identity():

@@ -139,7 +139,6 @@ def test_a_wrong_range_count_is_reported_with_its_line(tmp_path, beams):
         (GOOD[1].replace(" 1.1 ", " 1.1x ", 1), "not a number"),
         (GOOD[1].replace(" 0.25 ", " zwei "), "not a number"),
         (GOOD[1].replace(" 0.2 host", " now host"), "not a number"),
-        (GOOD[1].replace(" 0.25 ", " nan "), "pose not finite"),
         (GOOD[1].replace("FLASER 180", "FLASER -180"), "no range count"),
         ("FLASER", "no range count"),
         ("FLASER 0 0 0 0 0 0 0 1.0 host 0", "scan without ranges"),
@@ -156,6 +155,18 @@ def test_a_bad_line_is_skipped_with_its_reason(tmp_path, line, reason):
     assert len(log.problems) == 1
     assert log.problems[0].severity == "warning"
     assert log.problems[0].message.startswith("run.clf:2: ")
+
+
+@pytest.mark.parametrize("number", ["nan", "-inf"])
+def test_a_scan_is_kept_without_its_odometry(tmp_path, number):
+    line = GOOD[1].replace(" 0.25 ", f" {number} ")
+    log = open_log(write(tmp_path / "run.clf", GOOD[0], line, GOOD[2]))
+    assert [scan.stamp for scan in scans_of(log)] == [0.0, 0.2, 0.4]
+    odometry = [event.stamp for event in log if isinstance(event, Odometry)]
+    assert odometry == [0.0, 0.4]
+    assert log.skipped == {"odometry not finite, scan kept": 1}
+    assert log.problems[0].message == "run.clf:2: the odometry pose is NaN or infinite"
+    assert log.num_odometry == 2
 
 
 def test_unusable_ranges_stay_in_the_scan_for_the_filter(tmp_path):

@@ -208,7 +208,6 @@ class TestCsv:
             ("1.0,0,0,0,2,2,2,2", "range count mismatch or line cut off"),
             ("1.0,0,0,0,2,x,2", "not a number"),
             ("now,0,0,0,2,2,2", "not a number"),
-            ("1.0,0,0,inf,2,2,2", "pose not finite"),
             ("1.0,0", "line cut off"),
             ("time,x,y,theta,r0,r1,r2", None),
             ("# more", None),
@@ -219,6 +218,12 @@ class TestCsv:
         log = opened(*header, *[f"{0.1 * k},0,0,0,2,2,2" for k in range(9)], line)
         assert len(scans_of(log)) == 9
         assert log.skipped == ({reason: 1} if reason else {})
+
+    def test_a_scan_is_kept_without_its_odometry(self, opened):
+        header = (self.angles, "time,x,y,theta,r0,r1,r2")
+        log = opened(*header, *[f"{0.1 * k},0,0,{'inf' if k == 4 else 0},2,2,2" for k in range(9)])
+        assert len(scans_of(log)) == 9
+        assert log.skipped == {"odometry not finite, scan kept": 1}
 
     @pytest.mark.parametrize(
         ("lines", "message"),

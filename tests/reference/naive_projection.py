@@ -27,7 +27,7 @@ def about(axis, angle):
 
 def naive_sweep(ranges, directions, origin, increment, motion, limits, heights, is_free):
     """Return returns and misses, lists of points."""
-    shortest, longest, no_return, _, free = limits
+    shortest, longest, no_return, _, free, _ = limits
     low, high = heights
     returns, misses = [], []
     for k, measured in enumerate(ranges):

@@ -28,6 +28,7 @@ QUARTER_TURNS = ScanGeometry(
 
 def filtered(ranges, geometry=QUARTER_TURNS, **config):
     scan = LaserScan(0.0, 0.0, np.array(ranges, dtype=np.float64), geometry)
+    config = {"missing_data_agreement_deg": 0.0} | config
     return RangeFilter(SensorConfig(**config)).apply(scan)
 
 
@@ -81,6 +82,19 @@ def test_maximum_ranges_clear_free_space_if_they_mean_it(no_return_is_free, meas
     assert_points(data.returns, [(0.0, -1.0)])
     free = [(2.0, 0.0), (0.0, 2.0)] if no_return_is_free else [(0.0, 2.0)]
     assert_points(data.misses, free)
+
+
+@pytest.mark.parametrize(
+    ("step_deg", "num_missing", "num_clear"), [(1.0, 3, 1), (0.5, 3, 0), (0.5, 5, 1), (0.25, 9, 1)]
+)
+def test_a_missing_return_counts_only_among_others(step_deg, num_missing, num_clear):
+    """One degree on each side, whatever the angle between beams, which logs round."""
+    step = round(math.radians(step_deg), 5)
+    ranges = np.full(41, 2.0)
+    ranges[20 : 20 + num_missing] = math.inf
+    geometry = ScanGeometry(-0.3, step, 41, 0.15, 20.0)
+    data = filtered(ranges, geometry, missing_data_agreement_deg=1.0, voxel_filter_size=0.001)
+    assert len(data.misses) == num_clear
 
 
 def test_a_ray_length_of_zero_clears_nothing():
@@ -180,10 +194,12 @@ def test_a_pitched_scanner_ignores_the_floor():
 
 
 def test_a_motion_at_rest_equals_no_motion():
+    ranges = (1.0, math.inf, math.inf)
     moving = RangeFilter(SensorConfig()).apply(
-        LaserScan(0.0, 0.0, np.array((1.0, math.inf, 3.0)), QUARTER_TURNS), AT_REST
+        LaserScan(0.0, 0.0, np.array(ranges), QUARTER_TURNS), AT_REST
     )
-    plain = filtered([1.0, math.inf, 3.0])
+    plain = filtered(ranges, missing_data_agreement_deg=1.0)
+    assert len(plain.misses) == 1
     assert_points(moving.returns, plain.returns)
     assert_points(moving.misses, plain.misses)
 

@@ -78,7 +78,7 @@ def _free_space(profile: SensorProfile, watch: ScanWatch | CloudWatch) -> Choice
     if profile.no_return == 0.0:
         return Choice("no return", "clears nothing", "0 may be an error as well")
     if finite or profile.no_return == math.inf:
-        why = "beams without a return hit nothing nearer"
+        why = "where neighbouring beams agree that they hit nothing nearer"
         return Choice("no return", f"clears {length:g} m of free space", why)
     return Choice("no return", "clears nothing", "space beyond the range limit is unknown")
 
@@ -108,10 +108,11 @@ def _trust(model: OdometryParameters | None) -> Choice:
         return Choice(
             "odometry's model", "found while mapping", "too little motion in the part tried"
         )
+    turn = f" and {math.degrees(model.rotation_error):.2f} deg" if model.knows_rotation else ""
     return Choice(
         "odometry's model",
         f"{model.time_offset:+.2f} s, turns x {model.rotation_scale:.3f}, "
         f"distances x {model.translation_scale:.3f}",
-        f"then a step errs by {100 * model.translation_error:.1f} cm and "
-        f"{math.degrees(model.rotation_error):.2f} deg; estimated again while mapping",
+        f"then a step errs by {100 * model.translation_error:.1f} cm{turn}; estimated again while "
+        "mapping",
     )

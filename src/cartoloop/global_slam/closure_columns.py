@@ -106,10 +106,7 @@ class ClosureColumns:
     @property
     def was_searched(self) -> BoolArray:
         """Whether each pair was searched while mapping."""
-        searched: BoolArray = (self.search_status == Status.NOT_FOUND) | (
-            self.search_status == Status.FOUND
-        )
-        return searched
+        return np.isin(self.search_status, (Status.NOT_FOUND, Status.HYPOTHESIS, Status.FOUND))
 
     @property
     def node_submap(self) -> RowArray:
@@ -225,6 +222,10 @@ class ClosureColumns:
         rows = np.flatnonzero((self.submap == submap) & (self.node == node))
         return int(rows[0]) if len(rows) else None
 
+    def has_rows(self, submap: RowArray, node: RowArray) -> BoolArray:
+        """Return which of n pairs have a row, shape (n,)."""
+        return np.isin(self._keys(submap, node), self._keys(self.submap, self.node))
+
     def counts(self) -> dict[Status, int]:
         """Return how many rows have each status."""
         numbers = np.bincount(self.status, minlength=len(Status)).tolist()
@@ -235,6 +236,11 @@ class ClosureColumns:
         stored = {name: self._row_column(name) for name in _ROW.names or ()}
         stored |= {name: self._request_column(name) for name in _REQUEST.names or ()}
         return stored | {name: column.view for name, column in vars(self._matches).items()}
+
+    @staticmethod
+    def _keys(submap: NDArray[Any], node: NDArray[Any]) -> IntArray:
+        keys: IntArray = submap.astype(np.int64) << 32 | node.astype(np.int64)
+        return keys
 
     def _row_column(self, name: str) -> NDArray[Any]:
         column: NDArray[Any] = self._rows.view[name]

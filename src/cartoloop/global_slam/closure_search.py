@@ -101,13 +101,15 @@ class SearchOutcome(NamedTuple):
     min_score : threshold that was applied.
     is_empty : whether the submap has no cells.
     searched, not_searched : int32, rows of the record.
-    matches : where the threshold was reached.
+    ambiguous : int32, those of `searched` that another place fits as well.
+    matches : where the threshold was reached, but for these.
     """
 
     min_score: float
     is_empty: bool
     searched: NDArray[np.int32]
     not_searched: NDArray[np.int32]
+    ambiguous: NDArray[np.int32]
     matches: SearchMatches
 
 
@@ -145,7 +147,10 @@ def search(
         groups=np.unique(requests.node_submap, return_inverse=True)[1],
         max_of_group=config.max_closures_of_pair,
     )
-    hits = [(i, match) for i, match in enumerate(coarse.matches) if match is not None]
+    margin = config.min_runner_up_margin
+    found = [(i, match) for i, match in enumerate(coarse.matches) if match is not None]
+    hits = [(i, match) for i, match in found if match.score - match.runner_up >= margin]
+    ambiguous = [i for i, match in found if match.score - match.runner_up < margin]
     searched = coarse.was_searched
     matches = NO_MATCHES
     if hits:
@@ -165,7 +170,14 @@ def search(
             moved_m=np.hypot(moved[:, 0], moved[:, 1]),
             moved_rad=np.abs(wrap_angles(moved[:, 2])),
         )
-    return SearchOutcome(min_score, submap.grid.size == 0, rows[searched], rows[~searched], matches)
+    return SearchOutcome(
+        min_score,
+        submap.grid.size == 0,
+        rows[searched],
+        rows[~searched],
+        rows[np.array(ambiguous, dtype=np.int64)],
+        matches,
+    )
 
 
 def refine_all(

@@ -35,6 +35,8 @@ class Status(IntEnum):
     """Matched by the last pass; the match was too far from the adjusted pose."""
     CONTRADICTED = 10
     """Removed from the graph after the last adjustment: the other constraints contradict it."""
+    HYPOTHESIS = 11
+    """Matched by a wide search; not a closure, since too few others agree with it."""
 
     @property
     def text(self) -> str:
@@ -75,6 +77,10 @@ class Reason(IntEnum):
     """MOVED_TOO_FAR: rotated by more than ``max_refinement`` allows."""
     DISAGREES = 14
     """CONTRADICTED: residual after adjustment above 0.2 m or 1 degree (table IV)."""
+    UNSUPPORTED = 15
+    """HYPOTHESIS: it fits as well elsewhere, or too few others along the path agree with it."""
+    AMBIGUOUS = 16
+    """NOT_FOUND: the best candidate reached the score, but so did another place."""
 
     @property
     def text(self) -> str:
@@ -105,4 +111,5 @@ REASON_OF_SEARCH: CodeArray = np.zeros(len(Status), dtype=np.int8)
 REASON_OF_SEARCH[Status.DROPPED] = Reason.BACKLOG_FULL
 REASON_OF_SEARCH[Status.NOT_SEARCHED] = Reason.ENOUGH_CLOSURES
 REASON_OF_SEARCH[Status.NOT_FOUND] = Reason.BELOW_THRESHOLD
+REASON_OF_SEARCH[Status.HYPOTHESIS] = Reason.UNSUPPORTED
 REASON_OF_SEARCH[Status.FOUND] = Reason.REACHED_THRESHOLD

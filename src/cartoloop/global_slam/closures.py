@@ -71,6 +71,14 @@ class Closures(ClosureColumns):
         self._set_search_status(rows, Status.NOT_FOUND, Reason.BELOW_THRESHOLD)
         self.min_score[rows] = min_score
 
+    def note_ambiguous(self, rows: RowArray) -> None:
+        """Note that requests were matched, but another place in the window fits as well."""
+        self._set_search_status(rows, Status.NOT_FOUND, Reason.AMBIGUOUS)
+
+    def note_hypotheses(self, rows: RowArray) -> None:
+        """Note that wide searches found matches that are not believed yet."""
+        self._set_search_status(rows, Status.HYPOTHESIS, Reason.UNSUPPORTED)
+
     def add_found(self, matches: SearchMatches, num_nodes: int) -> None:
         """Note what searches found, in the order in which it joins the graph of `num_nodes`."""
         self._set_search_status(matches.row, Status.FOUND, Reason.REACHED_THRESHOLD)
@@ -156,11 +164,6 @@ class Closures(ClosureColumns):
         copied._matches.restore(self.match_table)
         return copied
 
-    @staticmethod
-    def _keys(submap: NDArray[Any], node: NDArray[Any]) -> IntArray:
-        keys: IntArray = submap.astype(np.int64) << 32 | node.astype(np.int64)
-        return keys
-
     def _add_rows(self, submap: ArrayLike, node: NDArray[Any], status: Status) -> None:
         # Column by column: to write tuples into a structured array takes longer.
         rows, code = self._rows.grow(len(node)), int(status)
@@ -186,7 +189,7 @@ class Closures(ClosureColumns):
         self._rows.shorten(self.num_requested)
         self._matches.forget_last_pass()
         self._final_match[:] = _NO_MATCH
-        is_final = self.status >= Status.REPLACED
+        is_final = (self.status >= Status.REPLACED) & (self.status <= Status.CONTRADICTED)
         self.status[is_final] = self.search_status[is_final]
         # The reasons of a search follow from its status, but for requests that were not searched.
         self.reason[is_final] = REASON_OF_SEARCH[self.search_status[is_final]]

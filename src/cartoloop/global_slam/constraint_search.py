@@ -162,6 +162,7 @@ class ConstraintSearch:
                 np.concatenate(searched), np.repeat(min_scores, [len(rows) for rows in searched])
             )
         for outcome in outcomes:
+            self._closures.note_ambiguous(outcome.ambiguous)
             if len(outcome.not_searched):
                 reason = Reason.EMPTY_SUBMAP if outcome.is_empty else Reason.ENOUGH_CLOSURES
                 self._closures.note_not_searched(outcome.not_searched, reason)
@@ -169,6 +170,19 @@ class ConstraintSearch:
     def map(self, task: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
         """Run a task on each of the items in the background threads; answers in their order."""
         return self._threads.map(task, items)
+
+    def run(
+        self, task: Callable[[FinishedSubmap], Answer], submap: FinishedSubmap
+    ) -> Future[Answer]:
+        """Run a task on a submap in a background thread."""
+
+        def run() -> Answer:
+            answer = task(submap)
+            if submap.index not in self._kept:
+                submap.release()
+            return answer
+
+        return self._threads.submit(run)
 
     def close(self) -> None:
         """Drop tasks that have not begun and end the threads."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
-from cartoloop.global_slam.closure_matches import Requests
+from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.constraint_search import ConstraintSearch
@@ -29,6 +29,7 @@ from cartoloop.global_slam.pose_graph import (
     ConstraintKind,
     PoseGraph,
 )
+from cartoloop.global_slam.wide_search import WideSearch
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
 from cartoloop.sensor.scan_points import NodePoints, ScanPoints
@@ -98,6 +99,9 @@ class GlobalSlam:
         self.num_put_off = 0
         self.adjustments: list[AdjustmentRun] = []
         self._pairs = PairSelection(config.constraint_search)
+        self._wide = WideSearch(
+            config.constraint_search, self.closures, self._finished, self.search
+        )
         self._submap_nodes: list[set[int]] = []
         self._tf_local_last_submap = IDENTITY
         self._tf_map_local = IDENTITY
@@ -126,6 +130,7 @@ class GlobalSlam:
             return
         waits = self._waits_while_mapping
         self._request_node(node.index)
+        self._request_wide(self._wide.add_node(node, self.node_points))
         if finished is not None:
             self._request_nodes_in(finished)
         if self.graph.num_nodes % every == 0:
@@ -136,6 +141,7 @@ class GlobalSlam:
             if not waits:
                 self._take_in_closures(wait=False)
             self.search.start(may_defer=waits)
+            self._wide.start()
 
     def finish(
         self, unfinished: Iterable[Submap], note: Callable[[str], None] | None = None
@@ -156,6 +162,7 @@ class GlobalSlam:
         iterations = self._config.pose_adjustment.max_num_final_iterations
         announce("closing the last loops")
         self._close_loops(iterations, wait=True)
+        self._search_until_nothing_new(iterations)
         passes = self._config.constraint_search.final_passes
         for number in range(1, passes + 1):
             announce(f"matching again, {number} of {passes}")
@@ -221,6 +228,34 @@ class GlobalSlam:
         with self._timer.measure("select pairs"):
             self._submit(self._pairs.in_submap(self.graph, submap.index))
 
+    def _request_wide(self, scan: int | None) -> None:
+        """Request searches for a composite scan wherever the drift may have placed it."""
+        if scan is not None:
+            with self._timer.measure("select pairs"):
+                self._wide.request(scan, self._pairs, self.graph)
+
+    def _request_again(self) -> None:
+        """Request searches for the pairs that are due by now and were not before."""
+        with self._timer.measure("select pairs"):
+            self._submit(self._pairs.again(self.graph, len(self._finished), self.closures))
+
+    def _search_until_nothing_new(self, max_num_iterations: int) -> None:
+        """Search all that is due, and adjust, until that finds no more closures."""
+        wide = self._config.constraint_search.wide_search
+        for _ in range(wide.max_final_rounds):
+            before = self.graph.num_loop_closures
+            num_requested = len(self.closures)
+            self._request_again()
+            for scan in range(self._wide.num_scans):
+                self._request_wide(scan)
+            if len(self.closures) == num_requested:
+                break
+            self.search.start()
+            self._wide.start()
+            self._close_loops(max_num_iterations, wait=True)
+            if self.graph.num_loop_closures == before:
+                break
+
     def _submit(self, requests: Requests) -> None:
         if len(requests.submap):
             self.search.submit(self.closures.request(requests, self.graph.num_nodes))
@@ -231,6 +266,20 @@ class GlobalSlam:
         self.num_put_off += self.search.num_running
         with self._timer.measure("adjust"):
             self._adjust(max_num_iterations)
+        self._believe_hypotheses(max_num_iterations, wait=wait)
+
+    def _believe_hypotheses(self, max_num_iterations: int, *, wait: bool) -> None:
+        """Take in the sets of hypotheses that agree, adjust, and request what is due then."""
+        with self._timer.measure("wait for searches"):
+            self._wide.collect(wait=wait)
+        is_new = False
+        while (found := self._wide.decide(self._pairs, self.graph)) is not None:
+            self._add_closures(found, are_trusted=True)
+            with self._timer.measure("adjust"):
+                self._adjust(max_num_iterations)
+            is_new = True
+        if is_new:
+            self._request_again()
 
     def _take_in_closures(self, *, wait: bool) -> None:
         """Add the loop closures that were found to the record and to the graph."""
@@ -239,13 +288,17 @@ class GlobalSlam:
             found = self.search.collect(wait=wait)
         for duration in self.search.durations[num_timed:]:
             self._timer.record("search", duration)
-        if len(found.row) == 0:
-            return
+        if len(found.row):
+            self._add_closures(found, are_trusted=False)
+
+    def _add_closures(self, found: SearchMatches, *, are_trusted: bool) -> None:
+        """Add loop closures to the record and to the graph."""
         submaps, nodes = self.closures.submap[found.row], self.closures.node[found.row]
         self.closures.add_found(found, self.graph.num_nodes)
         self._pairs.note_found(submaps, nodes)
         self.graph.add_loop_closures(
-            ClosureConstraints(found.row, submaps, nodes, found.tf_submap_node, found.information)
+            ClosureConstraints(found.row, submaps, nodes, found.tf_submap_node, found.information),
+            are_trusted=are_trusted,
         )
 
     def _adjust(self, max_num_iterations: int) -> None:
@@ -273,7 +326,8 @@ class GlobalSlam:
         newest = Pose(*self.graph.submap_poses[-1].tolist())
         self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
         closures, is_violated = self._violated_closures()
-        self._pairs.note_adjusted(self.graph, closures[~is_violated])
+        holds = ~is_violated | self.graph.is_trusted[closures]
+        self._pairs.note_adjusted(self.graph, closures[holds])
 
     def _violated_closures(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Return the constraints that are loop closures, and which of them must be false."""

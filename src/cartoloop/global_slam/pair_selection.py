@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
@@ -25,9 +26,12 @@ from numpy.typing import NDArray
 from cartoloop.arrays import FloatArray, IntArray, RowArray
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_matches import Requests
+from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.global_slam.search_windows import windows
 from cartoloop.global_slam.submap_paths import SubmapPaths
+from cartoloop.global_slam.wide_windows import bounding_boxes, wide_reach
 from cartoloop.growing_array import GrowingArray
 from cartoloop.kernels.due_pairs import (
     NodePlace,
@@ -48,6 +52,7 @@ class WhyNot(Enum):
     OWN_SUBMAP = "the node was inserted into this submap"
     FEW_POINTS = "the scan has too few returns"
     TOO_FAR = "submap and node are too far apart"
+    WIDE_SEARCH = "the path between them is long: composite scans are searched instead"
     EVERY_NTH_NODE = "only every n-th node is searched"
     WELL_CONSTRAINED = "the pair is well constrained, and only every n-th such node is searched"
     ENOUGH_SEARCHES = "enough nodes of the same submap were searched: they are well constrained"
@@ -76,6 +81,7 @@ class PairSelection:
         self._config = config
         self._rule = PairRule(
             config.max_constraint_distance,
+            config.wide_search.min_path_length,
             config.well_constrained_length,
             config.every_nth_node,
             config.every_nth_well_constrained_node,
@@ -135,8 +141,10 @@ class PairSelection:
     def note_adjusted(self, graph: PoseGraph, closures: IntArray) -> None:
         """Note which constraints of the graph are loop closures that hold, shape (k,)."""
         nodes, submaps = graph.index_b[closures], graph.index_a[closures]
-        ends = np.column_stack((submaps, self._node_submaps.view[nodes, 0]))
-        self._submap_paths = SubmapPaths(self._config, self._submap_travelled.view, ends)
+        own, begun = self._node_submaps.view[nodes, 0], self._submap_travelled.view
+        inside = self._travelled.view[nodes] - begun[own]
+        ends = np.column_stack((submaps, own))
+        self._submap_paths = SubmapPaths(self._config, begun, ends, inside)
         order = np.argsort(nodes, kind="stable")
         self._closures = np.array((nodes[order], submaps[order]))
 
@@ -165,6 +173,21 @@ class PairSelection:
 
     def in_submap(self, graph: PoseGraph, submap: int) -> Requests:
         """Return the requests for all nodes in one submap."""
+        return self._requests(*self._due_in(graph, submap))
+
+    def again(self, graph: PoseGraph, num_finished: int, closures: Closures) -> Requests:
+        """Return the requests for all pairs that are due by now and have no row in the record."""
+        if num_finished == 0:
+            return NO_REQUESTS
+        due = [self._due_in(graph, submap) for submap in range(num_finished)]
+        submaps, nodes, lengths, poses = map(np.concatenate, zip(*due, strict=True))
+        new = ~closures.has_rows(submaps, nodes)
+        return self._requests(submaps[new], nodes[new], lengths[new], poses[new])
+
+    def _due_in(
+        self, graph: PoseGraph, submap: int
+    ) -> tuple[RowArray, RowArray, FloatArray, FloatArray]:
+        """Return submap, node, path length and tf_submap_node of the pairs due in one submap."""
         count = graph.num_nodes
         nodes = np.empty(count, dtype=np.int32)
         lengths, poses = np.empty(count), np.empty((count, 3))
@@ -180,20 +203,59 @@ class PairSelection:
             lengths,
             poses,
         )
-        return self._requests(
-            np.full(num_due, submap, dtype=np.int32), nodes[:num_due], lengths[:num_due], poses
-        )
+        submaps = np.full(num_due, submap, dtype=np.int32)
+        return submaps, nodes[:num_due], lengths[:num_due], poses[:num_due]
 
     def verdict(self, graph: PoseGraph, submap: int, node: int) -> PairVerdict:
         """Return whether a pair would be requested now, or why not."""
         place = self._place(graph, node)
         x, y, _ = graph.submap_poses[submap].tolist()
         distance = math.dist((place.x, place.y), (x, y))
+        length = self._path_length(submap, place)
+        return PairVerdict(self._why_not(place, submap, distance, length), distance, length)
+
+    def path_length(self, graph: PoseGraph, submap: int, node: int) -> float:
+        """Return the length of the shortest known path between submap and node [m]."""
+        return self._path_length(submap, self._place(graph, node))
+
+    def _path_length(self, submap: int, place: NodePlace) -> float:
         length = abs(place.travelled - float(self._submap_travelled.view[submap]))
         known = self._submap_paths.lengths_from(place.anchor)
         if submap < len(known):
             length = min(length, float(known[submap]) + place.anchor_length)
-        return PairVerdict(self._why_not(place, submap, distance, length), distance, length)
+        return length
+
+    def wide_pairs(
+        self, graph: PoseGraph, node: int, submaps: Sequence[FinishedSubmap]
+    ) -> Requests:
+        """Return the requests for a composite scan, wherever the drift may place it.
+
+        Parameters
+        ----------
+        node : whose frame the composite scan has.
+        submaps : all that are finished, the first ones of the graph.
+        """
+        known = min(len(self._submap_paths), len(submaps))
+        if known == 0:
+            return NO_REQUESTS
+        place = self._place(graph, node)
+        reach = wide_reach(
+            self._config,
+            self._submap_paths,
+            place,
+            graph.submap_poses[: len(self._submap_paths)],
+            self._submap_travelled.view,
+            bounding_boxes(submaps[:known]),
+        )
+        due = reach.due
+        return Requests(
+            due.astype(np.int32),
+            np.full(len(due), node, dtype=np.int32),
+            np.full(len(due), place.first_submap, dtype=np.int32),
+            reach.tf_submap_node,
+            reach.linear_window,
+            reach.angular_window,
+        )
 
     def _why_not(
         self, place: NodePlace, submap: int, distance: float, length: float
@@ -208,6 +270,7 @@ class PairSelection:
             WhyNot.OWN_SUBMAP: submap in (place.first_submap, place.last_submap),
             WhyNot.FEW_POINTS: not self._is_searchable.view[place.node],
             WhyNot.TOO_FAR: distance > config.max_constraint_distance,
+            WhyNot.WIDE_SEARCH: length >= config.wide_search.min_path_length,
             WhyNot.WELL_CONSTRAINED: well_constrained and skipped_well_constrained,
             WhyNot.EVERY_NTH_NODE: skipped and not well_constrained,
             WhyNot.ENOUGH_CLOSURES: self._num_found[pair] >= config.max_closures_of_pair,
@@ -275,15 +338,3 @@ class PairSelection:
 
 _NO_ROWS = np.zeros(0, np.int32)
 NO_REQUESTS = Requests(_NO_ROWS, _NO_ROWS, _NO_ROWS, np.zeros((0, 3)), _NOTHING, _NOTHING)
-
-
-def windows(
-    config: ConstraintSearchConfig, path_lengths: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the radii [m], [rad] of the search windows for path lengths [m], shape (n,)."""
-    linear = config.min_linear_search_window + config.linear_drift * path_lengths
-    angular_deg = config.min_angular_search_window_deg + config.angular_drift_deg * path_lengths
-    return (
-        np.minimum(linear, config.linear_search_window),
-        np.radians(np.minimum(angular_deg, config.angular_search_window_deg)),
-    )

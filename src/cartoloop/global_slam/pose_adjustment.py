@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
+import numpy as np
+
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.pose_adjustment import (
@@ -19,6 +21,9 @@ from cartoloop.pose_adjustment import (
     residuals,
     solve,
 )
+
+TRUSTED = len(ConstraintKind)
+"""Group of the constraints that no loss weakens."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +46,10 @@ class AdjustmentOptions:
     relative_tolerance: float = 1e-6
 
     def loss_of_kind(self) -> list[GroupLoss]:
-        """Return the loss of each kind of constraint: kinds are the groups of the problem."""
+        """Return the loss of each group: of the kinds of constraint, and of those trusted."""
         robust = GroupLoss(self.loss, self.loss_scale)
-        return [robust if kind in self.robust_kinds else GroupLoss() for kind in ConstraintKind]
+        losses = [robust if kind in self.robust_kinds else GroupLoss() for kind in ConstraintKind]
+        return [*losses, GroupLoss()]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,13 +75,13 @@ class AdjustmentResult:
 def graph_problem(graph: PoseGraph, points: ControlPoints | None = None) -> Problem:
     """Return the problem of adjusting a graph from where its poses are; copies no constraint.
 
-    The groups of the constraints are their kinds.
+    The groups of the constraints are their kinds, and one more for those that are trusted.
     """
     return Problem(
         graph.submap_poses,
         graph.node_poses,
         Constraints(
-            graph.kinds,
+            np.where(graph.is_trusted, TRUSTED, graph.kinds),
             graph.kinds == ConstraintKind.NODE_TO_NODE,
             graph.index_a,
             graph.index_b,

@@ -75,6 +75,7 @@ class PoseGraph:
         self._relative_poses = GrowingArray((3,), np.float64)
         self._informations = GrowingArray((3, 3), np.float64)
         self._closure_rows = GrowingArray((), np.int32)
+        self._is_trusted = GrowingArray((), np.bool_)
         self._num_loop_closures = 0
         self._revision = 0
         self._fixed_nodes: list[int] = []
@@ -139,6 +140,11 @@ class PoseGraph:
     def closure_rows(self) -> NDArray[np.int32]:
         """Row of each loop closure in the record of closures; -1 for other constraints."""
         return self._closure_rows.view
+
+    @property
+    def is_trusted(self) -> NDArray[np.bool_]:
+        """Which constraints no robust loss weakens, though their kind has one."""
+        return self._is_trusted.view
 
     @property
     def revision(self) -> int:
@@ -220,6 +226,7 @@ class PoseGraph:
         informations: ArrayLike,
         *,
         closure_rows: ArrayLike = NO_ROW,
+        is_trusted: ArrayLike = False,
     ) -> int:
         """Add constraints and return the index of the first.
 
@@ -231,6 +238,7 @@ class PoseGraph:
         tf_a_b : where b was seen from a, shape (n, 3) [m, m, rad].
         informations : symmetric, shape (n, 3, 3), in the frame of a.
         closure_rows : row of each in the record of closures, shape (n,), or one for all.
+        is_trusted : see :attr:`is_trusted`, shape (n,), or one for all.
 
         Raises
         ------
@@ -256,10 +264,16 @@ class PoseGraph:
         self._relative_poses.extend(relative_poses)
         self._informations.extend(matrices)
         self._closure_rows.grow(len(kinds))[:] = closure_rows
+        self._is_trusted.grow(len(kinds))[:] = is_trusted
         return first
 
-    def add_loop_closures(self, closures: ClosureConstraints) -> None:
-        """Add loop closures; raises as :meth:`add_constraints` does."""
+    def add_loop_closures(self, closures: ClosureConstraints, *, are_trusted: bool = False) -> None:
+        """Add loop closures; raises as :meth:`add_constraints` does.
+
+        Parameters
+        ----------
+        are_trusted : see :attr:`is_trusted`.
+        """
         self.add_constraints(
             ConstraintKind.LOOP_CLOSURE,
             closures.submap,
@@ -267,6 +281,7 @@ class PoseGraph:
             closures.tf_submap_node,
             closures.information,
             closure_rows=closures.row,
+            is_trusted=are_trusted,
         )
 
     def copy(self) -> PoseGraph:
@@ -299,6 +314,7 @@ class PoseGraph:
             self.relative_poses[kept],
             self.informations[kept],
             closure_rows=self.closure_rows[kept],
+            is_trusted=self.is_trusted[kept],
         )
         return graph
 
@@ -306,7 +322,7 @@ class PoseGraph:
         """Take over the constraints of a graph that is dropped afterwards."""
         self._kinds, self._index_a, self._index_b = other._kinds, other._index_a, other._index_b
         self._relative_poses, self._informations = other._relative_poses, other._informations
-        self._closure_rows = other._closure_rows
+        self._closure_rows, self._is_trusted = other._closure_rows, other._is_trusted
         self._num_loop_closures = other._num_loop_closures
         self._revision += 1
 

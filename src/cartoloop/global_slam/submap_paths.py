@@ -1,27 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Path lengths between submaps, along the robot's path and across loop closures."""
+"""Path lengths and drift between submaps, along the robot's path and across loop closures."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import ConstraintSearchConfig
-from cartoloop.kernels.shortest_paths import shortest_paths
+from cartoloop.kernels.shortest_paths import drift_along_paths, shortest_paths
 
 _NOTHING: FloatArray = np.empty(0)
 
 _SHORTEST_STEP_M = 1e-3
 """Path length between two submaps, at least: path lengths must be positive [m]."""
-
-LEAST_DRIFT = 1e-6
-"""Drift per metre, at least, where a path length is divided by it."""
-
-
-def longest_path(config: ConstraintSearchConfig) -> float:
-    """Return a path length beyond which windows grow no more, with 1 m to spare [m]."""
-    linear = config.linear_search_window - config.min_linear_search_window
-    return linear / max(config.linear_drift, LEAST_DRIFT) + 1.0
 
 
 class SubmapPaths:
@@ -29,9 +22,10 @@ class SubmapPaths:
 
     Parameters
     ----------
-    config : gives the path length of a closure, and the longest that matters.
+    config : gives the path length of a closure, and the drift along a path.
     submap_travelled : shape (m,), path length of the robot when each submap was begun [m].
     closures : int64, shape (k, 2): submap, and the submap that the node was inserted into.
+    inside : shape (k,), path length from the beginning of that one to the node [m].
     """
 
     def __init__(
@@ -39,19 +33,25 @@ class SubmapPaths:
         config: ConstraintSearchConfig,
         submap_travelled: FloatArray = _NOTHING,
         closures: IntArray | None = None,
+        inside: FloatArray | None = None,
     ) -> None:
+        self._config = config
         self._num_submaps = m = len(submap_travelled)
-        self._longest = longest_path(config)
-        self._lengths: dict[int, FloatArray] = {}
-        if closures is None or m == 0:
+        self._paths: dict[int, tuple[FloatArray, IntArray]] = {}
+        if closures is None or inside is None or m == 0:
             return
         first, second = closures.min(axis=1), closures.max(axis=1)
-        pairs = np.unique((first * m + second)[second - first > 1])
+        skips = np.flatnonzero(second - first > 1)
+        numbers = (first * m + second)[skips]
+        # Of each pair of submaps the closure with the shortest path.
+        shortest = np.lexsort((inside[skips], numbers))
+        pairs, chosen = np.unique(numbers[shortest], return_index=True)
+        closure_lengths = config.closure_path_length + inside[skips][shortest][chosen]
         chain = np.arange(m - 1) * (m + 1) + 1
         lengths = np.concatenate(
             (
                 np.maximum(np.diff(submap_travelled), _SHORTEST_STEP_M),
-                np.full(len(pairs), config.closure_path_length),
+                closure_lengths,
             )
         )
         one, other = np.divmod(np.concatenate((chain, pairs)), m)
@@ -61,21 +61,52 @@ class SubmapPaths:
         self._neighbours = np.concatenate((other, one))[order]
         self._edge_lengths = np.tile(lengths, 2)[order]
 
+    def __len__(self) -> int:
+        return self._num_submaps
+
     def lengths_from(self, submap: int) -> FloatArray:
         """Return the lengths [m] of the shortest known paths from a submap, shape (m,).
 
-        Empty where the submap is not known yet; inf for paths too long to matter.
+        Empty where the submap is not known yet.
         """
-        if submap >= self._num_submaps:
-            return _NOTHING
-        if submap not in self._lengths:
-            lengths = self._lengths[submap] = np.empty(self._num_submaps)
+        return self._paths_from(submap)[0] if submap < self._num_submaps else _NOTHING
+
+    def drift_from(self, submap: int, positions: FloatArray) -> FloatArray:
+        """Return the covariance of each submap's pose as one submap knows it, shape (m, 3, 3).
+
+        Parameters
+        ----------
+        submap : one of the submaps that are known.
+        positions : of the known submaps, map frame, shape (m, 2) [m].
+
+        Returns
+        -------
+        covariances of x, y, theta along the shortest paths [m^2, m rad, rad^2], map axes.
+        """
+        search = self._config.wide_search
+        lengths, previous = self._paths_from(submap)
+        upper = np.empty((self._num_submaps, 6))
+        drift_along_paths(
+            np.argsort(lengths, kind="stable"),
+            lengths,
+            previous,
+            np.ascontiguousarray(positions),
+            math.radians(search.rotation_drift_deg) ** 2,
+            search.translation_drift**2,
+            upper,
+        )
+        drift: FloatArray = upper[:, _SYMMETRIC]
+        return drift
+
+    def _paths_from(self, submap: int) -> tuple[FloatArray, IntArray]:
+        if submap not in self._paths:
+            lengths = np.empty(self._num_submaps)
+            previous = np.empty(self._num_submaps, dtype=np.int64)
             shortest_paths(
-                self._firsts,
-                self._neighbours,
-                self._edge_lengths,
-                submap,
-                self._longest,
-                lengths,
+                self._firsts, self._neighbours, self._edge_lengths, submap, lengths, previous
             )
-        return self._lengths[submap]
+            self._paths[submap] = lengths, previous
+        return self._paths[submap]
+
+
+_SYMMETRIC = np.array(((0, 1, 2), (1, 3, 4), (2, 4, 5)))

@@ -24,12 +24,14 @@ class PairRule(NamedTuple):
     Attributes
     ----------
     max_distance : pairs farther apart are not searched [m].
+    max_path_length : nor pairs with a longer path between them: wide searches find these [m].
     well_constrained_length : below this path length the graph knows a pair well [m].
     every, every_well_constrained : the numbers of submap and node must add up to a multiple of
         this: of pairs that the graph knows less well, and well.
     """
 
     max_distance: float
+    max_path_length: float
     well_constrained_length: float
     every: int
     every_well_constrained: int
@@ -117,6 +119,8 @@ def nearest_anchor(
 @kernel
 def is_due(submap: int, node: int, path_length: float, rule: PairRule) -> bool:
     """Return whether a pair is due, given the length of the shortest known path between them."""
+    if path_length >= rule.max_path_length:
+        return False
     if path_length < rule.well_constrained_length:
         return (submap + node) % rule.every_well_constrained == 0
     return (submap + node) % rule.every == 0
@@ -156,7 +160,7 @@ def pairs_of_node(
     submap_poses: FloatArray,
     submap_travelled: FloatArray,
     known_lengths: FloatArray,
-    rule: tuple[float, float, int, int],
+    rule: tuple[float, float, float, int, int],
     out_submaps: RowArray,
     out_lengths: FloatArray,
     out_poses: FloatArray,
@@ -183,7 +187,7 @@ def pairs_of_node(
     how many pairs are due, submaps ascending.
     """
     node, x, y, theta, travelled, first, last, anchor, anchor_length = place
-    due = PairRule(rule[0], rule[1], rule[2], rule[3])
+    due = PairRule(rule[0], rule[1], rule[2], rule[3], rule[4])
     num_due, num_known = 0, known_lengths.shape[0]
     for submap in range(num_submaps):
         if not may_be_due(submap, node, due):

@@ -30,6 +30,8 @@ class RangeLimits(NamedTuple):
     no_return_is_free : whether such a range means that there is no obstacle; otherwise it is
         ignored (+inf itself always counts as free, REP 117).
     free_ray_length : free space cleared by a beam without a hit [m]; 0 clears nothing.
+    num_agreeing : number of beams on each side that must agree that this space is free where a
+        beam has no return.
     """
 
     min_range: float
@@ -37,6 +39,35 @@ class RangeLimits(NamedTuple):
     no_return_range: float
     no_return_is_free: bool
     free_ray_length: float
+    num_agreeing: int
+
+
+@kernel
+def is_clear(
+    ranges: FloatArray, beam: int, limits: tuple[float, float, float, bool, float, int]
+) -> bool:
+    """Return whether the beams on both sides agree that there is nothing near along a beam.
+
+    Dark, shiny and slanting surfaces return nothing either. A beam agrees if it has no return, or
+    if its range is at least the length of a free ray; beyond the first and the last beam there is
+    nothing that disagrees.
+
+    Parameters
+    ----------
+    ranges : float64, shape (num_beams,) [m].
+    beam : index of the beam.
+    limits : fields of `RangeLimits`.
+    """
+    min_range, max_range, no_return_range, no_return_is_free, free_ray_length, num_agreeing = limits
+    first = max(beam - num_agreeing, 0)
+    last = min(beam + num_agreeing, ranges.shape[0] - 1)
+    for k in range(first, last + 1):
+        r = ranges[k]
+        if not r >= min(free_ray_length, max_range, no_return_range) or not r >= min_range:
+            return False
+        if r >= no_return_range and not (no_return_is_free or r == np.inf):
+            return False
+    return True
 
 
 @kernel
@@ -44,7 +75,7 @@ def project_ranges(
     ranges: FloatArray,
     directions: FloatArray,
     origin: tuple[float, float, float],
-    limits: tuple[float, float, float, bool, float],
+    limits: tuple[float, float, float, bool, float, int],
     out_returns: FloatArray,
     out_misses: FloatArray,
 ) -> tuple[int, int]:
@@ -61,9 +92,10 @@ def project_ranges(
 
     Notes
     -----
-    NaN, -inf, negative and too short ranges are ignored: neither hit nor free.
+    NaN, -inf, negative and too short ranges are ignored: neither hit nor free. A beam without a
+    return clears space only if its neighbours agree (`is_clear`).
     """
-    min_range, max_range, no_return_range, no_return_is_free, free_ray_length = limits
+    min_range, max_range, no_return_range, no_return_is_free, free_ray_length, _ = limits
     origin_x, origin_y, _ = origin
     num_returns = 0
     num_misses = 0
@@ -76,6 +108,8 @@ def project_ranges(
             out_returns[num_returns, 1] = origin_y + r * directions[k, 1]
             num_returns += 1
         elif free_ray_length > 0.0 and (r < no_return_range or no_return_is_free or r == np.inf):
+            if r >= no_return_range and not is_clear(ranges, k, limits):
+                continue
             length = min(r, free_ray_length)
             out_misses[num_misses, 0] = origin_x + length * directions[k, 0]
             out_misses[num_misses, 1] = origin_y + length * directions[k, 1]

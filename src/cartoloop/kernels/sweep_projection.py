@@ -10,7 +10,7 @@ import numpy as np
 
 from cartoloop._jit import kernel
 from cartoloop.arrays import FloatArray
-from cartoloop.kernels.range_projection import Position, RangeLimits
+from cartoloop.kernels.range_projection import Position, RangeLimits, is_clear
 
 
 class SweepMotion(NamedTuple):
@@ -111,6 +111,8 @@ def project_sweep(
         is_hit = r <= limits.max_range and r < limits.no_return_range
         if not is_hit:
             if not (r < limits.no_return_range or limits.no_return_is_free or r == np.inf):
+                continue
+            if r >= limits.no_return_range and not is_clear(ranges, k, limits):
                 continue
             r = min(r, limits.free_ray_length)
             if r <= 0.0:

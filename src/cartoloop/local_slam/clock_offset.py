@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.local_slam.odometry_track import MAX_PERIOD_S
 
 OFFSETS_S: FloatArray = np.arange(-20.0, 61.0) * 0.02
 """Clock offsets tried [s], in steps of a tenth of the usual time between scans; positive: the
@@ -13,6 +16,15 @@ reading is newer than the scan of the same stamp. Radish logs have 0.14 to 0.64 
 
 MIN_TURN_RAD = 0.02
 """Steps that turn by less do not contribute to the offset [rad]: the noise of a match."""
+
+MIN_LOG_ODDS = math.log(100.0)
+"""An offset must be this much more likely than none, as a logarithm."""
+
+MIN_ERROR_RAD = 1e-6
+"""Added to the error of a turn [rad], so that exact data do not divide by zero."""
+
+FREEDOM, SCALE_ROUNDS = 4.0, 10
+"""Degrees of freedom of the errors' distribution; rounds in which its scale is found."""
 
 FIRST_ESTIMATE = 50
 """Number of scans before the first estimate of a calibration: some ten seconds."""
@@ -30,6 +42,7 @@ def clock_offset(
     reading_times: FloatArray,
     heading: FloatArray,
     max_unexplained: float = 0.9,
+    previous: float = 0.0,
 ) -> float | None:
     """Return the offset [s] at which a sensor turns when the scans do; None without agreement.
 
@@ -37,21 +50,94 @@ def clock_offset(
     ----------
     times : of the scans, shape (n,).
     turns, turning : rotation of each step between them [rad], and whether it is used.
-    reading_times, heading : of the sensor, shape (k,), heading unwrapped [rad].
+    reading_times, heading : of the sensor, shape (k,), k > 1, heading unwrapped [rad].
     max_unexplained : largest share of the turns that may differ at the best offset.
+    previous : the offset that was accepted before [s], 0 for none.
+
+    Returns
+    -------
+    The offset that explains the turns best, if it is better than none by enough
+    (:func:`is_better_than_none`). Otherwise the previous one as long as it is better than none at
+    all, or 0.
     """
+    known = (times >= reading_times[0]) & (times <= reading_times[-1])
+    known = known[:-1] & known[1:]
+
+    def reported(offset: float) -> FloatArray:
+        return np.diff(np.interp(times - offset, reading_times, heading))
+
+    turned = turns[turning]
     costs = np.array(
-        [
-            np.abs(turns - np.diff(np.interp(times - offset, reading_times, heading)))[
-                turning
-            ].mean()
-            for offset in OFFSETS_S
-        ]
+        [np.abs(turned - reported(offset)[turning]).mean() for offset in OFFSETS_S.tolist()]
     )
     best = int(np.argmin(costs))
-    if costs[best] > max_unexplained * np.abs(turns[turning]).mean():
+    if costs[best] > max_unexplained * np.abs(turned).mean():
         return None
-    return _refined_minimum(OFFSETS_S, costs, best)
+    offset = float(OFFSETS_S[best])
+    # Of readings that are interpolated, the errors average: as much at the opposite offset.
+    candidates = [reported(tried) for tried in (offset, 0.0, -offset)]
+    # A clock shows where turns begin and end: there only one of the two turns.
+    used = np.max(np.abs(candidates[:2]), axis=0) > MIN_TURN_RAD
+    used = (turning | used) & known
+    found, none, opposite = (_errors(turns, candidate, used) for candidate in candidates)
+    base = max(none, opposite, key=log_likelihood)
+    at = times[1:][used] - offset
+    if is_better_than_none(found, base, typical_spacing(at, reading_times)):
+        return _refined_minimum(OFFSETS_S, costs, best)
+    kept = _errors(turns, reported(previous), used)
+    return previous if log_likelihood(kept) > log_likelihood(none) else 0.0
+
+
+def is_better_than_none(errors: FloatArray, errors_of_none: FloatArray, spacing: float) -> bool:
+    """Return whether an offset explains the turns better than none, and not by chance.
+
+    Parameters
+    ----------
+    errors, errors_of_none : differences of the turns, apart from their scale, with the offset and
+        without, shapes (n,) [rad].
+    spacing : time between readings [s].
+
+    Notes
+    -----
+    By chance: the logarithm of the likelihood must grow by `MIN_LOG_ODDS` and by the logarithm of
+    the number of offsets tried; steps count half, since neighbours share a scan. By interpolation:
+    the motion between two readings is assumed to be uniform. The further apart they are, the less
+    is that true, and an offset then explains turns only because it averages readings. So the mean
+    error must decrease by a share that grows with the spacing, until readings determine no speed
+    and hence no offset.
+    """
+    limit = (1.0 - spacing / MAX_PERIOD_S) * np.abs(errors_of_none).mean()
+    if not np.abs(errors).mean() < limit:
+        return False
+    gain = log_likelihood(errors) - log_likelihood(errors_of_none)
+    return 0.5 * gain > MIN_LOG_ODDS + math.log(len(OFFSETS_S))
+
+
+def _errors(turns: FloatArray, reported: FloatArray, used: BoolArray) -> FloatArray:
+    """Return turns less the reported ones at the scale that fits them best, where they are used."""
+    true, seen = turns[used], reported[used]
+    squares = float(np.sum(seen**2))
+    return true - (float(np.sum(true * seen)) / squares if squares > 0.0 else 1.0) * seen
+
+
+def log_likelihood(errors: FloatArray) -> float:
+    """Return that of errors with Student's distribution of unknown scale, up to a constant.
+
+    Its tails are long: a few wrong matches do not decide.
+    """
+    squares = errors**2 + MIN_ERROR_RAD**2
+    scale = float(squares.mean())
+    for _ in range(SCALE_ROUNDS):
+        weights = (FREEDOM + 1.0) / (FREEDOM + squares / scale)
+        scale = float((weights * squares).mean())
+    spread = float(np.log1p(squares / (FREEDOM * scale)).sum())
+    return -0.5 * (len(errors) * math.log(scale) + (FREEDOM + 1.0) * spread)
+
+
+def typical_spacing(times: FloatArray, reading_times: FloatArray) -> float:
+    """Return the median time between the two readings around each of some times [s]."""
+    after = np.clip(np.searchsorted(reading_times, times), 1, len(reading_times) - 1)
+    return float(np.median(reading_times[after] - reading_times[after - 1]))
 
 
 def _refined_minimum(grid: FloatArray, costs: FloatArray, best: int) -> float:

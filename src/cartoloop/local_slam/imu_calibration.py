@@ -100,7 +100,13 @@ class ImuCalibration:
         if np.count_nonzero(turning) < MIN_TURNS:
             return
         found = clock_offset(
-            times, turns, turning, reading_times, reading_headings, MAX_UNEXPLAINED
+            times,
+            turns,
+            turning,
+            reading_times,
+            reading_headings,
+            MAX_UNEXPLAINED,
+            self.time_offset,
         )
         self.is_measured = True
         self.agrees = found is not None

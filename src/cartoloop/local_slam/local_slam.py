@@ -18,8 +18,10 @@ from cartoloop.config import (
     SensorConfig,
 )
 from cartoloop.errors import InputError
+from cartoloop.local_slam.odometry_calibration import OdometryParameters
+from cartoloop.local_slam.odometry_trust import Evidence
 from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator, Prediction
-from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher
+from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher, degenerate_direction
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
@@ -115,6 +117,7 @@ class LocalSlam:
     sensor : which part of a scan is used.
     node_filter : voxel filter of the points that a node keeps for loop closure.
     timer : measures the stages.
+    odometry_model : what is known about the odometry before; by default nothing.
     """
 
     def __init__(
@@ -123,6 +126,7 @@ class LocalSlam:
         sensor: SensorConfig,
         node_filter: AdaptiveVoxelFilterConfig,
         timer: StageTimer,
+        odometry_model: OdometryParameters | None = None,
     ) -> None:
         self._config = config
         self._node_filter = node_filter
@@ -131,7 +135,7 @@ class LocalSlam:
         self._scanners: dict[str, _Scanner] = {}
         self._active = ActiveSubmaps(config.submaps)
         self._num_nodes = 0
-        self.extrapolator = PoseExtrapolator(config)
+        self.extrapolator = PoseExtrapolator(config, odometry_model)
 
     @property
     def active_submaps(self) -> tuple[Submap, ...]:
@@ -189,7 +193,7 @@ class LocalSlam:
         if on_pose is not None:
             on_pose(pose)
         with self._timer.measure("predict"):
-            self.extrapolator.add_pose(scan.time, pose, filtered.motion)
+            self.extrapolator.add_pose(scan.time, pose, filtered.motion, self._evidence(match))
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))
@@ -243,6 +247,15 @@ class LocalSlam:
             return filtered, match
         prediction = self.extrapolator.prediction_from(scan.time, pose)
         return filtered, self._match(filtered, prediction, matcher)
+
+    def _evidence(self, match: MatchedScan | None) -> Evidence | None:
+        """Return which directions a match determines, None without a match."""
+        if match is None:
+            return None
+        ratio, direction = degenerate_direction(match.match)
+        turned = self._active.submaps[0].tf_local_submap.theta
+        is_determined = ratio > self._config.prediction.spurious_information
+        return Evidence(is_determined, direction + turned)
 
     def _information(self, match: MatchedScan | None) -> FloatArray:
         """Return the information matrix of a scan's pose in the older active submap."""

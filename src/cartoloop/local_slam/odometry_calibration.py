@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from cartoloop.arrays import FloatArray
+from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.local_slam.clock_offset import (
     FIRST_ESTIMATE,
     MIN_TURN_RAD,
@@ -59,8 +59,10 @@ class OdometryParameters:
     rotation_scale, translation_scale : true motion over reported motion.
     yaw : forward direction of the odometry in the tracking frame [rad].
     lever_x, lever_y : the tracking frame relative to the point whose motion is reported [m].
-    rotation_error, translation_error : median error of a calibrated step [rad], [m]; NaN before
-        the first estimate.
+    rotation_error : median error of the rotation of a calibrated step [rad]; NaN before the robot
+        has turned enough, because straight steps do not show it.
+    num_turns : number of turning steps that it was estimated from.
+    translation_error : the same of the distance [m]; NaN before the first estimate.
     """
 
     time_offset: float = 0.0
@@ -71,10 +73,16 @@ class OdometryParameters:
     lever_y: float = 0.0
     rotation_error: float = math.nan
     translation_error: float = math.nan
+    num_turns: int = 0
 
     @property
     def is_known(self) -> bool:
         """Whether there was enough motion for an estimate."""
+        return not math.isnan(self.translation_error)
+
+    @property
+    def knows_rotation(self) -> bool:
+        """Whether the robot has turned enough for an estimate of clock offset and rotation."""
         return not math.isnan(self.rotation_error)
 
     def summary(self) -> dict[str, Any]:
@@ -85,7 +93,7 @@ class OdometryParameters:
             "translation_scale": self.translation_scale,
             "yaw_rad": self.yaw,
             "lever_m": [self.lever_x, self.lever_y],
-            "rotation_error_rad": self.rotation_error if self.is_known else None,
+            "rotation_error_rad": self.rotation_error if self.knows_rotation else None,
             "translation_error_m": self.translation_error if self.is_known else None,
         }
 
@@ -124,21 +132,40 @@ class OdometryCalibration:
 
     Parameters
     ----------
+    model : what is known before; by default nothing.
     window : number of latest scans that are used.
     first : number of scans before the first estimate.
     """
 
-    def __init__(self, window: int = WINDOW, first: int = FIRST_ESTIMATE) -> None:
-        self.model = OdometryParameters()
+    def __init__(
+        self,
+        model: OdometryParameters | None = None,
+        window: int = WINDOW,
+        first: int = FIRST_ESTIMATE,
+    ) -> None:
+        self.model = model or OdometryParameters()
         self._window = window
         self._due = first
         self._times: list[float] = []
         self._poses: list[Pose] = []
+        self._is_usable: list[bool] = []
 
-    def add(self, time: float, tf_local_tracking: Pose, track: OdometryTrack) -> None:
-        """Add a scan's pose as matched; from time to time, estimate again."""
+    def add(
+        self,
+        time: float,
+        tf_local_tracking: Pose,
+        track: OdometryTrack,
+        num_faulty: int = 0,
+    ) -> None:
+        """Add a scan's pose as matched; from time to time, estimate again.
+
+        `num_faulty` of the latest steps, up to this scan, are not used.
+        """
         self._times.append(time)
         self._poses.append(tf_local_tracking)
+        self._is_usable.append(True)
+        if num_faulty:
+            self._is_usable[-num_faulty:] = [False] * min(num_faulty, len(self._is_usable))
         if len(self._times) >= self._due:
             self._due = next_estimate(len(self._times))
             self.model = estimate(
@@ -146,6 +173,7 @@ class OdometryCalibration:
                 np.array(self._poses[-self._window :]),
                 *track.arrays(),
                 self.model,
+                np.array(self._is_usable[-self._window :]),
             )
 
 
@@ -155,6 +183,7 @@ def estimate(
     odometry_times: FloatArray,
     odometry_poses: FloatArray,
     previous: OdometryParameters,
+    is_usable: BoolArray | None = None,
 ) -> OdometryParameters:
     """Return the model that fits the motion between scans best; `previous` if too few steps move.
 
@@ -162,6 +191,7 @@ def estimate(
     ----------
     times, poses : float64, shapes (n,), (n, 3): matched scans.
     odometry_times, odometry_poses : float64, shapes (k,), (k, 3), times increasing.
+    is_usable : shape (n,), whether the step to each scan is used; by default all are.
     """
     if len(odometry_times) < 2:
         return previous
@@ -169,11 +199,15 @@ def estimate(
     heading = np.unwrap(odometry_poses[:, 2])
     span = (times >= odometry_times[0]) & (times <= odometry_times[-1])
     known = span[:-1] & span[1:]
+    if is_usable is not None:
+        known &= is_usable[1:]
     turning = (np.abs(steps[:, 2]) > MIN_TURN_RAD) & known
     offset, rotation_scale = previous.time_offset, previous.rotation_scale
     turns_enough = np.count_nonzero(turning) >= MIN_STEPS
     if turns_enough:
-        found = clock_offset(times, steps[:, 2], turning, odometry_times, heading)
+        found = clock_offset(
+            times, steps[:, 2], turning, odometry_times, heading, previous=previous.time_offset
+        )
         if found is None:
             return previous
         offset = found
@@ -189,9 +223,11 @@ def estimate(
         offset, rotation_scale, *_scale_yaw_and_lever(reported[moving], steps[moving])
     )
     errors = np.abs(model.predict_all(reported[moving]) - steps[moving])
+    knows_rotation = turns_enough or previous.knows_rotation
     return replace(
         model,
-        rotation_error=float(np.median(errors[:, 2])),
+        num_turns=int(np.count_nonzero(turning)),
+        rotation_error=float(np.median(errors[:, 2])) if knows_rotation else math.nan,
         translation_error=float(np.median(np.hypot(errors[:, 0], errors[:, 1]))),
     )
 

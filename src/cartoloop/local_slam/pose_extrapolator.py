@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import asdict
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.imu_calibration import ImuCalibration
 from cartoloop.local_slam.odometry_calibration import OdometryCalibration, OdometryParameters
 from cartoloop.local_slam.odometry_track import OdometryTrack
+from cartoloop.local_slam.odometry_trust import Evidence, OdometryFault, OdometryTrust, differ
 from cartoloop.local_slam.velocity_filter import VelocityFilter
 from cartoloop.sensor.events import Imu
 from cartoloop.sensor.imu_track import ImuTrack
@@ -24,6 +26,14 @@ from cartoloop.sensor.sweep_motion import SweepMotion
 MAX_SWEEP_S = 1.0
 """Longest plausible sweep [s]: no scanner is slower than 1 Hz. A longer one is a wrong time
 increment, and its beams count as measured at once."""
+
+STALE_M, STALE_RAD, STALE_SHARE = 0.03, 0.03, 0.5
+"""Odometry that does not change at all while the scans move by more than this [m], [rad] repeats an
+old reading. It is new again when it agrees with the scans up to that and a share of the motion."""
+
+KNOWN_SHIFTS_S: tuple[float, ...] = (-0.1, 0.1)
+UNKNOWN_SHIFTS_S: tuple[float, ...] = tuple(0.1 * k for k in range(-4, 13) if k)
+"""Times by which odometry may be late [s]: once its clock is known, and before."""
 
 STANDING_SPEED, STANDING_RATE = 0.05, 0.03
 """Velocities below which matched scans do not contradict rest [m/s], [rad/s]: their noise."""
@@ -59,6 +69,11 @@ class PoseExtrapolator:
 
     Where there is an IMU, the heading is predicted by its gyroscope.
 
+    Parameters
+    ----------
+    config : parameters of local SLAM.
+    odometry_model : what is known about the odometry before; by default nothing.
+
     Attributes
     ----------
     imu : readings of the IMU; None without any.
@@ -66,11 +81,15 @@ class PoseExtrapolator:
     num_overlong_sweeps : number of sweeps longer than `MAX_SWEEP_S`.
     """
 
-    def __init__(self, config: LocalSlamConfig) -> None:
+    def __init__(
+        self, config: LocalSlamConfig, odometry_model: OdometryParameters | None = None
+    ) -> None:
         self._config = config
         self._prediction = config.prediction
         self._odometry = OdometryTrack()
-        self._calibration = OdometryCalibration()
+        self._calibration = OdometryCalibration(odometry_model)
+        self._trust = OdometryTrust()
+        self._is_stale = False
         self._time = 0.0
         self._tf_local_tracking = IDENTITY
         self._velocity = VelocityFilter(config.prediction)
@@ -86,14 +105,22 @@ class PoseExtrapolator:
         return self._calibration.model
 
     @property
+    def odometry_faults(self) -> list[OdometryFault]:
+        """The times at which the odometry did not move as the scans did, so far."""
+        return self._trust.faults
+
+    @property
     def measures_motion(self) -> bool:
         """Whether odometry or an IMU measures the motion between scans."""
         return len(self._odometry) > 0 or self.imu is not None
 
     def summary(self) -> dict[str, Any]:
         """Return the estimates about odometry and IMU, for the report."""
-        jumps = {"jumps": self._odometry.num_jumps}
-        summary: dict[str, Any] = {"odometry": self.odometry_model.summary() | jumps}
+        track = {
+            "jumps": self._odometry.num_jumps,
+            "faults": [asdict(fault) for fault in self._trust.faults],
+        }
+        summary: dict[str, Any] = {"odometry": self.odometry_model.summary() | track}
         if self.imu is not None:
             summary["imu"] = self.imu.summary() | self.imu_calibration.summary()
         if self.num_overlong_sweeps:
@@ -114,25 +141,61 @@ class PoseExtrapolator:
         self.imu.add(imu)
 
     def add_pose(
-        self, time: float, tf_local_tracking: Pose, motion: SweepMotion | None = None
+        self,
+        time: float,
+        tf_local_tracking: Pose,
+        motion: SweepMotion | None = None,
+        evidence: Evidence | None = None,
     ) -> None:
-        """Add the matched pose of a scan, and the motion assumed during its sweep.
+        """Add the matched pose of a scan, the motion assumed in its sweep, and what it determines.
 
         A sweep is matched as a whole, so the pose of its middle is correct even if the assumed
         motion is not. Velocity, clock offsets and biases are therefore estimated from the middles.
         """
         middle_time, middle = _middle(time, tf_local_tracking, motion)
+        num_faulty = 0
         if self._num_poses:
             self._velocity.update(relative(self._middle, middle), middle_time - self._middle_time)
+            if len(self._odometry):
+                num_faulty = self._compare_odometry(middle_time, middle, evidence)
         self._middle_time, self._middle = middle_time, middle
         self._time, self._tf_local_tracking = time, tf_local_tracking
         self._num_poses += 1
         if len(self._odometry):
-            self._calibration.add(middle_time, middle, self._odometry)
+            self._calibration.add(middle_time, middle, self._odometry, num_faulty)
         if self.imu is not None:
             x, y, rate = self._velocity.step(1.0)
             self.imu.note_standing(math.hypot(x, y) < STANDING_SPEED and abs(rate) < STANDING_RATE)
             self.imu_calibration.add(middle_time, middle, self.imu)
+
+    def _compare_odometry(self, time: float, pose: Pose, evidence: Evidence | None) -> int:
+        """Compare the odometry with a matched pose; return how many latest steps are faulty."""
+        reported = self._measured_step(self._middle_time, time)
+        num_faulty = self._trust.add(time, pose, reported, evidence, self._is_late)
+        if reported is None or evidence is None or not evidence.is_determined:
+            return num_faulty
+        matched = relative(self._middle, pose)
+        apart = math.hypot(matched.x - reported.x, matched.y - reported.y)
+        turned_apart = abs(matched.theta - reported.theta)
+        if self._is_stale:
+            self._is_stale = apart > STALE_M + STALE_SHARE * math.hypot(
+                matched.x, matched.y
+            ) or turned_apart > STALE_RAD + STALE_SHARE * abs(matched.theta)
+        elif reported == IDENTITY:
+            self._is_stale = apart > STALE_M or turned_apart > STALE_RAD
+        return max(num_faulty, int(self._is_stale))
+
+    def _is_late(self, begin: float, end: float, matched: Pose) -> bool:
+        """Return whether the odometry reports about such a motion shortly before or after."""
+        shifts = KNOWN_SHIFTS_S if self.odometry_model.knows_rotation else UNKNOWN_SHIFTS_S
+        length = math.hypot(matched.x, matched.y)
+        for shift in shifts:
+            step = self._measured_step(begin - shift, end - shift)
+            if step is not None and not differ(
+                Pose(length, 0.0, matched.theta), Pose(math.hypot(step.x, step.y), 0.0, step.theta)
+            ):
+                return True
+        return False
 
     def predict(self, time: float) -> Prediction:
         """Return the motion prior of a scan at a time not before the last pose."""
@@ -151,17 +214,18 @@ class PoseExtrapolator:
 
     def _odometry_information(self) -> FloatArray:
         config, model = self._prediction, self._calibration.model
-        if not model.is_known:
-            return isotropic_information(
-                config.unknown_translation_sigma, config.unknown_rotation_sigma
-            )
-        return isotropic_information(
-            max(
+        translation = config.unknown_translation_sigma
+        if model.is_known:
+            translation = max(
                 config.translation_error_factor * model.translation_error,
                 config.min_translation_sigma,
-            ),
-            max(config.rotation_error_factor * model.rotation_error, config.min_rotation_sigma),
-        )
+            )
+        rotation = config.unknown_rotation_sigma
+        if model.knows_rotation:
+            rotation = max(
+                config.rotation_error_factor * model.rotation_error, config.min_rotation_sigma
+            )
+        return isotropic_information(translation, rotation)
 
     def _velocity_information(self, time: float, moved: Pose) -> FloatArray:
         config, rest = self._prediction, self._tf_local_tracking
@@ -275,6 +339,12 @@ class PoseExtrapolator:
         return float(turned[1] - turned[0])
 
     def _odometry_step(self, begin: float, end: float) -> Pose | None:
+        """Return the calibrated motion between two times, None if it is not known or trusted."""
+        if self._is_stale or not self._trust.is_trusted:
+            return None
+        return self._measured_step(begin, end)
+
+    def _measured_step(self, begin: float, end: float) -> Pose | None:
         """Return the calibrated motion that the odometry measured between two times, or None."""
         model = self._calibration.model
         begin, end = begin - model.time_offset, end - model.time_offset

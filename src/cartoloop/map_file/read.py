@@ -27,7 +27,6 @@ from cartoloop.map_file.schema import (
     APPLICATION_ID,
     FILE_NAME,
     READABLE_VERSIONS,
-    SCHEMA_VERSION,
 )
 from cartoloop.map_file.tables import numbers_of
 from cartoloop.quality.verdict import Quality
@@ -154,7 +153,7 @@ def _graph(database: sqlite3.Connection) -> tuple[PoseGraph, Closures]:
     if graph.num_submaps:
         graph.fix_submap(0)
     version = database.execute("PRAGMA user_version").fetchone()[0]
-    read = constraints_and_closures if version == SCHEMA_VERSION else constraints_and_closures_v2
+    read = constraints_and_closures_v2 if version == 2 else constraints_and_closures
     return graph, read(database, graph)
 
 

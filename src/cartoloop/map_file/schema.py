@@ -11,13 +11,14 @@ FILE_NAME = "map.cartoloop"
 APPLICATION_ID = 0x6361_7274
 """In the header of the file: marks the database as a map. ASCII "cart"."""
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 """``user_version`` in the header of the file; increased when older readers would fail.
 
-Version 2 had no tables of closures: all constraints stood in one table, with their score.
+Version 2 had no tables of closures: all constraints stood in one table, with their score. Version 3
+had fewer statuses and reasons.
 """
 
-READABLE_VERSIONS = (2, SCHEMA_VERSION)
+READABLE_VERSIONS = (2, 3, SCHEMA_VERSION)
 
 TABLES = """
 -- name of the recording; config: JSON; report: JSON, report.json without what differs from run to

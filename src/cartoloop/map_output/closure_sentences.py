@@ -10,6 +10,7 @@ from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pair_selection import PairVerdict
 from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
+from cartoloop.global_slam.search_windows import path_length_of
 
 REQUESTS_NOT_RECORDED = (
     "Requests and searches are not known: the map file is of an earlier version and has no record "
@@ -33,16 +34,31 @@ class Sentences:
         record = self._closures
         config = self._config.constraint_search
         x, y, theta = record.predicted[row].tolist()
-        drift = values["window_m"] - config.min_linear_search_window
-        path = drift / config.linear_drift if config.linear_drift else math.nan
-        is_full = values["window_m"] >= config.linear_search_window
-        why = "the largest window" if is_full else f"the path between the two is {path:.1f} m long"
+        path = self._path_length(values)
+        if values["window_m"] >= config.linear_search_window and path is not None:
+            why = "the largest window"
+        elif path is not None:
+            why = f"the path between the two is {path:.1f} m long"
+        else:
+            why = (
+                f"{config.wide_search.num_sigmas:g} standard deviations of the drift between the "
+                f"two; searched with the scans of the {config.wide_search.length:g} m of path "
+                "before the node together"
+            )
         return [
             f"Requested when the graph had {values['requested_at']:.0f} nodes. Predicted pose in "
             f"the submap: x {x:.2f} m, y {y:.2f} m, {math.degrees(theta):.1f} deg.",
             f"Search window radius: {values['window_m']:.2f} m, {values['window_deg']:.1f} deg "
             f"({why}).",
         ]
+
+    def _path_length(self, values: dict[str, float]) -> float | None:
+        """Return the path length that a search window follows from; None for a wide search."""
+        return path_length_of(
+            self._config.constraint_search,
+            values["window_m"],
+            math.radians(values["window_deg"]),
+        )
 
     def after_request(self, row: int, values: dict[str, float]) -> list[str]:
         """Return the sentences about search, last pass and final residual of a row."""
@@ -56,7 +72,8 @@ class Sentences:
         config = self._config
         sentences = []
         if "min_score" in values:
-            sentences.append(self._threshold_sentence(values["min_score"]))
+            is_wide = self._path_length(values) is None
+            sentences.append(self._threshold_sentence(values["min_score"], is_wide=is_wide))
         match Status(int(self._closures.search_status[row])):
             case Status.WAITING:
                 sentences.append("The search had not ended when the run was stopped.")
@@ -71,14 +88,26 @@ class Sentences:
                     "other nodes of the same submap had been found (max_closures_of_pair), or the "
                     "submap is empty."
                 )
+            case Status.NOT_FOUND if self._closures.reason[row] == Reason.AMBIGUOUS:
+                sentences.append(
+                    "Searched: a candidate reached the minimum score, but elsewhere in the window "
+                    f"another one is less than {config.constraint_search.min_runner_up_margin:g} "
+                    "worse (min_runner_up_margin)."
+                )
             case Status.NOT_FOUND:
                 sentences.append("Searched: no candidate in the window reached the minimum score.")
+            case Status.HYPOTHESIS:
+                sentences.append(
+                    "Searched: a candidate reached the minimum score, but it fits as well in "
+                    "another place, or too few others along the path agree with it."
+                )
             case Status.FOUND:
                 sentences.append(_found_sentence(values))
         return sentences
 
-    def _threshold_sentence(self, min_score: float) -> str:
-        config = self._config.constraint_search
+    def _threshold_sentence(self, min_score: float, *, is_wide: bool) -> str:
+        search = self._config.constraint_search
+        config = search.wide_search if is_wide else search
         if min_score >= config.min_score:
             return f"Minimum score: {min_score:.3f} (min_score)."
         own = min_score / config.min_score_ratio

@@ -78,7 +78,9 @@ def _parser(_: Head) -> Parse:
 def _scan_reading(scan: ScanLine, geometries: dict[GeometryKey, ScanGeometry]) -> Reading:
     stamp = parse_stamp(scan.tail, scan.stamp)
     ranges = parse_ranges(scan)
-    pose = parse_pose(scan.tail, scan.robot_pose) if scan.robot_pose >= 0 else None
+    pose = None
+    if scan.robot_pose >= 0:  # a scan is of use without odometry
+        pose = parse_pose(scan.tail, scan.robot_pose, must_be_finite=False)
     tag = scan.head[0]
     mounting = _stated_mounting(scan) if tag.startswith(b"ROBOTLASER") else None
     key = (tag, scan.num_beams, tuple(scan.head[2:-1]))

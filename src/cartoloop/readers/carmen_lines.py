@@ -204,20 +204,22 @@ def parse_stamp(tokens: list[bytes], index: int) -> float:
     return stamp if isfinite(stamp) else math.nan
 
 
-def parse_pose(tokens: list[bytes], index: int) -> Pose:
+def parse_pose(tokens: list[bytes], index: int, *, must_be_finite: bool = True) -> Pose:
     """Return the pose x, y [m], theta [rad] in the three tokens from `index` on.
 
     Raises
     ------
     LineError
-        If a token is not a number, or not finite.
+        If a token is not a number, or not finite though it must be.
     """
     try:
         x, y, theta = float(tokens[index]), float(tokens[index + 1]), float(tokens[index + 2])
     except ValueError:
         raise _not_a_number(tokens[index : index + 3]) from None
     # The sum first: this is done for each line.
-    if not (isfinite(x + y + theta) or (isfinite(x) and isfinite(y) and isfinite(theta))):
+    if must_be_finite and not (
+        isfinite(x + y + theta) or (isfinite(x) and isfinite(y) and isfinite(theta))
+    ):
         raise LineError("pose not finite", "a number of the pose is NaN or infinite")
     return Pose(x, y, theta)
 

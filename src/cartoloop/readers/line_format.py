@@ -38,7 +38,7 @@ class Reading(NamedTuple):
     Attributes
     ----------
     stamp : time of the measurement [s]; NaN if the line has none.
-    tf_odom_tracking : pose of the robot by its odometry, or None.
+    tf_odom_tracking : pose of the robot by its odometry, or None; with a scan, it may hold NaN.
     ranges : float64, shape (num_beams,) [m], or None. NaN, inf, 0 and values beyond the
         scanner's range are allowed.
     geometry : of these ranges, where it differs from the recording's; its `sensor` names the

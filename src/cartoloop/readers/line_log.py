@@ -155,7 +155,10 @@ class LineLog(LogBase):
                 continue
             time = times[number]
             stamp = time if math.isnan(reading.stamp) else reading.stamp
-            if reading.tf_odom_tracking is not None:
+            if not _is_finite(reading.tf_odom_tracking):
+                place = f"{self.name}:{number + 1}: the odometry pose is NaN or infinite"
+                problems.skip("odometry not finite, scan kept", place)
+            elif reading.tf_odom_tracking is not None:
                 odometry = (reading.tf_odom_tracking, stamp)
                 if not (self._format.repeats_odometry and odometry == last_odometry):
                     yield Odometry(stamp, time, reading.tf_odom_tracking)
@@ -211,7 +214,9 @@ class LineLog(LogBase):
                 if reading is not None:
                     _check(reading)
                     kind, stamp = self._index_reading(number, reading), reading.stamp
-                    if reading.tf_odom_tracking is not None:
+                    if reading.tf_odom_tracking is not None and _is_finite(
+                        reading.tf_odom_tracking
+                    ):
                         num_poses[kind] += 1
             except LineError as error:
                 if error.detail and not first_fault:
@@ -333,11 +338,15 @@ def _rigid_mounting(stated: Sequence[Pose]) -> Pose | None:
     return Pose(x, y, wrap_angle(stated[0].theta + turn))
 
 
+def _is_finite(pose: Pose | None) -> bool:
+    # The sum first: this is done for each line.
+    return pose is None or isfinite(sum(pose)) or all(map(isfinite, pose))
+
+
 def _check(reading: Reading) -> None:
     """Raise `LineError` if a reading cannot be used."""
-    pose, ranges = reading.tf_odom_tracking, reading.ranges
-    # The sum first: this is done for each line.
-    if pose is not None and not (isfinite(sum(pose)) or all(map(isfinite, pose))):
+    ranges = reading.ranges
+    if ranges is None and not _is_finite(reading.tf_odom_tracking):
         raise LineError("pose not finite", "a number of the pose is NaN or infinite")
     if ranges is not None and len(ranges) == 0:
         raise LineError("scan without ranges", "the scan has no ranges")

@@ -19,6 +19,9 @@ from cartoloop.sensor.events import CloudGeometry, LaserScan, PointCloud, ScanGe
 from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.sweep_motion import AT_REST, SweepMotion, rotation, sensor_in_sweep
 
+ANGLE_TOLERANCE = 0.01
+"""Part of a beam's step by which recorded steps are rounded."""
+
 _MAX_GEOMETRIES = 64
 """Number of geometries that are cached; only wrong readers make a new one for each scan."""
 
@@ -170,6 +173,7 @@ class RangeFilter:
                 float(geometry.range_max),
                 bool(geometry.no_return_is_free),
                 config.missing_data_ray_length,
+                self._num_agreeing(geometry),
             ),
         )
         return scanner
@@ -198,6 +202,14 @@ class RangeFilter:
     def _min_range(self, geometry: ScanGeometry | CloudGeometry) -> float:
         configured = self._config.min_range
         return float(geometry.range_min if configured is None else configured)
+
+    def _num_agreeing(self, geometry: ScanGeometry) -> int:
+        """Return how many beams on each side of one without a return must agree with it."""
+        angle = math.radians(self._config.missing_data_agreement_deg)
+        if angle == 0.0 or geometry.angle_increment == 0.0:
+            return 0
+        share = min(angle / abs(geometry.angle_increment), geometry.num_beams)
+        return max(math.floor(share + ANGLE_TOLERANCE), 1)
 
     def _max_range(self, range_max: float) -> float:
         """Return the largest range of a hit [m], given the scanner's own limit."""

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A quick pass of local SLAM over the beginning of a recording: what its odometry is like.
+
+While a map grows, the odometry's clock offset becomes known only after some turns, and those come
+out wrong by degrees. A recording, unlike a live robot, can be asked for it first.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cartoloop.config import Config
+from cartoloop.local_slam.clock_offset import FIRST_ESTIMATE
+from cartoloop.mapper import Mapper
+from cartoloop.sensor.events import Odometry
+from cartoloop.stop_request import StopRequest
+
+if TYPE_CHECKING:
+    from cartoloop.local_slam.odometry_calibration import OdometryParameters
+    from cartoloop.readers import Log
+
+MAX_SHARE, LEAST_SCANS = 0.1, 300
+"""Largest share of the scans that are tried: local SLAM takes half of a run, so that the pass takes
+a twentieth of it where the odometry never becomes known. Of short recordings, a number of scans
+instead, which takes a fraction of a second."""
+
+ENOUGH_TURNS = 150
+"""Number of turning steps after which an offset that matters would have been found."""
+
+
+def learn_odometry(log: Log, config: Config, stop: StopRequest) -> OdometryParameters | None:
+    """Return what the beginning of a recording shows about its odometry, or None.
+
+    The pass ends once a clock offset was found, or the robot has turned so much that there is none
+    that matters; at the latest after `MAX_SHARE` of the scans, or `LEAST_SCANS`. A failure ends it
+    as well: the pass that maps will meet and report it.
+
+    Parameters
+    ----------
+    log : of which a pass of its own is read.
+    config : of the mapping; loops are not closed here.
+    stop : ends the pass early.
+    """
+    if not config.local_slam.use_odometry:
+        return None
+    open_loop = config.global_slam.model_copy(update={"optimize_every_n_nodes": 0})
+    mapper = Mapper(config.model_copy(update={"global_slam": open_loop}))
+    limit = max(MAX_SHARE * log.num_scans, LEAST_SCANS)
+    has_odometry = False
+    events = iter(log)
+    try:
+        for event in events:
+            has_odometry = has_odometry or isinstance(event, Odometry)
+            mapper.add(event)
+            if stop.made or mapper.num_scans > (limit if has_odometry else FIRST_ESTIMATE):
+                break
+            model = mapper.odometry_model
+            if model.knows_rotation and (model.time_offset or model.num_turns >= ENOUGH_TURNS):
+                break
+    except KeyboardInterrupt:
+        stop.made = True
+    except Exception:  # noqa: BLE001 - see above
+        pass
+    finally:
+        events.close()
+        mapper.close()
+    return mapper.odometry_model if mapper.odometry_model.knows_rotation else None

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Composite scans: the returns of some metres of the robot's path, as if seen at once.
+
+In a large search window a single scan fits in many places; with its neighbours it is distinct. The
+local poses within a few metres are known far better than a pixel.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cartoloop.arrays import FloatArray
+from cartoloop.config import WideSearchConfig
+from cartoloop.growing_array import GrowingArray
+from cartoloop.sensor.pose import Pose, relative, transform_points
+from cartoloop.sensor.range_filter import thin
+from cartoloop.sensor.scan_points import NodePoints, ScanPoints
+
+
+class CompositeScans:
+    """Makes a composite scan every few metres of the robot's path.
+
+    Parameters
+    ----------
+    config : spacing, length, and the filter of the returns.
+
+    Attributes
+    ----------
+    nodes : int64, shape (n,), the newest node of each composite scan; its frame is that node's.
+    """
+
+    def __init__(self, config: WideSearchConfig) -> None:
+        self._config = config
+        self._tf_local_node = GrowingArray((3,), np.float64)
+        self._travelled = GrowingArray((), np.float64)
+        self._newest = GrowingArray((), np.int64)
+        self._points = NodePoints()
+
+    def __len__(self) -> int:
+        return len(self._newest)
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """The newest node of each, whose frame it has; int64, shape (n,)."""
+        return self._newest.view
+
+    @property
+    def points(self) -> ScanPoints:
+        """The returns of each [m]."""
+        return self._points.view
+
+    @property
+    def travelled(self) -> FloatArray:
+        """Path length of the robot at each, shape (n,) [m]."""
+        lengths: FloatArray = self._travelled.view[self._newest.view]
+        return lengths
+
+    @property
+    def tf_local_scan(self) -> FloatArray:
+        """Pose of each before loop closure, shape (n, 3)."""
+        poses: FloatArray = self._tf_local_node.view[self._newest.view]
+        return poses
+
+    def add_node(self, tf_local_node: Pose, node_points: ScanPoints) -> int | None:
+        """Note the next node; return the number of the composite scan that it completes, if any.
+
+        Parameters
+        ----------
+        node_points : the returns of all nodes, this one included.
+        """
+        poses, travelled = self._tf_local_node, self._travelled
+        length = 0.0
+        if len(poses):
+            x, y, _ = poses.view[-1].tolist()
+            length = float(travelled.view[-1]) + math.dist((x, y), tf_local_node[:2])
+        poses.append(tf_local_node)
+        travelled.append(length)
+        since = float(travelled.view[self._newest.view[-1]]) if len(self) else 0.0
+        if length - since < self._config.spacing:
+            return None
+        newest = len(poses) - 1
+        self._points.append(self._composed(newest, node_points))
+        self._newest.append(newest)
+        return len(self) - 1
+
+    def _composed(self, newest: int, node_points: ScanPoints) -> FloatArray:
+        """Return the returns of the last nodes in the frame of the newest."""
+        config, travelled = self._config, self._travelled.view
+        oldest = int(np.searchsorted(travelled, travelled[newest] - config.length))
+        step = -(-(newest - oldest + 1) // config.max_num_scans)
+        tf_local_newest = Pose(*self._tf_local_node.view[newest].tolist())
+        parts = []
+        for node in range(newest, oldest - 1, -step):
+            pose = Pose(*self._tf_local_node.view[node].tolist())
+            parts.append(transform_points(relative(tf_local_newest, pose), node_points[node]))
+        return thin(np.concatenate(parts), config.adaptive_voxel_filter)

@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The search for loop closures where the drift is large: composite scans in all submaps in reach.
+
+The window follows from the drift along the shortest path between the two, without an upper limit.
+What is found is a hypothesis (``hypotheses``); sets of hypotheses that agree become closures, which
+the pose adjustment trusts: a robust loss would keep a few of them from moving a long chain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import Future
+from functools import partial
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.arrays import IntArray, RowArray
+from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.closure_matches import Requests, SearchMatches
+from cartoloop.global_slam.closure_search import FinishedSubmap, refine_all
+from cartoloop.global_slam.closures import Closures
+from cartoloop.global_slam.composite_scans import CompositeScans
+from cartoloop.global_slam.constraint_search import ConstraintSearch
+from cartoloop.global_slam.hypotheses import Candidate, Hypothesis, best_place, consistent_set
+from cartoloop.global_slam.pair_selection import PairSelection
+from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.scan_matching.branch_and_bound import RunnerUp
+from cartoloop.scan_matching.least_squares import match_informations
+from cartoloop.sensor.pose import compose_all, wrap_angles
+from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.submaps.node import Node
+
+
+class _Outcome(NamedTuple):
+    """What the search of composite scans in one submap came to.
+
+    Attributes
+    ----------
+    rows : that were searched.
+    min_score : the threshold.
+    candidates : where it was reached.
+    duration : of the search [s].
+    """
+
+    rows: RowArray
+    min_score: float
+    candidates: list[Candidate]
+    duration: float
+
+
+class WideSearch:
+    """Searches composite scans, and decides what of it is believed.
+
+    Parameters
+    ----------
+    config : parameters.
+    closures : the record; requests and what became of them are noted in it.
+    submaps : the finished submaps by their index; the owner adds to it.
+    search : runs the searches in its background threads.
+
+    Attributes
+    ----------
+    durations : time that each task of a thread took [s].
+    """
+
+    def __init__(
+        self,
+        config: ConstraintSearchConfig,
+        closures: Closures,
+        submaps: Sequence[FinishedSubmap],
+        search: ConstraintSearch,
+    ) -> None:
+        self._all = config
+        self._config = config.wide_search
+        self._closures = closures
+        self._submaps = submaps
+        self._search = search
+        self._scans = CompositeScans(self._config)
+        self._waiting: dict[int, list[tuple[int, int]]] = {}
+        self._running: list[Future[_Outcome]] = []
+        self._candidates: dict[int, list[Candidate]] = {}
+        self._searched: set[tuple[int, int]] = set()
+        self._has_news = False
+        self.durations: list[float] = []
+
+    @property
+    def num_scans(self) -> int:
+        """Number of composite scans so far."""
+        return len(self._scans)
+
+    def add_node(self, node: Node, node_points: ScanPoints) -> int | None:
+        """Note the next node; return the number of the composite scan that it completes, if any."""
+        return self._scans.add_node(node.tf_local_tracking, node_points)
+
+    def request(self, scan: int, pairs: PairSelection, graph: PoseGraph) -> None:
+        """Request the search of a composite scan in the submaps where the drift may place it."""
+        node = int(self._scans.nodes[scan])
+        found = pairs.wide_pairs(graph, node, self._submaps)
+        new = [
+            i
+            for i, submap in enumerate(found.submap.tolist())
+            if (scan, submap) not in self._searched
+        ]
+        if len(self._scans.points[scan]) < self._all.min_num_points or not new:
+            return
+        requests = found.take(np.array(new))
+        requests = requests.take(
+            np.flatnonzero(~self._closures.has_rows(requests.submap, requests.node))
+        )
+        rows = self._closures.request(requests, graph.num_nodes)
+        for submap, row in zip(requests.submap.tolist(), rows.tolist(), strict=True):
+            self._searched.add((scan, submap))
+            self._waiting.setdefault(submap, []).append((scan, row))
+
+    def start(self) -> None:
+        """Pass what was requested to the threads; returns immediately."""
+        for submap, wanted in self._waiting.items():
+            scans, rows = np.array(wanted).T
+            requests = self._closures.requests(rows)
+            points = self._scans.points.take(scans)
+            task = partial(self._find, scans=scans, rows=rows, points=points, requests=requests)
+            self._running.append(self._search.run(task, self._submaps[submap]))
+        self._waiting = {}
+
+    def collect(self, *, wait: bool) -> None:
+        """Note what the searches found.
+
+        Parameters
+        ----------
+        wait : for all that were started; otherwise unfinished ones are left for the next call.
+        """
+        left = []
+        for future in self._running:
+            if wait or future.done():
+                self._note(future.result())
+            else:
+                left.append(future)
+        self._running = left
+
+    def decide(self, pairs: PairSelection, graph: PoseGraph) -> SearchMatches | None:
+        """Return closures of the best set of hypotheses that agree, None if there is none.
+
+        Hypotheses about what the graph knows well by now are dropped.
+        """
+        if not self._has_news:
+            return None
+        chosen = consistent_set(self._hypotheses(pairs, graph), self._config)
+        if chosen is None:
+            self._has_news = False
+            return None
+        for each in chosen:
+            self._candidates.pop(each.candidate.scan)
+        return _together([self._refined(each.candidate) for each in chosen])
+
+    def _hypotheses(self, pairs: PairSelection, graph: PoseGraph) -> list[Hypothesis]:
+        """Return the composite scans whose place is distinct, in the order of the path."""
+        config, scans = self._config, self._scans
+        travelled, tf_local_scan = scans.travelled, scans.tf_local_scan
+        distinct = []
+        for scan in sorted(self._candidates):
+            candidates = self._candidates[scan]
+            poses = np.array([each.tf_submap_scan for each in candidates])
+            submaps = np.array([each.submap for each in candidates])
+            tf_map_scan = compose_all(graph.submap_poses[submaps], poses)
+            best, other_score = best_place(candidates, tf_map_scan, config)
+            chosen = candidates[best]
+            node = int(scans.nodes[scan])
+            if pairs.path_length(graph, chosen.submap, node) < config.min_path_length:
+                del self._candidates[scan]
+                continue
+            evidence = chosen.score - other_score
+            if evidence >= config.min_margin:
+                distinct.append(
+                    Hypothesis(
+                        chosen, tf_map_scan[best], tf_local_scan[scan], travelled[scan], evidence
+                    )
+                )
+        return distinct
+
+    def _note(self, outcome: _Outcome) -> None:
+        self.durations.append(outcome.duration)
+        self._closures.note_searched(outcome.rows, outcome.min_score)
+        for candidate in outcome.candidates:
+            self._candidates.setdefault(candidate.scan, []).append(candidate)
+            self._has_news = True
+        matched = np.array([candidate.row for candidate in outcome.candidates], dtype=np.int32)
+        self._closures.note_hypotheses(matched)
+
+    def _find(
+        self,
+        submap: FinishedSubmap,
+        scans: IntArray,
+        rows: RowArray,
+        points: ScanPoints,
+        requests: Requests,
+    ) -> _Outcome:
+        """Return where composite scans fit in one submap."""
+        start = perf_counter()
+        config = self._config
+        min_score = min(config.min_score, config.min_score_ratio * submap.own_score)
+        found = submap.matcher.match_all(
+            points,
+            requests.tf_submap_node,
+            linear_windows=requests.linear_window,
+            angular_windows=requests.angular_window,
+            min_score=min_score,
+            groups=np.arange(len(scans)),
+            max_of_group=1,
+            runner_up=RunnerUp(
+                config.place_distance, math.radians(config.place_angle_deg), RUNNER_UP_MARGIN
+            ),
+        )
+        candidates = [
+            Candidate(
+                int(rows[i]),
+                int(scans[i]),
+                submap.index,
+                np.array(match.tf_submap_scan),
+                match.score,
+                max(match.runner_up, min_score),
+            )
+            for i, match in enumerate(found.matches)
+            if match is not None
+        ]
+        return _Outcome(rows, min_score, candidates, perf_counter() - start)
+
+    def _refined(self, candidate: Candidate) -> SearchMatches:
+        """Return the closure of a candidate that is believed."""
+        scan = self._scans.points.take(np.array([candidate.scan]))
+        start = candidate.tf_submap_scan[np.newaxis]
+        submap = self._submaps[candidate.submap]
+        fine = refine_all(submap.smooth_map, scan, start, self._all, math.inf)
+        poses = fine.tf_submap_scan.copy()
+        poses[:, 2] = wrap_angles(poses[:, 2])
+        moved = fine.tf_submap_scan - start
+        return SearchMatches(
+            row=np.array([candidate.row], dtype=np.int32),
+            tf_submap_node=poses,
+            information=match_informations(fine.information, fine.residual),
+            residual=fine.residual,
+            score=np.array([candidate.score]),
+            runner_up=np.array([candidate.other_score]),
+            moved_m=np.hypot(moved[:, 0], moved[:, 1]),
+            moved_rad=np.abs(wrap_angles(moved[:, 2])),
+        )
+
+
+def _together(matches: Sequence[SearchMatches]) -> SearchMatches:
+    return SearchMatches._make(map(np.concatenate, zip(*matches, strict=True)))
+
+
+RUNNER_UP_MARGIN = 0.1
+"""A runner-up worse by more is of no interest: the match is distinct."""

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the drift may place a node: submaps in reach, and the search window in each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.config import ConstraintSearchConfig
+from cartoloop.global_slam.closure_search import FinishedSubmap
+from cartoloop.global_slam.submap_paths import SubmapPaths
+from cartoloop.kernels.due_pairs import NodePlace
+from cartoloop.sensor.pose import relative_all
+
+
+class Reach(NamedTuple):
+    """The submaps where a node may be.
+
+    Attributes
+    ----------
+    due : int64, shape (k,), the submaps, ascending.
+    tf_submap_node : float64, shape (k, 3), where the graph expects the node.
+    linear_window, angular_window : shape (k,), what the drift allows around it [m], [rad].
+    """
+
+    due: IntArray
+    tf_submap_node: FloatArray
+    linear_window: FloatArray
+    angular_window: FloatArray
+
+
+def bounding_boxes(submaps: Sequence[FinishedSubmap]) -> FloatArray:
+    """Return x and y of the least and greatest corner of the grids, submap frame, (n, 4) [m]."""
+    return np.array(
+        [
+            (
+                grid.origin_x,
+                grid.origin_y,
+                grid.origin_x + grid.shape[1] * grid.resolution,
+                grid.origin_y + grid.shape[0] * grid.resolution,
+            )
+            for grid in (submap.grid for submap in submaps)
+        ]
+    ).reshape(-1, 4)
+
+
+def wide_reach(
+    config: ConstraintSearchConfig,
+    paths: SubmapPaths,
+    place: NodePlace,
+    submap_poses: FloatArray,
+    submap_travelled: FloatArray,
+    boxes: FloatArray,
+) -> Reach:
+    """Return the submaps with a long path to a node in which its window lies.
+
+    Parameters
+    ----------
+    paths : between the submaps.
+    place : of the node.
+    submap_poses : shape (m, 3), of the submaps that `paths` knows.
+    submap_travelled : path length when each was begun [m].
+    boxes : shape (n, 4), of the first submaps, which are finished; n <= m.
+    """
+    wide, count = config.wide_search, len(boxes)
+    anchor, step = place.anchor, place.anchor_length
+    if anchor >= len(paths):
+        anchor = len(paths) - 1
+        step = abs(place.travelled - float(submap_travelled[anchor]))
+    lengths = np.minimum(
+        paths.lengths_from(anchor)[:count] + step,
+        np.abs(place.travelled - submap_travelled[:count]),
+    )
+    far = np.flatnonzero(lengths >= wide.min_path_length)
+    if len(far) == 0:
+        return Reach(far, np.zeros((0, 3)), np.zeros(0), np.zeros(0))
+    drift = paths.drift_from(anchor, submap_poses[:, :2])[far]
+    sigma_m, sigma_rad = _sigmas(config, drift, place, submap_poses[far], step)
+    linear = config.min_linear_search_window + wide.num_sigmas * sigma_m
+    angular = math.radians(config.min_angular_search_window_deg) + wide.num_sigmas * sigma_rad
+    expected = relative_all(submap_poses[far], np.array((place.x, place.y, place.theta)))
+    low, high = boxes[far, :2], boxes[far, 2:]
+    outside = np.maximum(np.maximum(low - expected[:, :2], expected[:, :2] - high), 0.0)
+    in_reach = np.flatnonzero(np.hypot(outside[:, 0], outside[:, 1]) <= linear)
+    centre = expected[:, :2] - 0.5 * (low + high)
+    likely = np.hypot(centre[:, 0], centre[:, 1]) / linear
+    nearest = in_reach[np.argsort(likely[in_reach], kind="stable")]
+    chosen = np.sort(nearest[: wide.max_submaps])
+    return Reach(
+        far[chosen], expected[chosen], linear[chosen], np.minimum(angular[chosen], math.pi)
+    )
+
+
+def _sigmas(
+    config: ConstraintSearchConfig,
+    drift: FloatArray,
+    place: NodePlace,
+    submap_poses: FloatArray,
+    step: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the largest standard deviation of the node's position in submaps, and its heading's.
+
+    Parameters
+    ----------
+    drift : shape (n, 3, 3), of the submaps as the node's anchor knows them.
+    step : path length from the node to its anchor [m].
+    """
+    wide = config.wide_search
+    # A turn of the submap displaces the node in proportion to the distance.
+    jacobian = np.zeros((len(drift), 2, 3))
+    jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
+    jacobian[:, 0, 2] = submap_poses[:, 1] - place.y
+    jacobian[:, 1, 2] = place.x - submap_poses[:, 0]
+    covariance = jacobian @ drift @ jacobian.transpose(0, 2, 1)
+    xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    largest = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
+    rotation = math.radians(wide.rotation_drift_deg) ** 2 * step
+    return (
+        np.sqrt(largest + wide.translation_drift**2 * step),
+        np.sqrt(drift[:, 2, 2] + rotation),
+    )

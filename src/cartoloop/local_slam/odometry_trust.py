@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the odometry moves as the matched scans do: it may stand still, slip or run away.
+
+Steps between scans are compared over a short window. Only motion that the scans determine counts:
+along a corridor, matches follow the prediction or the noise of the pixels, and contradict nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from cartoloop.sensor.pose import Pose, relative
+
+WINDOW_S, MIN_STEPS = 1.0, 5
+"""Least time [s] and number of steps that are compared together: errors of single matches and of
+the clock average out."""
+
+MAX_WINDOW_S = 5.0
+"""Longest window [s]: scans that come more slowly overlap too little to contradict wheels."""
+
+FAULT_SHARE, GOOD_SHARE = 0.5, 0.25
+"""Difference of the motions as a share of the larger one: from the first on the odometry is faulty,
+below the second it is good again. Scales are wrong by up to 0.4 before they are calibrated."""
+
+FAULT_M, FAULT_RAD = 0.2, 0.3
+"""Smaller differences are no fault [m], [rad]: matches of a window err by some centimetres."""
+
+GOOD_M, GOOD_RAD = 0.05, 0.05
+"""Difference that remains where the odometry is good [m], [rad]."""
+
+PROOF_M, PROOF_RAD = 0.3, 0.3
+"""Motion of a window that shows that the odometry is good again [m], [rad]; a robot at rest does
+not."""
+
+
+class Evidence(NamedTuple):
+    """What a match says about the motion.
+
+    Attributes
+    ----------
+    is_determined : whether it determines the position in both directions.
+    direction : otherwise, the direction that it does not determine [rad], local frame.
+    """
+
+    is_determined: bool
+    direction: float
+
+
+@dataclass(slots=True)
+class OdometryFault:
+    """A time in which the odometry was left out.
+
+    Attributes
+    ----------
+    begin, end : times of scans [s]; `end` is None if it lasts until the last scan.
+    kind : "stands still", "moves too far" or "moves otherwise".
+    matched_m, odometry_m : motion of scans and odometry in the window in which it was noticed [m].
+    matched_rad, odometry_rad : the same of the rotation [rad].
+    """
+
+    begin: float
+    end: float | None
+    kind: str
+    matched_m: float
+    odometry_m: float
+    matched_rad: float
+    odometry_rad: float
+
+
+class _Step(NamedTuple):
+    """A step between two scans, in the local frame [m], [rad], as far as the scans determine it."""
+
+    begin: float
+    end: float
+    matched: Pose
+    reported: Pose
+
+
+class OdometryTrust:
+    """Compares the odometry with matched scans.
+
+    Attributes
+    ----------
+    is_trusted : whether the odometry moves as the scans do.
+    faults : the times at which it did not, in order.
+    """
+
+    def __init__(self) -> None:
+        self.is_trusted = True
+        self.faults: list[OdometryFault] = []
+        self._steps: deque[_Step] = deque()
+        self._last: tuple[float, Pose] | None = None
+
+    def add(
+        self,
+        time: float,
+        tf_local_tracking: Pose,
+        reported: Pose | None,
+        evidence: Evidence | None,
+        is_late: Callable[[float, float, Pose], bool],
+    ) -> int:
+        """Add a scan; return how many of the latest steps, with the one to it, prove faulty.
+
+        Parameters
+        ----------
+        time, tf_local_tracking : of the scan, as matched.
+        reported : calibrated motion of the odometry since the last scan, in the frame of that scan;
+            None where it is not known.
+        evidence : of the match; None if the scan was not matched.
+        is_late : returns whether the odometry reports a motion at a slightly other time than that
+            between two times; asked before it is called faulty.
+        """
+        last, self._last = self._last, (time, tf_local_tracking)
+        if last is None:
+            return 0
+        steps = self._steps
+        if reported is None or time <= last[0]:
+            steps.clear()
+        else:
+            steps.append(_step(last, (time, tf_local_tracking), reported, evidence))
+        while len(steps) > MIN_STEPS and time - steps[1].begin >= WINDOW_S:
+            steps.popleft()
+        num_faulty = 0 if self.is_trusted else 1
+        if len(steps) >= MIN_STEPS and WINDOW_S <= time - steps[0].begin <= MAX_WINDOW_S:
+            begin = steps[0].begin
+            matched, odometry = _sum([s.matched for s in steps]), _sum([s.reported for s in steps])
+            if not self.is_trusted:
+                self._restore(begin, _agree(matched, odometry))
+            elif differ(matched, odometry) and not is_late(begin, time, matched):
+                self.is_trusted = False
+                self.faults.append(_fault(begin, matched, odometry))
+                num_faulty = len(steps)
+        return num_faulty
+
+    def _restore(self, begin: float, is_good: bool) -> None:
+        if is_good:
+            self.is_trusted = True
+            self.faults[-1].end = begin
+
+
+def _step(
+    last: tuple[float, Pose], now: tuple[float, Pose], reported: Pose, evidence: Evidence | None
+) -> _Step:
+    """Return a step of scans and odometry, rotated into the local frame, as far as it counts."""
+    (begin, before), (end, after) = last, now
+    if evidence is None:
+        return _Step(begin, end, Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0))
+    step = relative(before, after)
+    both = []
+    for motion in (step, reported):
+        # Along the mean heading of the scans, so that a wrong turn is no wrong distance.
+        heading = before.theta + 0.5 * (step.theta - motion.theta)
+        cos, sin = math.cos(heading), math.sin(heading)
+        x, y = cos * motion.x - sin * motion.y, sin * motion.x + cos * motion.y
+        if not evidence.is_determined:
+            across = -math.sin(evidence.direction), math.cos(evidence.direction)
+            length = across[0] * x + across[1] * y
+            x, y = length * across[0], length * across[1]
+        both.append(Pose(x, y, motion.theta))
+    return _Step(begin, end, both[0], both[1])
+
+
+def _sum(steps: list[Pose]) -> Pose:
+    return Pose(*(sum(column) for column in zip(*steps, strict=True)))
+
+
+def _sizes(matched: Pose, odometry: Pose) -> tuple[float, float, float, float]:
+    """Return the difference and the larger of two motions: translation, then rotation."""
+    return (
+        math.hypot(matched.x - odometry.x, matched.y - odometry.y),
+        max(math.hypot(matched.x, matched.y), math.hypot(odometry.x, odometry.y)),
+        abs(matched.theta - odometry.theta),
+        max(abs(matched.theta), abs(odometry.theta)),
+    )
+
+
+def differ(matched: Pose, odometry: Pose) -> bool:
+    """Return whether the motions of scans and odometry in a window contradict each other."""
+    apart, length, turned_apart, turn = _sizes(matched, odometry)
+    return apart > max(FAULT_M, FAULT_SHARE * length) or turned_apart > max(
+        FAULT_RAD, FAULT_SHARE * turn
+    )
+
+
+def _agree(matched: Pose, odometry: Pose) -> bool:
+    """Return whether two motions of a window are large enough to be compared, and agree."""
+    apart, length, turned_apart, turn = _sizes(matched, odometry)
+    if length < PROOF_M and turn < PROOF_RAD:
+        return False
+    return apart < GOOD_M + GOOD_SHARE * length and turned_apart < GOOD_RAD + GOOD_SHARE * turn
+
+
+def _fault(begin: float, matched: Pose, odometry: Pose) -> OdometryFault:
+    matched_m = math.hypot(matched.x, matched.y)
+    odometry_m = math.hypot(odometry.x, odometry.y)
+    kind = "moves otherwise"
+    if odometry_m < 0.1 * matched_m or abs(odometry.theta) < 0.1 * abs(matched.theta) - FAULT_RAD:
+        kind = "stands still"
+    elif odometry_m - matched_m > 0.5 * math.hypot(matched.x - odometry.x, matched.y - odometry.y):
+        kind = "moves too far"
+    return OdometryFault(
+        begin, None, kind, matched_m, odometry_m, abs(matched.theta), abs(odometry.theta)
+    )

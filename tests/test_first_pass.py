@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the beginning of a recording shows about its odometry, before it is mapped."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import cartoloop
+from cartoloop.config import Config, LocalSlamConfig
+from cartoloop.errors import Interrupted
+from cartoloop.first_pass import learn_odometry
+from cartoloop.mapper import Mapper
+from cartoloop.readers import open_log
+from cartoloop.sensor.events import LaserScan
+from cartoloop.simulation import OdometryModel, drive, simulate
+from cartoloop.stop_request import StopRequest
+from tests.local_slam.small_world import LIDAR, furnished_room
+
+OFFSET = 0.4
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory):
+    """A minute-long recording whose odometry is late."""
+    path = tmp_path_factory.mktemp("late") / "late.log"
+    world = furnished_room()
+    motion = drive(np.vstack([world.route] * 12), 1.0, 1.0)
+    odometry = OdometryModel(time_offset=OFFSET)
+    simulate(world, LIDAR, odometry, seed=2, motion=motion).write_carmen(path)
+    return open_log(path)
+
+
+def test_a_clock_offset_is_known_after_a_part_of_the_recording(late):
+    model = learn_odometry(late, Config(), StopRequest())
+
+    assert model is not None
+    assert model.time_offset == pytest.approx(OFFSET, abs=0.03)
+
+
+def test_the_pass_ends_at_its_limit(late, monkeypatch):
+    mapped = []
+    add = Mapper.add
+    monkeypatch.setattr(Mapper, "add", lambda self, e: (mapped.append(e), add(self, e))[1])
+
+    monkeypatch.setattr("cartoloop.first_pass.MAX_SHARE", 0.01)
+    monkeypatch.setattr("cartoloop.first_pass.LEAST_SCANS", 0)
+    model = learn_odometry(late, Config(), StopRequest())
+
+    num_scans = sum(isinstance(event, LaserScan) for event in mapped)
+    assert model is None
+    assert num_scans <= 0.01 * late.num_scans + 1
+
+
+def test_odometry_that_is_not_used_is_not_learnt(late):
+    config = Config(local_slam=LocalSlamConfig(use_odometry=False))
+    assert learn_odometry(late, config, StopRequest()) is None
+
+
+def test_the_mapper_starts_with_what_was_learnt(late):
+    model = learn_odometry(late, Config(), StopRequest())
+    mapper = Mapper(odometry_model=model)
+    for event, _ in zip(late, range(20), strict=False):
+        mapper.add(event)
+    mapper.close()
+
+    assert mapper.odometry_model == model
+
+
+def test_a_run_learns_first_and_counts_nothing_twice(late, monkeypatch):
+    given = []
+    init = Mapper.__init__
+
+    def note(self, *args, **kwargs):
+        given.append(kwargs.get("odometry_model"))
+        init(self, *args, **kwargs)
+
+    monkeypatch.setattr(Mapper, "__init__", note)
+    result = cartoloop.map_recording(late)
+
+    assert [model is None for model in given] == [True, False]
+    assert result.report.input.scans == late.num_scans == len(result.stamps)
+    assert result.report.extra["odometry"]["time_offset_s"] == pytest.approx(OFFSET, abs=0.03)
+
+
+@pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt])
+def test_a_failure_is_left_to_the_pass_that_maps(late, monkeypatch, failure):
+    def fail(self, event):
+        raise failure
+
+    stop = StopRequest()
+    monkeypatch.setattr(Mapper, "add", fail)
+    assert learn_odometry(late, Config(), stop) is None
+    assert stop.made == (failure is KeyboardInterrupt)
+
+
+def test_a_stop_before_the_first_scan_ends_the_run(late):
+    stop = StopRequest()
+    stop.made = True
+    with pytest.raises(Interrupted, match="stopped after 0 scans"):
+        cartoloop.map_recording(late, stop=stop)
