@@ -37,7 +37,7 @@ def learn_odometry(log: Log, config: Config, stop: StopRequest) -> OdometryParam
 
     Parameters
     ----------
-    log : of which a pass of its own is read.
+    log : the recording; this is a pass of its own.
     config : of the mapping; loops are not closed here.
     stop : ends the pass early.
     """

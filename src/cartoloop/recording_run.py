@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig, config_hash
 from cartoloop.errors import InputError, Interrupted
+from cartoloop.report import odometry_warning
 from cartoloop.runtime.process_memory import release_unused_memory
 from cartoloop.stop_request import StopRequest
 
@@ -202,8 +203,10 @@ def completed(
     for reason, count in also_skipped.items():
         skipped[reason] = skipped.get(reason, 0) + count
     extra = dict(report.extra)
+    warning = odometry_warning(report)
+    problems = [*problems, warning] if warning else list(problems)
     if problems:
-        extra["problems"] = list(problems)
+        extra["problems"] = problems
     return replace(
         report,
         input=replace(report.input, name=name),

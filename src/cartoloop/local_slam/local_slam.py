@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +31,9 @@ from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
 from cartoloop.sensor.sweep_motion import SweepMotion
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import ActiveSubmaps, Submap
+
+MAX_RECENT = 64
+"""Number of scans of a scanner that are kept for a comparison: more than a second of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,12 +104,27 @@ class _Scanner:
     motion_filter : one for each scanner, so that each contributes to the map.
     num_scans : number of its scans.
     is_in_map : whether one of its scans was inserted.
+    recent : its latest scans.
     """
 
     matcher: ScanMatcher
     motion_filter: MotionFilter
     num_scans: int = 0
     is_in_map: bool = False
+    recent: deque[LaserScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
+
+    def change_since(self, time: float) -> float:
+        """Return the median change of the ranges since a time [m]; inf if it is not known."""
+        first = next((scan for scan in self.recent if scan.time >= time), None)
+        if first is None or first is self.recent[-1]:
+            return math.inf
+        before, now = first.ranges, self.recent[-1].ranges
+        if len(before) != len(now):
+            return math.inf
+        limit = first.geometry.range_max
+        both = (before > 0.0) & (now > 0.0) & (before < limit) & (now < limit)
+        changes = np.abs(now[both] - before[both])
+        return float(np.median(changes)) if len(changes) else math.inf
 
 
 class LocalSlam:
@@ -193,7 +212,9 @@ class LocalSlam:
         if on_pose is not None:
             on_pose(pose)
         with self._timer.measure("predict"):
-            self.extrapolator.add_pose(scan.time, pose, filtered.motion, self._evidence(match))
+            self.extrapolator.add_pose(
+                scan.time, pose, filtered.motion, self._evidence(match, scanner)
+            )
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))
@@ -210,6 +231,8 @@ class LocalSlam:
                 ScanMatcher(self._config), MotionFilter(self._config.motion_filter)
             )
         scanner.num_scans += 1
+        if isinstance(scan, LaserScan):
+            scanner.recent.append(scan)
         return scanner
 
     def _filter(self, scan: LaserScan | PointCloud) -> FilteredScan:
@@ -248,14 +271,14 @@ class LocalSlam:
         prediction = self.extrapolator.prediction_from(scan.time, pose)
         return filtered, self._match(filtered, prediction, matcher)
 
-    def _evidence(self, match: MatchedScan | None) -> Evidence | None:
-        """Return which directions a match determines, None without a match."""
+    def _evidence(self, match: MatchedScan | None, scanner: _Scanner) -> Evidence | None:
+        """Return what a match of a scanner says about the motion, None without a match."""
         if match is None:
             return None
         ratio, direction = degenerate_direction(match.match)
         turned = self._active.submaps[0].tf_local_submap.theta
         is_determined = ratio > self._config.prediction.spurious_information
-        return Evidence(is_determined, direction + turned)
+        return Evidence(is_determined, direction + turned, scanner.change_since)
 
     def _information(self, match: MatchedScan | None) -> FloatArray:
         """Return the information matrix of a scan's pose in the older active submap."""

@@ -29,6 +29,17 @@ below the second it is good again. Scales are wrong by up to 0.4 before they are
 FAULT_M, FAULT_RAD = 0.2, 0.3
 """Smaller differences are no fault [m], [rad]: matches of a window err by some centimetres."""
 
+LEVER_M, UNKNOWN_LEVER_M = 0.15, 0.5
+"""Error of the scanner's lever arm [m], once it is estimated and before: a turn moves it on a
+circle."""
+
+STANDING_SHARE, STANDING_CHANGE_M = 0.25, 0.1
+"""Scans that move by less than this share of the odometry stand still, if their ranges have changed
+by less than the second [m]; otherwise sparse points may have held them at the pixels of the map."""
+
+MIN_SHARE = 0.1
+"""Odometry that moves by less than this share of the scans stands still."""
+
 GOOD_M, GOOD_RAD = 0.05, 0.05
 """Difference that remains where the odometry is good [m], [rad]."""
 
@@ -44,10 +55,13 @@ class Evidence(NamedTuple):
     ----------
     is_determined : whether it determines the position in both directions.
     direction : otherwise, the direction that it does not determine [rad], local frame.
+    change_since : returns by how much the ranges have changed since a time, in the median [m]; inf
+        if that is not known.
     """
 
     is_determined: bool
     direction: float
+    change_since: Callable[[float], float]
 
 
 @dataclass(slots=True)
@@ -102,6 +116,7 @@ class OdometryTrust:
         reported: Pose | None,
         evidence: Evidence | None,
         is_late: Callable[[float, float, Pose], bool],
+        is_calibrated: bool,
     ) -> int:
         """Add a scan; return how many of the latest steps, with the one to it, prove faulty.
 
@@ -126,13 +141,21 @@ class OdometryTrust:
             steps.popleft()
         num_faulty = 0 if self.is_trusted else 1
         if len(steps) >= MIN_STEPS and WINDOW_S <= time - steps[0].begin <= MAX_WINDOW_S:
-            begin = steps[0].begin
+            begin, lever = steps[0].begin, LEVER_M if is_calibrated else UNKNOWN_LEVER_M
             matched, odometry = _sum([s.matched for s in steps]), _sum([s.reported for s in steps])
             if not self.is_trusted:
-                self._restore(begin, _agree(matched, odometry))
-            elif differ(matched, odometry) and not is_late(begin, time, matched):
+                self._restore(begin, _agree(matched, odometry, lever))
+            elif (
+                differ(matched, odometry, lever)
+                and not _is_held(matched, odometry, begin, evidence)
+                and not is_late(begin, time, matched)
+            ):
                 self.is_trusted = False
-                self.faults.append(_fault(begin, matched, odometry))
+                stands = all(
+                    _size(step.reported) <= MIN_SHARE * _size(step.matched)
+                    for step in list(steps)[-2:]
+                )
+                self.faults.append(_fault(begin, matched, odometry, stands))
                 num_faulty = len(steps)
         return num_faulty
 
@@ -178,27 +201,43 @@ def _sizes(matched: Pose, odometry: Pose) -> tuple[float, float, float, float]:
     )
 
 
-def differ(matched: Pose, odometry: Pose) -> bool:
+def differ(matched: Pose, odometry: Pose, lever: float) -> bool:
     """Return whether the motions of scans and odometry in a window contradict each other."""
     apart, length, turned_apart, turn = _sizes(matched, odometry)
-    return apart > max(FAULT_M, FAULT_SHARE * length) or turned_apart > max(
+    return apart > max(FAULT_M + lever * turn, FAULT_SHARE * length) or turned_apart > max(
         FAULT_RAD, FAULT_SHARE * turn
     )
 
 
-def _agree(matched: Pose, odometry: Pose) -> bool:
+def _is_held(matched: Pose, odometry: Pose, begin: float, evidence: Evidence | None) -> bool:
+    """Return whether scans that seem to stand still may be held by the map though they move."""
+    length = math.hypot(odometry.x, odometry.y)
+    if math.hypot(matched.x, matched.y) >= STANDING_SHARE * length or length < FAULT_M:
+        return False
+    return evidence is None or evidence.change_since(begin) > STANDING_CHANGE_M
+
+
+def _agree(matched: Pose, odometry: Pose, lever: float) -> bool:
     """Return whether two motions of a window are large enough to be compared, and agree."""
     apart, length, turned_apart, turn = _sizes(matched, odometry)
     if length < PROOF_M and turn < PROOF_RAD:
         return False
-    return apart < GOOD_M + GOOD_SHARE * length and turned_apart < GOOD_RAD + GOOD_SHARE * turn
+    return (
+        apart < GOOD_M + lever * turn + GOOD_SHARE * length
+        and turned_apart < GOOD_RAD + GOOD_SHARE * turn
+    )
 
 
-def _fault(begin: float, matched: Pose, odometry: Pose) -> OdometryFault:
+def _size(motion: Pose) -> float:
+    """Return the size of a step: distance, and the way of a point a metre away."""
+    return math.hypot(motion.x, motion.y) + abs(motion.theta)
+
+
+def _fault(begin: float, matched: Pose, odometry: Pose, stands: bool) -> OdometryFault:
     matched_m = math.hypot(matched.x, matched.y)
     odometry_m = math.hypot(odometry.x, odometry.y)
     kind = "moves otherwise"
-    if odometry_m < 0.1 * matched_m or abs(odometry.theta) < 0.1 * abs(matched.theta) - FAULT_RAD:
+    if stands:
         kind = "stands still"
     elif odometry_m - matched_m > 0.5 * math.hypot(matched.x - odometry.x, matched.y - odometry.y):
         kind = "moves too far"

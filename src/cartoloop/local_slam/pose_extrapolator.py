@@ -16,7 +16,13 @@ from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.imu_calibration import ImuCalibration
 from cartoloop.local_slam.odometry_calibration import OdometryCalibration, OdometryParameters
 from cartoloop.local_slam.odometry_track import OdometryTrack
-from cartoloop.local_slam.odometry_trust import Evidence, OdometryFault, OdometryTrust, differ
+from cartoloop.local_slam.odometry_trust import (
+    UNKNOWN_LEVER_M,
+    Evidence,
+    OdometryFault,
+    OdometryTrust,
+    differ,
+)
 from cartoloop.local_slam.velocity_filter import VelocityFilter
 from cartoloop.sensor.events import Imu
 from cartoloop.sensor.imu_track import ImuTrack
@@ -171,7 +177,9 @@ class PoseExtrapolator:
     def _compare_odometry(self, time: float, pose: Pose, evidence: Evidence | None) -> int:
         """Compare the odometry with a matched pose; return how many latest steps are faulty."""
         reported = self._measured_step(self._middle_time, time)
-        num_faulty = self._trust.add(time, pose, reported, evidence, self._is_late)
+        num_faulty = self._trust.add(
+            time, pose, reported, evidence, self._is_late, self.odometry_model.is_known
+        )
         if reported is None or evidence is None or not evidence.is_determined:
             return num_faulty
         matched = relative(self._middle, pose)
@@ -192,7 +200,9 @@ class PoseExtrapolator:
         for shift in shifts:
             step = self._measured_step(begin - shift, end - shift)
             if step is not None and not differ(
-                Pose(length, 0.0, matched.theta), Pose(math.hypot(step.x, step.y), 0.0, step.theta)
+                Pose(length, 0.0, matched.theta),
+                Pose(math.hypot(step.x, step.y), 0.0, step.theta),
+                UNKNOWN_LEVER_M,
             ):
                 return True
         return False
