@@ -23,6 +23,7 @@ from cartoloop.local_slam.odometry_calibration import OdometryParameters
 from cartoloop.local_slam.odometry_trust import Evidence
 from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator, Prediction
 from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher, degenerate_direction
+from cartoloop.local_slam.scanner_clocks import ScannerClocks
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
@@ -153,6 +154,7 @@ class LocalSlam:
         self._range_filter = RangeFilter(sensor)
         self._scanners: dict[str, _Scanner] = {}
         self._active = ActiveSubmaps(config.submaps)
+        self._clocks = ScannerClocks()
         self._num_nodes = 0
         self.extrapolator = PoseExtrapolator(config, odometry_model)
 
@@ -167,6 +169,7 @@ class LocalSlam:
         if len(self._scanners) > 1:
             scanners = sorted(self._scanners.items())
             summary["scanners"] = {name: scanner.num_scans for name, scanner in scanners}
+            summary["scanner_time_offsets_s"] = dict(sorted(self._clocks.offsets.items()))
         return summary
 
     def add_odometry(self, odometry: Odometry) -> None:
@@ -181,7 +184,8 @@ class LocalSlam:
         """Return when all odometry and IMU readings that affect a scan have been measured [s]."""
         if not self.extrapolator.measures_motion:
             return scan.time
-        return scan.time + min(scan.sweep[1], MAX_SWEEP_S)
+        offset = self._clocks.offset_of(scan.geometry.sensor)
+        return scan.time + offset + min(scan.sweep[1], MAX_SWEEP_S)
 
     def add_scan(
         self, scan: LaserScan | PointCloud, on_pose: Callable[[Pose], None] | None = None
@@ -198,23 +202,25 @@ class LocalSlam:
         InputError
             The scan is so far from the previous ones that no submap can hold both.
         """
-        scanner = self._scanner_of(scan)
-        filtered = self._filter(scan)
+        scanner, name = self._scanner_of(scan), scan.geometry.sensor
+        time = scan.time + self._clocks.offset_of(name)
+        filtered = self._filter(scan, time)
         with self._timer.measure("predict"):
-            prediction = self.extrapolator.predict(scan.time)
+            prediction = self.extrapolator.predict(time)
         has_points = len(filtered.points) >= self._config.insertion.min_num_points
         match = None
         # The first scan of a further scanner may show a place that is not mapped yet.
         if has_points and scanner.is_in_map:
             match = self._match(filtered, prediction, scanner.matcher)
-            filtered, match = self._deskew_again(scan, filtered, match, scanner.matcher)
+            filtered, match = self._deskew_again(scan, time, filtered, match, scanner.matcher)
         pose = match.tf_local_tracking if match else prediction.tf_local_tracking
         if on_pose is not None:
             on_pose(pose)
         with self._timer.measure("predict"):
-            self.extrapolator.add_pose(
-                scan.time, pose, filtered.motion, self._evidence(match, scanner)
-            )
+            evidence = self._evidence(match, scanner)
+            self.extrapolator.add_pose(time, pose, filtered.motion, evidence, name)
+            if match is not None:
+                self._clocks.add(name, time, pose)
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))
@@ -235,10 +241,10 @@ class LocalSlam:
             scanner.recent.append(scan)
         return scanner
 
-    def _filter(self, scan: LaserScan | PointCloud) -> FilteredScan:
+    def _filter(self, scan: LaserScan | PointCloud, time: float) -> FilteredScan:
         """Return a scan deskewed by the motion that the extrapolator expects."""
         with self._timer.measure("filter"):
-            motion = self.extrapolator.sweep_motion(scan.time, *scan.sweep)
+            motion = self.extrapolator.sweep_motion(time, *scan.sweep)
             return self._deskewed(scan, motion)
 
     def _deskewed(self, scan: LaserScan | PointCloud, motion: SweepMotion | None) -> FilteredScan:
@@ -255,20 +261,21 @@ class LocalSlam:
     def _deskew_again(
         self,
         scan: LaserScan | PointCloud,
+        time: float,
         filtered: FilteredScan,
         match: MatchedScan,
         matcher: ScanMatcher,
     ) -> tuple[FilteredScan, MatchedScan]:
         """Return a scan and its match, both repeated where the match reveals another motion."""
         pose = match.tf_local_tracking
-        motion = self.extrapolator.corrected_motion(scan.time, pose, filtered.motion)
+        motion = self.extrapolator.corrected_motion(time, pose, filtered.motion)
         if motion is None:
             return filtered, match
         with self._timer.measure("filter"):
             filtered = self._deskewed(scan, motion)
         if len(filtered.points) < self._config.insertion.min_num_points:
             return filtered, match
-        prediction = self.extrapolator.prediction_from(scan.time, pose)
+        prediction = self.extrapolator.prediction_from(time, pose)
         return filtered, self._match(filtered, prediction, matcher)
 
     def _evidence(self, match: MatchedScan | None, scanner: _Scanner) -> Evidence | None:

@@ -106,8 +106,8 @@ class OdometryTrust:
     def __init__(self) -> None:
         self.is_trusted = True
         self.faults: list[OdometryFault] = []
-        self._steps: deque[_Step] = deque()
-        self._last: tuple[float, Pose] | None = None
+        self._steps: dict[str, deque[_Step]] = {}
+        self._last: dict[str, tuple[float, Pose]] = {}
 
     def add(
         self,
@@ -117,6 +117,7 @@ class OdometryTrust:
         evidence: Evidence | None,
         is_late: Callable[[float, float, Pose], bool],
         is_calibrated: bool,
+        scanner: str = "",
     ) -> int:
         """Add a scan; return how many of the latest steps, with the one to it, prove faulty.
 
@@ -128,11 +129,14 @@ class OdometryTrust:
         evidence : of the match; None if the scan was not matched.
         is_late : returns whether the odometry reports a motion at a slightly other time than that
             between two times; asked before it is called faulty.
+        is_calibrated : whether the lever arm is estimated.
+        scanner : of the scan; scans of one scanner are compared with each other.
         """
-        last, self._last = self._last, (time, tf_local_tracking)
+        last = self._last.get(scanner)
+        self._last[scanner] = (time, tf_local_tracking)
         if last is None:
             return 0
-        steps = self._steps
+        steps = self._steps.setdefault(scanner, deque())
         if reported is None or time <= last[0]:
             steps.clear()
         else:

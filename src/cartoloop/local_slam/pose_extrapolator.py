@@ -100,6 +100,7 @@ class PoseExtrapolator:
         self._tf_local_tracking = IDENTITY
         self._velocity = VelocityFilter(config.prediction)
         self._middle_time, self._middle = 0.0, IDENTITY
+        self._middles: dict[str, tuple[float, Pose]] = {}
         self._num_poses = 0
         self.imu: ImuTrack | None = None
         self.imu_calibration = ImuCalibration()
@@ -152,6 +153,7 @@ class PoseExtrapolator:
         tf_local_tracking: Pose,
         motion: SweepMotion | None = None,
         evidence: Evidence | None = None,
+        scanner: str = "",
     ) -> None:
         """Add the matched pose of a scan, the motion assumed in its sweep, and what it determines.
 
@@ -160,29 +162,34 @@ class PoseExtrapolator:
         """
         middle_time, middle = _middle(time, tf_local_tracking, motion)
         num_faulty = 0
-        if self._num_poses:
-            self._velocity.update(relative(self._middle, middle), middle_time - self._middle_time)
-            if len(self._odometry):
-                num_faulty = self._compare_odometry(middle_time, middle, evidence)
+        last = self._middles.get(scanner)
+        if last is not None:
+            self._velocity.update(relative(last[1], middle), middle_time - last[0])
+        if len(self._odometry):
+            num_faulty = self._compare_odometry(middle_time, middle, evidence, scanner)
         self._middle_time, self._middle = middle_time, middle
+        self._middles[scanner] = middle_time, middle
         self._time, self._tf_local_tracking = time, tf_local_tracking
         self._num_poses += 1
         if len(self._odometry):
-            self._calibration.add(middle_time, middle, self._odometry, num_faulty)
+            self._calibration.add(middle_time, middle, self._odometry, num_faulty, scanner)
         if self.imu is not None:
             x, y, rate = self._velocity.step(1.0)
             self.imu.note_standing(math.hypot(x, y) < STANDING_SPEED and abs(rate) < STANDING_RATE)
             self.imu_calibration.add(middle_time, middle, self.imu)
 
-    def _compare_odometry(self, time: float, pose: Pose, evidence: Evidence | None) -> int:
+    def _compare_odometry(
+        self, time: float, pose: Pose, evidence: Evidence | None, scanner: str
+    ) -> int:
         """Compare the odometry with a matched pose; return how many latest steps are faulty."""
-        reported = self._measured_step(self._middle_time, time)
+        last = self._middles.get(scanner)
+        reported = None if last is None else self._measured_step(last[0], time)
         num_faulty = self._trust.add(
-            time, pose, reported, evidence, self._is_late, self.odometry_model.is_known
+            time, pose, reported, evidence, self._is_late, self.odometry_model.is_known, scanner
         )
-        if reported is None or evidence is None or not evidence.is_determined:
+        if last is None or reported is None or evidence is None or not evidence.is_determined:
             return num_faulty
-        matched = relative(self._middle, pose)
+        matched = relative(last[1], pose)
         apart = math.hypot(matched.x - reported.x, matched.y - reported.y)
         turned_apart = abs(matched.theta - reported.theta)
         if self._is_stale:
