@@ -112,12 +112,12 @@ def map_recording(
     folder = None if out is None else prepare_folder(out)
 
     # Loads the kernels: part of the measured time.
-    from cartoloop.first_pass import learn_odometry
+    from cartoloop.first_pass import calibrate
     from cartoloop.mapper import Mapper
 
     observer.started(log.num_scans)
-    model = learn_odometry(log, loaded.config, stop)
-    outcome = run(log, Mapper(loaded.config, odometry_model=model), observer, stop)
+    calibration = calibrate(log, loaded.config, stop)
+    outcome = run(log, Mapper(loaded.config, calibration=calibration), observer, stop)
     messages = [problem.message for problem in log.problems]
     result = replace(
         outcome.result,

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -55,6 +55,20 @@ class LocalSlamResult:
     node: Node | None
     returns: FloatArray
     match: LeastSquaresMatch | None = None
+
+
+class SensorCalibration(NamedTuple):
+    """What local SLAM has found out about the sensors.
+
+    Attributes
+    ----------
+    odometry : clock offset, scales and errors of the odometry.
+    scanner_offsets : by name: scans show the robot this much later than those of the first scanner
+        with the same stamps [s]; 0 for the first.
+    """
+
+    odometry: OdometryParameters
+    scanner_offsets: Mapping[str, float]
 
 
 class FilteredScan(NamedTuple):
@@ -137,7 +151,7 @@ class LocalSlam:
     sensor : which part of a scan is used.
     node_filter : voxel filter of the points that a node keeps for loop closure.
     timer : measures the stages.
-    odometry_model : what is known about the odometry before; by default nothing.
+    known : what is known about the sensors before; by default nothing.
     """
 
     def __init__(
@@ -146,7 +160,7 @@ class LocalSlam:
         sensor: SensorConfig,
         node_filter: AdaptiveVoxelFilterConfig,
         timer: StageTimer,
-        odometry_model: OdometryParameters | None = None,
+        known: SensorCalibration | None = None,
     ) -> None:
         self._config = config
         self._node_filter = node_filter
@@ -154,14 +168,19 @@ class LocalSlam:
         self._range_filter = RangeFilter(sensor)
         self._scanners: dict[str, _Scanner] = {}
         self._active = ActiveSubmaps(config.submaps)
-        self._clocks = ScannerClocks()
+        self._clocks = ScannerClocks(known.scanner_offsets if known else None)
         self._num_nodes = 0
-        self.extrapolator = PoseExtrapolator(config, odometry_model)
+        self.extrapolator = PoseExtrapolator(config, known.odometry if known else None)
 
     @property
     def active_submaps(self) -> tuple[Submap, ...]:
         """The growing submaps, the older first."""
         return self._active.submaps
+
+    @property
+    def calibration(self) -> SensorCalibration:
+        """What is known about the sensors by now."""
+        return SensorCalibration(self.extrapolator.odometry_model, self._clocks.offsets)
 
     def summary(self) -> dict[str, Any]:
         """Return the estimates about odometry, IMU and scanners, for the report."""
@@ -219,8 +238,8 @@ class LocalSlam:
         with self._timer.measure("predict"):
             evidence = self._evidence(match, scanner)
             self.extrapolator.add_pose(time, pose, filtered.motion, evidence, name)
-            if match is not None:
-                self._clocks.add(name, time, pose)
+            if match is not None and (by := self._clocks.add(name, time, pose)):
+                self.extrapolator.shift(name, by)
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))

@@ -163,6 +163,12 @@ class OdometryCalibration:
         self._series: dict[str, _Series] = {}
         self._num_scans = 0
 
+    def shift(self, scanner: str, by: float) -> None:
+        """Correct the times of a scanner's scans so far, since its clock offset changes [s]."""
+        series = self._series.get(scanner)
+        if series is not None:
+            series.times = [time + by for time in series.times]
+
     def add(
         self,
         time: float,

@@ -178,6 +178,12 @@ class PoseExtrapolator:
             self.imu.note_standing(math.hypot(x, y) < STANDING_SPEED and abs(rate) < STANDING_RATE)
             self.imu_calibration.add(middle_time, middle, self.imu)
 
+    def shift(self, scanner: str, by: float) -> None:
+        """Correct the times of a scanner's scans so far, since its clock offset changes [s]."""
+        time, middle = self._middles[scanner]
+        self._middles[scanner] = time + by, middle
+        self._calibration.shift(scanner, by)
+
     def _compare_odometry(
         self, time: float, pose: Pose, evidence: Evidence | None, scanner: str
     ) -> int:

@@ -9,6 +9,8 @@ times the velocity, along the motion and in the turn.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,6 +31,9 @@ SCANNER_OFFSETS_S: FloatArray = np.arange(-25.0, 26.0) * 0.02
 WINDOW = 600
 """Number of latest scans of a scanner that are used: a minute or some."""
 
+MAX_REFERENCE = 6000
+"""Number of latest scans of the reference scanner that are kept: it may be much faster."""
+
 MAX_GAP_S = 0.5
 """Longest time between two scans of the reference scanner across which it shows the motion [s]."""
 
@@ -46,9 +51,12 @@ class _Series:
     times: list[float] = field(default_factory=list)
     poses: list[Pose] = field(default_factory=list)
     offset: float = 0.0
-    is_measured: bool = False
     num_scans: int = 0
     due: int = FIRST_ESTIMATE
+
+    def drop(self, count: int) -> None:
+        """Drop the oldest scans."""
+        del self.times[: max(count, 0)], self.poses[: max(count, 0)]
 
 
 class ScannerClocks:
@@ -59,7 +67,7 @@ class ScannerClocks:
     offsets : what is known before, by name [s].
     """
 
-    def __init__(self, offsets: dict[str, float] | None = None) -> None:
+    def __init__(self, offsets: Mapping[str, float] | None = None) -> None:
         self._series: dict[str, _Series] = {}
         self._reference = ""
         self._known = dict(offsets or {})
@@ -68,12 +76,6 @@ class ScannerClocks:
     def offsets(self) -> dict[str, float]:
         """By name: scans show the robot this much later than those of the first scanner [s]."""
         return {name: series.offset for name, series in self._series.items()}
-
-    @property
-    def are_measured(self) -> bool:
-        """Whether the offsets of all scanners but the first were compared with none."""
-        others = [s for name, s in self._series.items() if name != self._reference]
-        return all(series.is_measured for series in others)
 
     def offset_of(self, scanner: str) -> float:
         """Return the offset of a scanner [s], 0 for the first and for a new one."""
@@ -85,31 +87,38 @@ class ScannerClocks:
                 series.offset = self._known.get(scanner, 0.0)
         return series.offset
 
-    def add(self, scanner: str, time: float, tf_local_tracking: Pose) -> None:
-        """Add the matched pose of a scan, and its time with the offset; estimate at times."""
+    def add(self, scanner: str, time: float, tf_local_tracking: Pose) -> float:
+        """Add the matched pose of a scan; return by how much the scanner's offset changes [s].
+
+        Parameters
+        ----------
+        scanner, time : its name, and its time with the offset [s].
+        tf_local_tracking : its pose.
+        """
         offset = self.offset_of(scanner)
-        if len(self._series) < 2 and len(self._series[scanner].times) >= 2 * WINDOW:
-            del self._series[scanner].times[:WINDOW], self._series[scanner].poses[:WINDOW]
         series = self._series[scanner]
         series.times.append(time - offset)
         series.poses.append(tf_local_tracking)
         series.num_scans += 1
-        if scanner == self._reference or series.num_scans < series.due:
-            return
+        if scanner == self._reference:
+            if len(series.times) >= 2 * MAX_REFERENCE:
+                series.drop(MAX_REFERENCE)
+            return 0.0
+        if series.num_scans < series.due:
+            return 0.0
         series.due = next_estimate(series.num_scans)
+        series.drop(len(series.times) - WINDOW)
         reference = self._series[self._reference]
-        del series.times[:-WINDOW], series.poses[:-WINDOW]
-        while len(reference.times) > 2 and reference.times[1] < series.times[0] - 1.0:
-            del reference.times[: len(reference.times) // 2 or 1]
-            del reference.poses[: len(reference.poses) - len(reference.times)]
+        first = bisect_left(reference.times, series.times[0] - 1.0)
         found = scanner_offset(
             np.array(series.times),
             np.array(series.poses),
-            np.array(reference.times),
-            np.array(reference.poses),
+            np.array(reference.times[first:]),
+            np.array(reference.poses[first:]),
         )
         if found is not None:
-            series.offset, series.is_measured = found, True
+            series.offset = found
+        return series.offset - offset
 
 
 def scanner_offset(
