@@ -94,6 +94,40 @@ class _Step(NamedTuple):
     reported: Pose
 
 
+class _Window:
+    """The latest steps of one scanner, and the sums of their motions."""
+
+    def __init__(self) -> None:
+        self.steps: deque[_Step] = deque()
+        self._sums = [0.0] * 6
+
+    @property
+    def matched(self) -> Pose:
+        """Motion of the scans."""
+        return Pose(*self._sums[:3])
+
+    @property
+    def reported(self) -> Pose:
+        """Motion of the odometry."""
+        return Pose(*self._sums[3:])
+
+    def add(self, step: _Step) -> None:
+        """Add a step, and drop those that are not needed for a window."""
+        steps = self.steps
+        steps.append(step)
+        self._sums = [a + b for a, b in zip(self._sums, step.matched + step.reported, strict=True)]
+        while len(steps) > MIN_STEPS and step.end - steps[1].begin >= WINDOW_S:
+            old = steps.popleft()
+            self._sums = [
+                a - b for a, b in zip(self._sums, old.matched + old.reported, strict=True)
+            ]
+
+    def clear(self) -> None:
+        """Drop all steps."""
+        self.steps.clear()
+        self._sums = [0.0] * 6
+
+
 class OdometryTrust:
     """Compares the odometry with matched scans.
 
@@ -106,7 +140,7 @@ class OdometryTrust:
     def __init__(self) -> None:
         self.is_trusted = True
         self.faults: list[OdometryFault] = []
-        self._steps: dict[str, deque[_Step]] = {}
+        self._windows: dict[str, _Window] = {}
         self._last: dict[str, tuple[float, Pose]] = {}
 
     def add(
@@ -136,17 +170,18 @@ class OdometryTrust:
         self._last[scanner] = (time, tf_local_tracking)
         if last is None:
             return 0
-        steps = self._steps.setdefault(scanner, deque())
+        window = self._windows.get(scanner)
+        if window is None:
+            window = self._windows[scanner] = _Window()
         if reported is None or time <= last[0]:
-            steps.clear()
+            window.clear()
         else:
-            steps.append(_step(last, (time, tf_local_tracking), reported, evidence))
-        while len(steps) > MIN_STEPS and time - steps[1].begin >= WINDOW_S:
-            steps.popleft()
+            window.add(_step(last, (time, tf_local_tracking), reported, evidence))
+        steps = window.steps
         num_faulty = 0 if self.is_trusted else 1
         if len(steps) >= MIN_STEPS and WINDOW_S <= time - steps[0].begin <= MAX_WINDOW_S:
             begin, lever = steps[0].begin, LEVER_M if is_calibrated else UNKNOWN_LEVER_M
-            matched, odometry = _sum([s.matched for s in steps]), _sum([s.reported for s in steps])
+            matched, odometry = window.matched, window.reported
             if not self.is_trusted:
                 self._restore(begin, _agree(matched, odometry, lever))
             elif (
@@ -189,10 +224,6 @@ def _step(
             x, y = length * across[0], length * across[1]
         both.append(Pose(x, y, motion.theta))
     return _Step(begin, end, both[0], both[1])
-
-
-def _sum(steps: list[Pose]) -> Pose:
-    return Pose(*(sum(column) for column in zip(*steps, strict=True)))
 
 
 def _sizes(matched: Pose, odometry: Pose) -> tuple[float, float, float, float]:

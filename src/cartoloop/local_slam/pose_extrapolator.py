@@ -95,6 +95,8 @@ class PoseExtrapolator:
         self._odometry = OdometryTrack()
         self._calibration = OdometryCalibration(odometry_model)
         self._trust = OdometryTrust()
+        self._step_key: _StepKey | None = None
+        self._step: Pose | None = None
         self._is_stale = False
         self._time = 0.0
         self._tf_local_tracking = IDENTITY
@@ -370,11 +372,28 @@ class PoseExtrapolator:
     def _measured_step(self, begin: float, end: float) -> Pose | None:
         """Return the calibrated motion that the odometry measured between two times, or None."""
         model = self._calibration.model
+        key = begin, end, len(self._odometry), model
+        # The prediction of a scan and its comparison with the match ask for the same step.
+        if self._step_key is not None and _same(key, self._step_key):
+            return self._step
         begin, end = begin - model.time_offset, end - model.time_offset
         before, after = self._odometry.at(begin), self._odometry.at(end)
-        if before is None or after is None or self._odometry.jumps_between(begin, end):
-            return None
-        return model.predict(relative(before, after))
+        step = None
+        if (
+            before is not None
+            and after is not None
+            and not self._odometry.jumps_between(begin, end)
+        ):
+            step = model.predict(relative(before, after))
+        self._step_key, self._step = key, step
+        return step
+
+
+_StepKey = tuple[float, float, int, OdometryParameters]
+
+
+def _same(key: _StepKey, other: _StepKey) -> bool:
+    return key[:3] == other[:3] and key[3] is other[3]
 
 
 def _middle(time: float, pose: Pose, motion: SweepMotion | None) -> tuple[float, Pose]:
