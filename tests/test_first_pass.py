@@ -9,7 +9,7 @@ import pytest
 import cartoloop
 from cartoloop.config import Config, LocalSlamConfig
 from cartoloop.errors import Interrupted
-from cartoloop.first_pass import learn_odometry
+from cartoloop.first_pass import calibrate
 from cartoloop.mapper import Mapper
 from cartoloop.readers import open_log
 from cartoloop.sensor.events import LaserScan
@@ -32,10 +32,10 @@ def late(tmp_path_factory):
 
 
 def test_a_clock_offset_is_known_after_a_part_of_the_recording(late):
-    model = learn_odometry(late, Config(), StopRequest())
+    model = calibrate(late, Config(), StopRequest())
 
     assert model is not None
-    assert model.time_offset == pytest.approx(OFFSET, abs=0.03)
+    assert model.odometry.time_offset == pytest.approx(OFFSET, abs=0.03)
 
 
 def test_the_pass_ends_at_its_limit(late, monkeypatch):
@@ -45,7 +45,7 @@ def test_the_pass_ends_at_its_limit(late, monkeypatch):
 
     monkeypatch.setattr("cartoloop.first_pass.MAX_SHARE", 0.01)
     monkeypatch.setattr("cartoloop.first_pass.LEAST_SCANS", 0)
-    model = learn_odometry(late, Config(), StopRequest())
+    model = calibrate(late, Config(), StopRequest())
 
     num_scans = sum(isinstance(event, LaserScan) for event in mapped)
     assert model is None
@@ -54,17 +54,17 @@ def test_the_pass_ends_at_its_limit(late, monkeypatch):
 
 def test_odometry_that_is_not_used_is_not_learnt(late):
     config = Config(local_slam=LocalSlamConfig(use_odometry=False))
-    assert learn_odometry(late, config, StopRequest()) is None
+    assert calibrate(late, config, StopRequest()) is None
 
 
 def test_the_mapper_starts_with_what_was_learnt(late):
-    model = learn_odometry(late, Config(), StopRequest())
-    mapper = Mapper(odometry_model=model)
+    model = calibrate(late, Config(), StopRequest())
+    mapper = Mapper(calibration=model)
     for event, _ in zip(late, range(20), strict=False):
         mapper.add(event)
     mapper.close()
 
-    assert mapper.odometry_model == model
+    assert mapper.calibration.odometry == model.odometry
 
 
 def test_a_run_learns_first_and_counts_nothing_twice(late, monkeypatch):
@@ -72,7 +72,7 @@ def test_a_run_learns_first_and_counts_nothing_twice(late, monkeypatch):
     init = Mapper.__init__
 
     def note(self, *args, **kwargs):
-        given.append(kwargs.get("odometry_model"))
+        given.append(kwargs.get("calibration"))
         init(self, *args, **kwargs)
 
     monkeypatch.setattr(Mapper, "__init__", note)
@@ -90,7 +90,7 @@ def test_a_failure_is_left_to_the_pass_that_maps(late, monkeypatch, failure):
 
     stop = StopRequest()
     monkeypatch.setattr(Mapper, "add", fail)
-    assert learn_odometry(late, Config(), stop) is None
+    assert calibrate(late, Config(), stop) is None
     assert stop.made == (failure is KeyboardInterrupt)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.report import Report, summarize_constraints
+from cartoloop.report import Report, odometry_warning, summarize_constraints
 from tests.global_slam.closures import add_to_graph, closure, record
 
 
@@ -67,3 +67,22 @@ def test_without_closures_there_is_no_precision():
 def test_stable_keys_of_a_report_cannot_be_replaced():
     with pytest.raises(ValueError, match="nodes"):
         Report(extra={"nodes": 3, "findings": []}).to_json()
+
+
+def test_one_line_warns_of_odometry_that_was_left_out():
+    fault = {
+        "begin": 12.3,
+        "end": None,
+        "kind": "stands still",
+        "matched_m": 0.42,
+        "odometry_m": 0.0,
+        "matched_rad": 0.1,
+        "odometry_rad": 0.0,
+    }
+    assert odometry_warning(Report()) is None
+    assert odometry_warning(Report(extra={"odometry": {"faults": [fault]}})) == (
+        "the odometry was left out from 12.3 s to the end: it stands still (0.00 m and 0.00 rad) "
+        "where the scans move 0.42 m and 0.10 rad; check wheels and driver"
+    )
+    twice = Report(extra={"odometry": {"faults": [fault | {"end": 20.0}, fault]}})
+    assert "left out 2 times, first from 12.3 s to 20.0 s: " in str(odometry_warning(twice))

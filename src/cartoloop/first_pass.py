@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A quick pass of local SLAM over the beginning of a recording: what its odometry is like.
+"""A quick pass of local SLAM over the beginning of a recording: what its sensors are like.
 
-While a map grows, the odometry's clock offset becomes known only after some turns, and those come
+While a map grows, a clock offset becomes known only after some turns, and those come
 out wrong by degrees. A recording, unlike a live robot, can be asked for it first.
 """
 
@@ -16,6 +16,7 @@ from cartoloop.sensor.events import Odometry
 from cartoloop.stop_request import StopRequest
 
 if TYPE_CHECKING:
+    from cartoloop.local_slam.local_slam import SensorCalibration
     from cartoloop.local_slam.odometry_calibration import OdometryParameters
     from cartoloop.readers import Log
 
@@ -28,21 +29,19 @@ ENOUGH_TURNS = 150
 """Number of turning steps after which an offset that matters would have been found."""
 
 
-def learn_odometry(log: Log, config: Config, stop: StopRequest) -> OdometryParameters | None:
-    """Return what the beginning of a recording shows about its odometry, or None.
+def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration | None:
+    """Return what the beginning of a recording shows about its sensors, or None.
 
-    The pass ends once a clock offset was found, or the robot has turned so much that there is none
-    that matters; at the latest after `MAX_SHARE` of the scans, or `LEAST_SCANS`. A failure ends it
+    The pass ends once clock offsets were found, or the robot has turned so much that there are none
+    that matter; at the latest after `MAX_SHARE` of the scans, or `LEAST_SCANS`. A failure ends it
     as well: the pass that maps will meet and report it.
 
     Parameters
     ----------
-    log : of which a pass of its own is read.
+    log : the recording; this is a pass of its own.
     config : of the mapping; loops are not closed here.
     stop : ends the pass early.
     """
-    if not config.local_slam.use_odometry:
-        return None
     open_loop = config.global_slam.model_copy(update={"optimize_every_n_nodes": 0})
     mapper = Mapper(config.model_copy(update={"global_slam": open_loop}))
     limit = max(MAX_SHARE * log.num_scans, LEAST_SCANS)
@@ -52,10 +51,16 @@ def learn_odometry(log: Log, config: Config, stop: StopRequest) -> OdometryParam
         for event in events:
             has_odometry = has_odometry or isinstance(event, Odometry)
             mapper.add(event)
-            if stop.made or mapper.num_scans > (limit if has_odometry else FIRST_ESTIMATE):
+            if stop.made or mapper.num_scans > limit:
                 break
-            model = mapper.odometry_model
-            if model.knows_rotation and (model.time_offset or model.num_turns >= ENOUGH_TURNS):
+            if mapper.num_scans <= FIRST_ESTIMATE:
+                continue
+            known = mapper.calibration
+            uses_odometry = has_odometry and config.local_slam.use_odometry
+            is_alone = len(known.scanner_offsets) < 2
+            if (is_alone or any(known.scanner_offsets.values())) and (
+                not uses_odometry or _is_settled(known.odometry)
+            ):
                 break
     except KeyboardInterrupt:
         stop.made = True
@@ -64,4 +69,11 @@ def learn_odometry(log: Log, config: Config, stop: StopRequest) -> OdometryParam
     finally:
         events.close()
         mapper.close()
-    return mapper.odometry_model if mapper.odometry_model.knows_rotation else None
+    found = mapper.calibration
+    if found.odometry.knows_rotation or any(found.scanner_offsets.values()):
+        return found
+    return None
+
+
+def _is_settled(model: OdometryParameters) -> bool:
+    return model.knows_rotation and (bool(model.time_offset) or model.num_turns >= ENOUGH_TURNS)

@@ -17,8 +17,7 @@ from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.trajectory import optimized_trajectory, path_length
 from cartoloop.growing_array import GrowingArray
-from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
-from cartoloop.local_slam.odometry_calibration import OdometryParameters
+from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult, SensorCalibration
 from cartoloop.quality.examine import examine
 from cartoloop.report import (
     AdjustmentSummary,
@@ -49,8 +48,8 @@ class Mapper:
     live : whether the events come from a robot in real time. The pose graph then has a thread of
         its own, so that no pose waits for it; searches join the graph when they are done, and are
         dropped when too many are pending. Odometry may be late. The result depends on timing.
-    odometry_model : what is known about the odometry before, as from `odometry_model` of another
-        mapper; by default nothing. It is estimated again while mapping.
+    calibration : what is known about the sensors before, as `calibration` of another mapper; by
+        default nothing. It is estimated again while mapping.
     """
 
     def __init__(
@@ -58,7 +57,7 @@ class Mapper:
         config: Config | None = None,
         *,
         live: bool = False,
-        odometry_model: OdometryParameters | None = None,
+        calibration: SensorCalibration | None = None,
     ) -> None:
         self._config = config = config or Config()
         self._timer = StageTimer()
@@ -67,7 +66,7 @@ class Mapper:
             config.sensor,
             config.global_slam.constraint_search.adaptive_voxel_filter,
             self._timer,
-            odometry_model,
+            calibration,
         )
         self._global_slam = GlobalSlam(config.global_slam, self._timer, wait_for_searches=not live)
         self._back_end = BackgroundGlobalSlam(self._global_slam) if live else None
@@ -92,9 +91,9 @@ class Mapper:
         return len(self._node_scan_index)
 
     @property
-    def odometry_model(self) -> OdometryParameters:
-        """What is known about the odometry: clock offset, scales and errors."""
-        return self._local_slam.extrapolator.odometry_model
+    def calibration(self) -> SensorCalibration:
+        """What is known about the sensors: clock offsets, scales and errors of the odometry."""
+        return self._local_slam.calibration
 
     @property
     def num_loop_closures(self) -> int:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig, config_hash
 from cartoloop.errors import InputError, Interrupted
+from cartoloop.report import odometry_warning
 from cartoloop.runtime.process_memory import release_unused_memory
 from cartoloop.stop_request import StopRequest
 
@@ -111,12 +112,12 @@ def map_recording(
     folder = None if out is None else prepare_folder(out)
 
     # Loads the kernels: part of the measured time.
-    from cartoloop.first_pass import learn_odometry
+    from cartoloop.first_pass import calibrate
     from cartoloop.mapper import Mapper
 
     observer.started(log.num_scans)
-    model = learn_odometry(log, loaded.config, stop)
-    outcome = run(log, Mapper(loaded.config, odometry_model=model), observer, stop)
+    calibration = calibrate(log, loaded.config, stop)
+    outcome = run(log, Mapper(loaded.config, calibration=calibration), observer, stop)
     messages = [problem.message for problem in log.problems]
     result = replace(
         outcome.result,
@@ -202,8 +203,10 @@ def completed(
     for reason, count in also_skipped.items():
         skipped[reason] = skipped.get(reason, 0) + count
     extra = dict(report.extra)
+    warning = odometry_warning(report)
+    problems = [*problems, warning] if warning else list(problems)
     if problems:
-        extra["problems"] = list(problems)
+        extra["problems"] = problems
     return replace(
         report,
         input=replace(report.input, name=name),

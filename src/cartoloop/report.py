@@ -154,6 +154,23 @@ class Report:
         return json.dumps(keys | extra, indent=2, allow_nan=False) + "\n"
 
 
+def odometry_warning(report: Report) -> str | None:
+    """Return one line about the times when the odometry was left out; None if there are none."""
+    faults = report.extra.get("odometry", {}).get("faults", [])
+    if not faults:
+        return None
+    first = faults[0]
+    until = "the end" if first["end"] is None else f"{first['end']:.1f} s"
+    when = f"from {first['begin']:.1f} s to {until}"
+    if len(faults) > 1:
+        when = f"{len(faults)} times, first {when}"
+    return (
+        f"the odometry was left out {when}: it {first['kind']} ({first['odometry_m']:.2f} m and "
+        f"{first['odometry_rad']:.2f} rad) where the scans move {first['matched_m']:.2f} m and "
+        f"{first['matched_rad']:.2f} rad; check wheels and driver"
+    )
+
+
 def summarize_constraints(graph: PoseGraph, closures: Closures) -> ConstraintSummary:
     """Return the counts of a graph's constraints and of the record of closures.
 

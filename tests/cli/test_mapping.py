@@ -29,7 +29,7 @@ class StandIn:
     at_scan = None  # (number, action)
     at_finish = None
 
-    def __init__(self, config):
+    def __init__(self, config, calibration=None):
         type(self).made += 1
         self.config = config
         self.stamps = []
@@ -73,6 +73,9 @@ def mapper(monkeypatch):
     module = types.ModuleType("cartoloop.mapper")
     module.Mapper = Mapper
     monkeypatch.setitem(sys.modules, "cartoloop.mapper", module)
+    first_pass = types.ModuleType("cartoloop.first_pass")
+    first_pass.calibrate = lambda *_: None
+    monkeypatch.setitem(sys.modules, "cartoloop.first_pass", first_pass)
     return Mapper
 
 

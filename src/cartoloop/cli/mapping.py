@@ -15,6 +15,7 @@ from cartoloop.cli.progress import Progress, format_duration, progress
 from cartoloop.cli.second_process import start_second_process
 from cartoloop.cli.stop_signals import SignalStop, stop_signals
 from cartoloop.recording_run import RunObserver, map_recording
+from cartoloop.report import odometry_warning
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
 if TYPE_CHECKING:
@@ -124,6 +125,8 @@ class _Display(RunObserver):
         if self._log.num_problems > MAX_PROBLEMS_SHOWN:
             rest = self._log.num_problems - MAX_PROBLEMS_SHOWN
             typer.echo(f"and {rest} more problems; see report.json", err=True)
+        if warning := odometry_warning(result.report):
+            typer.echo(f"warning: {warning}", err=True)
         typer.echo(summary(result.report, self._out))
         if failure is not None:
             typer.echo(f"the map until the failure is in {self._out}", err=True)

@@ -83,7 +83,7 @@ def clock_offset(
     base = max(none, opposite, key=log_likelihood)
     at = times[1:][used] - offset
     if is_better_than_none(found, base, typical_spacing(at, reading_times)):
-        return _refined_minimum(OFFSETS_S, costs, best)
+        return refined_minimum(OFFSETS_S, costs, best)
     kept = _errors(turns, reported(previous), used)
     return previous if log_likelihood(kept) > log_likelihood(none) else 0.0
 
@@ -140,7 +140,7 @@ def typical_spacing(times: FloatArray, reading_times: FloatArray) -> float:
     return float(np.median(reading_times[after] - reading_times[after - 1]))
 
 
-def _refined_minimum(grid: FloatArray, costs: FloatArray, best: int) -> float:
+def refined_minimum(grid: FloatArray, costs: FloatArray, best: int) -> float:
     """Return the minimum of a parabola through the lowest cost and its neighbours."""
     if not 0 < best < len(grid) - 1:
         return float(grid[best])

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from cartoloop.local_slam.odometry_calibration import OdometryParameters
 from cartoloop.local_slam.odometry_trust import Evidence
 from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator, Prediction
 from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher, degenerate_direction
+from cartoloop.local_slam.scanner_clocks import ScannerClocks
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
@@ -30,6 +32,9 @@ from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
 from cartoloop.sensor.sweep_motion import SweepMotion
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import ActiveSubmaps, Submap
+
+MAX_RECENT = 64
+"""Number of scans of a scanner that are kept for a comparison: more than a second of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +55,20 @@ class LocalSlamResult:
     node: Node | None
     returns: FloatArray
     match: LeastSquaresMatch | None = None
+
+
+class SensorCalibration(NamedTuple):
+    """What local SLAM has found out about the sensors.
+
+    Attributes
+    ----------
+    odometry : clock offset, scales and errors of the odometry.
+    scanner_offsets : by name: scans show the robot this much later than those of the first scanner
+        with the same stamps [s]; 0 for the first.
+    """
+
+    odometry: OdometryParameters
+    scanner_offsets: Mapping[str, float]
 
 
 class FilteredScan(NamedTuple):
@@ -100,12 +119,27 @@ class _Scanner:
     motion_filter : one for each scanner, so that each contributes to the map.
     num_scans : number of its scans.
     is_in_map : whether one of its scans was inserted.
+    recent : its latest scans.
     """
 
     matcher: ScanMatcher
     motion_filter: MotionFilter
     num_scans: int = 0
     is_in_map: bool = False
+    recent: deque[LaserScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
+
+    def change_since(self, time: float) -> float:
+        """Return the median change of the ranges since a time [m]; inf if it is not known."""
+        first = next((scan for scan in self.recent if scan.time >= time), None)
+        if first is None or first is self.recent[-1]:
+            return math.inf
+        before, now = first.ranges, self.recent[-1].ranges
+        if len(before) != len(now):
+            return math.inf
+        limit = first.geometry.range_max
+        both = (before > 0.0) & (now > 0.0) & (before < limit) & (now < limit)
+        changes = np.abs(now[both] - before[both])
+        return float(np.median(changes)) if len(changes) else math.inf
 
 
 class LocalSlam:
@@ -117,7 +151,7 @@ class LocalSlam:
     sensor : which part of a scan is used.
     node_filter : voxel filter of the points that a node keeps for loop closure.
     timer : measures the stages.
-    odometry_model : what is known about the odometry before; by default nothing.
+    known : what is known about the sensors before; by default nothing.
     """
 
     def __init__(
@@ -126,7 +160,7 @@ class LocalSlam:
         sensor: SensorConfig,
         node_filter: AdaptiveVoxelFilterConfig,
         timer: StageTimer,
-        odometry_model: OdometryParameters | None = None,
+        known: SensorCalibration | None = None,
     ) -> None:
         self._config = config
         self._node_filter = node_filter
@@ -134,13 +168,19 @@ class LocalSlam:
         self._range_filter = RangeFilter(sensor)
         self._scanners: dict[str, _Scanner] = {}
         self._active = ActiveSubmaps(config.submaps)
+        self._clocks = ScannerClocks(known.scanner_offsets if known else None)
         self._num_nodes = 0
-        self.extrapolator = PoseExtrapolator(config, odometry_model)
+        self.extrapolator = PoseExtrapolator(config, known.odometry if known else None)
 
     @property
     def active_submaps(self) -> tuple[Submap, ...]:
         """The growing submaps, the older first."""
         return self._active.submaps
+
+    @property
+    def calibration(self) -> SensorCalibration:
+        """What is known about the sensors by now."""
+        return SensorCalibration(self.extrapolator.odometry_model, self._clocks.offsets)
 
     def summary(self) -> dict[str, Any]:
         """Return the estimates about odometry, IMU and scanners, for the report."""
@@ -148,6 +188,7 @@ class LocalSlam:
         if len(self._scanners) > 1:
             scanners = sorted(self._scanners.items())
             summary["scanners"] = {name: scanner.num_scans for name, scanner in scanners}
+            summary["scanner_time_offsets_s"] = dict(sorted(self._clocks.offsets.items()))
         return summary
 
     def add_odometry(self, odometry: Odometry) -> None:
@@ -162,7 +203,8 @@ class LocalSlam:
         """Return when all odometry and IMU readings that affect a scan have been measured [s]."""
         if not self.extrapolator.measures_motion:
             return scan.time
-        return scan.time + min(scan.sweep[1], MAX_SWEEP_S)
+        offset = self._clocks.offset_of(scan.geometry.sensor)
+        return scan.time + offset + min(scan.sweep[1], MAX_SWEEP_S)
 
     def add_scan(
         self, scan: LaserScan | PointCloud, on_pose: Callable[[Pose], None] | None = None
@@ -179,21 +221,25 @@ class LocalSlam:
         InputError
             The scan is so far from the previous ones that no submap can hold both.
         """
-        scanner = self._scanner_of(scan)
-        filtered = self._filter(scan)
+        scanner, name = self._scanner_of(scan), scan.geometry.sensor
+        time = scan.time + self._clocks.offset_of(name)
+        filtered = self._filter(scan, time)
         with self._timer.measure("predict"):
-            prediction = self.extrapolator.predict(scan.time)
+            prediction = self.extrapolator.predict(time)
         has_points = len(filtered.points) >= self._config.insertion.min_num_points
         match = None
         # The first scan of a further scanner may show a place that is not mapped yet.
         if has_points and scanner.is_in_map:
             match = self._match(filtered, prediction, scanner.matcher)
-            filtered, match = self._deskew_again(scan, filtered, match, scanner.matcher)
+            filtered, match = self._deskew_again(scan, time, filtered, match, scanner.matcher)
         pose = match.tf_local_tracking if match else prediction.tf_local_tracking
         if on_pose is not None:
             on_pose(pose)
         with self._timer.measure("predict"):
-            self.extrapolator.add_pose(scan.time, pose, filtered.motion, self._evidence(match))
+            evidence = self._evidence(match, scanner)
+            self.extrapolator.add_pose(time, pose, filtered.motion, evidence, name)
+            if match is not None and (by := self._clocks.add(name, time, pose)):
+                self.extrapolator.shift(name, by)
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))
@@ -210,12 +256,14 @@ class LocalSlam:
                 ScanMatcher(self._config), MotionFilter(self._config.motion_filter)
             )
         scanner.num_scans += 1
+        if isinstance(scan, LaserScan):
+            scanner.recent.append(scan)
         return scanner
 
-    def _filter(self, scan: LaserScan | PointCloud) -> FilteredScan:
+    def _filter(self, scan: LaserScan | PointCloud, time: float) -> FilteredScan:
         """Return a scan deskewed by the motion that the extrapolator expects."""
         with self._timer.measure("filter"):
-            motion = self.extrapolator.sweep_motion(scan.time, *scan.sweep)
+            motion = self.extrapolator.sweep_motion(time, *scan.sweep)
             return self._deskewed(scan, motion)
 
     def _deskewed(self, scan: LaserScan | PointCloud, motion: SweepMotion | None) -> FilteredScan:
@@ -232,30 +280,31 @@ class LocalSlam:
     def _deskew_again(
         self,
         scan: LaserScan | PointCloud,
+        time: float,
         filtered: FilteredScan,
         match: MatchedScan,
         matcher: ScanMatcher,
     ) -> tuple[FilteredScan, MatchedScan]:
         """Return a scan and its match, both repeated where the match reveals another motion."""
         pose = match.tf_local_tracking
-        motion = self.extrapolator.corrected_motion(scan.time, pose, filtered.motion)
+        motion = self.extrapolator.corrected_motion(time, pose, filtered.motion)
         if motion is None:
             return filtered, match
         with self._timer.measure("filter"):
             filtered = self._deskewed(scan, motion)
         if len(filtered.points) < self._config.insertion.min_num_points:
             return filtered, match
-        prediction = self.extrapolator.prediction_from(scan.time, pose)
+        prediction = self.extrapolator.prediction_from(time, pose)
         return filtered, self._match(filtered, prediction, matcher)
 
-    def _evidence(self, match: MatchedScan | None) -> Evidence | None:
-        """Return which directions a match determines, None without a match."""
+    def _evidence(self, match: MatchedScan | None, scanner: _Scanner) -> Evidence | None:
+        """Return what a match of a scanner says about the motion, None without a match."""
         if match is None:
             return None
         ratio, direction = degenerate_direction(match.match)
         turned = self._active.submaps[0].tf_local_submap.theta
         is_determined = ratio > self._config.prediction.spurious_information
-        return Evidence(is_determined, direction + turned)
+        return Evidence(is_determined, direction + turned, scanner.change_since)
 
     def _information(self, match: MatchedScan | None) -> FloatArray:
         """Return the information matrix of a scan's pose in the older active submap."""

@@ -11,7 +11,7 @@ repeatedly while mapping.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -127,6 +127,20 @@ class OdometryParameters:
         )
 
 
+@dataclass(slots=True)
+class _Series:
+    """The scans of one scanner, and whether the step to each is used; not that to the first."""
+
+    times: list[float] = field(default_factory=list)
+    poses: list[Pose] = field(default_factory=list)
+    is_usable: list[bool] = field(default_factory=list)
+
+    def cut(self, window: int) -> None:
+        """Drop all but the latest scans."""
+        del self.times[:-window], self.poses[:-window], self.is_usable[:-window]
+        self.is_usable[0] = False
+
+
 class OdometryCalibration:
     """Collects matched scan poses and estimates the :class:`OdometryParameters` from them.
 
@@ -146,9 +160,14 @@ class OdometryCalibration:
         self.model = model or OdometryParameters()
         self._window = window
         self._due = first
-        self._times: list[float] = []
-        self._poses: list[Pose] = []
-        self._is_usable: list[bool] = []
+        self._series: dict[str, _Series] = {}
+        self._num_scans = 0
+
+    def shift(self, scanner: str, by: float) -> None:
+        """Correct the times of a scanner's scans so far, since its clock offset changes [s]."""
+        series = self._series.get(scanner)
+        if series is not None:
+            series.times = [time + by for time in series.times]
 
     def add(
         self,
@@ -156,24 +175,31 @@ class OdometryCalibration:
         tf_local_tracking: Pose,
         track: OdometryTrack,
         num_faulty: int = 0,
+        scanner: str = "",
     ) -> None:
         """Add a scan's pose as matched; from time to time, estimate again.
 
-        `num_faulty` of the latest steps, up to this scan, are not used.
+        `num_faulty` of the latest steps of this scanner, up to this scan, are not used. Steps are
+        taken between scans of one scanner, since the clocks of scanners differ.
         """
-        self._times.append(time)
-        self._poses.append(tf_local_tracking)
-        self._is_usable.append(True)
+        self._num_scans += 1
+        series = self._series.setdefault(scanner, _Series())
+        series.times.append(time)
+        series.poses.append(tf_local_tracking)
+        series.is_usable.append(bool(series.is_usable))
         if num_faulty:
-            self._is_usable[-num_faulty:] = [False] * min(num_faulty, len(self._is_usable))
-        if len(self._times) >= self._due:
-            self._due = next_estimate(len(self._times))
+            series.is_usable[-num_faulty:] = [False] * min(num_faulty, len(series.is_usable))
+        if self._num_scans >= self._due:
+            self._due = next_estimate(self._num_scans)
+            for one in self._series.values():
+                one.cut(self._window)
+            every = list(self._series.values())
             self.model = estimate(
-                np.array(self._times[-self._window :]),
-                np.array(self._poses[-self._window :]),
+                np.array([time for one in every for time in one.times]),
+                np.array([pose for one in every for pose in one.poses]),
                 *track.arrays(),
                 self.model,
-                np.array(self._is_usable[-self._window :]),
+                np.array([usable for one in every for usable in one.is_usable]),
             )
 
 

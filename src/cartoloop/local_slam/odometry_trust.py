@@ -29,6 +29,17 @@ below the second it is good again. Scales are wrong by up to 0.4 before they are
 FAULT_M, FAULT_RAD = 0.2, 0.3
 """Smaller differences are no fault [m], [rad]: matches of a window err by some centimetres."""
 
+LEVER_M, UNKNOWN_LEVER_M = 0.15, 0.5
+"""Error of the scanner's lever arm [m], once it is estimated and before: a turn moves it on a
+circle."""
+
+STANDING_SHARE, STANDING_CHANGE_M = 0.25, 0.1
+"""Scans that move by less than this share of the odometry stand still, if their ranges have changed
+by less than the second [m]; otherwise sparse points may have held them at the pixels of the map."""
+
+MIN_SHARE = 0.1
+"""Odometry that moves by less than this share of the scans stands still."""
+
 GOOD_M, GOOD_RAD = 0.05, 0.05
 """Difference that remains where the odometry is good [m], [rad]."""
 
@@ -44,10 +55,13 @@ class Evidence(NamedTuple):
     ----------
     is_determined : whether it determines the position in both directions.
     direction : otherwise, the direction that it does not determine [rad], local frame.
+    change_since : returns by how much the ranges have changed since a time, in the median [m]; inf
+        if that is not known.
     """
 
     is_determined: bool
     direction: float
+    change_since: Callable[[float], float]
 
 
 @dataclass(slots=True)
@@ -80,6 +94,40 @@ class _Step(NamedTuple):
     reported: Pose
 
 
+class _Window:
+    """The latest steps of one scanner, and the sums of their motions."""
+
+    def __init__(self) -> None:
+        self.steps: deque[_Step] = deque()
+        self._sums = [0.0] * 6
+
+    @property
+    def matched(self) -> Pose:
+        """Motion of the scans."""
+        return Pose(*self._sums[:3])
+
+    @property
+    def reported(self) -> Pose:
+        """Motion of the odometry."""
+        return Pose(*self._sums[3:])
+
+    def add(self, step: _Step) -> None:
+        """Add a step, and drop those that are not needed for a window."""
+        steps = self.steps
+        steps.append(step)
+        self._sums = [a + b for a, b in zip(self._sums, step.matched + step.reported, strict=True)]
+        while len(steps) > MIN_STEPS and step.end - steps[1].begin >= WINDOW_S:
+            old = steps.popleft()
+            self._sums = [
+                a - b for a, b in zip(self._sums, old.matched + old.reported, strict=True)
+            ]
+
+    def clear(self) -> None:
+        """Drop all steps."""
+        self.steps.clear()
+        self._sums = [0.0] * 6
+
+
 class OdometryTrust:
     """Compares the odometry with matched scans.
 
@@ -92,8 +140,8 @@ class OdometryTrust:
     def __init__(self) -> None:
         self.is_trusted = True
         self.faults: list[OdometryFault] = []
-        self._steps: deque[_Step] = deque()
-        self._last: tuple[float, Pose] | None = None
+        self._windows: dict[str, _Window] = {}
+        self._last: dict[str, tuple[float, Pose]] = {}
 
     def add(
         self,
@@ -102,6 +150,8 @@ class OdometryTrust:
         reported: Pose | None,
         evidence: Evidence | None,
         is_late: Callable[[float, float, Pose], bool],
+        is_calibrated: bool,
+        scanner: str = "",
     ) -> int:
         """Add a scan; return how many of the latest steps, with the one to it, prove faulty.
 
@@ -113,26 +163,38 @@ class OdometryTrust:
         evidence : of the match; None if the scan was not matched.
         is_late : returns whether the odometry reports a motion at a slightly other time than that
             between two times; asked before it is called faulty.
+        is_calibrated : whether the lever arm is estimated.
+        scanner : of the scan; scans of one scanner are compared with each other.
         """
-        last, self._last = self._last, (time, tf_local_tracking)
+        last = self._last.get(scanner)
+        self._last[scanner] = (time, tf_local_tracking)
         if last is None:
             return 0
-        steps = self._steps
+        window = self._windows.get(scanner)
+        if window is None:
+            window = self._windows[scanner] = _Window()
         if reported is None or time <= last[0]:
-            steps.clear()
+            window.clear()
         else:
-            steps.append(_step(last, (time, tf_local_tracking), reported, evidence))
-        while len(steps) > MIN_STEPS and time - steps[1].begin >= WINDOW_S:
-            steps.popleft()
+            window.add(_step(last, (time, tf_local_tracking), reported, evidence))
+        steps = window.steps
         num_faulty = 0 if self.is_trusted else 1
         if len(steps) >= MIN_STEPS and WINDOW_S <= time - steps[0].begin <= MAX_WINDOW_S:
-            begin = steps[0].begin
-            matched, odometry = _sum([s.matched for s in steps]), _sum([s.reported for s in steps])
+            begin, lever = steps[0].begin, LEVER_M if is_calibrated else UNKNOWN_LEVER_M
+            matched, odometry = window.matched, window.reported
             if not self.is_trusted:
-                self._restore(begin, _agree(matched, odometry))
-            elif differ(matched, odometry) and not is_late(begin, time, matched):
+                self._restore(begin, _agree(matched, odometry, lever))
+            elif (
+                differ(matched, odometry, lever)
+                and not _is_held(matched, odometry, begin, evidence)
+                and not is_late(begin, time, matched)
+            ):
                 self.is_trusted = False
-                self.faults.append(_fault(begin, matched, odometry))
+                stands = all(
+                    _size(step.reported) <= MIN_SHARE * _size(step.matched)
+                    for step in list(steps)[-2:]
+                )
+                self.faults.append(_fault(begin, matched, odometry, stands))
                 num_faulty = len(steps)
         return num_faulty
 
@@ -164,10 +226,6 @@ def _step(
     return _Step(begin, end, both[0], both[1])
 
 
-def _sum(steps: list[Pose]) -> Pose:
-    return Pose(*(sum(column) for column in zip(*steps, strict=True)))
-
-
 def _sizes(matched: Pose, odometry: Pose) -> tuple[float, float, float, float]:
     """Return the difference and the larger of two motions: translation, then rotation."""
     return (
@@ -178,27 +236,43 @@ def _sizes(matched: Pose, odometry: Pose) -> tuple[float, float, float, float]:
     )
 
 
-def differ(matched: Pose, odometry: Pose) -> bool:
+def differ(matched: Pose, odometry: Pose, lever: float) -> bool:
     """Return whether the motions of scans and odometry in a window contradict each other."""
     apart, length, turned_apart, turn = _sizes(matched, odometry)
-    return apart > max(FAULT_M, FAULT_SHARE * length) or turned_apart > max(
+    return apart > max(FAULT_M + lever * turn, FAULT_SHARE * length) or turned_apart > max(
         FAULT_RAD, FAULT_SHARE * turn
     )
 
 
-def _agree(matched: Pose, odometry: Pose) -> bool:
+def _is_held(matched: Pose, odometry: Pose, begin: float, evidence: Evidence | None) -> bool:
+    """Return whether scans that seem to stand still may be held by the map though they move."""
+    length = math.hypot(odometry.x, odometry.y)
+    if math.hypot(matched.x, matched.y) >= STANDING_SHARE * length or length < FAULT_M:
+        return False
+    return evidence is None or evidence.change_since(begin) > STANDING_CHANGE_M
+
+
+def _agree(matched: Pose, odometry: Pose, lever: float) -> bool:
     """Return whether two motions of a window are large enough to be compared, and agree."""
     apart, length, turned_apart, turn = _sizes(matched, odometry)
     if length < PROOF_M and turn < PROOF_RAD:
         return False
-    return apart < GOOD_M + GOOD_SHARE * length and turned_apart < GOOD_RAD + GOOD_SHARE * turn
+    return (
+        apart < GOOD_M + lever * turn + GOOD_SHARE * length
+        and turned_apart < GOOD_RAD + GOOD_SHARE * turn
+    )
 
 
-def _fault(begin: float, matched: Pose, odometry: Pose) -> OdometryFault:
+def _size(motion: Pose) -> float:
+    """Return the size of a step: distance, and the way of a point a metre away."""
+    return math.hypot(motion.x, motion.y) + abs(motion.theta)
+
+
+def _fault(begin: float, matched: Pose, odometry: Pose, stands: bool) -> OdometryFault:
     matched_m = math.hypot(matched.x, matched.y)
     odometry_m = math.hypot(odometry.x, odometry.y)
     kind = "moves otherwise"
-    if odometry_m < 0.1 * matched_m or abs(odometry.theta) < 0.1 * abs(matched.theta) - FAULT_RAD:
+    if stands:
         kind = "stands still"
     elif odometry_m - matched_m > 0.5 * math.hypot(matched.x - odometry.x, matched.y - odometry.y):
         kind = "moves too far"

@@ -16,7 +16,13 @@ from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.imu_calibration import ImuCalibration
 from cartoloop.local_slam.odometry_calibration import OdometryCalibration, OdometryParameters
 from cartoloop.local_slam.odometry_track import OdometryTrack
-from cartoloop.local_slam.odometry_trust import Evidence, OdometryFault, OdometryTrust, differ
+from cartoloop.local_slam.odometry_trust import (
+    UNKNOWN_LEVER_M,
+    Evidence,
+    OdometryFault,
+    OdometryTrust,
+    differ,
+)
 from cartoloop.local_slam.velocity_filter import VelocityFilter
 from cartoloop.sensor.events import Imu
 from cartoloop.sensor.imu_track import ImuTrack
@@ -89,11 +95,14 @@ class PoseExtrapolator:
         self._odometry = OdometryTrack()
         self._calibration = OdometryCalibration(odometry_model)
         self._trust = OdometryTrust()
+        self._step_key: _StepKey | None = None
+        self._step: Pose | None = None
         self._is_stale = False
         self._time = 0.0
         self._tf_local_tracking = IDENTITY
         self._velocity = VelocityFilter(config.prediction)
         self._middle_time, self._middle = 0.0, IDENTITY
+        self._middles: dict[str, tuple[float, Pose]] = {}
         self._num_poses = 0
         self.imu: ImuTrack | None = None
         self.imu_calibration = ImuCalibration()
@@ -146,6 +155,7 @@ class PoseExtrapolator:
         tf_local_tracking: Pose,
         motion: SweepMotion | None = None,
         evidence: Evidence | None = None,
+        scanner: str = "",
     ) -> None:
         """Add the matched pose of a scan, the motion assumed in its sweep, and what it determines.
 
@@ -154,27 +164,40 @@ class PoseExtrapolator:
         """
         middle_time, middle = _middle(time, tf_local_tracking, motion)
         num_faulty = 0
-        if self._num_poses:
-            self._velocity.update(relative(self._middle, middle), middle_time - self._middle_time)
-            if len(self._odometry):
-                num_faulty = self._compare_odometry(middle_time, middle, evidence)
+        last = self._middles.get(scanner)
+        if last is not None:
+            self._velocity.update(relative(last[1], middle), middle_time - last[0])
+        if len(self._odometry):
+            num_faulty = self._compare_odometry(middle_time, middle, evidence, scanner)
         self._middle_time, self._middle = middle_time, middle
+        self._middles[scanner] = middle_time, middle
         self._time, self._tf_local_tracking = time, tf_local_tracking
         self._num_poses += 1
         if len(self._odometry):
-            self._calibration.add(middle_time, middle, self._odometry, num_faulty)
+            self._calibration.add(middle_time, middle, self._odometry, num_faulty, scanner)
         if self.imu is not None:
             x, y, rate = self._velocity.step(1.0)
             self.imu.note_standing(math.hypot(x, y) < STANDING_SPEED and abs(rate) < STANDING_RATE)
             self.imu_calibration.add(middle_time, middle, self.imu)
 
-    def _compare_odometry(self, time: float, pose: Pose, evidence: Evidence | None) -> int:
+    def shift(self, scanner: str, by: float) -> None:
+        """Correct the times of a scanner's scans so far, since its clock offset changes [s]."""
+        time, middle = self._middles[scanner]
+        self._middles[scanner] = time + by, middle
+        self._calibration.shift(scanner, by)
+
+    def _compare_odometry(
+        self, time: float, pose: Pose, evidence: Evidence | None, scanner: str
+    ) -> int:
         """Compare the odometry with a matched pose; return how many latest steps are faulty."""
-        reported = self._measured_step(self._middle_time, time)
-        num_faulty = self._trust.add(time, pose, reported, evidence, self._is_late)
-        if reported is None or evidence is None or not evidence.is_determined:
+        last = self._middles.get(scanner)
+        reported = None if last is None else self._measured_step(last[0], time)
+        num_faulty = self._trust.add(
+            time, pose, reported, evidence, self._is_late, self.odometry_model.is_known, scanner
+        )
+        if last is None or reported is None or evidence is None or not evidence.is_determined:
             return num_faulty
-        matched = relative(self._middle, pose)
+        matched = relative(last[1], pose)
         apart = math.hypot(matched.x - reported.x, matched.y - reported.y)
         turned_apart = abs(matched.theta - reported.theta)
         if self._is_stale:
@@ -192,7 +215,9 @@ class PoseExtrapolator:
         for shift in shifts:
             step = self._measured_step(begin - shift, end - shift)
             if step is not None and not differ(
-                Pose(length, 0.0, matched.theta), Pose(math.hypot(step.x, step.y), 0.0, step.theta)
+                Pose(length, 0.0, matched.theta),
+                Pose(math.hypot(step.x, step.y), 0.0, step.theta),
+                UNKNOWN_LEVER_M,
             ):
                 return True
         return False
@@ -347,11 +372,28 @@ class PoseExtrapolator:
     def _measured_step(self, begin: float, end: float) -> Pose | None:
         """Return the calibrated motion that the odometry measured between two times, or None."""
         model = self._calibration.model
+        key = begin, end, len(self._odometry), model
+        # The prediction of a scan and its comparison with the match ask for the same step.
+        if self._step_key is not None and _same(key, self._step_key):
+            return self._step
         begin, end = begin - model.time_offset, end - model.time_offset
         before, after = self._odometry.at(begin), self._odometry.at(end)
-        if before is None or after is None or self._odometry.jumps_between(begin, end):
-            return None
-        return model.predict(relative(before, after))
+        step = None
+        if (
+            before is not None
+            and after is not None
+            and not self._odometry.jumps_between(begin, end)
+        ):
+            step = model.predict(relative(before, after))
+        self._step_key, self._step = key, step
+        return step
+
+
+_StepKey = tuple[float, float, int, OdometryParameters]
+
+
+def _same(key: _StepKey, other: _StepKey) -> bool:
+    return key[:3] == other[:3] and key[3] is other[3]
 
 
 def _middle(time: float, pose: Pose, motion: SweepMotion | None) -> tuple[float, Pose]:
