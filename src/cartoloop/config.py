@@ -97,6 +97,13 @@ class CorrelativeMatcherConfig(Section):
     lost_residual_ratio: float = Field(
         1.3, ge=0, description="residual over typical residual above which the robot may be lost"
     )
+    min_overlap: float = Field(
+        0.3,
+        ge=0,
+        le=1,
+        description="share of a scan's points in observed cells below which it does not contradict "
+        "the odometry",
+    )
     lost_improvement: float = Field(
         0.85, gt=0, le=1, description="residual ratio by which a match elsewhere must be better"
     )
@@ -367,7 +374,7 @@ class PoseAdjustmentConfig(Section):
         None,
         gt=0,
         description="residual E beyond which a closure's influence is limited; unless set, the "
-        "default of the loss: 3, or 4 for graduated_non_convexity",
+        "default of the loss: 3, or 6 for graduated_non_convexity",
     )
     intra_submap_weight: float = Field(
         0.7,
