@@ -97,13 +97,14 @@ class CorrelativeMatcherConfig(Section):
     lost_residual_ratio: float = Field(
         1.3, ge=0, description="residual over typical residual above which the robot may be lost"
     )
-    min_overlap: float = Field(
-        0.3,
+    min_seen_share: float = Field(
+        0.25,
         ge=0,
         le=1,
         description="share of a scan's points in observed cells below which it does not contradict "
         "the odometry",
     )
+    min_num_seen: int = Field(20, ge=1, description="and number of these points")
     lost_improvement: float = Field(
         0.85, gt=0, le=1, description="residual ratio by which a match elsewhere must be better"
     )
