@@ -201,6 +201,41 @@ class PredictionConfig(Section):
     )
 
 
+class WallStepConfig(Section):
+    """Without odometry: the step along bare walls, from one scan to the next."""
+
+    max_ratio: float = Field(
+        0.3,
+        ge=0,
+        le=1,
+        description="information of a match along over across, below which the step is examined; "
+        "0: never",
+    )
+    max_speed: float = Field(2.0, gt=0, description="of the robot [m/s]")
+    max_step: float = Field(1.0, gt=0, description="longest step that is tried [m]")
+    step: float = Field(0.02, gt=0, description="distance between steps that are tried [m]")
+    sigma: float = Field(0.02, gt=0, description="of the distance of a return from a wall [m]")
+    max_distance: float = Field(0.1, gt=0, description="beyond, a return fits as badly as any [m]")
+    outside_cost: float = Field(
+        0.3, ge=0, description="share of that cost of returns where the last scan shows nothing"
+    )
+    min_evidence: float = Field(
+        20.0, gt=0, description="half of the chi square by which a step must fit better"
+    )
+    evidence_memory: float = Field(
+        0.8, ge=0, lt=1, description="share of the evidence that the next scan keeps"
+    )
+    min_rise: float = Field(
+        5.0, ge=0, description="and by which steps that are max_distance away must fit worse"
+    )
+    max_turn_deg: float = Field(
+        4.0, ge=0, description="scans are not compared across larger turns [deg]"
+    )
+    min_num_returns: int = Field(50, ge=2, description="scans with fewer are not compared")
+    max_gap_deg: float = Field(3.0, gt=0, description="between neighbouring returns [deg]")
+    position_sigma: float = Field(0.02, gt=0, description="of the step that was found [m]")
+
+
 class DeskewingConfig(Section):
     """Motion during the sweep of a scanner."""
 
@@ -273,6 +308,7 @@ class LocalSlamConfig(Section):
     correlative_matcher: CorrelativeMatcherConfig = CorrelativeMatcherConfig()
     least_squares_matcher: LeastSquaresMatcherConfig = LeastSquaresMatcherConfig()
     prediction: PredictionConfig = PredictionConfig()
+    wall_step: WallStepConfig = WallStepConfig()
     deskewing: DeskewingConfig = DeskewingConfig()
     motion_filter: MotionFilterConfig = MotionFilterConfig()
     insertion: InsertionConfig = InsertionConfig()

@@ -18,8 +18,14 @@ from cartoloop.config import (
     SensorConfig,
 )
 from cartoloop.errors import InputError
-from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator, Prediction
-from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher
+from cartoloop.local_slam.pose_extrapolator import (
+    MAX_SWEEP_S,
+    PoseExtrapolator,
+    Prediction,
+    isotropic_information,
+)
+from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher, degenerate_direction
+from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
@@ -96,12 +102,14 @@ class _Scanner:
     ----------
     matcher : holds the typical residual of its scans.
     motion_filter : one for each scanner, so that each contributes to the map.
+    wall_step : compares its scans with each other where nothing else measures the motion.
     num_scans : number of its scans.
     is_in_map : whether one of its scans was inserted.
     """
 
     matcher: ScanMatcher
     motion_filter: MotionFilter
+    wall_step: WallStep
     num_scans: int = 0
     is_in_map: bool = False
 
@@ -185,11 +193,17 @@ class LocalSlam:
         if has_points and scanner.is_in_map:
             match = self._match(filtered, prediction, scanner.matcher)
             filtered, match = self._deskew_again(scan, filtered, match, scanner.matcher)
+            if not prediction.by_odometry:
+                match = self._along_walls(scan.time, filtered, match, scanner)
         pose = match.tf_local_tracking if match else prediction.tf_local_tracking
         if on_pose is not None:
             on_pose(pose)
         with self._timer.measure("predict"):
             self.extrapolator.add_pose(scan.time, pose, filtered.motion)
+        if not prediction.by_odometry:
+            scanner.wall_step.add(
+                scan.time, pose, filtered.data.tf_tracking_sensor, filtered.data.returns
+            )
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))
@@ -203,7 +217,9 @@ class LocalSlam:
         scanner = self._scanners.get(name)
         if scanner is None:
             scanner = self._scanners[name] = _Scanner(
-                ScanMatcher(self._config), MotionFilter(self._config.motion_filter)
+                ScanMatcher(self._config),
+                MotionFilter(self._config.motion_filter),
+                WallStep(self._config.wall_step),
             )
         scanner.num_scans += 1
         return scanner
@@ -243,6 +259,31 @@ class LocalSlam:
             return filtered, match
         prediction = self.extrapolator.prediction_from(scan.time, pose)
         return filtered, self._match(filtered, prediction, matcher)
+
+    def _along_walls(
+        self, time: float, filtered: FilteredScan, match: MatchedScan, scanner: _Scanner
+    ) -> MatchedScan:
+        """Return a match, repeated where the scan before shows another step along bare walls."""
+        config = self._config.wall_step
+        ratio, direction = degenerate_direction(match.match)
+        if not ratio < config.max_ratio:
+            return match
+        with self._timer.measure("match"):
+            submap = self._active.submaps[0]
+            pose = scanner.wall_step.better_pose(
+                time,
+                match.tf_local_tracking,
+                direction + submap.tf_local_submap.theta,
+                filtered.data.returns,
+            )
+        if pose is None:
+            return match
+        information = isotropic_information(
+            config.position_sigma, self._config.prediction.lost_rotation_sigma
+        )
+        # what the scans say of the step is as good as odometry
+        prediction = Prediction(pose, True, information, lambda: (pose, pose))
+        return self._match(filtered, prediction, scanner.matcher)
 
     def _information(self, match: MatchedScan | None) -> FloatArray:
         """Return the information matrix of a scan's pose in the older active submap."""
