@@ -208,8 +208,8 @@ class WallStepConfig(Section):
         0.3,
         ge=0,
         le=1,
-        description="information of a match along over across, below which the step is examined; "
-        "0: never",
+        description="lines across over lines along the walls of a scan, below which the step is "
+        "examined; 0: never",
     )
     max_speed: float = Field(2.0, gt=0, description="of the robot [m/s]")
     max_step: float = Field(1.0, gt=0, description="longest step that is tried [m]")

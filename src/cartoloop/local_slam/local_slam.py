@@ -24,7 +24,7 @@ from cartoloop.local_slam.pose_extrapolator import (
     Prediction,
     isotropic_information,
 )
-from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher, degenerate_direction
+from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
@@ -264,22 +264,14 @@ class LocalSlam:
         self, time: float, filtered: FilteredScan, match: MatchedScan, scanner: _Scanner
     ) -> MatchedScan:
         """Return a match, repeated where the scan before shows another step along bare walls."""
-        config = self._config.wall_step
-        ratio, direction = degenerate_direction(match.match)
-        if not ratio < config.max_ratio:
-            return match
         with self._timer.measure("match"):
-            submap = self._active.submaps[0]
             pose = scanner.wall_step.better_pose(
-                time,
-                match.tf_local_tracking,
-                direction + submap.tf_local_submap.theta,
-                filtered.data.returns,
+                time, match.tf_local_tracking, filtered.data.returns
             )
         if pose is None:
             return match
         information = isotropic_information(
-            config.position_sigma, self._config.prediction.lost_rotation_sigma
+            self._config.wall_step.position_sigma, self._config.prediction.lost_rotation_sigma
         )
         # what the scans say of the step is as good as odometry
         prediction = Prediction(pose, True, information, lambda: (pose, pose))

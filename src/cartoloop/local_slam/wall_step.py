@@ -56,16 +56,13 @@ class WallStep:
         self._tf_tracking_sensor = tf_tracking_sensor
         self._outline = _outline_of(returns, tf_tracking_sensor, self._config)
 
-    def better_pose(
-        self, time: float, pose: Pose, direction: float, returns: FloatArray
-    ) -> Pose | None:
-        """Return a pose further along a direction that fits the scan before much better, or None.
+    def better_pose(self, time: float, pose: Pose, returns: FloatArray) -> Pose | None:
+        """Return a pose further along the walls that fits the scan before much better, or None.
 
         Parameters
         ----------
         time : of the scan [s].
         pose : as matched, local frame.
-        direction : along which the match determines little [rad], local frame.
         returns : shape (n, 2), tracking frame [m].
         """
         config, outline = self._config, self._outline
@@ -73,14 +70,17 @@ class WallStep:
             return None
         if len(outline.points) < config.min_num_returns or len(returns) < config.min_num_returns:
             return None
+        ratio, direction = _open_direction(outline)
+        if ratio > config.max_ratio:
+            return None
         reach = min(config.max_speed * (time - self._time), config.max_step)
         num_steps = math.floor(reach / config.step)
         if not 0 < time - self._time or num_steps < 1:
             return None
         tf_sensor_local = inverse(compose(self._pose, self._tf_tracking_sensor))
         at_match = transform_points(compose(tf_sensor_local, pose), returns)
-        turned = direction + tf_sensor_local.theta
-        along = np.array((math.cos(turned), math.sin(turned)))
+        along = np.array((math.cos(direction), math.sin(direction)))
+        direction -= tf_sensor_local.theta
         last = relative(self._pose, pose)
         turned = direction - self._pose.theta
         matched_step = last.x * math.cos(turned) + last.y * math.sin(turned)
@@ -108,6 +108,23 @@ class WallStep:
         return Pose(
             pose.x + shift * math.cos(direction), pose.y + shift * math.sin(direction), pose.theta
         )
+
+
+def _open_direction(outline: _Outline) -> tuple[float, float]:
+    """Return how far lines determine a scan along the open direction, and that direction [rad].
+
+    That is the ratio of the eigenvalues of the sum of their normals' squares: 0 between bare walls.
+    A line counts by its length, up to a metre: short ones are noise.
+    """
+    ends = np.diff(outline.points, axis=0)[outline.is_line]
+    length = np.hypot(ends[:, 0], ends[:, 1])
+    weight = np.minimum(length, 1.0) / np.maximum(length, np.finfo(float).tiny) ** 2
+    xx = float((weight * ends[:, 1] ** 2).sum())
+    yy = float((weight * ends[:, 0] ** 2).sum())
+    xy = -float((weight * ends[:, 0] * ends[:, 1]).sum())
+    mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+    ratio = (mean - half) / (mean + half) if mean > 0.0 else 1.0
+    return ratio, 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
 
 
 def _is_sharp(costs: FloatArray, best: int, config: WallStepConfig) -> bool:
