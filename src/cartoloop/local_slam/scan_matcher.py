@@ -179,9 +179,10 @@ def values_at(grid: ProbabilityGrid, points: FloatArray, tf_submap_scan: Pose) -
     ----------
     points : float64, shape (n, 2), tracking frame [m].
     """
-    at = transform_points(tf_submap_scan, points) - (grid.origin_x, grid.origin_y)
-    columns, rows = np.floor(at / grid.resolution + 0.5).astype(np.int64).T
     num_rows, num_columns = grid.cells.shape
+    at = transform_points(tf_submap_scan, points) - (grid.origin_x, grid.origin_y)
+    cells = np.floor(at / grid.resolution + 0.5).clip(-1, max(num_rows, num_columns))
+    columns, rows = cells.astype(np.int64).T
     is_inside = (rows >= 0) & (rows < num_rows) & (columns >= 0) & (columns < num_columns)
     values = np.zeros(len(points))
     values[is_inside] = grid.cells[rows[is_inside], columns[is_inside]]

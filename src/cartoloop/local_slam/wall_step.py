@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The step between two scans along a direction that walls leave open, without odometry.
 
-Along bare walls the map holds a robot where it is: far from the scanner a wall is a row of dots, and
-the dots of the next scan lie at the same places in the robot's frame, however far it has moved.
+Along bare walls the map holds a robot where it is: far from the scanner a wall is a row of dots,
+and the dots of the next scan lie at the same places in the robot's frame, however far it has moved.
 Between its dots a wall is taken for a straight line here. Then bare walls say nothing about the
 step, and the little that is not bare says it: the edge of a cupboard, a door post, the end wall.
 """
@@ -16,7 +16,7 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.config import WallStepConfig
-from cartoloop.sensor.pose import Pose, compose, inverse, relative, transform_points
+from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
 
 
 class _Outline(NamedTuple):
@@ -34,6 +34,13 @@ class _Outline(NamedTuple):
     is_line: BoolArray
 
 
+class _LastScan(NamedTuple):
+    time: float
+    pose: Pose
+    tf_tracking_sensor: Pose
+    outline: _Outline
+
+
 class WallStep:
     """Compares each scan of a scanner with the one before.
 
@@ -44,20 +51,18 @@ class WallStep:
 
     def __init__(self, config: WallStepConfig) -> None:
         self._config = config
-        self._time = -math.inf
-        self._pose: Pose | None = None
-        self._tf_tracking_sensor: Pose | None = None
-        self._outline: _Outline | None = None
+        self._last: _LastScan | None = None
         self._evidence, self._side = 0.0, np.zeros(2)
 
     def add(self, time: float, pose: Pose, tf_tracking_sensor: Pose, returns: FloatArray) -> None:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
-        self._time, self._pose = time, pose
-        self._tf_tracking_sensor = tf_tracking_sensor
-        self._outline = _outline_of(returns, tf_tracking_sensor, self._config)
+        outline = _outline_of(returns, tf_tracking_sensor, self._config)
+        self._last = _LastScan(time, pose, tf_tracking_sensor, outline)
 
     def better_pose(self, time: float, pose: Pose, returns: FloatArray) -> Pose | None:
         """Return a pose further along the walls that fits the scan before much better, or None.
+
+        The evidence of scans that agree adds up, so that a little from each is enough.
 
         Parameters
         ----------
@@ -65,49 +70,44 @@ class WallStep:
         pose : as matched, local frame.
         returns : shape (n, 2), tracking frame [m].
         """
-        config, outline = self._config, self._outline
-        if self._pose is None or self._tf_tracking_sensor is None or outline is None:
+        config, last = self._config, self._last
+        if last is None or min(len(last.outline.points), len(returns)) < config.min_num_returns:
             return None
-        if len(outline.points) < config.min_num_returns or len(returns) < config.min_num_returns:
+        ratio, direction = _open_direction(last.outline)
+        if ratio > config.max_ratio or time <= last.time:
             return None
-        ratio, direction = _open_direction(outline)
-        if ratio > config.max_ratio:
-            return None
-        reach = min(config.max_speed * (time - self._time), config.max_step)
-        num_steps = math.floor(reach / config.step)
-        if not 0 < time - self._time or num_steps < 1:
-            return None
-        tf_sensor_local = inverse(compose(self._pose, self._tf_tracking_sensor))
+        tf_sensor_local = inverse(compose(last.pose, last.tf_tracking_sensor))
         at_match = transform_points(compose(tf_sensor_local, pose), returns)
-        along = np.array((math.cos(direction), math.sin(direction)))
+        axis = np.array((math.cos(direction), math.sin(direction)))
         direction -= tf_sensor_local.theta
-        last = relative(self._pose, pose)
-        turned = direction - self._pose.theta
-        matched_step = last.x * math.cos(turned) + last.y * math.sin(turned)
-        steps = config.step * np.arange(-num_steps, num_steps + 1)
-        shifts = np.append(steps - matched_step, 0.0)
-        costs = _costs(outline, at_match, along, shifts, config)
+        axis_in_local = np.array((math.cos(direction), math.sin(direction)))
+        moved = float(axis_in_local @ (pose.x - last.pose.x, pose.y - last.pose.y))
+        steps = _steps_to_try(time - last.time, config)
+        costs = _costs(last.outline, at_match, axis, np.append(steps - moved, 0.0), config)
         best = int(np.argmin(costs[:-1]))
-        if abs(last.theta) > math.radians(config.max_turn_deg) or not _is_sharp(
-            costs[:-1], best, config
-        ):
-            self._evidence *= config.evidence_memory
+        self._evidence *= config.evidence_memory
+        turn = abs(wrap_angle(pose.theta - last.pose.theta))
+        if turn > math.radians(config.max_turn_deg) or not _is_sharp(costs[:-1], best, config):
             return None
-        # evidence for steps to opposite sides cancels, however the direction is signed
-        side = shifts[best] * np.array((math.cos(direction), math.sin(direction)))
+        side = (steps[best] - moved) * axis_in_local
         if float(side @ self._side) < 0.0:
             self._evidence = 0.0
         self._side = side
-        self._evidence *= config.evidence_memory
         self._evidence += float(costs[-1] - costs[best])
         if self._evidence < config.min_evidence:
             return None
         before, here, after = costs[best - 1 : best + 2].tolist()
         bend = before - 2.0 * here + after
-        shift = shifts[best] + (0.5 * config.step * (before - after) / bend if bend > 0.0 else 0.0)
-        return Pose(
-            pose.x + shift * math.cos(direction), pose.y + shift * math.sin(direction), pose.theta
-        )
+        between = 0.5 * config.step * (before - after) / bend if bend > 0.0 else 0.0
+        x, y = ((steps[best] - moved + between) * axis_in_local).tolist()
+        return Pose(pose.x + x, pose.y + y, pose.theta)
+
+
+def _steps_to_try(duration: float, config: WallStepConfig) -> FloatArray:
+    """Return steps [m], ascending: all that the robot can make, and a margin to judge them by."""
+    reach = min(config.max_speed * duration, config.max_step) + config.max_distance
+    count = math.ceil(reach / config.step)
+    return config.step * np.arange(-count, count + 1, dtype=np.float64)
 
 
 def _open_direction(outline: _Outline) -> tuple[float, float]:
@@ -128,7 +128,7 @@ def _open_direction(outline: _Outline) -> tuple[float, float]:
 
 
 def _is_sharp(costs: FloatArray, best: int, config: WallStepConfig) -> bool:
-    """Return whether steps on both sides of the best fit worse: a slope alone is a wrong heading."""
+    """Return whether steps on both sides fit worse: a slope alone is a wrong heading."""
     reach = round(config.max_distance / config.step)
     if not reach <= best < len(costs) - reach:
         return False
@@ -152,9 +152,9 @@ def _costs(
     shifts: FloatArray,
     config: WallStepConfig,
 ) -> FloatArray:
-    """Return for each shift half the sum of squared distances to the outline, in sigmas, truncated.
+    """Return the cost of each shift: half the sum of squared distances from the lines, in sigmas.
 
-    Points outside of the outline's lines cost as much at every shift.
+    Distances are truncated; a point where there is no line costs a share of that.
     """
     x = points[:, 0] + shifts[:, np.newaxis] * along[0]
     y = points[:, 1] + shifts[:, np.newaxis] * along[1]
