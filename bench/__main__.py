@@ -131,6 +131,22 @@ def bench_adjustment(
     _conclude(record, out, before, strict)
 
 
+@app.command("false-closures")
+def bench_false_closures(
+    out: OutOption = Path("bench-results"),
+    seeds: Annotated[int, typer.Option(min=1, help="Graphs of each kind.")] = 10,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Adjust graphs in which up to half of the loop closures are false, with every loss."""
+    from bench.adjustment import false_closures
+
+    before = _earlier(against, "false-closures")
+    record = false_closures.run(seeds)
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
 @app.command("scaling")
 def bench_scaling(
     out: OutOption = Path("bench-results"),

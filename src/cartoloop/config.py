@@ -104,6 +104,14 @@ class CorrelativeMatcherConfig(Section):
     lost_residual_ratio: float = Field(
         1.3, ge=0, description="residual over typical residual above which the robot may be lost"
     )
+    min_seen_share: float = Field(
+        0.25,
+        ge=0,
+        le=1,
+        description="share of a scan's points in observed cells below which it does not contradict "
+        "the odometry",
+    )
+    min_num_seen: int = Field(20, ge=1, description="and number of these points")
     lost_improvement: float = Field(
         0.85, gt=0, le=1, description="residual ratio by which a match elsewhere must be better"
     )
@@ -200,6 +208,41 @@ class PredictionConfig(Section):
     )
 
 
+class WallStepConfig(Section):
+    """Without odometry: the step along bare walls, from one scan to the next."""
+
+    max_ratio: float = Field(
+        0.3,
+        ge=0,
+        le=1,
+        description="lines across over lines along the walls of a scan, below which the step is "
+        "examined; 0: never",
+    )
+    max_speed: float = Field(2.0, gt=0, description="of the robot [m/s]")
+    max_step: float = Field(1.0, gt=0, description="longest step that is tried [m]")
+    step: float = Field(0.02, gt=0, description="distance between steps that are tried [m]")
+    sigma: float = Field(0.02, gt=0, description="of the distance of a return from a wall [m]")
+    max_distance: float = Field(0.1, gt=0, description="beyond, a return fits as badly as any [m]")
+    outside_cost: float = Field(
+        0.3, ge=0, description="share of that cost of returns where the last scan shows nothing"
+    )
+    min_evidence: float = Field(
+        20.0, gt=0, description="half of the chi square by which a step must fit better"
+    )
+    evidence_memory: float = Field(
+        0.8, ge=0, lt=1, description="share of the evidence that the next scan keeps"
+    )
+    min_rise: float = Field(
+        5.0, ge=0, description="and by which steps that are max_distance away must fit worse"
+    )
+    max_turn_deg: float = Field(
+        4.0, ge=0, description="scans are not compared across larger turns [deg]"
+    )
+    min_num_returns: int = Field(50, ge=2, description="scans with fewer are not compared")
+    max_gap_deg: float = Field(3.0, gt=0, description="between neighbouring returns [deg]")
+    position_sigma: float = Field(0.02, gt=0, description="of the step that was found [m]")
+
+
 class DeskewingConfig(Section):
     """Motion during the sweep of a scanner."""
 
@@ -272,6 +315,7 @@ class LocalSlamConfig(Section):
     correlative_matcher: CorrelativeMatcherConfig = CorrelativeMatcherConfig()
     least_squares_matcher: LeastSquaresMatcherConfig = LeastSquaresMatcherConfig()
     prediction: PredictionConfig = PredictionConfig()
+    wall_step: WallStepConfig = WallStepConfig()
     deskewing: DeskewingConfig = DeskewingConfig()
     motion_filter: MotionFilterConfig = MotionFilterConfig()
     insertion: InsertionConfig = InsertionConfig()
@@ -456,7 +500,7 @@ class PoseAdjustmentConfig(Section):
         None,
         gt=0,
         description="residual E beyond which a closure's influence is limited; unless set, the "
-        "default of the loss: 3, or 4 for graduated_non_convexity",
+        "default of the loss: 3, or 6 for graduated_non_convexity",
     )
     intra_submap_weight: float = Field(
         0.7,

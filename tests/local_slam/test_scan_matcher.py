@@ -17,6 +17,7 @@ from cartoloop.local_slam.scan_matcher import (
     ScanMatcher,
     constrain_degenerate_direction,
     degenerate_direction,
+    values_at,
 )
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
@@ -154,3 +155,19 @@ def test_the_prior_decides_along_a_degenerate_direction(pixel_information, kept)
     assert held.x == pytest.approx(0.0)
     expected = along if math.isinf(pixel_information) else kept * 0.06
     assert held.y == pytest.approx(expected, abs=1e-6)
+
+
+def test_odometry_into_unobserved_space_is_believed(submap):
+    # the scan before, whose pose is a fallback, would fit the map better than unobserved cells
+    outside = compose(TRUTH, Pose(0.0, 9.0, 0.0))
+    found = matched(submap, outside, last=TRUTH)
+    assert_near(found.tf_local_tracking, outside, 0.1, 0.1)
+
+
+def test_values_at_points_are_those_of_their_cells(submap):
+    grid = submap.grid
+    row, column = np.argwhere(grid.cells > 0.5)[0]
+    at = np.array((grid.origin_x, grid.origin_y)) + grid.resolution * np.array((column, row))
+    far = np.array((1e3, -1e3))
+    values = values_at(grid, np.array((at, far)), Pose(0.0, 0.0, 0.0))
+    np.testing.assert_array_equal(values, (np.float64(grid.cells[row, column]), 0.0))

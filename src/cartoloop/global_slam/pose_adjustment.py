@@ -105,6 +105,7 @@ class PoseAdjuster:
     def __init__(self, graph: PoseGraph) -> None:
         self.graph = graph
         self._planner = Planner()
+        self._believed: BoolArray | None = None
 
     def adjust(
         self, options: AdjustmentOptions | None = None, points: ControlPoints | None = None
@@ -125,7 +126,9 @@ class PoseAdjuster:
             options.loss_of_kind(),
             max_iterations=options.max_iterations,
             relative_tolerance=options.relative_tolerance,
+            believed=self._believed,
         )
+        self._believed = result.weights > 0.0
         graph.submap_poses[:] = result.submap_poses
         graph.node_poses[:] = result.node_poses
         return AdjustmentResult(

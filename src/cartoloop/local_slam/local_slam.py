@@ -21,9 +21,15 @@ from cartoloop.config import (
 from cartoloop.errors import InputError
 from cartoloop.local_slam.odometry_calibration import OdometryParameters
 from cartoloop.local_slam.odometry_trust import Evidence
-from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator, Prediction
+from cartoloop.local_slam.pose_extrapolator import (
+    MAX_SWEEP_S,
+    PoseExtrapolator,
+    Prediction,
+    isotropic_information,
+)
 from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher, degenerate_direction
 from cartoloop.local_slam.scanner_clocks import ScannerClocks
+from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
@@ -117,6 +123,7 @@ class _Scanner:
     ----------
     matcher : holds the typical residual of its scans.
     motion_filter : one for each scanner, so that each contributes to the map.
+    wall_step : compares its scans with each other where nothing else measures the motion.
     num_scans : number of its scans.
     is_in_map : whether one of its scans was inserted.
     recent : its latest scans.
@@ -124,6 +131,7 @@ class _Scanner:
 
     matcher: ScanMatcher
     motion_filter: MotionFilter
+    wall_step: WallStep
     num_scans: int = 0
     is_in_map: bool = False
     recent: deque[LaserScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
@@ -232,6 +240,8 @@ class LocalSlam:
         if has_points and scanner.is_in_map:
             match = self._match(filtered, prediction, scanner.matcher)
             filtered, match = self._deskew_again(scan, time, filtered, match, scanner.matcher)
+            if not prediction.by_odometry:
+                match = self._along_walls(time, filtered, match, scanner)
         pose = match.tf_local_tracking if match else prediction.tf_local_tracking
         if on_pose is not None:
             on_pose(pose)
@@ -240,6 +250,10 @@ class LocalSlam:
             self.extrapolator.add_pose(time, pose, filtered.motion, evidence, name)
             if match is not None and (by := self._clocks.add(name, time, pose)):
                 self.extrapolator.shift(name, by)
+        if not prediction.by_odometry:
+            scanner.wall_step.add(
+                time, pose, filtered.data.tf_tracking_sensor, filtered.data.returns
+            )
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))
@@ -253,7 +267,9 @@ class LocalSlam:
         scanner = self._scanners.get(name)
         if scanner is None:
             scanner = self._scanners[name] = _Scanner(
-                ScanMatcher(self._config), MotionFilter(self._config.motion_filter)
+                ScanMatcher(self._config),
+                MotionFilter(self._config.motion_filter),
+                WallStep(self._config.wall_step),
             )
         scanner.num_scans += 1
         if isinstance(scan, LaserScan):
@@ -305,6 +321,23 @@ class LocalSlam:
         turned = self._active.submaps[0].tf_local_submap.theta
         is_determined = ratio > self._config.prediction.spurious_information
         return Evidence(is_determined, direction + turned, scanner.change_since)
+
+    def _along_walls(
+        self, time: float, filtered: FilteredScan, match: MatchedScan, scanner: _Scanner
+    ) -> MatchedScan:
+        """Return a match, repeated where the scan before shows another step along bare walls."""
+        with self._timer.measure("match"):
+            pose = scanner.wall_step.better_pose(
+                time, match.tf_local_tracking, filtered.data.returns
+            )
+        if pose is None:
+            return match
+        information = isotropic_information(
+            self._config.wall_step.position_sigma, self._config.prediction.lost_rotation_sigma
+        )
+        # what the scans say of the step is as good as odometry
+        prediction = Prediction(pose, True, information, lambda: (pose, pose))
+        return self._match(filtered, prediction, scanner.matcher)
 
     def _information(self, match: MatchedScan | None) -> FloatArray:
         """Return the information matrix of a scan's pose in the older active submap."""

@@ -6,12 +6,15 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from cartoloop.arrays import FloatArray
 from cartoloop.config import CorrelativeMatcherConfig, LocalSlamConfig, PredictionConfig
 from cartoloop.local_slam.pose_extrapolator import Prediction, isotropic_information
 from cartoloop.scan_matching import correlative, least_squares
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
-from cartoloop.sensor.pose import Pose, compose, relative
+from cartoloop.sensor.pose import Pose, compose, relative, transform_points
+from cartoloop.submaps.probability_grid import ProbabilityGrid
 from cartoloop.submaps.submap import Submap
 
 
@@ -98,15 +101,36 @@ class ScanMatcher:
     def _search_as_lost(
         self, submap: Submap, points: FloatArray, prediction: Prediction, best: LeastSquaresMatch
     ) -> LeastSquaresMatch:
-        """Return the best match near the fallback poses, or `best` if none fits much better."""
-        limit = best.residual * self._window.lost_improvement
+        """Return the best match near the fallback poses, or `best` if none fits much better.
+
+        Odometry may lead to where little has been observed yet. The points there fit badly, and
+        would fit better wherever the scan overlaps more of the map, but they contradict nothing.
+        So against odometry only points in observed cells count.
+        """
+        ratio = self._window.lost_improvement
+        limit, limit_of_seen = best.residual * ratio, math.inf
+        if prediction.by_odometry:
+            limit_of_seen = ratio * self._residual_of_seen(submap, points, best)
         for tf_local_fallback in prediction.fallbacks():
             centre = relative(submap.tf_local_submap, tf_local_fallback)
             start = self._search(submap, points, centre, self._lost_window)
             found = self._refine(submap, points, start, start, self._lost_information)
-            if found.residual < min(limit, best.residual):
+            if found.residual < min(limit, best.residual) and (
+                not prediction.by_odometry
+                or self._residual_of_seen(submap, points, found) < limit_of_seen
+            ):
                 best = found
         return best
+
+    def _residual_of_seen(
+        self, submap: Submap, points: FloatArray, match: LeastSquaresMatch
+    ) -> float:
+        """Return the residual of the points in observed cells; 0 if these are too few to judge."""
+        values = values_at(submap.grid, points, match.tf_submap_scan)
+        seen = values[values > 0.0]
+        if seen.size < max(self._window.min_num_seen, self._window.min_seen_share * len(points)):
+            return 0.0
+        return math.sqrt(float(np.square(1.0 - seen).mean()))
 
     def _search(
         self, submap: Submap, points: FloatArray, centre: Pose, window: CorrelativeMatcherConfig
@@ -146,6 +170,23 @@ class ScanMatcher:
             return 0.0
         noise = 1.0 / (self._prediction.pixel_noise * resolution) ** 2
         return noise if prediction.information[0] >= noise else math.inf
+
+
+def values_at(grid: ProbabilityGrid, points: FloatArray, tf_submap_scan: Pose) -> FloatArray:
+    """Return the value of the cell of each point, shape (n,); 0 where nothing was observed.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2), tracking frame [m].
+    """
+    num_rows, num_columns = grid.cells.shape
+    at = transform_points(tf_submap_scan, points) - (grid.origin_x, grid.origin_y)
+    cells = np.floor(at / grid.resolution + 0.5).clip(-1, max(num_rows, num_columns))
+    columns, rows = cells.astype(np.int64).T
+    is_inside = (rows >= 0) & (rows < num_rows) & (columns >= 0) & (columns < num_columns)
+    values = np.zeros(len(points))
+    values[is_inside] = grid.cells[rows[is_inside], columns[is_inside]]
+    return values
 
 
 def constrain_degenerate_direction(

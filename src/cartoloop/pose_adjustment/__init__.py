@@ -7,12 +7,14 @@ result = solve(plan(problem), [GroupLoss(), GroupLoss(Loss.HUBER)])
 
 from cartoloop.kernels.pose_adjustment.losses import Loss
 from cartoloop.kernels.pose_adjustment.residuals import Residuals
+from cartoloop.pose_adjustment.chordal import chordal_start, is_far_off
 from cartoloop.pose_adjustment.linearise import Linearised, Step, cost_at, linearise
 from cartoloop.pose_adjustment.losses import GroupLoss, kernel_losses, loss_weights, scale_of
 from cartoloop.pose_adjustment.plan import Plan, Planner, plan
 from cartoloop.pose_adjustment.problem import (
     Constraints,
     ControlPoints,
+    Measurements,
     Problem,
     control_points,
     held_vertices,
@@ -26,15 +28,18 @@ __all__ = [
     "GroupLoss",
     "Linearised",
     "Loss",
+    "Measurements",
     "Plan",
     "Planner",
     "Problem",
     "Residuals",
     "Solution",
     "Step",
+    "chordal_start",
     "control_points",
     "cost_at",
     "held_vertices",
+    "is_far_off",
     "kernel_losses",
     "linearise",
     "loss_weights",

@@ -178,6 +178,45 @@ class Problem:
             )
 
 
+class Measurements(NamedTuple):
+    """All measurements of a problem: constraints, then control points.
+
+    Attributes
+    ----------
+    groups : int64, (n,), index into the losses.
+    vertex_a, vertex_b : int64, (n,), submaps, then nodes, then the map frame.
+    tf_a_b : float64, (n, 3) [m, m, rad].
+    informations : float64, (n, 3, 3), frame of a.
+    """
+
+    groups: IntArray
+    vertex_a: IntArray
+    vertex_b: IntArray
+    tf_a_b: FloatArray
+    informations: FloatArray
+
+    @classmethod
+    def of(cls, problem: Problem) -> Measurements:
+        """Return the measurements of a problem; copies no constraint if it has no control point."""
+        constraints, points = problem.constraints, problem.control_points
+        own = cls(constraints.groups, *problem.ends(), constraints.tf_a_b, constraints.informations)
+        if points is None:
+            return own
+        return cls(
+            np.concatenate((own.groups, points.groups)),
+            np.concatenate((own.vertex_a, np.full(points.nodes.size, problem.map_frame))),
+            np.concatenate((own.vertex_b, problem.num_submaps + points.nodes)),
+            np.concatenate((own.tf_a_b, points.tf_map_node)),
+            np.concatenate((own.informations, points.informations)),
+        )
+
+    def residuals(self, poses: FloatArray) -> Residuals:
+        """Return the residuals of all at poses of all vertices, shape (num_vertices, 3)."""
+        out = Residuals(*np.empty((3, self.groups.size)))
+        measure_residuals(poses, self.vertex_a, self.vertex_b, self.tf_a_b, self.informations, out)
+        return out
+
+
 def held_vertices(problem: Problem, vertex_a: IntArray, vertex_b: IntArray) -> BoolArray:
     """Return which vertices must stay: the fixed, and the first of each part without any.
 

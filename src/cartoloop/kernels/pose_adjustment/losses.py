@@ -31,10 +31,11 @@ class Loss(StrEnum):
     """The influence decreases as 1 / E."""
     DYNAMIC_COVARIANCE_SCALING = "dynamic_covariance_scaling", 3.0
     """The influence decreases as 1 / E^3 (Agarwal et al., the paper's [16])."""
-    GRADUATED_NON_CONVEXITY = "graduated_non_convexity", 4.0
+    GRADUATED_NON_CONVEXITY = "graduated_non_convexity", 6.0
     """Truncated least squares: constraints are in or out, decided gradually (Yang et al., 2020).
 
-    0.1 % of true constraints lie beyond E = 4 (chi square, three degrees of freedom).
+    0.1 % of true constraints would lie beyond E = 4 (chi square, three degrees of freedom) if the
+    informations of matches were right. They leave out how submaps are distorted.
     """
 
     default_scale: float

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The step between two scans along a direction that walls leave open, without odometry.
+
+Along bare walls the map holds a robot where it is: far from the scanner a wall is a row of dots,
+and the dots of the next scan lie at the same places in the robot's frame, however far it has moved.
+Between its dots a wall is taken for a straight line here. Then bare walls say nothing about the
+step, and the little that is not bare says it: the edge of a cupboard, a door post, the end wall.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.config import WallStepConfig
+from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
+
+
+class _Outline(NamedTuple):
+    """A scan as lines between neighbouring beams, in the frame of its scanner.
+
+    Attributes
+    ----------
+    bearings : float64, (n,), ascending [rad].
+    points : float64, (n, 2), ends of the beams [m].
+    is_line : bool, (n - 1,), whether two ends are of neighbouring beams.
+    """
+
+    bearings: FloatArray
+    points: FloatArray
+    is_line: BoolArray
+
+
+class _LastScan(NamedTuple):
+    time: float
+    pose: Pose
+    tf_tracking_sensor: Pose
+    outline: _Outline
+
+
+class WallStep:
+    """Compares each scan of a scanner with the one before.
+
+    Parameters
+    ----------
+    config : limits of the comparison.
+    """
+
+    def __init__(self, config: WallStepConfig) -> None:
+        self._config = config
+        self._last: _LastScan | None = None
+        self._evidence, self._side = 0.0, np.zeros(2)
+
+    def add(self, time: float, pose: Pose, tf_tracking_sensor: Pose, returns: FloatArray) -> None:
+        """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
+        outline = _outline_of(returns, tf_tracking_sensor, self._config)
+        self._last = _LastScan(time, pose, tf_tracking_sensor, outline)
+
+    def better_pose(self, time: float, pose: Pose, returns: FloatArray) -> Pose | None:
+        """Return a pose further along the walls that fits the scan before much better, or None.
+
+        The evidence of scans that agree adds up, so that a little from each is enough.
+
+        Parameters
+        ----------
+        time : of the scan [s].
+        pose : as matched, local frame.
+        returns : shape (n, 2), tracking frame [m].
+        """
+        config, last = self._config, self._last
+        if last is None or min(len(last.outline.points), len(returns)) < config.min_num_returns:
+            return None
+        ratio, direction = _open_direction(last.outline)
+        if ratio > config.max_ratio or time <= last.time:
+            return None
+        tf_sensor_local = inverse(compose(last.pose, last.tf_tracking_sensor))
+        at_match = transform_points(compose(tf_sensor_local, pose), returns)
+        axis = np.array((math.cos(direction), math.sin(direction)))
+        direction -= tf_sensor_local.theta
+        axis_in_local = np.array((math.cos(direction), math.sin(direction)))
+        moved = float(axis_in_local @ (pose.x - last.pose.x, pose.y - last.pose.y))
+        steps = _steps_to_try(time - last.time, config)
+        costs = _costs(last.outline, at_match, axis, np.append(steps - moved, 0.0), config)
+        best = int(np.argmin(costs[:-1]))
+        self._evidence *= config.evidence_memory
+        turn = abs(wrap_angle(pose.theta - last.pose.theta))
+        if turn > math.radians(config.max_turn_deg) or not _is_sharp(costs[:-1], best, config):
+            return None
+        side = (steps[best] - moved) * axis_in_local
+        if float(side @ self._side) < 0.0:
+            self._evidence = 0.0
+        self._side = side
+        self._evidence += float(costs[-1] - costs[best])
+        if self._evidence < config.min_evidence:
+            return None
+        before, here, after = costs[best - 1 : best + 2].tolist()
+        bend = before - 2.0 * here + after
+        between = 0.5 * config.step * (before - after) / bend if bend > 0.0 else 0.0
+        x, y = ((steps[best] - moved + between) * axis_in_local).tolist()
+        return Pose(pose.x + x, pose.y + y, pose.theta)
+
+
+def _steps_to_try(duration: float, config: WallStepConfig) -> FloatArray:
+    """Return steps [m], ascending: all that the robot can make, and a margin to judge them by."""
+    reach = min(config.max_speed * duration, config.max_step) + config.max_distance
+    count = math.ceil(reach / config.step)
+    return config.step * np.arange(-count, count + 1, dtype=np.float64)
+
+
+def _open_direction(outline: _Outline) -> tuple[float, float]:
+    """Return how far lines determine a scan along the open direction, and that direction [rad].
+
+    That is the ratio of the eigenvalues of the sum of their normals' squares: 0 between bare walls.
+    A line counts by its length, up to a metre: short ones are noise.
+    """
+    ends = np.diff(outline.points, axis=0)[outline.is_line]
+    length = np.hypot(ends[:, 0], ends[:, 1])
+    weight = np.minimum(length, 1.0) / np.maximum(length, np.finfo(float).tiny) ** 2
+    xx = float((weight * ends[:, 1] ** 2).sum())
+    yy = float((weight * ends[:, 0] ** 2).sum())
+    xy = -float((weight * ends[:, 0] * ends[:, 1]).sum())
+    mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+    ratio = (mean - half) / (mean + half) if mean > 0.0 else 1.0
+    return ratio, 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+
+
+def _is_sharp(costs: FloatArray, best: int, config: WallStepConfig) -> bool:
+    """Return whether steps on both sides fit worse: a slope alone is a wrong heading."""
+    reach = round(config.max_distance / config.step)
+    if not reach <= best < len(costs) - reach:
+        return False
+    rise = min(costs[best - reach], costs[best + reach]) - costs[best]
+    return bool(rise >= config.min_rise)
+
+
+def _outline_of(returns: FloatArray, tf_tracking_sensor: Pose, config: WallStepConfig) -> _Outline:
+    points = transform_points(inverse(tf_tracking_sensor), returns)
+    bearings = np.arctan2(points[:, 1], points[:, 0])
+    order = np.argsort(bearings, kind="stable")
+    bearings, points = bearings[order], points[order]
+    is_line = np.diff(bearings) < math.radians(config.max_gap_deg)
+    return _Outline(bearings, points, is_line)
+
+
+def _costs(
+    outline: _Outline,
+    points: FloatArray,
+    along: FloatArray,
+    shifts: FloatArray,
+    config: WallStepConfig,
+) -> FloatArray:
+    """Return the cost of each shift: half the sum of squared distances from the lines, in sigmas.
+
+    Distances are truncated; a point where there is no line costs a share of that.
+    """
+    x = points[:, 0] + shifts[:, np.newaxis] * along[0]
+    y = points[:, 1] + shifts[:, np.newaxis] * along[1]
+    line = np.searchsorted(outline.bearings, np.arctan2(y, x), side="right") - 1
+    is_inside = (line >= 0) & (line < len(outline.is_line))
+    line = np.clip(line, 0, len(outline.is_line) - 1)
+    is_inside &= outline.is_line[line]
+    ends = np.diff(outline.points, axis=0)
+    ends /= np.maximum(np.hypot(ends[:, 0], ends[:, 1]), np.finfo(float).tiny)[:, np.newaxis]
+    from_x, from_y = x - outline.points[line, 0], y - outline.points[line, 1]
+    distance = from_x * ends[line, 1] - from_y * ends[line, 0]
+    limit = 0.5 * (config.max_distance / config.sigma) ** 2
+    cost = np.minimum(0.5 * np.square(distance / config.sigma), limit)
+    costs: FloatArray = np.where(is_inside, cost, config.outside_cost * limit).sum(axis=1)
+    return costs

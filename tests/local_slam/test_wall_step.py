@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps along bare walls, from one scan to the next."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cartoloop.config import WallStepConfig
+from cartoloop.local_slam.wall_step import WallStep
+from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, transform_points
+
+CONFIG = WallStepConfig()
+BEARINGS = np.radians(np.arange(-90.0, 90.5, 0.5))
+LEFT, RIGHT, RANGE = 1.2, -1.0, 30.0
+
+
+def corridor_scan(x, rng, cupboards=(6.0, 7.5, 12.0, 14.0)):
+    """Return the returns of a scanner at x between two walls; cupboards stand along the left."""
+    edges = np.array(cupboards).reshape(-1, 2)
+    ranges = []
+    for bearing in BEARINGS:
+        cos, sin = math.cos(bearing), math.sin(bearing)
+        hits = [(LEFT if sin > 0 else RIGHT) / sin] if abs(sin) > 1e-9 else []
+        for first, last in edges:
+            front, depth = (first - x) / cos if cos > 1e-9 else -1.0, LEFT - 0.3
+            if front > 0 and depth < front * sin < LEFT:
+                hits.append(front)
+            if sin > 0 and first <= x + depth / math.tan(bearing) <= last:
+                hits.append(depth / sin)
+        ranges.append(min(hits, default=RANGE) + rng.normal(0.0, 0.01))
+    ranges = np.array(ranges)
+    seen = ranges < RANGE
+    return np.column_stack((ranges * np.cos(BEARINGS), ranges * np.sin(BEARINGS)))[seen]
+
+
+def walk(wall_step, places, matched, cupboards, frame=IDENTITY):
+    """Return the poses found at `places`, scans that a match holds at `matched`; in the frame."""
+    rng, found = np.random.default_rng(0), []
+    for k, (x, held) in enumerate(zip(places, matched, strict=True)):
+        returns = corridor_scan(x, rng, cupboards)
+        pose = compose(frame, Pose(held, 0.0, 0.0))
+        better = wall_step.better_pose(0.2 * k, pose, returns)
+        found.append(better)
+        wall_step.add(0.2 * k, better or pose, IDENTITY, returns)
+    return found
+
+
+@pytest.mark.parametrize("frame", [IDENTITY, Pose(3.0, -2.0, 2.5)])
+def test_a_robot_held_between_walls_is_released(frame):
+    wall_step = WallStep(CONFIG)
+    found = walk(wall_step, [0.0, 0.2], [0.0, 0.0], (6.0, 7.5, 12.0, 14.0), frame)
+    assert found[0] is None
+    x, y, theta = compose(inverse(frame), found[1])
+    assert x == pytest.approx(0.2, abs=0.02)
+    assert y == pytest.approx(0.0, abs=0.01)
+    assert theta == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_match_that_is_right_is_left_alone():
+    places = 0.2 * np.arange(6)
+    assert walk(WallStep(CONFIG), places, places, (6.0, 7.5)) == [None] * 6
+
+
+def test_a_robot_that_stands_still_is_left_alone():
+    assert walk(WallStep(CONFIG), np.zeros(8), np.zeros(8), (6.0, 7.5)) == [None] * 8
+
+
+def test_bare_walls_show_no_step():
+    assert walk(WallStep(CONFIG), 0.2 * np.arange(8), np.zeros(8), ()) == [None] * 8
+
+
+def test_scans_are_not_compared_across_a_large_turn():
+    rng, wall_step = np.random.default_rng(0), WallStep(CONFIG)
+    wall_step.add(0.0, IDENTITY, IDENTITY, corridor_scan(0.0, rng))
+    turned = Pose(0.0, 0.0, math.radians(10.0))
+    returns = transform_points(inverse(turned), corridor_scan(0.2, rng))
+    assert wall_step.better_pose(0.2, turned, returns) is None
+
+
+def test_few_returns_are_not_compared():
+    wall_step = WallStep(CONFIG)
+    few = corridor_scan(0.0, np.random.default_rng(0))[: CONFIG.min_num_returns - 1]
+    wall_step.add(0.0, IDENTITY, IDENTITY, few)
+    assert wall_step.better_pose(0.2, IDENTITY, few) is None
