@@ -421,7 +421,7 @@ class ConstraintSearchConfig(Section):
         0.5, ge=0, description="a loop closure is as uncertain as this length of the path [m]"
     )
     well_constrained_length: float = Field(
-        15.0, ge=0, description="pairs with a shorter path between them are well constrained [m]"
+        30.0, ge=0, description="pairs with a shorter path between them are well constrained [m]"
     )
     every_nth_node: int = Field(
         2, ge=1, description="of other pairs, one node in n is searched in a submap"
