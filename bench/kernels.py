@@ -23,6 +23,8 @@ from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score, refine_all
 from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.quality.encounters import shifts_in
+from cartoloop.quality.pairs import agreement
 from cartoloop.scan_matching import correlative
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
@@ -34,7 +36,8 @@ from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (
     "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
-    "finish", "precompute", "mean score", "branch and bound", "match again", "compose map",
+    "finish", "precompute", "mean score", "agree", "displace", "branch and bound", "match again",
+    "compose map",
 )  # fmt: skip
 KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
 """The names of the kernels, grouped by the input that they are measured on."""
@@ -190,6 +193,16 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
         "mean score", ("sum_at_points",), case,
         partial(mean_score, grid, ScanPoints.of(points), np.array(in_submap)),
         sum(map(len, points)), "points",
+    )  # fmt: skip
+    yield Workload(
+        "agree", ("map_agreement",), case,
+        partial(agreement, grid, ScanPoints.of(points), np.array(in_submap), math.inf),
+        sum(map(len, points)), "points",
+    )  # fmt: skip
+    group = transform_points(Pose(*in_submap[0]), points[0])
+    yield Workload(
+        "displace", ("map_agreement",), case,
+        partial(shifts_in, grid, ScanPoints.of([group]), 1.0), len(group), "points",
     )  # fmt: skip
     matcher = SubmapMatcher(grid)
     middle = len(own) // 2

@@ -24,9 +24,12 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import Config, ConstraintSearchConfig, GlobalSlamConfig
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.quality.encounters import shifts_in
+from cartoloop.quality.pairs import agreement
 from cartoloop.runtime.process_memory import relax_gc
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose
+from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.probability_grid import ProbabilityGrid
@@ -59,6 +62,9 @@ def compile_ahead() -> None:
     slam = _close_loops(every_nth_node=_NODES**2)  # no search
     grids = [grid for _, grid in sorted(slam.finished_grids().items())]
     compose_map(grids, slam.graph.submap_poses, Config().local_slam.submaps)
+    scans = slam.node_points.take(np.zeros(1, dtype=np.int64))
+    agreement(grids[0], scans, np.zeros((1, 3)), math.inf)
+    shifts_in(grids[0], ScanPoints.of([scans[0]]), _RESOLUTION)
     _close_loops(every_nth_node=1)
     _done_file().touch()
 

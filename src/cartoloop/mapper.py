@@ -18,6 +18,7 @@ from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.trajectory import optimized_trajectory, path_length
 from cartoloop.growing_array import GrowingArray
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult, SensorCalibration
+from cartoloop.quality.examine import examine
 from cartoloop.report import (
     AdjustmentSummary,
     InputSummary,
@@ -193,9 +194,10 @@ class Mapper:
             if (failure := self._end_back_end()) is not None:
                 raise failure
             self._global_slam.finish(self._local_slam.active_submaps, note)
+            result = self._examined(self.result(), note)
         finally:
             self.close()
-        return self.result()
+        return result
 
     def close(self) -> None:
         """Stop the background threads and drop their searches; only `result` may follow."""
@@ -232,6 +234,16 @@ class Mapper:
         In live mapping, only after `close`; see `call_with_result`.
         """
         return self._result(len(self._local_poses), self._local_slam.active_submaps)
+
+    def _examined(self, result: Result, note: Callable[[str], None] | None) -> Result:
+        """Return a finished map with the verdict on it in the report."""
+        if note is not None:
+            note("examining the map")
+        odometry = result.report.extra.get("odometry")
+        with self._timer.measure("examine"):
+            quality = examine(result, self._config.quality, odometry)
+        report = replace(result.report, quality=quality, stages=self._timer.summary())
+        return replace(result, report=report)
 
     def _result(self, num_scans: int, active: Sequence[Submap]) -> Result:
         """Return the map of the first `num_scans` mapped scans and these growing submaps."""

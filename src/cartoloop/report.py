@@ -16,6 +16,7 @@ from cartoloop.global_slam.closure_status import Status
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_adjustment import constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.quality.verdict import Quality
 from cartoloop.runtime.stage_timer import StageSummary
 from cartoloop.version import __version__
 
@@ -117,6 +118,7 @@ class Report:
     nodes, submaps : size of the pose graph.
     stages : durations by stage.
     skipped : number of lines, scans or events that were skipped, by reason.
+    quality : the verdict on the map, with places and figures; see docs/quality.md.
     version, config_hash : which program with which parameters made the result.
     extra : further keys of the top level, such as ``findings``; values must be JSON.
     """
@@ -132,6 +134,7 @@ class Report:
     adjustment: AdjustmentSummary = AdjustmentSummary()
     stages: dict[str, StageSummary] = field(default_factory=dict)
     skipped: dict[str, int] = field(default_factory=dict)
+    quality: Quality = field(default_factory=Quality)
     version: str = __version__
     config_hash: str = ""
     extra: dict[str, Any] = field(default_factory=dict)

@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING
 
 from cartoloop.map_data import MapData
+from cartoloop.quality.verdict import Quality
 
 if TYPE_CHECKING:
     from cartoloop.map_output.occupancy_map import OccupancyMap
@@ -25,6 +26,21 @@ class Result(MapData):
             f"{self.graph.num_submaps} submaps, {self.graph.num_loop_closures} loop closures "
             f"({counts.searched} pairs searched)>"
         )
+
+    @property
+    def quality(self) -> Quality:
+        """The verdict on the map, as it was examined when mapping ended.
+
+        Unknown where mapping was stopped; `examined` returns it then.
+        """
+        return self.report.quality
+
+    def examined(self) -> Result:
+        """Return the map with a new verdict, by the present program and its configuration."""
+        from cartoloop.quality.examine import examine
+
+        quality = examine(self, self.config.quality, self.report.extra.get("odometry"))
+        return replace(self, report=replace(self.report, quality=quality))
 
     def occupancy_map(self) -> OccupancyMap:
         """Return the map that is exported, composed of all submaps; computed once.

@@ -31,6 +31,7 @@ REPORT_KEYS = {
     "adjustment": {"runs", "mean_iterations", "mean_ms", "last_ms"},
     "stages": None,
     "skipped": None,
+    "quality": {"verdict", "places", "figures"},
     "version": None,
     "config_hash": None,
 }

@@ -10,10 +10,13 @@ from cartoloop.map_output.occupancy_map import OccupancyMap
 from cartoloop.map_output.picture import (
     BACKGROUND,
     CLOSURE_COLOUR,
+    PLACE_COLOURS,
     TRAJECTORY_COLOUR,
+    MapPicture,
     draw_map,
     nice_length,
 )
+from cartoloop.quality.verdict import Kind, Place, Severity
 
 
 def room(rows=60, cols=100, resolution=0.05):
@@ -62,6 +65,26 @@ def test_the_trajectory_lies_where_the_map_says():
     assert rows.mean() == pytest.approx(40 + (60 - 0.5 / 0.05) * zoom, abs=2)
     assert cols.min() == pytest.approx(left + 1.0 / 0.05 * zoom, abs=3)
     assert cols.max() == pytest.approx(left + 4.0 / 0.05 * zoom, abs=3)
+
+
+def test_doubtful_and_wrong_places_are_circles_around_them():
+    def place(x, severity):
+        return Place(x, 20.7, 0.5, 1.0, 2.0, Kind.GAP, severity, "a gap", "")
+
+    picture = MapPicture(room())
+    places = [place(11.0, Severity.DOUBTFUL), place(12.5, Severity.WRONG)]
+    picture.draw(trajectory=None, closures=None, places=[*places, place(14.0, Severity.MINOR)])
+
+    for severity, x in ((Severity.DOUBTFUL, 11.0), (Severity.WRONG, 12.5)):
+        rows, cols = np.nonzero(nearness(picture.canvas, PLACE_COLOURS[severity]) < 40)
+        on_map = rows < 40 + 60 * 8
+        left = (picture.canvas.width - 100 * 8) // 2
+        ring = (cols[on_map] - left) / 8 * 0.05 + 10.0
+        assert ring.min() == pytest.approx(x - 0.5, abs=0.05)
+        assert np.median(ring) == pytest.approx(x, abs=0.2)
+    bare = MapPicture(room())
+    bare.draw(trajectory=None, closures=None, places=[place(14.0, Severity.MINOR)])
+    assert bare.canvas.tobytes() == draw_map(room()).tobytes()
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 700), (4500, 30), (30, 9000)])

@@ -122,7 +122,7 @@ def test_the_map_is_shown_as_it_is_while_it_is_finished(view, events):
 
     assert [stage for stage, _ in stages] == [
         "closing the last loops", "matching again, 1 of 2", "matching again, 2 of 2",
-        "last adjustment",
+        "last adjustment", "examining the map",
     ]  # fmt: skip
     assert not np.array_equal(stages[0][1], stages[1][1])
     assert not np.array_equal(stages[1][1], stages[2][1])

@@ -84,6 +84,7 @@ def live_command(options: LiveCommandOptions) -> None:
     loaded = options.load()
 
     from cartoloop.cli.live_mapping import map_source, poses_stream
+    from cartoloop.cli.mapping import require_good
     from cartoloop.live.address import SourceOptions, make_source
 
     source = make_source(
@@ -95,7 +96,7 @@ def live_command(options: LiveCommandOptions) -> None:
     with poses_stream(options.poses) as poses:
         from cartoloop.live.live_run import LiveOptions
 
-        map_source(
+        result = map_source(
             source,
             loaded,
             options.out,
@@ -109,3 +110,4 @@ def live_command(options: LiveCommandOptions) -> None:
             layers,
             (options.view_host, options.port) if options.view else None,
         )
+    require_good(result.report, options.strict)

@@ -23,6 +23,7 @@ from cartoloop.cli.evaluate_command import evaluate_app
 from cartoloop.cli.explain_command import ExplainOptions, explain_command
 from cartoloop.cli.live_command import LiveCommandOptions, live_command
 from cartoloop.cli.map_command import MapOptions, map_command
+from cartoloop.cli.quality_command import QualityOptions, quality_command
 from cartoloop.cli.simulate_command import SimulateOptions, simulate_command
 from cartoloop.cli.view_command import ViewCommandOptions, view_command
 from cartoloop.errors import CartoloopError, ConfigError, Interrupted
@@ -53,6 +54,7 @@ add_command(app, "view", view_command, ViewCommandOptions, "cartoloop view intel
 add_command(
     app, "explain", explain_command, ExplainOptions, "cartoloop explain intel --pair 3 1200"
 )
+add_command(app, "quality", quality_command, QualityOptions, "cartoloop quality intel")
 app.add_typer(evaluate_app, name="evaluate")
 app.add_typer(config_app, name="config")
 
@@ -79,7 +81,8 @@ def _options(
 def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
     """Run a command line, by default that of ``cartoloop``, and return its exit status.
 
-    0: done, 1: failed, 2: wrong usage or configuration, 130: interrupted.
+    0: done, 1: failed, 2: wrong usage or configuration, 3: with --strict, the map is not good,
+    130: interrupted.
     """
     debug = "--debug" in arguments  # at any position
     try:

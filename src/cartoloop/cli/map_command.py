@@ -36,21 +36,23 @@ def map_command(options: MapOptions) -> None:
     read_options = options.read_options()
     loaded = options.load()
 
-    from cartoloop.cli.mapping import compilation_notice, map_log
+    from cartoloop.cli.mapping import compilation_notice, map_log, require_good
     from cartoloop.readers import open_logs
 
     with compilation_notice():
         log = open_logs(options.logs, read_options)
     typer.echo(log.description)
     if not options.view:
-        map_log(log, loaded, options.out, layers)
+        result = map_log(log, loaded, options.out, layers)
+        require_good(result.report, options.strict)
         return
     view = options.open_view(log.name, loaded.config, log.num_scans, log.duration)
     try:
-        map_log(log, loaded, options.out, layers, view)
+        result = map_log(log, loaded, options.out, layers, view)
         if view.failure is not None:
             typer.echo(f"warning: the view failed: {view.failure}", err=True)
         else:
             wait_for_stop(f"view           {view.url}")
     finally:
         view.close()
+    require_good(result.report, options.strict)

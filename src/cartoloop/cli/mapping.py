@@ -171,12 +171,20 @@ def _announce_compilation() -> None:
     )
 
 
+DOUBTFUL_STATUS = 3
+"""Exit status with --strict where the map is doubtful, wrong, or was not examined."""
+
+
+def require_good(report: Report, strict: bool) -> None:
+    """End the program with :data:`DOUBTFUL_STATUS` if only a good map is wanted and it is none."""
+    if strict and report.quality.verdict != "good":
+        raise typer.Exit(DOUBTFUL_STATUS)
+
+
 def summary(report: Report, out: Path) -> str:
     """Return the summary of a run for the terminal."""
     constraints = report.constraints
     closures = f"{constraints.loop_closure} final, {constraints.rejected} rejected"
-    if constraints.precision is not None:
-        closures += f" (precision {100.0 * constraints.precision:.1f}%)"
     closures += f"; {constraints.found} found in {constraints.searched} searched pairs"
     skipped = ", ".join(f"{count} {reason}" for reason, count in sorted(report.skipped.items()))
     return "\n".join(
@@ -187,6 +195,7 @@ def summary(report: Report, out: Path) -> str:
             f"graph          {report.nodes} nodes, {report.submaps} submaps",
             f"loop closures  {closures}",
             f"skipped        {skipped or 'nothing'}",
+            f"quality        {report.quality.summary()}",
             f"map            {out / 'map.png'}",
         )
     )

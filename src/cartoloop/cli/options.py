@@ -156,6 +156,11 @@ class ReadingOptions:
         )
 
 
+StrictOption = Annotated[
+    bool, typer.Option("--strict", help="End with status 3 unless the map is good.")
+]
+
+
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions:
     """Options for the output folder and the picture of the map."""
@@ -167,9 +172,10 @@ class OutputOptions:
         str,
         typer.Option(
             metavar="LAYERS",
-            help="Drawn over map.png: trajectory, closures (both with a comma), or none.",
+            help="Drawn over map.png: trajectory, closures, quality (with commas), or none.",
         ),
-    ] = "trajectory"
+    ] = "trajectory,quality"
+    strict: StrictOption = False
 
     @property
     def layers(self) -> tuple[Layer, ...]:

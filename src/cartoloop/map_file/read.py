@@ -30,6 +30,7 @@ from cartoloop.map_file.schema import (
     SCHEMA_VERSION,
 )
 from cartoloop.map_file.tables import numbers_of
+from cartoloop.quality.verdict import Quality
 from cartoloop.report import ConstraintSummary, InputSummary, Report
 from cartoloop.submaps.finished_grid import FinishedGrid
 
@@ -196,6 +197,7 @@ def _report(saved: dict[str, Any]) -> Report:
         submaps=saved["submaps"],
         constraints=ConstraintSummary(**saved["constraints"]),
         skipped=saved["skipped"],
+        quality=Quality.from_dict(saved["quality"]) if "quality" in saved else Quality(),
         version=saved["version"],
         config_hash=saved["config_hash"],
         extra=saved["extra"],

@@ -68,6 +68,7 @@ def report_without_times(report: Report) -> dict[str, Any]:
         "submaps": report.submaps,
         "constraints": asdict(report.constraints),
         "skipped": report.skipped,
+        "quality": asdict(report.quality),
         "version": report.version,
         "config_hash": report.config_hash,
         "extra": report.extra,

@@ -13,14 +13,15 @@ from PIL import Image, ImageDraw, ImageFont
 
 from cartoloop.arrays import ByteArray, FloatArray
 from cartoloop.map_output.occupancy_map import OccupancyMap
+from cartoloop.quality.verdict import Place, Severity
 
-Layer = Literal["trajectory", "closures"]
+Layer = Literal["trajectory", "closures", "quality"]
 Colour = tuple[int, int, int]
 
-LAYERS: tuple[Layer, ...] = ("closures", "trajectory")
+LAYERS: tuple[Layer, ...] = ("closures", "trajectory", "quality")
 """What can be drawn over the map, the lowest first."""
 
-DEFAULT_LAYERS: tuple[Layer, ...] = ("trajectory",)
+DEFAULT_LAYERS: tuple[Layer, ...] = ("trajectory", "quality")
 
 BACKGROUND: Colour = (238, 237, 233)
 _FLOOR: Colour = (255, 255, 255)
@@ -30,6 +31,11 @@ _INK: Colour = (84, 88, 94)
 # Of the palette of Okabe and Ito, which people with any colour vision can distinguish.
 TRAJECTORY_COLOUR: Colour = (0, 114, 178)
 CLOSURE_COLOUR: Colour = (213, 94, 0)
+PLACE_COLOURS: dict[Severity, Colour] = {
+    Severity.DOUBTFUL: (230, 159, 0),
+    Severity.WRONG: (204, 51, 119),
+}
+"""Places of minor severity are not drawn."""
 
 _MARGIN = 40
 """Margin around the map [px]."""
@@ -101,8 +107,17 @@ class MapPicture:
             _shade(occupancy_map.probability, 1, shaded, (0, 0))
             self.canvas.paste(shaded.resize(size, Image.Resampling.BICUBIC), (left, _MARGIN))
 
-    def draw(self, *, trajectory: FloatArray | None, closures: FloatArray | None) -> None:
-        """Draw the given layers, see `draw_map`, with a legend and a scale bar."""
+    def draw(
+        self,
+        *,
+        trajectory: FloatArray | None,
+        closures: FloatArray | None,
+        places: Sequence[Place] = (),
+    ) -> None:
+        """Draw the given layers, see `draw_map`, with a legend and a scale bar.
+
+        Places are circles, numbered as in the report from 1 on.
+        """
         legend: list[tuple[str, Colour]] = []
         if closures is not None:
             ends = np.hstack((self._to_canvas(closures[:, :2]), self._to_canvas(closures[:, 2:])))
@@ -113,7 +128,25 @@ class MapPicture:
             path = self._to_canvas(trajectory[:, :2])[np.newaxis]
             _draw_lines(self.canvas, path, TRAJECTORY_COLOUR, width=2, opacity=0.75)
             legend.append(("trajectory", TRAJECTORY_COLOUR))
+        for severity, colour in PLACE_COLOURS.items():
+            count = sum(place.severity == severity for place in places)
+            if count:
+                legend.append((f"{count} {severity} place{'s' if count > 1 else ''}", colour))
+        self._draw_places(places)
         _draw_footer(self.canvas, self._zoom / self._frame.resolution, legend)
+
+    def _draw_places(self, places: Sequence[Place]) -> None:
+        font = ImageFont.load_default(_FONT_SIZE)
+        for number, place in enumerate(places, 1):
+            colour = PLACE_COLOURS.get(place.severity)
+            if colour is None:
+                continue
+            angles = np.linspace(0.0, math.tau, 73)
+            ring = np.column_stack((np.cos(angles), np.sin(angles))) * place.radius
+            ring_px = self._to_canvas(ring + np.array((place.x, place.y)))
+            _draw_lines(self.canvas, ring_px[np.newaxis], colour, width=4, opacity=0.9)
+            x, y = ring_px[9].tolist()  # at the upper right
+            ImageDraw.Draw(self.canvas).text((x + 6, y), str(number), fill=colour, font=font)
 
     def _to_canvas(self, points_map: FloatArray) -> FloatArray:
         return self._frame.to_pixels(points_map) * self._zoom + self._offset

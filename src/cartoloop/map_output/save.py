@@ -123,6 +123,7 @@ def _png_bytes(result: MapData, picture: MapPicture, layers: Collection[Layer]) 
     picture.draw(
         trajectory=result.trajectory if "trajectory" in layers else None,
         closures=_closure_ends(result.graph) if "closures" in layers else None,
+        places=result.report.quality.places if "quality" in layers else (),
     )
     buffer = io.BytesIO()
     picture.canvas.save(buffer, format="png")

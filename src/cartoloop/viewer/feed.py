@@ -20,6 +20,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.global_slam.closure_status import Status
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.quality.verdict import Quality
 from cartoloop.sensor.pose import IDENTITY, Pose
 from cartoloop.viewer.protocol import REJECTED, ConstraintRows
 
@@ -99,6 +100,7 @@ class Update:
     node_points : of each node the returns that are matched with submaps.
     num_found : closures that searches found so far.
     rejected : closures that are not in the finished graph; None while mapping.
+    quality : the verdict on the finished map; None while mapping.
     match : of the last scan to the map, None where it was not matched.
     last_information : inverse covariance of the last scan's pose, None unless it became a node.
     time : when this was [s, perf_counter].
@@ -117,6 +119,7 @@ class Update:
     num_found: int = 0
     node_points: Sequence[FloatArray] = ()
     rejected: ConstraintRows | None = None
+    quality: Quality | None = None
     stamp: float = 0.0
     recorded_s: float = 0.0
     num_scans: int = 0
@@ -229,6 +232,7 @@ def whole(result: Result) -> Update:
         num_found=result.closures.num_found,
         node_points=result.node_points,
         rejected=rejected_closures(result.closures),
+        quality=report.quality,
         stamp=float(result.stamps[-1]) if len(result.stamps) else 0.0,
         recorded_s=report.input.duration_s,
         num_scans=report.input.scans,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import secrets
 from contextlib import suppress
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -115,6 +116,8 @@ class LiveState:
         if self._constraints.set(update.first_constraint, rows):
             self.subscriptions.note(MessageType.CONSTRAINTS)
         self._apply_finished(update)
+        if update.quality is not None:
+            self._show_json(MessageType.QUALITY, asdict(update.quality))
         scan = protocol.scan_message(update.num_scans, update.stamp, update.pose, update.returns)
         if update.num_scans:
             self._show(MessageType.SCAN, scan)
@@ -248,6 +251,7 @@ _LATEST = (
     MessageType.HELLO,
     MessageType.PLAYBACK,
     MessageType.READINGS,
+    MessageType.QUALITY,
     MessageType.LATEST_CLOSURE,
     MessageType.SCAN,
 )

@@ -59,6 +59,7 @@ class MessageType(IntEnum):
     PONG = 17
     SUBMAP_PREVIEW = 18
     ANSWER = 19
+    QUALITY = 20
 
 
 _TABLE_DTYPES = {

@@ -23,7 +23,8 @@ BUNDLE_BYTES = 256 * 1024
 _ORDER = (
     MessageType.HELLO, MessageType.PLAYBACK, MessageType.READINGS, MessageType.SUBMAP_POSES,
     MessageType.NODES, MessageType.NODE_TIMES, MessageType.SUBMAP_PREVIEW,
-    MessageType.SUBMAP, MessageType.CONSTRAINTS, MessageType.LATEST_CLOSURE, MessageType.SCAN,
+    MessageType.SUBMAP, MessageType.CONSTRAINTS, MessageType.QUALITY,
+    MessageType.LATEST_CLOSURE, MessageType.SCAN,
 )  # fmt: skip
 
 

@@ -36,6 +36,7 @@ import { lengthOf } from "./tape.js";
  * @property {"light" | "dark"} theme
  * @property {number | null} time that is shown, stamp [s]; null: all there is
  * @property {Record<string, any> | null} readings as the server sent them
+ * @property {Record<string, any> | null} quality as the server sent it
  */
 
 /** @param {any} page */
@@ -77,6 +78,7 @@ function stateOf({ connection, state, renderer, motion, stage, closure, tape, ca
     theme: theme.name,
     time: playback.time,
     readings: state.readings,
+    quality: state.quality,
   };
 }
 

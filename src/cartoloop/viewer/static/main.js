@@ -15,6 +15,7 @@ import { inspector } from "./inspect.js";
 import { Layers } from "./layers.js";
 import { Motion } from "./motion.js";
 import { Panel } from "./panel.js";
+import { Places } from "./places.js";
 import { PlaybackBar } from "./playback.js";
 import { PROTOCOL_VERSION, Type } from "./protocol.js";
 import { saveBlob, savePng } from "./save.js";
@@ -62,6 +63,7 @@ class Page {
     };
     this.playback = new PlaybackBar(hooks);
     this.closure = new ClosureCard(hooks);
+    this.places = new Places(hooks.onShow);
     this.tape = new Tape(byId("tape-layer"), this.view, hooks);
     this.stage = new Stage(this);
     this.tools = new Tools(this.view, this.actions());
@@ -85,6 +87,7 @@ class Page {
     this.stage.begin();
     this.playback.begin();
     this.closure.close();
+    this.places.show(null);
   }
 
   take(message) {
@@ -101,6 +104,10 @@ class Page {
         this.playback.show();
         break;
       case Type.PLAYBACK: this.playback.show(); break;
+      case Type.QUALITY:
+        this.places.show(message.content);
+        this.stage.change();
+        break;
       case Type.SCAN: case Type.LATEST_CLOSURE: this.stage.touch(); break;
       case Type.COMPLETE: performance.mark("cartoloop:complete"); // falls through
       default:

@@ -11,6 +11,7 @@ import { beginOf, residualOf } from "./residual.js";
 /** Layers, and whether they are on at first. */
 export const LAYERS = Object.freeze({
   trajectory: true, scan: true, nodes: false, closures: true, constraints: false, latest: true,
+  quality: true,
 });
 
 /** Distances on the screen below which points are left out [px]; at most twice that. */
@@ -20,6 +21,9 @@ const ANCHOR_M = 64;
 const WAY_PX = 1.8;
 const ROBOT_PX = 15;
 const FADED = 0.3;
+const CIRCLE_SIDES = 64;
+/** Inks of places by their severity; minor ones are in the list alone. */
+const PLACE_INKS = Object.freeze({ doubtful: "doubtful", wrong: "wrong" });
 
 /**
  * @typedef {object} Scene what is to be drawn
@@ -50,6 +54,7 @@ export class Overlays {
     this.constraints = new Shape(gl);
     this.frame = new Shape(gl);
     this.dots = new Shape(gl);
+    this.places = new Shape(gl);
   }
 
   /**
@@ -69,6 +74,7 @@ export class Overlays {
     }
     if (layers.trajectory) this.pen.lines(this.way, WAY_PX);
     if (layers.nodes) this.pen.dots(this.nodes, 4.5, tint(this.theme.inks.node, 0.9));
+    if (layers.quality && scene.state.quality) this.drawPlaces(scene.state.quality.places);
     this.pen.end();
   }
 
@@ -115,6 +121,22 @@ export class Overlays {
     });
     this.nodes.set(places, kept.length, this.anchor);
     lines.into(this.way);
+  }
+
+  /** Draw a circle around each place that is doubtful or wrong. */
+  drawPlaces(places) {
+    const shown = places.filter(({ severity }) => severity in PLACE_INKS);
+    const lines = new LineList(shown.length * CIRCLE_SIDES, this.anchor);
+    for (const { x, y, radius, severity } of shown) {
+      const ink = inkOf(this.theme.inks[PLACE_INKS[severity]], 0.9);
+      for (let side = 0; side < CIRCLE_SIDES; side++) {
+        const [a, b] = [side, side + 1].map((at) => (2 * Math.PI * at) / CIRCLE_SIDES);
+        lines.add(x + radius * Math.cos(a), y + radius * Math.sin(a),
+          x + radius * Math.cos(b), y + radius * Math.sin(b), ink);
+      }
+    }
+    lines.into(this.places);
+    this.pen.lines(this.places, 2.4);
   }
 
   /** Draw the way from the last node to the robot. */

@@ -29,6 +29,7 @@ export const Type = Object.freeze({
   PONG: 17,
   SUBMAP_PREVIEW: 18,
   ANSWER: 19,
+  QUALITY: 20,
 });
 
 /** Kinds of constraints. @enum {number} */
@@ -106,7 +107,7 @@ const READERS = {
   [Type.PICTURE]: (buffer, at, length) => ({ png: new Uint8Array(buffer, at, length) }),
 };
 for (const type of [Type.HELLO, Type.READINGS, Type.PLAYBACK, Type.LATEST_CLOSURE, Type.COMPLETE,
-  Type.CLOSURE, Type.PROBLEM, Type.PONG, Type.ANSWER]) {
+  Type.CLOSURE, Type.PROBLEM, Type.PONG, Type.ANSWER, Type.QUALITY]) {
   READERS[type] = (buffer, at, length) => ({
     content: JSON.parse(text.decode(new Uint8Array(buffer, at, length))),
   });

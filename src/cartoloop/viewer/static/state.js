@@ -89,6 +89,8 @@ export class MapState {
     /** @type {import("./protocol.js").Scan | null} */
     this.scan = null;
     this.latestClosure = null;
+    /** Verdict on the finished map, and its places. */
+    this.quality = null;
     this.isComplete = false;
     this.submapPoses = new Table(Float64Array, 3);
     this.nodes = new Table(Float32Array, 3);
@@ -111,6 +113,7 @@ export class MapState {
       case Type.READINGS: this.readings = message.content; break;
       case Type.PLAYBACK: this.playback = message.content; break;
       case Type.LATEST_CLOSURE: this.latestClosure = message.content; break;
+      case Type.QUALITY: this.quality = message.content; break;
       case Type.SCAN: this.scan = message; break;
       case Type.COMPLETE: this.isComplete = true; break;
       case Type.SUBMAP_POSES: return this.setRows("submapPoses", message, message.poses);

@@ -19,12 +19,13 @@ const INKS = {
     trajectory: [0, 114, 178], scan: [213, 94, 0], node: [0, 114, 178], robot: [0, 90, 150],
     halo: [255, 255, 255], closure: [213, 94, 0], intra: [86, 150, 190], nodes: [0, 158, 115],
     rejected: [204, 121, 167], window: [94, 98, 104], matched: [0, 114, 178], found: [213, 94, 0],
+    doubtful: [230, 159, 0], wrong: [204, 51, 119],
   },
   dark: {
     trajectory: [86, 180, 233], scan: [240, 150, 60], node: [86, 180, 233], robot: [86, 180, 233],
     halo: [20, 23, 27], closure: [240, 128, 60], intra: [90, 140, 175], nodes: [40, 190, 145],
     rejected: [220, 150, 190], window: [170, 175, 182], matched: [86, 180, 233],
-    found: [240, 128, 60],
+    found: [240, 128, 60], doubtful: [240, 180, 40], wrong: [240, 90, 150],
   },
 };
 

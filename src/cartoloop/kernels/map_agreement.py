@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether returns lie where a submap has walls, and where they would fit better."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop._jit import kernel
+from cartoloop.arrays import ByteArray, FloatArray, IntArray
+from cartoloop.kernels.scan_batch import ScanBatch
+
+
+class CellGrid(NamedTuple):
+    """The cells of a finished submap and where they are.
+
+    Attributes
+    ----------
+    cells : uint8, shape (num_rows, num_cols), 0 where never observed.
+    origin_x, origin_y : centre of cell (0, 0) [m, submap frame].
+    resolution : edge of a cell [m].
+    """
+
+    cells: ByteArray
+    origin_x: float
+    origin_y: float
+    resolution: float
+
+
+class AgreementLimits(NamedTuple):
+    """What counts as a wall, and as floor.
+
+    Attributes
+    ----------
+    wall : least value of a cell that is a wall.
+    floor : largest value of a cell that is floor; it was observed.
+    on_wall : a return with a wall within this distance lies on it [cells].
+    off_wall : a return on floor with no wall within this distance contradicts the submap [cells].
+    max_range : returns farther from the robot are not counted [m].
+    """
+
+    wall: int
+    floor: int
+    on_wall: int
+    off_wall: int
+    max_range: float
+
+
+@kernel
+def count_agreement(
+    grid: CellGrid,
+    limits: AgreementLimits,
+    scans: ScanBatch,
+    poses: FloatArray,
+    out_counts: IntArray,
+) -> None:
+    """Write how many returns of each scan lie on walls of a submap, and how many on its floor.
+
+    A return lies on floor if its cell and the eight around it are, and no wall is near. The others
+    lie where the submap was not observed, or not clearly: they are not counted.
+
+    Parameters
+    ----------
+    grid, limits : of the submap.
+    scans : k of them.
+    poses : float64, shape (k, 3), tf_submap_scan [m, m, rad].
+    out_counts : int64, shape (k, 2): on walls, on floor.
+    """
+    cells, resolution = grid.cells, grid.resolution
+    num_rows, num_cols = cells.shape
+    margin = max(limits.off_wall, 1)
+    near, far = limits.on_wall**2, limits.off_wall**2
+    for i in range(poses.shape[0]):
+        cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        on_wall, on_floor = 0, 0
+        for j in range(scans.firsts[i], scans.ends[i]):
+            x, y = scans.points[j, 0], scans.points[j, 1]
+            if x * x + y * y > limits.max_range**2:
+                continue
+            x_submap = poses[i, 0] + cos * x - sin * y
+            y_submap = poses[i, 1] + sin * x + cos * y
+            col = np.int64(np.floor((x_submap - grid.origin_x) / resolution + 0.5))
+            row = np.int64(np.floor((y_submap - grid.origin_y) / resolution + 0.5))
+            if not (margin <= col < num_cols - margin and margin <= row < num_rows - margin):
+                continue
+            squared = _nearest_wall(cells, row, col, margin, limits.wall)
+            if squared <= near:
+                on_wall += 1
+            elif squared > far and _is_floor(cells, row, col, limits.floor):
+                on_floor += 1
+        out_counts[i, 0] = on_wall
+        out_counts[i, 1] = on_floor
+
+
+@kernel
+def _nearest_wall(
+    cells: ByteArray, row: np.int64, col: np.int64, reach: int, wall: int
+) -> np.int64:
+    """Return the squared distance [cells] to the nearest wall within a square, or a large one."""
+    nearest = np.int64(4 * reach * reach)
+    for i in range(-reach, reach + 1):
+        for j in range(-reach, reach + 1):
+            if cells[row + i, col + j] >= wall:
+                nearest = min(nearest, np.int64(i * i + j * j))
+    return nearest
+
+
+@kernel
+def _is_floor(cells: ByteArray, row: np.int64, col: np.int64, floor: int) -> bool:
+    """Return whether a cell and those around it were observed to be free."""
+    for i in range(-1, 2):
+        for j in range(-1, 2):
+            value = cells[row + i, col + j]
+            if value == 0 or value > floor:
+                return False
+    return True
+
+
+class ShiftWindow(NamedTuple):
+    """Which displacements are tried.
+
+    Attributes
+    ----------
+    steps : to each side of the pose, in x and in y.
+    step_cells : length of a step [cells].
+    turns : to each side, about the centre of the points.
+    turn : angle of a turn [rad].
+    near_steps : displacements up to this number of steps are near, those of at least one more
+        are elsewhere.
+    """
+
+    steps: int
+    step_cells: int
+    turns: int
+    turn: float
+    near_steps: int
+
+
+@kernel
+def best_shifts(
+    grid: CellGrid,
+    wall: int,
+    window: ShiftWindow,
+    points: FloatArray,
+    firsts: IntArray,
+    ends: IntArray,
+    out_shifts: FloatArray,
+) -> None:
+    """Write how well groups of points fit where they are, and how well at the best other place.
+
+    Parameters
+    ----------
+    grid, wall : a point fits if one of the two by two cells at it is at least `wall`.
+    window : the displacements.
+    points : float64, shape (n, 2) [m, submap frame].
+    firsts, ends : int64, shape (k,): group i has ``points[firsts[i] : ends[i]]``, at least one.
+    out_shifts : float64, shape (k, 5): number of points that fit near, and elsewhere; displacement
+        x, y [m] and turn [rad] elsewhere. Of equal ones the first wins.
+    """
+    for i in range(firsts.shape[0]):
+        group = points[firsts[i] : ends[i]]
+        centre_x, centre_y = group[:, 0].mean(), group[:, 1].mean()
+        out_shifts[i, :] = 0.0
+        rows = np.empty(group.shape[0], dtype=np.int64)
+        cols = np.empty(group.shape[0], dtype=np.int64)
+        for turn in range(-window.turns, window.turns + 1):
+            angle = turn * window.turn
+            cos, sin = math.cos(angle), math.sin(angle)
+            for j in range(group.shape[0]):
+                x, y = group[j, 0] - centre_x, group[j, 1] - centre_y
+                turned_x = centre_x + cos * x - sin * y
+                turned_y = centre_y + sin * x + cos * y
+                cols[j] = np.int64(np.floor((turned_x - grid.origin_x) / grid.resolution))
+                rows[j] = np.int64(np.floor((turned_y - grid.origin_y) / grid.resolution))
+            _try_shifts(grid, wall, window, rows, cols, angle, out_shifts[i])
+
+
+@kernel
+def _try_shifts(
+    grid: CellGrid,
+    wall: int,
+    window: ShiftWindow,
+    rows: IntArray,
+    cols: IntArray,
+    angle: float,
+    out_shift: FloatArray,
+) -> None:
+    """Count the points that fit at all shifts of one turn, and keep the best in `out_shift`."""
+    near, elsewhere = window.near_steps**2, (window.near_steps + 1) ** 2
+    for down in range(-window.steps, window.steps + 1):
+        for right in range(-window.steps, window.steps + 1):
+            squared = down * down + right * right
+            if near < squared < elsewhere:
+                continue
+            fitting = _num_fitting(
+                grid.cells, wall, rows, cols, down * window.step_cells, right * window.step_cells
+            )
+            if squared <= near:
+                out_shift[0] = max(out_shift[0], fitting)
+            elif fitting > out_shift[1]:
+                step = window.step_cells * grid.resolution
+                out_shift[1] = fitting
+                out_shift[2] = right * step
+                out_shift[3] = down * step
+                out_shift[4] = angle
+
+
+@kernel
+def _num_fitting(
+    cells: ByteArray, wall: int, rows: IntArray, cols: IntArray, down: int, right: int
+) -> int:
+    """Return how many points, given by the lower left of their four cells, are at a wall."""
+    num_rows, num_cols = cells.shape
+    fitting = 0
+    for j in range(rows.shape[0]):
+        row, col = rows[j] + down, cols[j] + right
+        if not (0 <= row < num_rows - 1 and 0 <= col < num_cols - 1):
+            continue
+        if (
+            cells[row, col] >= wall
+            or cells[row, col + 1] >= wall
+            or cells[row + 1, col] >= wall
+            or cells[row + 1, col + 1] >= wall
+        ):
+            fitting += 1
+    return fitting

@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the poses and times of a run say against it: gaps, jumps, stretches without matches."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.quality.pairs import MapContent
+from cartoloop.sensor.pose import Pose, relative, transform_points, wrap_angles
+
+MIN_GAP_S, GAP_INTERVALS = 1.5, 6.0
+"""A gap is longer than this, and than this number of usual intervals between scans."""
+
+SPARSE_STEP_M = 0.5
+"""Recordings with longer steps have a scan each time the robot moved so far, whenever that was:
+a gap says nothing [m]."""
+
+SPEED_OVER_S = 2.0
+"""Time before and after a gap over which the speed is measured [s]."""
+
+MIN_SPEED = 0.1
+"""A slower robot stands, for all that its poses show [m/s]."""
+
+MOVED_SHARE, MIN_MISSING_M = 0.6, 1.0
+"""A robot that drove before and after a gap drove during it: poses that moved by less than this
+share of what the lower of its speeds makes it, and by this length less, do not know [m]."""
+
+ORDERED_SCANS = 20
+"""Scans to each side of a gap whose stamps must increase: otherwise the gap is one of the stamps
+alone."""
+
+JUMP_SPEED, MIN_JUMP_M = 5.0, 0.7
+"""No robot indoors is faster [m/s]; shorter steps are errors of a match [m]."""
+
+MIN_BLIND_M = 2.0
+"""Distance between two nodes from which nothing was matched in between [m]: usually 0.2 to 1 m."""
+
+STANDING_M, STANDING_RAD, MIN_INTERVAL_S = 0.1, 0.1, 3.0
+"""Between two nodes of a robot that stands [m], [rad], and the time after which a robot that does
+not move is given a node; nodes of one that moves are 0.2 m apart at least [s]."""
+
+CHANGED_M = 0.3
+"""A return this far from the outline that another scan sees has moved [m]."""
+
+MAX_EDGE_M = 2.0
+"""Neighbouring returns further apart do not belong to one wall [m]."""
+
+
+class Event(NamedTuple):
+    """Something that happened from one scan to the next.
+
+    Attributes
+    ----------
+    scan : index of the later scan.
+    seconds : since the scan before [s].
+    moved : by the poses [m].
+    expected : by what is known otherwise [m]; 0 where nothing is.
+    """
+
+    scan: int
+    seconds: float
+    moved: float
+    expected: float
+
+
+def _usual_interval(intervals: FloatArray) -> float:
+    """Return the usual time between scans [s]; stamps may run backwards or repeat."""
+    forwards = intervals[intervals > 0.0]
+    return float(np.median(forwards)) if len(forwards) else 1.0
+
+
+def _gap_rows(intervals: FloatArray, usual: float) -> list[int]:
+    """Return the scans after which there is a gap, where stamps increase all around."""
+    rows = np.flatnonzero(intervals > max(MIN_GAP_S, GAP_INTERVALS * usual)).tolist()
+    return [
+        row
+        for row in rows
+        if not np.any(intervals[max(row - ORDERED_SCANS, 0) : row + ORDERED_SCANS] < 0.0)
+    ]
+
+
+def gaps(content: MapContent) -> list[Event]:
+    """Return the gaps in time during which the robot drove farther than its poses did."""
+    stamps, poses = content.stamps, content.local_trajectory
+    found: list[Event] = []
+    if len(stamps) < 10:
+        return found
+    intervals = np.diff(stamps)
+    usual = _usual_interval(intervals)
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    paths = np.concatenate(([0.0], np.cumsum(steps)))
+    around = max(3, round(SPEED_OVER_S / max(usual, 1e-3)))
+    for before in _gap_rows(intervals, usual):
+        after, seconds = before + 1, float(intervals[before])
+        first, last = max(before - around, 0), min(after + around, len(stamps) - 1)
+        speeds = [
+            (paths[end] - paths[start]) / (stamps[end] - stamps[start])
+            for start, end in ((first, before), (after, last))
+            if stamps[end] > stamps[start]
+        ]
+        if len(speeds) < 2 or min(speeds) < MIN_SPEED:
+            continue
+        typical = float(np.median(steps[first:last]))
+        if steps[before] > 0.5 * typical and typical > SPARSE_STEP_M:
+            continue
+        expected = float(min(speeds)) * seconds
+        moved = float(steps[before])
+        if moved < MOVED_SHARE * expected and expected - moved > MIN_MISSING_M:
+            found.append(Event(after, seconds, moved, expected))
+    return found
+
+
+MISFIT_SHARE, MISFIT_M, MISFIT_RAD = 0.45, 1.0, 1.0
+"""Scans to both sides of a gap do not fit if this share of the returns is elsewhere, though by the
+poses the robot was nearly at rest [m], [rad]: it saw the same walls then."""
+
+
+def misfits(content: MapContent) -> list[Event]:
+    """Return the gaps across which scans do not fit, as after a turn; `expected` is 0."""
+    scans, poses = content.node_scan_index, content.graph.node_poses
+    intervals = np.diff(content.stamps)
+    found = []
+    for before in _gap_rows(intervals, _usual_interval(intervals)):
+        node = int(np.searchsorted(scans, before, side="right")) - 1
+        if not 0 <= node < len(scans) - 1:
+            continue
+        step = relative(Pose(*poses[node].tolist()), Pose(*poses[node + 1].tolist()))
+        if np.hypot(step.x, step.y) > MISFIT_M or abs(step.theta) > MISFIT_RAD:
+            continue
+        if changed_share(content, node, node + 1) > MISFIT_SHARE:
+            moved = float(np.hypot(step.x, step.y))
+            found.append(Event(before + 1, float(intervals[before]), moved, 0.0))
+    return found
+
+
+def jumps(content: MapContent) -> list[Event]:
+    """Return the steps that are faster than robots are."""
+    stamps, poses = content.stamps, content.local_trajectory
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    seconds = np.maximum(np.diff(stamps), 0.0)
+    # Stamps may run backwards or repeat: such steps are judged by the usual interval.
+    usual = _usual_interval(seconds)
+    fast = (steps > MIN_JUMP_M) & (steps > JUMP_SPEED * np.maximum(seconds, usual))
+    return [
+        Event(row + 1, float(seconds[row]), float(steps[row]), 0.0)
+        for row in np.flatnonzero(fast).tolist()
+    ]
+
+
+def blind_stretches(content: MapContent) -> list[Event]:
+    """Return the distances between consecutive nodes that are too long for scans to overlap."""
+    scans = content.node_scan_index
+    steps = np.hypot(*np.diff(content.local_trajectory[:, :2], axis=0).T)
+    paths = np.concatenate(([0.0], np.cumsum(steps)))
+    between = np.diff(paths[scans])
+    largest = np.array(
+        [
+            steps[first:last].max(initial=0.0)
+            for first, last in zip(scans[:-1].tolist(), scans[1:].tolist(), strict=True)
+        ]
+    )
+    # A recording of a scan a metre has such distances everywhere: its scans do overlap.
+    blind = np.flatnonzero((between > MIN_BLIND_M) & (largest < 0.5 * between))
+    return [
+        Event(
+            int(scans[row + 1]),
+            float(content.stamps[scans[row + 1]] - content.stamps[scans[row]]),
+            float(between[row]),
+            0.0,
+        )
+        for row in blind.tolist()
+    ]
+
+
+class Standing(NamedTuple):
+    """A time during which the poses stand still.
+
+    Attributes
+    ----------
+    first, last : nodes.
+    seconds : its length [s].
+    changed : share of the returns that moved between its nodes, in the mean.
+    """
+
+    first: int
+    last: int
+    seconds: float
+    changed: float
+
+
+def standing(content: MapContent) -> list[Standing]:
+    """Return the times during which nodes were inserted though the robot stood still."""
+    poses = content.graph.node_poses
+    stamps = content.stamps[content.node_scan_index]
+    seconds = np.diff(stamps)
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    turns = np.abs(wrap_angles(np.diff(poses[:, 2])))
+    stands = (seconds >= MIN_INTERVAL_S) & (steps < STANDING_M) & (turns < STANDING_RAD)
+    rows = np.flatnonzero(stands)
+    found = []
+    for run in np.split(rows, np.flatnonzero(np.diff(rows) > 2) + 1):
+        if len(run):
+            changed = [changed_share(content, int(row), int(row) + 1) for row in run]
+            found.append(
+                Standing(
+                    int(run[0]),
+                    int(run[-1]) + 1,
+                    float(seconds[run].sum()),
+                    float(np.mean(changed)),
+                )
+            )
+    return found
+
+
+def changed_share(content: MapContent, one: int, other: int, max_range: float = 12.0) -> float:
+    """Return the share of a node's returns that are not on the outline that another node sees."""
+    poses, points = content.graph.node_poses, content.node_points
+    outline, seen = points[one], points[other]
+    seen = seen[np.hypot(seen[:, 0], seen[:, 1]) < max_range]
+    order = np.argsort(np.arctan2(outline[:, 1], outline[:, 0]), kind="stable")
+    starts, ends = outline[order][:-1], outline[order][1:]
+    lengths = np.hypot(*(ends - starts).T) if len(starts) else np.zeros(0)
+    is_wall = (lengths < MAX_EDGE_M) & (lengths > 1e-6)
+    starts, ends = starts[is_wall], ends[is_wall]
+    if len(starts) < 5 or len(seen) < 5:
+        return 0.0
+    pose = relative(Pose(*poses[one].tolist()), Pose(*poses[other].tolist()))
+    seen = transform_points(pose, seen)
+    along = ends - starts
+    share = np.sum((seen[:, np.newaxis] - starts) * along, axis=2) / np.sum(along**2, axis=1)
+    nearest = starts + np.clip(share, 0.0, 1.0)[..., np.newaxis] * along
+    apart = np.hypot(*np.moveaxis(seen[:, np.newaxis] - nearest, 2, 0)).min(axis=1)
+    return float(np.mean(apart > CHANGED_M))
+
+
+class Corridors(NamedTuple):
+    """Where scans hardly measure the distance along the path.
+
+    Attributes
+    ----------
+    nodes : int64 (k,), the nodes that were examined.
+    is_corridor : bool (k,), whether walls around a node are parallel and nothing else.
+    """
+
+    nodes: IntArray
+    is_corridor: BoolArray
+
+
+CORRIDOR_RATIO = 0.1
+"""Information along a corridor over that across, by the normals of walls: below it a twentieth of
+the returns at most are on walls that face along it."""
+
+EVERY_NTH_NODE, MAX_NODES, SMOOTHED_OVER = 3, 600, 11
+"""Nodes examined for corridors: one in three, but not more than 600 in all; the median is taken
+over 11 of them."""
+
+
+def corridors(content: MapContent, max_range: float) -> Corridors:
+    """Return where scans hardly measure the distance along the path."""
+    count = len(content.node_points)
+    nodes = np.arange(0, count, max(EVERY_NTH_NODE, -(-count // MAX_NODES)))
+    ratios = np.array(
+        [normal_ratio(content.node_points[node], max_range) for node in nodes.tolist()]
+    )
+    half = SMOOTHED_OVER // 2
+    smooth = np.array(
+        [np.median(ratios[max(i - half, 0) : i + half + 1]) for i in range(len(ratios))]
+    )
+    return Corridors(nodes, smooth < CORRIDOR_RATIO)
+
+
+def normal_ratio(points: FloatArray, max_range: float) -> float:
+    """Return the ratio of the eigenvalues of the walls' normals; 1 where too little is seen."""
+    near = points[np.hypot(points[:, 0], points[:, 1]) < max_range]
+    order = np.argsort(np.arctan2(near[:, 1], near[:, 0]), kind="stable")
+    edges = np.diff(near[order], axis=0)
+    lengths = np.hypot(edges[:, 0], edges[:, 1])
+    is_wall = (lengths < 1.2) & (lengths > 0.02)
+    if np.count_nonzero(is_wall) < 8:
+        return 1.0
+    normals = edges[is_wall] / lengths[is_wall, np.newaxis]
+    low, high = np.linalg.eigvalsh(normals.T @ normals)
+    return float(low / high)

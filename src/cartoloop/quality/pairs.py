@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which scans are compared with which submaps, and how well they agree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.config import QualityConfig
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.kernels.map_agreement import AgreementLimits, CellGrid, count_agreement
+from cartoloop.kernels.scan_batch import ScanBatch
+from cartoloop.sensor.pose import compose_all, relative_all
+from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.submaps.finished_grid import MIN_PROBABILITY, PROBABILITY_STEP, FinishedGrid
+
+WALL = 0.57
+"""Least probability of a cell that counts as a wall: hit more often than missed."""
+
+FLOOR = 0.35
+"""Largest probability of a cell that counts as floor: missed by some four beams and never hit."""
+
+ON_WALL_M, OFF_WALL_M = 0.1, 0.2
+"""A return with a wall within the first distance agrees; on floor with none within the second it
+contradicts [m]. Walls have the thickness of noise and pixels, two to three cells."""
+
+OWN_STRIDE = 3
+"""One in three of a submap's own nodes is a reference for others: nodes are 0.2 m apart."""
+
+MIN_COUNTED = 20
+"""Pairs with fewer returns on walls or floor say nothing."""
+
+
+class MapContent(Protocol):
+    """What is examined; the attributes are those of `map_data.MapData`."""
+
+    @property
+    def stamps(self) -> NDArray[np.float64]: ...  # noqa: D102
+    @property
+    def trajectory(self) -> NDArray[np.float64]: ...  # noqa: D102
+    @property
+    def local_trajectory(self) -> NDArray[np.float64]: ...  # noqa: D102
+    @property
+    def graph(self) -> PoseGraph: ...  # noqa: D102
+    @property
+    def node_scan_index(self) -> NDArray[np.int64]: ...  # noqa: D102
+    @property
+    def submap_grids(self) -> list[FinishedGrid]: ...  # noqa: D102
+    @property
+    def node_points(self) -> Sequence[NDArray[np.float64]]: ...  # noqa: D102
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Nodes compared with submaps that they were not inserted into, n pairs.
+
+    Attributes
+    ----------
+    submap, node : int64 (n,).
+    own_node : int64 (n,), the node of the submap that is nearest to the other on the map.
+    tf_submap_node : float64 (n, 3), by the map's poses of both nodes [m, m, rad].
+    path : float64 (n,), path length from the node to the nearest end of the submap [m].
+    on_wall, on_floor : int64 (n,), the returns that agree with the submap, and that do not.
+    """
+
+    submap: IntArray
+    node: IntArray
+    own_node: IntArray
+    tf_submap_node: FloatArray
+    path: FloatArray
+    on_wall: IntArray
+    on_floor: IntArray
+
+    def __len__(self) -> int:
+        return len(self.submap)
+
+    @property
+    def contradiction(self) -> FloatArray:
+        """Share of the counted returns that lie on floor."""
+        share: FloatArray = self.on_floor / np.maximum(self.on_wall + self.on_floor, 1)
+        return share
+
+    def take(self, rows: NDArray[np.bool_] | IntArray) -> Pairs:
+        """Return some of the pairs."""
+        return Pairs(*(column[rows] for column in vars(self).values()))
+
+
+def path_lengths(node_poses: FloatArray) -> FloatArray:
+    """Return the length of the path from the first node to each, shape (n,) [m]."""
+    steps = np.linalg.norm(np.diff(node_poses[:, :2], axis=0), axis=1)
+    lengths: FloatArray = np.concatenate(([0.0], np.cumsum(steps)))[: len(node_poses)]
+    return lengths
+
+
+def compared_pairs(content: MapContent, scans: ScanPoints, config: QualityConfig) -> Pairs:
+    """Return the pairs of a map that overlap, with their agreement.
+
+    Poses within a submap are those at which its scans were inserted: the node is placed by the
+    nearest of them, so that a submap that is bent far away does not matter here.
+    """
+    graph = content.graph
+    own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
+    own = own[np.argsort(graph.index_a[own], kind="stable")]
+    bounds = np.searchsorted(graph.index_a[own], np.arange(graph.num_submaps + 1))
+    paths = path_lengths(graph.node_poses)
+    parts = []
+    for submap, grid in enumerate(content.submap_grids):
+        rows = own[bounds[submap] : bounds[submap + 1]]
+        if grid.size and len(rows):
+            parts.append(_pairs_of(submap, grid, graph, rows, paths, scans, config))
+    if not parts:
+        nothing = np.zeros(0, np.int64)
+        return Pairs(nothing, nothing, nothing, np.zeros((0, 3)), np.zeros(0), nothing, nothing)
+    columns = zip(*(vars(part).values() for part in parts), strict=True)
+    pairs = Pairs(*(np.concatenate(column) for column in columns))
+    return pairs.take(pairs.on_wall + pairs.on_floor >= MIN_COUNTED)
+
+
+def _pairs_of(
+    submap: int,
+    grid: FinishedGrid,
+    graph: PoseGraph,
+    own: IntArray,
+    paths: FloatArray,
+    scans: ScanPoints,
+    config: QualityConfig,
+) -> Pairs:
+    """Return the pairs of one submap; `own` are the constraints of its nodes, in order."""
+    poses = graph.node_poses
+    first, last = int(graph.index_b[own].min()), int(graph.index_b[own].max())
+    own = own[::OWN_STRIDE]
+    references = graph.index_b[own]
+    places = poses[references, :2]
+    numbers = np.arange(len(poses))
+    is_candidate = np.all(
+        (poses[:, :2] > places.min(axis=0) - config.nearby)
+        & (poses[:, :2] < places.max(axis=0) + config.nearby),
+        axis=1,
+    )
+    is_candidate &= (numbers + submap) % config.every_nth_node == 0
+    is_candidate &= (numbers < first) | (numbers > last)
+    nodes = np.flatnonzero(is_candidate)
+    apart = np.hypot(
+        poses[nodes, 0, np.newaxis] - places[:, 0], poses[nodes, 1, np.newaxis] - places[:, 1]
+    )
+    nearest = apart.argmin(axis=1) if len(nodes) else np.zeros(0, np.int64)
+    is_near = apart[np.arange(len(nodes)), nearest] < config.nearby
+    nodes, nearest = nodes[is_near], nearest[is_near]
+    tf_submap_node = compose_all(
+        graph.relative_poses[own[nearest]], relative_all(poses[references[nearest]], poses[nodes])
+    )
+    counts = agreement(grid, scans.take(nodes), tf_submap_node, config.max_range)
+    path = np.where(nodes < first, paths[first] - paths[nodes], paths[nodes] - paths[last])
+    return Pairs(
+        np.full(len(nodes), submap),
+        nodes,
+        references[nearest],
+        tf_submap_node,
+        path,
+        counts[:, 0],
+        counts[:, 1],
+    )
+
+
+def agreement(
+    grid: FinishedGrid, scans: ScanPoints, tf_submap_scan: FloatArray, max_range: float
+) -> IntArray:
+    """Return how many returns of scans are on walls and on floor of a submap, shape (k, 2)."""
+    counts = np.zeros((len(scans), 2), dtype=np.int64)
+    if len(scans):
+        count_agreement(
+            cell_grid(grid),
+            AgreementLimits(
+                cell_value(WALL),
+                cell_value(FLOOR),
+                round(ON_WALL_M / grid.resolution),
+                round(OFF_WALL_M / grid.resolution),
+                max_range,
+            ),
+            ScanBatch(scans.points, scans.firsts, scans.ends),
+            np.ascontiguousarray(tf_submap_scan),
+            counts,
+        )
+    return counts
+
+
+def cell_grid(grid: FinishedGrid) -> CellGrid:
+    """Return a grid as kernels take it."""
+    return CellGrid(grid.cells, grid.origin_x, grid.origin_y, grid.resolution)
+
+
+def cell_value(probability: float) -> int:
+    """Return the value of cells with a probability."""
+    return round((probability - MIN_PROBABILITY) / PROBABILITY_STEP) + 1

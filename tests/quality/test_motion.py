@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gaps, jumps, blind stretches and standing, in runs made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.quality import motion
+
+
+@dataclass
+class Run:
+    stamps: np.ndarray
+    local_trajectory: np.ndarray
+    node_scan_index: np.ndarray
+    node_points: list = field(default_factory=list)
+    submap_grids: list = field(default_factory=list)
+
+    @property
+    def trajectory(self):
+        return self.local_trajectory
+
+    @property
+    def graph(self):
+        graph = PoseGraph()
+        graph.add_nodes(self.trajectory[self.node_scan_index])
+        return graph
+
+
+def drive(speed=1.0, seconds=20.0, rate=5.0):
+    """Return a run straight ahead, a node every fifth of a metre."""
+    stamps = 100.0 + np.arange(int(seconds * rate)) / rate
+    poses = np.zeros((len(stamps), 3))
+    poses[:, 0] = speed * (stamps - 100.0)
+    return Run(stamps, poses, np.arange(len(stamps)))
+
+
+def room(half=3.0, shift=0.0):
+    """Return the outline of a square room, whose right wall may be elsewhere."""
+    along = np.linspace(-half, half, 40)
+    right = np.column_stack((np.full(40, half + shift), along))
+    others = [(along, np.full(40, half)), (along, np.full(40, -half)), (np.full(40, -half), along)]
+    return np.concatenate((right, *(np.column_stack(wall) for wall in others)))
+
+
+def without(run, first, last, *, moved):
+    """Return a run without the scans of some seconds, during which it moved or did not."""
+    kept = (run.stamps < first) | (run.stamps >= last)
+    poses = run.local_trajectory[kept]
+    after = run.stamps[kept] >= last
+    if not moved:
+        poses[after, 0] -= poses[after][0, 0] - poses[~after][-1, 0]
+    return Run(run.stamps[kept], poses, np.arange(int(kept.sum())))
+
+
+def test_an_even_drive_has_no_events():
+    run = drive()
+
+    assert motion.gaps(run) == []
+    assert motion.jumps(run) == []
+    assert motion.blind_stretches(run) == []
+    assert motion.standing(run) == []
+
+
+def test_a_gap_counts_if_the_poses_missed_the_motion():
+    [gap] = motion.gaps(without(drive(), 108.0, 114.0, moved=False))
+
+    assert gap.seconds == pytest.approx(6.2)
+    assert gap.moved == pytest.approx(0.0, abs=1e-9)
+    assert gap.expected == pytest.approx(6.2, rel=0.1)
+
+
+def test_a_gap_that_the_odometry_bridged_is_none():
+    assert motion.gaps(without(drive(), 108.0, 114.0, moved=True)) == []
+
+
+def test_a_robot_that_stands_may_pause():
+    assert motion.gaps(without(drive(speed=0.0), 108.0, 114.0, moved=False)) == []
+
+
+def test_gaps_among_disordered_stamps_are_not_believed():
+    run = without(drive(), 108.0, 114.0, moved=False)
+    run.stamps[30] -= 0.5
+
+    assert motion.gaps(run) == []
+
+
+def test_a_turn_during_a_gap_is_seen_in_the_scans():
+    run = without(drive(speed=0.0), 108.0, 114.0, moved=False)
+    wide = room() * (2.0, 0.5)
+    run.node_points = [wide] * 40 + [wide[:, ::-1]] * (len(run.stamps) - 40)
+
+    [misfit] = motion.misfits(run)
+
+    assert misfit.scan == 40
+    run.node_points = [wide] * len(run.stamps)
+    assert motion.misfits(run) == []
+
+
+def test_jumps_are_faster_than_robots():
+    run = drive()
+    run.local_trajectory[50:, 1] += 2.0
+
+    [jump] = motion.jumps(run)
+
+    assert jump.scan == 50
+    assert jump.moved == pytest.approx(2.01, abs=0.01)
+
+
+def test_scans_without_nodes_in_between_are_a_blind_stretch():
+    run = drive()
+    run.node_scan_index = np.concatenate((np.arange(40), np.arange(70, 100)))
+
+    [blind] = motion.blind_stretches(run)
+
+    assert blind.scan == 70
+    assert blind.moved == pytest.approx(6.2)
+
+
+def test_a_recording_of_a_scan_each_metres_is_not_blind():
+    run = drive(speed=3.0, rate=1.0)
+
+    assert motion.blind_stretches(run) == []
+
+
+@pytest.mark.parametrize(("shift", "changed"), [(0.0, 0.0), (-1.0, 0.25)])
+def test_returns_that_move_while_the_pose_stands_are_counted(shift, changed):
+    run = drive(speed=0.0, seconds=25.0, rate=0.2)
+    run.node_points = [room(), room(shift=shift), room(), room(shift=shift), room()]
+
+    [stand] = motion.standing(run)
+
+    assert (stand.first, stand.last, stand.seconds) == (0, 4, 20.0)
+    assert stand.changed == pytest.approx(changed, abs=0.05)
+
+
+def test_corridors_are_seen_by_their_walls():
+    run = drive()
+    along = np.linspace(-8.0, 8.0, 80)
+    walls = np.concatenate([np.column_stack((along, np.full(80, y))) for y in (-1.0, 1.0)])
+    run.node_points = [room()] * 60 + [walls] * 40
+
+    halls = motion.corridors(run, 10.0)
+
+    assert not halls.is_corridor[halls.nodes < 40].any()
+    assert halls.is_corridor[halls.nodes > 80].all()
