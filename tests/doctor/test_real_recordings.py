@@ -22,7 +22,7 @@ RECORDINGS = {
         222, 6, None, None, ["missing_transform 1", "missing_transform 1", "no_odometry 1"],
     ),
     "bags/guardian_3.bag": (
-        1036, 104, 9.1, 0.09, ["blind_beams 34", "odometry_offset 2079", "odometry_scale 2079"],
+        1036, 104, 9.1, 0.06, ["blind_beams 34", "odometry_offset 2079", "odometry_scale 2079"],
     ),
     "bags/guardian_controller_2.bag": (
         1028, 103, 21.3, 0.1, ["blind_beams 54", "odometry_offset 2060", "odometry_scale 2060"],

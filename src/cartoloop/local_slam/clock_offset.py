@@ -17,8 +17,12 @@ reading is newer than the scan of the same stamp. Radish logs have 0.14 to 0.64 
 MIN_TURN_RAD = 0.02
 """Steps that turn by less do not contribute to the offset [rad]: the noise of a match."""
 
-MIN_LOG_ODDS = math.log(100.0)
+MIN_LOG_ODDS = math.log(20.0)
 """An offset must be this much more likely than none, as a logarithm."""
+
+INDEPENDENT_OFFSETS = 8
+"""Number of offsets among those tried that differ in what they explain: turns begin and end within
+some 0.2 s."""
 
 MIN_ERROR_RAD = 1e-6
 """Added to the error of a turn [rad], so that exact data do not divide by zero."""
@@ -100,17 +104,17 @@ def is_better_than_none(errors: FloatArray, errors_of_none: FloatArray, spacing:
     Notes
     -----
     By chance: the logarithm of the likelihood must grow by `MIN_LOG_ODDS` and by the logarithm of
-    the number of offsets tried; steps count half, since neighbours share a scan. By interpolation:
-    the motion between two readings is assumed to be uniform. The further apart they are, the less
-    is that true, and an offset then explains turns only because it averages readings. So the mean
-    error must decrease by a share that grows with the spacing, until readings determine no speed
-    and hence no offset.
+    the number of independent offsets tried; steps count half, since neighbours share a scan. By
+    interpolation: the motion between two readings is assumed to be uniform. The further apart they
+    are, the less is that true, and an offset then explains turns because it averages readings. So
+    the mean error must decrease by a share that grows with the spacing, until readings determine no
+    speed and hence no offset.
     """
     limit = (1.0 - spacing / MAX_PERIOD_S) * np.abs(errors_of_none).mean()
     if not np.abs(errors).mean() < limit:
         return False
     gain = log_likelihood(errors) - log_likelihood(errors_of_none)
-    return 0.5 * gain > MIN_LOG_ODDS + math.log(len(OFFSETS_S))
+    return 0.5 * gain > MIN_LOG_ODDS + math.log(INDEPENDENT_OFFSETS)
 
 
 def _errors(turns: FloatArray, reported: FloatArray, used: BoolArray) -> FloatArray:
