@@ -219,6 +219,65 @@ def bench_viewer(
         raise typer.Exit(1)
 
 
+@app.command("robustness")
+def bench_robustness(
+    data: DataOption = None,
+    out: OutOption = Path("bench-results"),
+    only: Annotated[
+        str,
+        typer.Option(
+            help="Parts by words of their names, such as killian,worlds: recordings, worlds, "
+            "'sparse recordings', 'two scanners'."
+        ),
+    ] = "",
+    changes: Annotated[
+        str, typer.Option(help="Changes of recordings, such as drop50,mirror.")
+    ] = "",
+    worlds: Annotated[str, typer.Option(help="Simulated worlds, such as hall,wings.")] = "",
+    seeds: Annotated[
+        int, typer.Option(min=0, help="Largest number of seeds; 0: as many as the tables say.")
+    ] = 0,
+    first_seed: Annotated[int, typer.Option(min=0, help="First seed of the worlds.")] = 0,
+    again: Annotated[
+        bool, typer.Option("--again", help="Make runs again that this commit has made.")
+    ] = False,
+    relations: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder with NAME.relations of recordings, instead of those of their own maps.",
+        ),
+    ] = None,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Keep logs and maps of right runs, too.")
+    ] = False,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Map changed recordings and difficult worlds: which maps are right, and which say so.
+
+    It goes on where it was interrupted: runs that this commit has made are not made again.
+    """
+    from bench.robustness import benchmark, parts
+
+    before = _earlier(against, "robustness")
+    options = parts.RobustnessOptions(
+        data=_data_folder(data),
+        out=out,
+        parts=benchmark.parts_named(_names(only)),
+        changes=_names(changes),
+        worlds=_names(worlds),
+        seeds=seeds,
+        first_seed=first_seed,
+        again=again,
+        relations=relations,
+        keep=keep,
+    )
+    record = benchmark.run(options, lambda line: typer.echo(line, err=True))
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
 @app.command("verdict")
 def bench_verdict(
     out: OutOption = Path("bench-results"),

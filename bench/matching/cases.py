@@ -183,7 +183,7 @@ def map_places(data: Path | None, max_scans: int) -> tuple[list[Place], list[str
 def simulated_place(max_scans: int) -> Place:
     """Return the simulated office, mapped."""
     from cartoloop.simulation import simulate
-    from cartoloop.simulation.worlds import office
+    from cartoloop.simulation.office import office
 
     return map_events(SIMULATED, simulate(office(0)).events(), max_scans)
 

@@ -59,3 +59,21 @@ def test_impossible_requests_are_reported(args, reason, tmp_path, monkeypatch, c
     assert simulate(*args) != 0
     assert reason in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_two_scanners_have_clocks_of_their_own(tmp_path):
+    bag, truth = tmp_path / "two.bag", tmp_path / "two.tum"
+    assert simulate("-o", bag, "--two-scanners", "--clock-offset", "0.1", "--truth", truth) == 0
+    events = list(open_log(bag))
+    assert not any(isinstance(event, Imu) for event in events)
+    assert any(isinstance(event, Odometry) for event in events)
+    stamps = {"front": [], "rear": []}
+    for event in events:
+        if isinstance(event, LaserScan):
+            stamps[event.geometry.sensor.strip("/")].append(event.stamp)
+    assert len(stamps["front"]) == 31
+    # The rear scanner starts 0.074 s later, and its stamps are 0.1 s late.
+    assert stamps["rear"][0] - stamps["front"][0] == pytest.approx(0.174, abs=1e-6)
+    rows = [[float(word) for word in line.split()] for line in truth.read_text().splitlines()]
+    named = sorted(stamps["front"] + stamps["rear"])
+    assert [row[0] for row in rows] == pytest.approx(named, abs=1e-6)

@@ -6,6 +6,7 @@ import pytest
 
 from cartoloop.cli.main import run
 from cartoloop.simulation import LIDARS, WORLDS
+from cartoloop.simulation.odometry_faults import OdometryFault
 
 
 def tags_of(log):
@@ -23,6 +24,7 @@ def tags_of(log):
         (["flat"], "RAWLASER1"),
         (["flat", "--odometry"], "ROBOTLASER1"),
         (["museum"], "RAWLASER1"),
+        (["yard", "--people", "2", "--glass", "0.1"], "FLASER"),
     ],
 )
 def test_logs_hold_what_the_world_or_the_user_says(tmp_path, arguments, tag):
@@ -59,6 +61,12 @@ def test_a_recording_without_odometry_is_mapped(tmp_path):
         (["ring", "--lidar", "sik"], "nearest: sick"),
         (["ring", "--lines", "x.lines"], "has no tape lines"),
         (["ring", "--duration=-1"], "not negative"),
+        (["ring", "--glass", "2"], "give 0 to 1"),
+        (["ring", "--pause", "500"], "too short"),
+        (["ring", "--odometry-fault", "froze"], "nearest: frozen"),
+        (["ring", "--two-scanners"], "needs a bag"),
+        (["ring", "--clock-offset", "0.1"], "add --two-scanners"),
+        (["ring", "-o", "a.bag", "--people", "1", "--tilt-deg", "5"], "level scanners"),
         (["ring", "--duration", "nan"], "must be finite"),
         (["ring", "--truth", "./a.log"], "a.log: cannot hold two outputs"),
         (["ring", "-o", "a.mcap"], "a.mcap: no simulated recording has this format"),
@@ -73,7 +81,18 @@ def test_impossible_options_are_refused_before_writing(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_sparse_scans_leave_odometry_between_them(tmp_path):
+    log = tmp_path / "a.log"
+    options = ["--scan-spacing", "1", "--odometry-fault", "frozen", "--duration", "20"]
+    assert run(["simulate", "ring", *options, "-o", str(log)]) == 0
+    assert tags_of(log) == {"FLASER", "ODOM"}
+    lines = log.read_text().splitlines()
+    assert sum(line.startswith(("FLASER", "ODOM")) for line in lines) == 101
+    readings = {tuple(line.split()[1:4]) for line in lines if line.startswith("ODOM")}
+    assert readings == {("0.000000", "0.000000", "0.000000")}
+
+
 def test_the_help_names_all_worlds_and_scanners(capsys):
     assert run(["simulate", "--help"]) == 0
     words = {word.strip(".,;") for word in capsys.readouterr().out.split()}
-    assert set(WORLDS) | set(LIDARS) <= words
+    assert set(WORLDS) | set(LIDARS) | set(OdometryFault) <= words

@@ -174,3 +174,11 @@ def test_only_the_same_seed_gives_the_same_rig_recording():
 def test_what_cannot_be_simulated_is_refused(make):
     with pytest.raises(ConfigError):
         make()
+
+
+def test_a_clock_offset_is_in_the_stamps_and_not_in_the_truth():
+    right = simulate_rig(YARD, [MountedLidar(EXACT)], duration=2.0)
+    late = simulate_rig(YARD, [MountedLidar(EXACT, clock_offset=0.25)], duration=2.0)
+    assert late.stamps == pytest.approx(right.stamps + 0.25, abs=1e-6)
+    assert np.array_equal(late.true_poses, right.true_poses)
+    assert np.array_equal(late.ranges, right.ranges)

@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 
 from cartoloop.errors import ConfigError
-from cartoloop.simulation import WORLDS, FloorPlan, Opening, drive, make_world
+from cartoloop.simulation import WORLDS, FloorPlan, Opening, drive, make_lidar, make_world
 from cartoloop.simulation.floor_plan import outline_of_boxes
+from cartoloop.simulation.lidar import true_ranges
 from tests.simulation.wall_clearance import clearance_of_route
 
 pytestmark = pytest.mark.slow
@@ -32,7 +33,9 @@ def test_a_world_is_made_of_its_seed(name):
 
 @pytest.mark.parametrize(("name", "shortest", "longest"), [
     ("office", 250.0, 350.0), ("corridor", 140.0, 170.0), ("ring", 150.0, 190.0),
-    ("museum", 2200.0, 2300.0), ("flat", 95.0, 115.0),
+    ("museum", 2200.0, 2300.0), ("flat", 95.0, 115.0), ("bare", 170.0, 180.0),
+    ("hall", 560.0, 640.0), ("wings", 180.0, 400.0), ("campus", 2000.0, 2400.0),
+    ("yard", 680.0, 740.0),
 ])  # fmt: skip
 def test_routes_are_as_long_as_they_should_be(name, shortest, longest):
     world = make_world(name)
@@ -84,3 +87,42 @@ def test_an_empty_plan_has_no_segments():
 def test_an_unknown_world_is_refused_with_the_nearest_name():
     with pytest.raises(ConfigError, match=r"'offce'.*nearest: office"):
         make_world("offce")
+
+
+def test_the_wings_are_the_same_but_for_their_place():
+    world = make_world("wings", 2)
+    motion = drive(world.route, *world.pace)
+    poses = motion.poses_at(np.arange(0.0, motion.duration, 0.5))
+    shift = _shift_of_wings(world)
+    inside = [pose for pose in poses if pose[1] > 9.0 and pose[0] < shift / 2]
+    assert len(inside) > 20
+    here = np.array(inside)
+    there = here + np.array((shift, 0.0, 0.0))
+    lidar = make_lidar("sick")
+    assert true_ranges(world.walls, here, lidar) == pytest.approx(
+        true_ranges(world.walls, there, lidar), abs=1e-6
+    )
+
+
+def _shift_of_wings(world):
+    """From a wall of the western wing to the same one of the eastern wing [m]."""
+    northernmost = world.walls[:, 1].max()
+    x = np.sort(world.walls[world.walls[:, 1] == northernmost][:, 0])
+    return x[len(x) // 2] - x[0]
+
+
+def test_in_the_middle_of_the_hall_nothing_is_seen():
+    world = make_world("hall")
+    motion = drive(world.route, *world.pace)
+    poses = motion.poses_at(np.arange(0.0, motion.duration, 1.0))
+    blind = np.isinf(true_ranges(world.walls, poses, make_lidar("sick-180"))).all(axis=1)
+    assert 0.1 < blind.mean() < 0.3
+
+
+def test_a_robot_sets_off_along_bare_walls():
+    world = make_world("bare", 1)
+    near = world.walls[(world.walls[:, [0, 2]].max(axis=1) < 19.0)]
+    assert np.ptp(near[:, [1, 3]], axis=1).max() < 2.5  # the end wall, and no door or box
+    ahead = world.walls[(world.walls[:, [0, 2]].min(axis=1) > 1.0)]
+    faces = np.unique(ahead[ahead[:, 0] < 20.0][:, [1, 3]].round(3))
+    assert len(faces) <= 8

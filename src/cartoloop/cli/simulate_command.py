@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,10 +13,14 @@ import typer
 from cartoloop.errors import ConfigError
 
 if TYPE_CHECKING:
-    from cartoloop.simulation import Recording
+    from cartoloop.simulation import Lidar, Recording, World
+    from cartoloop.simulation.difficulties import Difficulties
 
-TRUTH = "Ground truth"
-"""Group of options in the help."""
+TRUTH, DIFFICULTIES, SCANNERS = "Ground truth", "Difficulties", "Scanners"
+"""Groups of options in the help."""
+
+REAR_SCANNER_X = -0.3
+"""Where the second scanner is mounted, behind the first one [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +28,11 @@ class SimulateOptions:
     """Options of ``cartoloop simulate``."""
 
     world: Annotated[
-        str, typer.Argument(metavar="WORLD", help="office, corridor, ring, museum or flat.")
+        str,
+        typer.Argument(
+            metavar="WORLD",
+            help="office, corridor, bare, ring, museum, flat, hall, wings, campus or yard.",
+        ),
     ]
     out: Annotated[
         Path,
@@ -93,6 +101,81 @@ class SimulateOptions:
         ),
     ] = None
 
+    two_scanners: Annotated[
+        bool,
+        typer.Option(
+            "--two-scanners",
+            help="A second scanner of the same kind that looks backwards, on the topic 'rear', "
+            "and no IMU; needs a .bag.",
+            rich_help_panel=SCANNERS,
+        ),
+    ] = False
+    clock_offset: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS",
+            help="Stamps of the second scanner are so much later than its scans [s].",
+            rich_help_panel=SCANNERS,
+        ),
+    ] = 0.0
+    scan_spacing: Annotated[
+        float,
+        typer.Option(
+            metavar="METRES",
+            help="Sparse scans: one after each such length of path and each turn of 20 "
+            "degrees [m]; odometry stays as it is.",
+            rich_help_panel=DIFFICULTIES,
+        ),
+    ] = 0.0
+    pause: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS",
+            help="Record nothing for so long [s], while the robot turns by up to 90 degrees.",
+            rich_help_panel=DIFFICULTIES,
+        ),
+    ] = 0.0
+    missing_returns: Annotated[
+        float,
+        typer.Option(
+            metavar="SHARE",
+            help="Share of the beams, at random, that do not come back, 0 to 1.",
+            rich_help_panel=DIFFICULTIES,
+        ),
+    ] = 0.0
+    glass: Annotated[
+        float,
+        typer.Option(
+            metavar="SHARE",
+            help="Share of the walls that are glass, 0 to 1: beams pass through it, unless they "
+            "meet it straight on.",
+            rich_help_panel=DIFFICULTIES,
+        ),
+    ] = 0.0
+    people: Annotated[
+        int,
+        typer.Option(
+            metavar="N", help="People who walk near the robot.", rich_help_panel=DIFFICULTIES
+        ),
+    ] = 0
+    odometry_fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KIND",
+            help="Fault of the odometry: frozen, frozen-later, jump, repeat, nan or slip; may be "
+            "repeated.",
+            rich_help_panel=DIFFICULTIES,
+        ),
+    ] = None
+    odometry_delay: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS",
+            help="The odometry with a stamp is of so much earlier [s].",
+            rich_help_panel=DIFFICULTIES,
+        ),
+    ] = 0.0
+
 
 def simulate_command(options: SimulateOptions) -> None:
     """Simulate a robot's drive: scans, and odometry, with noise."""
@@ -121,9 +204,15 @@ def _recording(options: SimulateOptions) -> Recording:
     from cartoloop.simulation import carry, make_lidar, make_world, simulate
     from cartoloop.simulation.recording import log_format
 
+    difficulties = _difficulties(options)
+    if options.clock_offset and not options.two_scanners:
+        raise ConfigError("--clock-offset is that of a second scanner: add --two-scanners")
+
     file_format = log_format(options.out)
     world = make_world(options.world, options.seed)
     scanner = None if options.lidar is None else make_lidar(options.lidar)
+    if options.two_scanners:
+        return _with_two_scanners(options, world, scanner or world.lidar, difficulties)
     if file_format == "bag":
         return carry(
             world,
@@ -133,6 +222,7 @@ def _recording(options: SimulateOptions) -> Recording:
             with_odometry=options.odometry,
             seed=options.seed,
             duration=options.duration,
+            difficulties=difficulties,
         )
     if options.tilt_deg or options.distort:
         raise ConfigError(
@@ -145,4 +235,50 @@ def _recording(options: SimulateOptions) -> Recording:
         with_odometry=options.odometry,
         seed=options.seed,
         duration=options.duration,
+        difficulties=difficulties,
+    )
+
+
+def _difficulties(options: SimulateOptions) -> Difficulties:
+    from cartoloop.simulation.difficulties import Difficulties
+    from cartoloop.simulation.odometry_faults import fault_of
+
+    return Difficulties(
+        scan_spacing=options.scan_spacing,
+        pause=options.pause,
+        missing_returns=options.missing_returns,
+        glass=options.glass,
+        people=options.people,
+        odometry_faults=tuple(fault_of(name) for name in options.odometry_fault or ()),
+        odometry_delay=options.odometry_delay,
+    )
+
+
+def _with_two_scanners(
+    options: SimulateOptions, world: World, lidar: Lidar, difficulties: Difficulties
+) -> Recording:
+    """Return the recording of a robot on wheels with a scanner in front and one behind."""
+    from cartoloop.sensor.pose import Pose
+    from cartoloop.simulation import MountedLidar, OdometryModel, simulate_rig
+    from cartoloop.simulation.recording import log_format
+
+    if log_format(options.out) != "bag" or options.tilt_deg or options.distort:
+        raise ConfigError(
+            "--two-scanners is for a robot on wheels and needs a bag: give --out a name that ends "
+            "in .bag, without --tilt-deg and --distort"
+        )
+    rear = replace(lidar, tf_tracking_sensor=Pose(REAR_SCANNER_X, 0.0, math.pi))
+    # Scanners that nothing synchronizes measure at different moments.
+    scanners = [
+        MountedLidar(lidar, "front"),
+        MountedLidar(rear, "rear", delay=0.37 / lidar.rate, clock_offset=options.clock_offset),
+    ]
+    has_odometry = world.has_odometry if options.odometry is None else options.odometry
+    return simulate_rig(
+        world,
+        scanners,
+        odometry=OdometryModel() if has_odometry else None,
+        seed=options.seed,
+        duration=options.duration,
+        difficulties=difficulties,
     )

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,8 @@ def write_bag(
 
     Scanners publish on a topic of their name, in a frame of their name whose pose is on
     /tf_static; the IMU is in the body's frame, ``base_link``. Messages are recorded when the last
-    beam has been measured, as those of real drivers are.
+    beam has been measured, as those of real drivers are; the recorder's clock is right, whatever a
+    scanner's clock is.
 
     Parameters
     ----------
@@ -57,14 +58,16 @@ def write_bag(
 
     store: Untyped = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg(_TF_DEFINITION, _TF))
+    clocks = {scanner.name: scanner.clock_offset for scanner in scanners}
     partial = path.with_name(f".{path.name}.partial")
     try:
         partial.unlink(missing_ok=True)
         with Writer(partial) as bag:
             write = _MessageWriter(bag, store)
             write.transforms(scanners, start_stamp)
-            for event in sorted(events, key=_recorded_at):
-                write.event(event)
+            timed = [(_recorded_at(event, clocks), event) for event in events]
+            for time, event in sorted(timed, key=lambda pair: pair[0]):
+                write.event(event, time)
         partial.replace(path)
     except (OSError, WriterError) as error:
         reason = getattr(error, "strerror", None) or str(error)
@@ -73,9 +76,11 @@ def write_bag(
         partial.unlink(missing_ok=True)
 
 
-def _recorded_at(event: SensorEvent) -> float:
-    """Return the time [s] when a driver has received all beams of an event."""
-    return event.time + (event.sweep[1] if isinstance(event, LaserScan | PointCloud) else 0.0)
+def _recorded_at(event: SensorEvent, clocks: Mapping[str, float]) -> float:
+    """Return the true time [s] when a driver has received all beams of an event."""
+    if isinstance(event, LaserScan | PointCloud):
+        return event.time + event.sweep[1] - clocks[event.geometry.sensor]
+    return event.time
 
 
 def _frame(sensor: str) -> str:
@@ -91,25 +96,23 @@ class _MessageWriter:
         self._connections: dict[str, Untyped] = {}
         self._count = 0
 
-    def event(self, event: SensorEvent) -> None:
-        """Write one event."""
+    def event(self, event: SensorEvent, time: float) -> None:
+        """Write one event as recorded at a time [s]."""
         match event:
             case LaserScan():
-                self._write(f"/{_frame(event.geometry.sensor)}", event, self._scan(event))
+                topic, message = f"/{_frame(event.geometry.sensor)}", self._scan(event)
             case PointCloud():
-                self._write(f"/{_frame(event.geometry.sensor)}", event, self._cloud(event))
+                topic, message = f"/{_frame(event.geometry.sensor)}", self._cloud(event)
             case Imu():
-                self._write("/imu", event, self._imu(event))
+                topic, message = "/imu", self._imu(event)
             case Odometry():
-                self._write("/odom", event, self._odometry(event))
+                topic, message = "/odom", self._odometry(event)
+        self._send(topic, _TYPES[type(event)], time, message)
 
     def transforms(self, scanners: Sequence[MountedLidar], stamp: float) -> None:
         """Write the mounting of the scanners."""
         transforms = [self._mounting(scanner, stamp) for scanner in scanners]
         self._send("/tf_static", _TF, stamp, self._make(_TF, transforms=transforms))
-
-    def _write(self, topic: str, event: SensorEvent, message: Untyped) -> None:
-        self._send(topic, _TYPES[type(event)], _recorded_at(event), message)
 
     def _send(self, topic: str, kind: str, time: float, message: Untyped) -> None:
         if topic not in self._connections:

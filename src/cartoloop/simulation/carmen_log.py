@@ -22,14 +22,14 @@ def lines(
 
     With odometry, scanners of 180 degrees on the robot's axis become FLASER lines, whose readers
     infer the angles from the number of beams; others become ROBOTLASER1 lines, which state the
-    angles and the mounting. All poses in the log are odometry. Without odometry, scans become
-    RAWLASER1 lines, which hold no poses.
+    angles and the mounting. All poses in the log are odometry; readings without a scan become
+    ODOM lines. Without odometry, scans become RAWLASER1 lines, which hold no poses.
 
     Parameters
     ----------
     name : of the recording.
     lidar : the scanner.
-    events : its scans in order of time, the odometry pose of each before it.
+    events : its scans in order of time, the odometry pose of each before it, and other readings.
     with_odometry : whether the events contain odometry.
     range_decimals : decimals of a range in metres.
     """
@@ -47,11 +47,15 @@ def lines(
         )
     range_text = _range_text(lidar, range_decimals)
     robot, first_stamp = IDENTITY, None
+    alone: Odometry | None = None  # the last reading, as long as no scan has it
     for event in events:
         if isinstance(event, Odometry):
-            robot = event.tf_odom_tracking
+            if alone is not None:
+                yield _odometry_line(alone, first_stamp)
+            robot, alone = event.tf_odom_tracking, event
         elif isinstance(event, LaserScan):
             first_stamp = event.stamp if first_stamp is None else first_stamp
+            alone = None
             if not with_odometry:
                 poses = "0"  # no remissions
             elif has_angles:
@@ -63,6 +67,17 @@ def lines(
                 b" ".join(map(range_text, event.ranges.tolist())),
                 f"{poses} {event.stamp:.6f} simulator {event.stamp - first_stamp:.6f}".encode(),
             )
+    if alone is not None:
+        yield _odometry_line(alone, first_stamp)
+
+
+def _odometry_line(reading: Odometry, first_stamp: float | None) -> bytes:
+    """Return a reading that no scan has, its speeds 0: they are not known."""
+    since = 0.0 if first_stamp is None else reading.stamp - first_stamp
+    text = (
+        f"ODOM {_pose(reading.tf_odom_tracking)} 0 0 0 {reading.stamp:.6f} simulator {since:.6f}\n"
+    )
+    return text.encode("ascii")
 
 
 def _header(name: str, lidar: Lidar, with_odometry: bool) -> Iterator[bytes]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from cartoloop.errors import ConfigError
+from cartoloop.simulation.difficulties import NO_DIFFICULTIES, Difficulties
 from cartoloop.simulation.floor_plan import World
 from cartoloop.simulation.gait import Gait
 from cartoloop.simulation.imu import ImuModel
@@ -44,6 +46,7 @@ def simulate(
     motion: Motion | None = None,
     duration: float | None = None,
     start_stamp: float = START_STAMP,
+    difficulties: Difficulties = NO_DIFFICULTIES,
 ) -> Recording:
     """Return the recording of a robot with one level scanner, and odometry with each scan.
 
@@ -59,6 +62,7 @@ def simulate(
     duration : of the recording [s]; the robot stands still at the end of its route. By default
         until it arrives there.
     start_stamp : time stamp of the first scan [s].
+    difficulties : sparse scans, glass, people, faults of the odometry, and so on.
 
     Raises
     ------
@@ -76,14 +80,15 @@ def simulate(
         world=world,
         motion=motion,
         gait=Gait(),
-        scanners=(MountedLidar(lidar or world.lidar, name=""),),
+        scanners=(_less_seeing(MountedLidar(lidar or world.lidar, name=""), difficulties),),
         imu=None,
-        odometry=odometry or OdometryModel(),
+        odometry=_late(odometry or OdometryModel(), difficulties),
         has_odometry=world.has_odometry if with_odometry is None else with_odometry,
         odometry_rate=None,
         duration=_checked(motion.duration if duration is None else duration),
         start_stamp=start_stamp,
-        seeds=NoiseSeeds(None, odometry_seed, (scanner_seed,)),
+        seeds=NoiseSeeds(None, odometry_seed, (scanner_seed,), seed),
+        difficulties=difficulties,
     )
 
 
@@ -98,6 +103,7 @@ def simulate_rig(
     motion: Motion | None = None,
     duration: float | None = None,
     start_stamp: float = START_STAMP,
+    difficulties: Difficulties = NO_DIFFICULTIES,
 ) -> Recording:
     """Return the recording of several sensors on a body that may sway.
 
@@ -111,14 +117,18 @@ def simulate_rig(
     motion : by default along the world's route at the world's pace.
     duration : of the recording [s]; by default until the end of the route.
     start_stamp : time stamp of the beginning [s].
+    difficulties : see :func:`simulate`.
 
     Raises
     ------
     ConfigError
-        When `duration` is negative or not finite, or two scanners have one name.
+        When `duration` is negative or not finite, two scanners have one name, or people or glass
+        are to be seen by a scanner that is not level.
     """
     motion = motion or drive(world.route, *world.pace)
-    mounted = tuple(scanners or (MountedLidar(world.lidar),))
+    mounted = tuple(
+        _less_seeing(scanner, difficulties) for scanner in scanners or (MountedLidar(world.lidar),)
+    )
     if len({scanner.name for scanner in mounted}) < len(mounted):
         raise ConfigError("simulated scanners: give each a name of its own")
     imu_seed, odometry_seed, *scanner_seeds = np.random.SeedSequence(seed).spawn(len(mounted) + 2)
@@ -128,12 +138,13 @@ def simulate_rig(
         gait=gait or Gait(),
         scanners=mounted,
         imu=imu,
-        odometry=odometry or OdometryModel(),
+        odometry=_late(odometry or OdometryModel(), difficulties),
         has_odometry=odometry is not None,
         odometry_rate=ODOMETRY_RATE,
         duration=_checked(motion.duration if duration is None else duration),
         start_stamp=start_stamp,
-        seeds=NoiseSeeds(imu_seed, odometry_seed, tuple(scanner_seeds)),
+        seeds=NoiseSeeds(imu_seed, odometry_seed, tuple(scanner_seeds), seed),
+        difficulties=difficulties,
     )
 
 
@@ -146,6 +157,7 @@ def carry(
     with_odometry: bool | None = None,
     seed: int = 0,
     duration: float | None = None,
+    difficulties: Difficulties = NO_DIFFICULTIES,
 ) -> Recording:
     """Return the recording of a person who carries a scanner and an IMU along a world's route.
 
@@ -159,6 +171,7 @@ def carry(
     with_odometry : whether there is odometry; by default as the world has it, if `tilt` is 0.
     seed : of all noise.
     duration : of the recording [s]; by default until the end of the route.
+    difficulties : see :func:`simulate`.
 
     Raises
     ------
@@ -184,7 +197,23 @@ def carry(
         seed=seed,
         motion=delayed(drive(world.route, *world.pace), standing),
         duration=duration,
+        difficulties=difficulties,
     )
+
+
+def _less_seeing(scanner: MountedLidar, difficulties: Difficulties) -> MountedLidar:
+    """Return a scanner to which at least a share of the beams does not come back."""
+    lost = difficulties.missing_returns
+    if lost <= scanner.lidar.dropout:
+        return scanner
+    return replace(scanner, lidar=replace(scanner.lidar, dropout=lost))
+
+
+def _late(odometry: OdometryModel, difficulties: Difficulties) -> OdometryModel:
+    """Return odometry that comes late."""
+    if difficulties.odometry_delay == 0.0:
+        return odometry
+    return replace(odometry, time_offset=odometry.time_offset - difficulties.odometry_delay)
 
 
 def _checked(duration: float) -> float:

@@ -43,6 +43,12 @@ class Motion:
         """The path length [m]."""
         return float(np.hypot(*np.diff(self.poses[:, :2], axis=0).T).sum())
 
+    def travelled_at(self, times: FloatArray) -> FloatArray:
+        """Return the path lengths since the beginning at `times` [s], shape (n,) [m]."""
+        steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
+        travelled = np.concatenate(([0.0], np.cumsum(steps)))
+        return np.interp(times, self.times, travelled)
+
     def poses_at(self, times: FloatArray) -> FloatArray:
         """Return the poses at `times` [s], shape (n, 3); outside the motion it stands still."""
         x, y, theta = (np.interp(times, self.times, self.poses[:, axis]) for axis in range(3))

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,13 +17,22 @@ from cartoloop.errors import ConfigError
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
 from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import bag_log, carmen_log, truth_files
+from cartoloop.simulation.difficulties import (
+    NO_DIFFICULTIES,
+    Difficulties,
+    Stream,
+    random_stream,
+)
 from cartoloop.simulation.floor_plan import World
 from cartoloop.simulation.gait import Gait, body_poses
 from cartoloop.simulation.imu import ImuModel, imu_readings
-from cartoloop.simulation.lidar import Lidar, RangeNoise, true_ranges, walls_within
+from cartoloop.simulation.lidar import Lidar, RangeNoise
 from cartoloop.simulation.motion import Motion
 from cartoloop.simulation.odometry import OdometryModel, odometry_poses
+from cartoloop.simulation.odometry_faults import with_faults
 from cartoloop.simulation.rig import MountedLidar, sweep_ranges
+from cartoloop.simulation.scan_times import Schedule
+from cartoloop.simulation.surroundings import Surroundings
 from cartoloop.simulation.text_writer import write_text
 
 SCANS_PER_BLOCK = 128
@@ -51,11 +59,15 @@ def log_format(path: Path) -> Literal["carmen", "bag"]:
 
 
 class NoiseSeeds(NamedTuple):
-    """Independent sources of noise, one for each sensor, so that no sensor changes another's."""
+    """Independent sources of noise, one for each sensor, so that no sensor changes another's.
+
+    Difficulties draw from streams of their own, which are made of the recording's seed.
+    """
 
     imu: np.random.SeedSequence | None
     odometry: np.random.SeedSequence
     scanners: tuple[np.random.SeedSequence, ...]
+    recording: int = 0
 
 
 @dataclass(frozen=True)
@@ -76,6 +88,13 @@ class Recording:
     duration : of the recording [s].
     start_stamp : time stamp of its beginning [s].
     seeds : of the noise of each sensor.
+    difficulties : sparse scans, a pause, glass, people, faults of the odometry.
+
+    Raises
+    ------
+    ConfigError
+        There are people or glass, and a scanner is not level or moves during a sweep; or the
+        recording is too short for the pause.
     """
 
     world: World
@@ -89,6 +108,15 @@ class Recording:
     duration: float
     start_stamp: float
     seeds: NoiseSeeds
+    difficulties: Difficulties = NO_DIFFICULTIES
+
+    def __post_init__(self) -> None:
+        _ = self.schedule.pause  # fails here, not while files are written
+        if self.difficulties.change_what_is_seen and not all(map(self._is_planar, self.scanners)):
+            raise ConfigError(
+                "simulated people and glass are seen by level scanners that measure all beams at "
+                "once: leave out the tilt and the distortion, or people and glass"
+            )
 
     @property
     def name(self) -> str:
@@ -108,18 +136,23 @@ class Recording:
     @cached_property
     def stamps(self) -> FloatArray:
         """Time stamps of all scans, increasing, float64, shape (n,) [s]."""
-        return np.array(self._stamps_at(self._scan_times()))
+        return np.array(self._stamps_at(self.schedule.of_scans[:, 1]))
 
     @cached_property
     def true_poses(self) -> FloatArray:
         """The body's x [m], y [m], theta [rad] at each scan, map frame, float64, shape (n, 3)."""
-        return self.motion.poses_at(self._scan_times())
+        return self.motion.poses_at(self.schedule.of_scans[:, 0])
 
     @cached_property
     def odometry_poses(self) -> FloatArray:
         """Poses that the odometry measures, odometry frame, float64, shape (m, 3) [m, rad]."""
         rng = np.random.default_rng(self.seeds.odometry)
-        return odometry_poses(self.motion, self._odometry_times(), self.odometry, rng)
+        times, faults = self.schedule.of_odometry(), self.difficulties.odometry_faults
+        poses = odometry_poses(self.motion, times, self.odometry, rng)
+        if not faults:
+            return poses
+        places = random_stream(self.seeds.recording, Stream.ODOMETRY_FAULTS)
+        return with_faults(poses, self.motion.travelled_at(times), faults, places)
 
     @cached_property
     def ranges(self) -> FloatArray:
@@ -221,33 +254,33 @@ class Recording:
         """Return time stamps [s] of times since the beginning, as read back from text."""
         return [float(f"{self.start_stamp + time:.6f}") for time in times.tolist()]
 
-    def _times_of(self, scanner: MountedLidar) -> FloatArray:
-        last = self.duration - scanner.delay - scanner.sweep
-        count = int(np.floor(max(last, 0.0) * scanner.lidar.rate + 1e-9)) + 1
-        return np.round(scanner.delay + np.arange(count) / scanner.lidar.rate, 6)
-
-    def _scan_times(self) -> FloatArray:
-        return np.sort(np.concatenate([self._times_of(scanner) for scanner in self.scanners]))
-
-    def _odometry_times(self) -> FloatArray:
-        if self.odometry_rate is None:
-            return self._scan_times()
-        return np.arange(int(self.duration * self.odometry_rate) + 1) / self.odometry_rate
+    @cached_property
+    def schedule(self) -> Schedule:
+        """When everything is measured."""
+        return Schedule(
+            self.motion,
+            self.duration,
+            self.scanners,
+            self.odometry_rate,
+            self.difficulties,
+            self.seeds.recording,
+        )
 
     def _range_blocks(self, index: int, scans_per_block: int) -> Iterator[tuple[int, FloatArray]]:
         """Yield ranges of a scanner, shape (scans, rings * beams), and the first scan of each."""
         scanner = self.scanners[index]
-        lidar, times = scanner.lidar, self._times_of(scanner)
+        lidar, times = scanner.lidar, self.schedule.of_scanner(scanner)
         beam_times = scanner.beam_times()
         rng = np.random.default_rng(self.seeds.scanners[index])
         noise = RangeNoise(lidar, rng, len(times) * len(beam_times))
         if self._is_planar(scanner):
-            # The scanner may be mounted beside the origin of the tracking frame.
-            reach = lidar.range_max + math.hypot(*lidar.tf_tracking_sensor[:2])
+            surroundings = Surroundings(
+                self.world, self.difficulties, self.motion, self.seeds.recording, index
+            )
             for first in range(0, len(times), scans_per_block):
-                poses = self.motion.poses_at(times[first : first + scans_per_block])
-                walls = walls_within(self.world.walls, poses, reach)
-                yield first, noise.apply(true_ranges(walls, poses, lidar))
+                some = times[first : first + scans_per_block]
+                poses = self.motion.poses_at(some)
+                yield first, noise.apply(surroundings.ranges(poses, some, lidar))
             return
         for scan, time in enumerate(times.tolist()):
             bodies = body_poses(self.motion, self.gait, time + beam_times)
@@ -255,7 +288,7 @@ class Recording:
 
     def _scans_of(self, index: int) -> Iterator[LaserScan | PointCloud]:
         scanner = self.scanners[index]
-        stamps = self._stamps_at(self._times_of(scanner))
+        stamps = self._stamps_at(self.schedule.of_scanner(scanner) + scanner.clock_offset)
         geometry, cloud_geometry = scanner.geometry, scanner.cloud_geometry
         directions, beam_times = scanner.directions(), scanner.beam_times()
         for first, block in self._range_blocks(index, SCANS_PER_BLOCK):
@@ -271,7 +304,7 @@ class Recording:
     def _imu_events(self) -> Iterator[Imu]:
         if self.imu is None:
             return
-        times = np.arange(int(self.duration * self.imu.rate) + 1) / self.imu.rate
+        times = self.schedule.at_rate(self.imu.rate)
         rng = np.random.default_rng(self.seeds.imu)
         linear, angular = imu_readings(self.motion, self.gait, times, self.imu, rng)
         for stamp, (ax, ay, az), (wx, wy, wz) in zip(
@@ -280,6 +313,6 @@ class Recording:
             yield Imu(stamp, stamp, (ax, ay, az), (wx, wy, wz))
 
     def _odometry_events(self) -> Iterator[Odometry]:
-        stamps = self._stamps_at(self._odometry_times())
+        stamps = self._stamps_at(self.schedule.of_odometry())
         for stamp, pose in zip(stamps, self.odometry_poses.tolist(), strict=True):
             yield Odometry(stamp, stamp, Pose(*pose))

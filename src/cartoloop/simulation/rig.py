@@ -30,6 +30,7 @@ class MountedLidar:
     height, roll, pitch : the rest of its mounting [m], [rad].
     sweep : time from the first to the last beam [s]; 0: all beams at once.
     delay : of the first scan [s].
+    clock_offset : its stamps are so much later than the scans [s].
     elevations : of the rings of beams [rad]; more than one makes clouds of points.
     """
 
@@ -41,6 +42,7 @@ class MountedLidar:
     sweep: float = 0.0
     delay: float = 0.0
     elevations: tuple[float, ...] = (0.0,)
+    clock_offset: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.sweep <= 1.0 / self.lidar.rate or self.delay < 0.0:

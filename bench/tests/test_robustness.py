@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Changed recordings, the tables, and the runs of the benchmark ``robustness``."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.__main__ import run
+from bench.robustness.benchmark import parts_named, rows
+from bench.robustness.carmen_text import read_carmen
+from bench.robustness.changes import (
+    CHANGES,
+    UNCHANGED,
+    NothingLeft,
+    change_of,
+    changed_log,
+    changed_relations,
+)
+from bench.robustness.parts import PARTS, RobustnessOptions, Runner, _calibration
+from bench.robustness.runs import Run, RunStore
+from bench.robustness.simulated_worlds import handicapped_worlds, simulated_worlds
+from cartoloop.errors import ConfigError
+from cartoloop.evaluation.relations import Relations
+from cartoloop.readers import open_log
+from cartoloop.sensor.events import LaserScan
+from cartoloop.sensor.pose import relative_all
+from cartoloop.simulation import LIDARS, WORLDS, make_world, simulate
+
+LIDAR = replace(LIDARS["sick-180"], rate=2.0)
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory):
+    path = tmp_path_factory.mktemp("robustness") / "ring.log.gz"
+    simulate(make_world("ring"), LIDAR, duration=100.0).write_carmen(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def original(source):
+    return read_carmen(source)
+
+
+def changed(source, tmp_path, name, seed=0):
+    target = tmp_path / "changed.clf"
+    changed_log(source, target, CHANGES[name], seed)
+    return read_carmen(target) if name != "beams2" else target
+
+
+def ranges_of(log):
+    return np.array([ranges for ranges in log.ranges if ranges is not None])
+
+
+def test_an_unchanged_log_reads_the_same(source, original, tmp_path):
+    log = changed(source, tmp_path, UNCHANGED)
+    assert np.array_equal(log.poses, original.poses)
+    assert np.array_equal(ranges_of(log), ranges_of(original))
+    assert np.array_equal(log.times, original.times)
+
+
+@pytest.mark.parametrize("name", sorted(CHANGES))
+def test_changes_follow_from_the_seed_and_can_be_read(source, tmp_path, name):
+    contents = []
+    for seed in (1, 1, 2) if CHANGES[name].seeds > 1 else (1, 2):
+        target = tmp_path / "changed.clf"
+        try:
+            changed_log(source, target, CHANGES[name], seed)
+        except NothingLeft:
+            assert name.startswith(("end", "start"))
+            return
+        contents.append(target.read_bytes())
+    assert contents[0] == contents[1]
+    assert len(set(contents)) == len(contents) - 1
+    assert any(isinstance(event, LaserScan) for event in open_log(tmp_path / "changed.clf"))
+
+
+def test_scans_are_left_out_and_odometry_is_kept(source, original, tmp_path):
+    log = changed(source, tmp_path, "drop50")
+    assert len(log.ranges) == len(original.ranges) - len(original.ranges) // 50
+    assert changed(source, tmp_path, "start60").times[0] >= original.times[0] + 60.0
+
+
+def test_noise_has_the_size_that_its_name_says(source, original, tmp_path):
+    log = changed(source, tmp_path, "noise1cm")
+    before, after = ranges_of(original), ranges_of(log)
+    seen = before < 40.0
+    assert np.std((after - before)[seen]) == pytest.approx(0.01, rel=0.05)
+    assert np.array_equal(after[~seen], before[~seen])
+
+
+def test_odometry_is_longer_and_drifts(source, original, tmp_path):
+    def steps(log):
+        return relative_all(log.poses[:-1], log.poses[1:])
+
+    before = steps(original)
+    lengths = np.hypot(before[:, 0], before[:, 1])
+    longer = steps(changed(source, tmp_path, "scale103"))
+    assert np.hypot(longer[:, 0], longer[:, 1]) == pytest.approx(1.03 * lengths, abs=1e-5)
+    assert longer[:, 2] == pytest.approx(before[:, 2], abs=1e-5)
+    drifts = steps(changed(source, tmp_path, "drift05"))
+    assert drifts[:, 2] - before[:, 2] == pytest.approx(math.radians(0.5) * lengths, abs=1e-5)
+
+
+def test_odometry_is_that_of_a_later_time(source, original, tmp_path):
+    log = changed(source, tmp_path, "toff02")
+    expected = [
+        np.interp(original.times + 0.2, original.times, original.poses[:, axis]) for axis in (0, 1)
+    ]
+    assert np.abs(log.poses[:, :2].T - expected).max() < 1e-4
+
+
+def test_thinned_beams_keep_their_angles(source, original, tmp_path):
+    target = changed(source, tmp_path, "beams2")
+    scans = [event for event in open_log(target) if isinstance(event, LaserScan)]
+    assert scans[0].geometry.num_beams == 90
+    assert scans[0].geometry.angles == pytest.approx(LIDAR.geometry.angles[::2], abs=1e-6)
+    assert scans[3].ranges == pytest.approx(ranges_of(original)[3, ::2])
+
+
+def test_missing_returns_are_as_rare_as_their_name_says(source, original, tmp_path):
+    log = changed(source, tmp_path, "missing10")
+    missing = (ranges_of(log) == original.no_return) & (ranges_of(original) < original.no_return)
+    assert missing.mean() == pytest.approx(0.1, abs=0.01)
+
+
+def test_relations_of_a_mirrored_scanner_are_mirrored():
+    poses = np.array([(1.0, 0.5, 0.2), (0.0, -2.0, -3.0)])
+    relations = Relations(np.array([(1.0, 2.0), (3.0, 4.0)]), poses)
+    symmetric = changed_relations(relations, CHANGES["mirror"], 361).poses
+    assert symmetric == pytest.approx(poses * (1.0, -1.0, -1.0))
+    aside = math.radians(1.0)
+    mirrored = poses * (1.0, -1.0, -1.0)
+    cos, sin = math.cos(aside), math.sin(aside)
+    turned = changed_relations(relations, CHANGES["mirror"], 180).poses
+    assert turned[:, 2] == pytest.approx(mirrored[:, 2])
+    assert turned[:, :2] == pytest.approx(mirrored[:, :2] @ np.array([(cos, -sin), (sin, cos)]))
+
+
+def test_lengths_of_relations_follow_longer_ranges():
+    relations = Relations(np.array([(1.0, 2.0)]), np.array([(1.0, 2.0, 0.3)]))
+    longer = changed_relations(relations, CHANGES["range101"], 180)
+    assert longer.poses == pytest.approx(np.array([(1.01, 2.02, 0.3)]))
+
+
+def test_the_table_of_worlds_names_worlds_and_bars():
+    table = simulated_worlds()
+    assert {world.options[0] for world in table.values()} == set(WORLDS)
+    assert table["yard-sparse"].options == ("yard", "--scan-spacing", "1")
+    assert (table["corridor"].bar, table["office"].bar) == (0.24, 0.1)
+    assert table["wings"].seeds == 100
+    handicapped = handicapped_worlds()["hall, no-closures"]
+    assert handicapped.options == table["hall"].options
+    assert handicapped.settings == ("global_slam.optimize_every_n_nodes=0",)
+
+
+def test_names_of_parts_and_changes_are_checked():
+    assert parts_named(["killian", "sparse"]) == ["mit-killian", "sparse recordings"]
+    assert parts_named([]) == list(PARTS)
+    with pytest.raises(ConfigError, match="'bremen'"):
+        parts_named(["bremen"])
+    with pytest.raises(ConfigError, match="'drop49'"):
+        change_of("drop49")
+
+
+def some_run(seed=0, error=0.2, verdict="-", **fields):
+    figures = {"error": error, "bar": 0.1, "cpu": 3.0, "precision": 0.9}
+    return Run("worlds", "ring", seed, ("a",), figures, verdict, commit="abc", **fields)
+
+
+def test_runs_of_the_same_commit_are_found_again(tmp_path):
+    path = tmp_path / "runs.jsonl"
+    RunStore(path, "abc").add(some_run())
+    assert RunStore(path, "abc").find("worlds", "ring", 0) == replace(some_run(), commands=["a"])
+    assert RunStore(path, "abd").find("worlds", "ring", 0) is None
+    assert RunStore(path, "abc with changes").find("worlds", "ring", 0) is None
+
+
+def test_both_scanners_are_judged_by_each_alone():
+    alone = [
+        Run("two scanners", "a", 0, figures={"scale": scale, "yaw": yaw})
+        for scale, yaw in ((1.00, 0.5), (1.02, 1.0))
+    ]
+    assert _calibration({"scale": 1.01, "yaw": 0.7}, alone) == {"calibration": 0.0}
+    assert _calibration({"scale": 1.05, "yaw": 0.4}, alone)["calibration"] == pytest.approx(1.5)
+    assert _calibration({"scale": 1.05}, alone) == {}
+    both = Run("two scanners", "b", 0, figures={"calibration": 1.5})
+    assert both.is_right is False
+    assert alone[0].is_right is None
+
+
+def test_a_row_counts_right_runs_and_names_wrong_seeds():
+    runs = [
+        some_run(0, 0.05, "good"),
+        some_run(1, 0.07, "good"),
+        some_run(2, 0.5, "wrong"),
+        Run("worlds", "ring", 3, failure="ended with status 1"),
+    ]
+    ring, right, wrong = rows(runs)
+    figures = {name: figure.value for name, figure in ring.figures.items()}
+    assert (figures["runs"], figures["right"]) == (4, 2)
+    assert (figures["error"], figures["largest error"], figures["bar"]) == (0.07, 0.5, 0.1)
+    assert figures["precision of found"] == pytest.approx(90.0)
+    assert ring.notes == ("verdict good: 2, wrong: 1; wrong seeds 2; seed 3: ended with status 1")
+    assert (right.figures["flagged"].value, wrong.figures["flagged"].value) == (0.0, 100.0)
+
+
+def test_runs_that_are_there_are_not_made_again(tmp_path):
+    store = RunStore(tmp_path / "runs.jsonl", "abc")
+    known = [
+        Run("aces", name, seed, figures={"error": 0.01, "bar": 0.05}, commit="abc")
+        for name, seed in (("unchanged", 0), ("mirror", 0), ("missing10", 0), ("missing10", 1))
+    ]
+    for one in known:
+        store.add(one)
+    options = RobustnessOptions(
+        tmp_path, tmp_path, ["aces"], ["mirror", "missing10"], relations=tmp_path
+    )
+    (tmp_path / "aces.relations").touch()
+    assert list(Runner(options, store, "abc", print).run()) == known
+
+
+@pytest.mark.slow
+def test_a_recording_that_is_not_there_is_a_row_with_the_reason(tmp_path):
+    options = RobustnessOptions(tmp_path, tmp_path, ["aces"], ["mirror"])
+    store = RunStore(tmp_path / "runs.jsonl", "abc")
+    runs = list(Runner(options, store, "abc", print).run())
+    assert [one.case for one in runs] == ["unchanged", "mirror"]
+    assert all("radish/aces.clf.gz is not in the data folder" in one.failure for one in runs)
+
+
+@pytest.mark.slow
+def test_the_benchmark_writes_runs_and_a_record(tmp_path, capsys):
+    command = ["robustness", "--only", "worlds", "--worlds", "bare", "--seeds", "1"]
+    assert run([*command, "-o", str(tmp_path)]) == 0
+    assert "| bare " in capsys.readouterr().out
+    lines = (tmp_path / "robustness" / "runs.jsonl").read_text().splitlines()
+    assert len(lines) == 1
+    kept = json.loads(lines[0])
+    assert kept["commands"][0].startswith("cartoloop simulate bare --seed 0 -o ")
+    assert kept["commands"][1].startswith("cartoloop map ")
+    record = json.loads((tmp_path / "robustness.json").read_text())
+    assert record["rows"][0]["figures"]["error"]["value"] == kept["figures"]["error"]
