@@ -9,7 +9,7 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.quality.pairs import MapContent
-from cartoloop.sensor.pose import Pose, relative, transform_points, wrap_angles
+from cartoloop.sensor.pose import Pose, relative, transform_points, wrap_angle, wrap_angles
 
 MIN_GAP_S, GAP_INTERVALS = 1.5, 6.0
 """A gap is longer than this, and than this number of usual intervals between scans."""
@@ -27,6 +27,9 @@ MIN_SPEED = 0.1
 MOVED_SHARE, MIN_MISSING_M = 0.6, 1.0
 """A robot that drove before and after a gap drove during it: poses that moved by less than this
 share of what the lower of its speeds makes it, and by this length less, do not know [m]."""
+
+TURN_RATE = 0.35
+"""Poses that turned faster across a gap know what the robot did: it turned on the spot [rad/s]."""
 
 ORDERED_SCANS = 20
 """Scans to each side of a gap whose stamps must increase: otherwise the gap is one of the stamps
@@ -105,6 +108,9 @@ def gaps(content: MapContent) -> list[Event]:
             continue
         typical = float(np.median(steps[first:last]))
         if steps[before] > 0.5 * typical and typical > SPARSE_STEP_M:
+            continue
+        turned = abs(wrap_angle(float(poses[after, 2] - poses[before, 2])))
+        if turned > TURN_RATE * seconds:
             continue
         expected = float(min(speeds)) * seconds
         moved = float(steps[before])
