@@ -232,6 +232,9 @@ class WallStepConfig(Section):
     evidence_memory: float = Field(
         0.8, ge=0, lt=1, description="share of the evidence that the next scan keeps"
     )
+    evidence_of_noise: float = Field(
+        8.0, ge=0, description="is subtracted from the evidence for a step next to the matched one"
+    )
     min_rise: float = Field(
         5.0, ge=0, description="and by which steps that are max_distance away must fit worse"
     )

@@ -158,9 +158,17 @@ def test_the_prior_decides_along_a_degenerate_direction(pixel_information, kept)
 
 
 def test_odometry_into_unobserved_space_is_believed(submap):
-    # the scan before, whose pose is a fallback, would fit the map better than unobserved cells
+    # another room: at the fallback it overlaps the map, and half of it fits better than nothing
     outside = compose(TRUTH, Pose(0.0, 9.0, 0.0))
-    found = matched(submap, outside, last=TRUTH)
+    another = points().copy()
+    another[another[:, 0] < 0.0] *= 1.3
+    information = isotropic_information(0.02, 0.1)
+    prior = Prediction(outside, True, information, lambda: (TRUTH, TRUTH))
+    matcher = ScanMatcher(CONFIG)
+    for _ in range(150):
+        matcher.match(submap, points(), prior._replace(tf_local_tracking=TRUTH))
+    found = matcher.match(submap, another, prior)
+    assert matcher.num_lost == 1
     assert_near(found.tf_local_tracking, outside, 0.1, 0.1)
 
 

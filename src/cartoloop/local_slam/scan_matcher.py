@@ -105,7 +105,7 @@ class ScanMatcher:
 
         Odometry may lead to where little has been observed yet. The points there fit badly, and
         would fit better wherever the scan overlaps more of the map, but they contradict nothing.
-        So against odometry only points in observed cells count.
+        So against odometry only points in observed cells count, unless the scan fits as usual.
         """
         ratio = self._window.lost_improvement
         limit, limit_of_seen = best.residual * ratio, math.inf
@@ -117,10 +117,15 @@ class ScanMatcher:
             found = self._refine(submap, points, start, start, self._lost_information)
             if found.residual < min(limit, best.residual) and (
                 not prediction.by_odometry
+                or self._fits_as_usual(points, found)
                 or self._residual_of_seen(submap, points, found) < limit_of_seen
             ):
                 best = found
         return best
+
+    def _fits_as_usual(self, points: FloatArray, match: LeastSquaresMatch) -> bool:
+        limit = self._typical_residual * self._window.poor_residual_ratio
+        return len(points) >= self._window.min_num_seen and match.residual <= limit
 
     def _residual_of_seen(
         self, submap: Submap, points: FloatArray, match: LeastSquaresMatch

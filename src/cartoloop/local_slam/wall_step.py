@@ -18,6 +18,9 @@ from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.config import WallStepConfig
 from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
 
+_NEIGHBOUR = 1.5
+"""Steps that differ by less than this many are neighbours: noise decides between them."""
+
 
 class _Outline(NamedTuple):
     """A scan as lines between neighbouring beams, in the frame of its scanner.
@@ -93,7 +96,10 @@ class WallStep:
         if float(side @ self._side) < 0.0:
             self._evidence = 0.0
         self._side = side
-        self._evidence += float(costs[-1] - costs[best])
+        evidence = float(costs[-1] - costs[best])
+        if abs(steps[best] - moved) < _NEIGHBOUR * config.step:
+            evidence = max(evidence - config.evidence_of_noise, 0.0)
+        self._evidence += evidence
         if self._evidence < config.min_evidence:
             return None
         before, here, after = costs[best - 1 : best + 2].tolist()
