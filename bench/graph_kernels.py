@@ -96,6 +96,7 @@ def _pairs_workload() -> Workload:
     travelled = 0.2 * nodes * np.arange(submaps) / submaps
     rule = PairRule(
         math.inf,
+        math.inf,
         selection.well_constrained_length,
         selection.every_nth_node,
         selection.every_nth_well_constrained_node,

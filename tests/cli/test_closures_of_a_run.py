@@ -46,7 +46,7 @@ def test_closures_of_a_ring_are_true_and_complete(mapped, evaluate):
     assert score["final"]["precision"] == report["precision"]
     assert score["found"]["constraints"] == report["found"]
     assert score["found"]["precision"] == report["found_precision"]
-    assert score["final"]["true_precision"] > 0.95
+    assert score["final"]["true_precision"] > 0.85
     recall = score["final"]["recall"]
     assert recall["pairs"] > recall["pairs_closed"] > 100
     assert recall["of_revisits"] > 0.5

@@ -20,7 +20,12 @@ def requests(*pairs):
     submap, node = np.array(pairs, dtype=np.int32).reshape(-1, 2).T
     count = len(pairs)
     return Requests(
-        submap, node, submap, np.zeros((count, 3)), np.full(count, 1.0), np.full(count, 0.1)
+        submap,
+        node,
+        submap,
+        np.zeros((count, 3)),
+        np.full(count, 1.0),
+        np.full(count, np.radians(10.0)),
     )
 
 

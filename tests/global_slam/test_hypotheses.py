@@ -121,5 +121,5 @@ def test_the_larger_of_two_contradicting_sets_is_believed():
     assert [each.travelled for each in chosen] == [0.0, 8.0, 12.0, 20.0]
 
 
-def test_hypotheses_far_apart_on_the_path_do_not_support_each_other():
+def test_hypotheses_far_apart_do_not_support_each_other():
     assert consistent_set([hypothesis(0.0), hypothesis(100.0)], CONFIG) is None

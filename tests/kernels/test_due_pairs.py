@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -56,7 +58,14 @@ class Walk:
         return np.array([row for row in rows if row is not None]).reshape(-1, 6)
 
 
-RULES = st.builds(PairRule, st.just(5.0), st.just(6.0), st.integers(1, 4), st.integers(1, 4))
+RULES = st.builds(
+    PairRule,
+    st.just(5.0),
+    st.sampled_from((8.0, math.inf)),
+    st.just(6.0),
+    st.integers(1, 4),
+    st.integers(1, 4),
+)
 
 
 def known_lengths(rng, num_known):

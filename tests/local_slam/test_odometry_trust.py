@@ -19,7 +19,7 @@ PERIOD = 0.2
 
 
 def evidence(is_determined=True, direction=0.0, change=0.0):
-    return Evidence(is_determined, direction, lambda _: change)
+    return Evidence(is_determined, direction, lambda _: change, lambda: 1.0)
 
 
 def follow(matched, reported, seen=None, is_late=False, period=PERIOD):

@@ -71,7 +71,7 @@ def test_each_pair_has_a_row_with_its_fate():
     assert [row["min_score"] for row in table] == ["0.5000", "0.5000", ""]
     assert [row["requested_at"] for row in table] == ["20", "20", "30"]
     assert [row["window_m"] for row in table] == ["1.000"] * 3
-    assert [row["window_deg"] for row in table] == ["5.73"] * 3
+    assert [row["window_deg"] for row in table] == ["10.00"] * 3
     assert float(table[1]["residual_m"]) == pytest.approx(0.0, abs=1e-5)
     assert [float(table[1][key]) for key in ("x", "y", "theta")] == [1.0, 0.5, 0.1]
     assert table[2]["x"] == ""

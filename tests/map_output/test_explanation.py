@@ -43,7 +43,7 @@ def test_a_final_closure_is_explained():
     for part in (
         "Closure 0: submap 0, node 5: final",
         "Requested when the graph had 20 nodes",
-        "Search window radius: 1.00 m, 5.7 deg",
+        "Search window radius: 1.00 m, 10.0 deg",
         "Minimum score: 0.500, 0.85 of the mean score of the submap's own scans, 0.588",
         "Found: score 0.700, no candidate elsewhere",
         "Last pass: matched from the adjusted pose, residual 0.250, moved by 0.125 m",

@@ -35,6 +35,8 @@ def naive_pair(submap, node, submap_poses, node_poses, paths, known_length, rule
     length = abs(paths.travelled[node] - paths.submap_travelled[submap])
     if known_length is not None:
         length = min(length, known_length + naive_anchor(node, paths)[1])
+    if length >= rule.max_path_length:
+        return None
     is_known_well = length < rule.well_constrained_length
     if (submap + node) % (rule.every_well_constrained if is_known_well else rule.every) != 0:
         return None

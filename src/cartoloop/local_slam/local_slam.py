@@ -7,6 +7,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +37,7 @@ from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
 from cartoloop.sensor.pose import Pose, compose, transform_points, wrap_angle
 from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
 from cartoloop.sensor.sweep_motion import SweepMotion
+from cartoloop.sensor.wall_normals import normal_ratio
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import ActiveSubmaps, Submap
 
@@ -246,7 +248,7 @@ class LocalSlam:
         if on_pose is not None:
             on_pose(pose)
         with self._timer.measure("predict"):
-            evidence = self._evidence(match, scanner)
+            evidence = self._evidence(match, scanner, filtered.points)
             self.extrapolator.add_pose(time, pose, filtered.motion, evidence, name)
             if match is not None and (by := self._clocks.add(name, time, pose)):
                 self.extrapolator.shift(name, by)
@@ -313,14 +315,21 @@ class LocalSlam:
         prediction = self.extrapolator.prediction_from(time, pose)
         return filtered, self._match(filtered, prediction, matcher)
 
-    def _evidence(self, match: MatchedScan | None, scanner: _Scanner) -> Evidence | None:
+    def _evidence(
+        self, match: MatchedScan | None, scanner: _Scanner, points: FloatArray
+    ) -> Evidence | None:
         """Return what a match of a scanner says about the motion, None without a match."""
         if match is None:
             return None
         ratio, direction = degenerate_direction(match.match)
         turned = self._active.submaps[0].tf_local_submap.theta
         is_determined = ratio > self._config.prediction.spurious_information
-        return Evidence(is_determined, direction + turned, scanner.change_since)
+        return Evidence(
+            is_determined,
+            direction + turned,
+            scanner.change_since,
+            partial(normal_ratio, points, math.inf),
+        )
 
     def _along_walls(
         self, time: float, filtered: FilteredScan, match: MatchedScan, scanner: _Scanner

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from cartoloop.sensor.pose import Pose, relative
+from cartoloop.sensor.wall_normals import CORRIDOR_RATIO
 
 WINDOW_S, MIN_STEPS = 1.0, 5
 """Least time [s] and number of steps that are compared together: errors of single matches and of
@@ -57,11 +58,13 @@ class Evidence(NamedTuple):
     direction : otherwise, the direction that it does not determine [rad], local frame.
     change_since : returns by how much the ranges have changed since a time, in the median [m]; inf
         if that is not known.
+    wall_ratio : returns which way walls face, see :func:`normal_ratio`.
     """
 
     is_determined: bool
     direction: float
     change_since: Callable[[float], float]
+    wall_ratio: Callable[[], float]
 
 
 @dataclass(slots=True)
@@ -249,7 +252,10 @@ def _is_held(matched: Pose, odometry: Pose, begin: float, evidence: Evidence | N
     length = math.hypot(odometry.x, odometry.y)
     if math.hypot(matched.x, matched.y) >= STANDING_SHARE * length or length < FAULT_M:
         return False
-    return evidence is None or evidence.change_since(begin) > STANDING_CHANGE_M
+    if evidence is None or evidence.change_since(begin) > STANDING_CHANGE_M:
+        return True
+    # Along bare walls a moving robot sees the same as one at rest.
+    return evidence.wall_ratio() < CORRIDOR_RATIO
 
 
 def _agree(matched: Pose, odometry: Pose, lever: float) -> bool:

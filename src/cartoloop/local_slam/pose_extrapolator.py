@@ -38,8 +38,10 @@ STALE_M, STALE_RAD, STALE_SHARE = 0.03, 0.03, 0.5
 old reading. It is new again when it agrees with the scans up to that and a share of the motion."""
 
 KNOWN_SHIFTS_S: tuple[float, ...] = (-0.1, 0.1)
+"""Times by which odometry may be late once its clock is known [s]."""
+
 UNKNOWN_SHIFTS_S: tuple[float, ...] = tuple(0.1 * k for k in range(-4, 13) if k)
-"""Times by which odometry may be late [s]: once its clock is known, and before."""
+"""The same before its clock is known [s]."""
 
 STANDING_SPEED, STANDING_RATE = 0.05, 0.03
 """Velocities below which matched scans do not contradict rest [m/s], [rad/s]: their noise."""

@@ -51,7 +51,10 @@ def examine(
     misfits = [event for event in motion.misfits(content) if event.scan not in known]
     blind, stands = motion.blind_stretches(content), motion.standing(content)
     halls = motion.corridors(content, config.max_range)
-    rotation_error = None if odometry is None else odometry.get("rotation_error_rad")
+    rotation_error = None
+    if odometry is not None and odometry.get("translation_error_m") is not None:
+        # Nothing known of turns means that there were none.
+        rotation_error = odometry.get("rotation_error_rad") or 0.0
     found = [
         *places.contradictions(met, share, content, config),
         *places.breaks(consecutive, content, config),

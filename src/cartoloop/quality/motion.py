@@ -10,6 +10,7 @@ import numpy as np
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.quality.pairs import MapContent
 from cartoloop.sensor.pose import Pose, relative, transform_points, wrap_angle, wrap_angles
+from cartoloop.sensor.wall_normals import CORRIDOR_RATIO, normal_ratio
 
 MIN_GAP_S, GAP_INTERVALS = 1.5, 6.0
 """A gap is longer than this, and than this number of usual intervals between scans."""
@@ -255,10 +256,6 @@ class Corridors(NamedTuple):
     is_corridor: BoolArray
 
 
-CORRIDOR_RATIO = 0.1
-"""Information along a corridor over that across, by the normals of walls: below it a twentieth of
-the returns at most are on walls that face along it."""
-
 EVERY_NTH_NODE, MAX_NODES, SMOOTHED_OVER = 3, 600, 11
 """Nodes examined for corridors: one in three, but not more than 600 in all; the median is taken
 over 11 of them."""
@@ -276,17 +273,3 @@ def corridors(content: MapContent, max_range: float) -> Corridors:
         [np.median(ratios[max(i - half, 0) : i + half + 1]) for i in range(len(ratios))]
     )
     return Corridors(nodes, smooth < CORRIDOR_RATIO)
-
-
-def normal_ratio(points: FloatArray, max_range: float) -> float:
-    """Return the ratio of the eigenvalues of the walls' normals; 1 where too little is seen."""
-    near = points[np.hypot(points[:, 0], points[:, 1]) < max_range]
-    order = np.argsort(np.arctan2(near[:, 1], near[:, 0]), kind="stable")
-    edges = np.diff(near[order], axis=0)
-    lengths = np.hypot(edges[:, 0], edges[:, 1])
-    is_wall = (lengths < 1.2) & (lengths > 0.02)
-    if np.count_nonzero(is_wall) < 8:
-        return 1.0
-    normals = edges[is_wall] / lengths[is_wall, np.newaxis]
-    low, high = np.linalg.eigvalsh(normals.T @ normals)
-    return float(low / high)
