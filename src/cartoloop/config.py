@@ -166,7 +166,7 @@ class PredictionConfig(Section):
         0.02, gt=0, description="sigma of odometry that is not yet calibrated [m]"
     )
     unknown_rotation_sigma: float = Field(
-        0.1, gt=0, description="sigma of odometry that is not yet calibrated [rad]"
+        0.02, gt=0, description="sigma of odometry that is not yet calibrated [rad]"
     )
     acceleration: float = Field(
         1.0, gt=0, description="without odometry: typical change of the velocity [m/s^2]"
