@@ -166,7 +166,7 @@ class PredictionConfig(Section):
         0.02, gt=0, description="sigma of odometry that is not yet calibrated [m]"
     )
     unknown_rotation_sigma: float = Field(
-        0.02, gt=0, description="sigma of odometry that is not yet calibrated [rad]"
+        0.1, gt=0, description="sigma of odometry that is not yet calibrated [rad]"
     )
     acceleration: float = Field(
         1.0, gt=0, description="without odometry: typical change of the velocity [m/s^2]"
@@ -395,6 +395,13 @@ class WideSearchConfig(Section):
         ge=0,
         description="by which their scores together must exceed threshold and other places",
     )
+    max_strain: float = Field(
+        1.0,
+        gt=0,
+        description="closures of this search are trusted until the map contradicts them "
+        "by more than this [m]",
+    )
+    max_strain_deg: float = Field(5.0, gt=0, description="or by more than this [deg]")
     max_final_rounds: int = Field(
         4, ge=0, description="searches of all that is due at the end, while they find something new"
     )

@@ -11,6 +11,8 @@ import pytest
 from cartoloop.config import ConstraintSearchConfig, GlobalSlamConfig, WideSearchConfig
 from cartoloop.global_slam.closure_status import Status
 from cartoloop.global_slam.global_slam import GlobalSlam
+from cartoloop.global_slam.pose_adjustment import PoseAdjuster
+from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import Pose, compose, inverse, relative_all, transform_points
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY
@@ -147,3 +149,15 @@ def test_every_pair_has_one_row(slam):
 
 def test_the_result_does_not_depend_on_the_number_of_threads(slam):
     assert np.array_equal(run().graph.node_poses, slam.graph.node_poses)
+
+
+def test_trusted_closures_that_the_rest_contradicts_lose_trust():
+    slam = run()
+    graph = slam.graph
+    few = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)[:3]
+    graph.is_trusted[few] = True
+    graph.relative_poses[few[0]] += (4.0, 0.0, 0.0)
+    slam._adjuster = PoseAdjuster(graph)
+    slam._adjust(50)
+
+    assert graph.is_trusted[few].tolist() == [False, True, True]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from time import perf_counter
@@ -326,8 +327,27 @@ class GlobalSlam:
         newest = Pose(*self.graph.submap_poses[-1].tolist())
         self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
         closures, is_violated = self._violated_closures()
+        self._distrust_strained(closures)
         holds = ~is_violated | self.graph.is_trusted[closures]
         self._pairs.note_adjusted(self.graph, closures[holds])
+
+    def _distrust_strained(self, closures: NDArray[np.int64]) -> None:
+        """Leave trusted closures that the rest of the graph contradicts to the robust loss.
+
+        Two hypotheses that agreed may be false all the same. Later closures show that.
+        """
+        trusted = closures[self.graph.is_trusted[closures]]
+        if len(trusted) == 0:
+            return
+        wide = self._config.constraint_search.wide_search
+        translation_error, rotation_error = constraint_residuals(self.graph, trusted)
+        is_strained = (translation_error > wide.max_strain) | (
+            rotation_error > math.radians(wide.max_strain_deg)
+        )
+        if is_strained.any():
+            self.graph.is_trusted[trusted[is_strained]] = False
+            # The adjuster assumes that constraints stay as they are.
+            self._adjuster = PoseAdjuster(self.graph)
 
     def _violated_closures(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Return the constraints that are loop closures, and which of them must be false."""

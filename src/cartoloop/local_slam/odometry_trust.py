@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from cartoloop.sensor.pose import Pose, relative
+from cartoloop.sensor.pose import Pose, relative, wrap_angle
 from cartoloop.sensor.wall_normals import CORRIDOR_RATIO
 
 WINDOW_S, MIN_STEPS = 1.0, 5
@@ -248,14 +248,16 @@ def differ(matched: Pose, odometry: Pose, lever: float) -> bool:
 
 
 def _is_held(matched: Pose, odometry: Pose, begin: float, evidence: Evidence | None) -> bool:
-    """Return whether scans that seem to stand still may be held by the map though they move."""
+    """Return whether scans that seem to move less may be held by the map."""
     length = math.hypot(odometry.x, odometry.y)
-    if math.hypot(matched.x, matched.y) >= STANDING_SHARE * length or length < FAULT_M:
+    if length < FAULT_M:
         return False
-    if evidence is None or evidence.change_since(begin) > STANDING_CHANGE_M:
-        return True
-    # Along bare walls a moving robot sees the same as one at rest.
-    return evidence.wall_ratio() < CORRIDOR_RATIO
+    turned_apart = abs(wrap_angle(matched.theta - odometry.theta))
+    if evidence is not None and turned_apart < FAULT_RAD and evidence.wall_ratio() < CORRIDOR_RATIO:
+        return True  # Along bare walls a moving robot sees the same as one at rest.
+    if math.hypot(matched.x, matched.y) >= STANDING_SHARE * length:
+        return False
+    return evidence is None or evidence.change_since(begin) > STANDING_CHANGE_M
 
 
 def _agree(matched: Pose, odometry: Pose, lever: float) -> bool:
