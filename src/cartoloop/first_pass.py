@@ -7,6 +7,7 @@ out wrong by degrees. A recording, unlike a live robot, can be asked for it firs
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING
 
 from cartoloop.config import Config
@@ -14,6 +15,8 @@ from cartoloop.local_slam.clock_offset import FIRST_ESTIMATE
 from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import Odometry
 from cartoloop.stop_request import StopRequest
+
+_logger = logging.getLogger(__name__)
 
 if TYPE_CHECKING:
     from cartoloop.local_slam.local_slam import SensorCalibration
@@ -64,8 +67,8 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
                 break
     except KeyboardInterrupt:
         stop.made = True
-    except Exception:  # noqa: BLE001 - see above
-        pass
+    except Exception as error:  # noqa: BLE001 - see above
+        _logger.debug("the pass over the beginning ended: %s", error)
     finally:
         events.close()
         mapper.close()

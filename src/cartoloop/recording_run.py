@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING
 from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig, config_hash
 from cartoloop.errors import InputError, Interrupted
-from cartoloop.report import odometry_warning
 from cartoloop.runtime.process_memory import release_unused_memory
 from cartoloop.stop_request import StopRequest
 
@@ -203,6 +202,8 @@ def completed(
     for reason, count in also_skipped.items():
         skipped[reason] = skipped.get(reason, 0) + count
     extra = dict(report.extra)
+    from cartoloop.report import odometry_warning  # loads the kernels
+
     warning = odometry_warning(report)
     problems = [*problems, warning] if warning else list(problems)
     if problems:

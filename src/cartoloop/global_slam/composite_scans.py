@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from cartoloop.arrays import FloatArray
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import WideSearchConfig
 from cartoloop.growing_array import GrowingArray
 from cartoloop.sensor.pose import Pose, relative, transform_points
@@ -25,10 +25,6 @@ class CompositeScans:
     Parameters
     ----------
     config : spacing, length, and the filter of the returns.
-
-    Attributes
-    ----------
-    nodes : int64, shape (n,), the newest node of each composite scan; its frame is that node's.
     """
 
     def __init__(self, config: WideSearchConfig) -> None:
@@ -42,7 +38,7 @@ class CompositeScans:
         return len(self._newest)
 
     @property
-    def nodes(self) -> np.ndarray:
+    def nodes(self) -> IntArray:
         """The newest node of each, whose frame it has; int64, shape (n,)."""
         return self._newest.view
 

@@ -272,7 +272,9 @@ class GlobalSlam:
     def _believe_hypotheses(self, max_num_iterations: int, *, wait: bool) -> None:
         """Take in the sets of hypotheses that agree, adjust, and request what is due then."""
         with self._timer.measure("wait for searches"):
-            self._wide.collect(wait=wait)
+            durations = self._wide.collect(wait=wait)
+        for duration in durations:
+            self._timer.record("search", duration)
         is_new = False
         while (found := self._wide.decide(self._pairs, self.graph)) is not None:
             self._add_closures(found, are_trusted=True)

@@ -60,10 +60,6 @@ class WideSearch:
     closures : the record; requests and what became of them are noted in it.
     submaps : the finished submaps by their index; the owner adds to it.
     search : runs the searches in its background threads.
-
-    Attributes
-    ----------
-    durations : time that each task of a thread took [s].
     """
 
     def __init__(
@@ -82,9 +78,7 @@ class WideSearch:
         self._waiting: dict[int, list[tuple[int, int]]] = {}
         self._running: list[Future[_Outcome]] = []
         self._candidates: dict[int, list[Candidate]] = {}
-        self._searched: set[tuple[int, int]] = set()
         self._has_news = False
-        self.durations: list[float] = []
 
     @property
     def num_scans(self) -> int:
@@ -99,20 +93,13 @@ class WideSearch:
         """Request the search of a composite scan in the submaps where the drift may place it."""
         node = int(self._scans.nodes[scan])
         found = pairs.wide_pairs(graph, node, self._submaps)
-        new = [
-            i
-            for i, submap in enumerate(found.submap.tolist())
-            if (scan, submap) not in self._searched
-        ]
-        if len(self._scans.points[scan]) < self._all.min_num_points or not new:
+        requested = self._closures.submap[self._closures.node == node]
+        new = np.flatnonzero(~np.isin(found.submap, requested))
+        if len(self._scans.points[scan]) < self._all.min_num_points or len(new) == 0:
             return
-        requests = found.take(np.array(new))
-        requests = requests.take(
-            np.flatnonzero(~self._closures.has_rows(requests.submap, requests.node))
-        )
+        requests = found.take(new)
         rows = self._closures.request(requests, graph.num_nodes)
         for submap, row in zip(requests.submap.tolist(), rows.tolist(), strict=True):
-            self._searched.add((scan, submap))
             self._waiting.setdefault(submap, []).append((scan, row))
 
     def start(self) -> None:
@@ -125,20 +112,23 @@ class WideSearch:
             self._running.append(self._search.run(task, self._submaps[submap]))
         self._waiting = {}
 
-    def collect(self, *, wait: bool) -> None:
-        """Note what the searches found.
+    def collect(self, *, wait: bool) -> list[float]:
+        """Note what the searches found; return the time that each of them took [s].
 
         Parameters
         ----------
         wait : for all that were started; otherwise unfinished ones are left for the next call.
         """
-        left = []
+        left, durations = [], []
         for future in self._running:
             if wait or future.done():
-                self._note(future.result())
+                outcome = future.result()
+                self._note(outcome)
+                durations.append(outcome.duration)
             else:
                 left.append(future)
         self._running = left
+        return durations
 
     def decide(self, pairs: PairSelection, graph: PoseGraph) -> SearchMatches | None:
         """Return closures of the best set of hypotheses that agree, None if there is none.
@@ -181,7 +171,6 @@ class WideSearch:
         return distinct
 
     def _note(self, outcome: _Outcome) -> None:
-        self.durations.append(outcome.duration)
         self._closures.note_searched(outcome.rows, outcome.min_score)
         for candidate in outcome.candidates:
             self._candidates.setdefault(candidate.scan, []).append(candidate)
