@@ -77,7 +77,12 @@ class ScanMatcher:
             self.num_correlative += 1
             start = self._search(submap, points, prior, window)
             found = self._refine(submap, points, start, prior, information)
-            if found.cost < best.cost:
+            if found.cost < best.cost and (
+                not prediction.by_odometry
+                or self._fits_as_usual(points, found)
+                or self._residual_of_seen(submap, points, found)
+                < self._residual_of_seen(submap, points, best)
+            ):
                 best = found
         if best.residual > self._typical_residual * window.lost_residual_ratio:
             self.num_lost += 1
