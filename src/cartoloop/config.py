@@ -209,7 +209,7 @@ class PredictionConfig(Section):
 
 
 class WallStepConfig(Section):
-    """Without odometry: the step along bare walls, from one scan to the next."""
+    """The step along bare walls, from one scan to the next: without odometry, or against it."""
 
     max_ratio: float = Field(
         0.3,
@@ -244,6 +244,15 @@ class WallStepConfig(Section):
     min_num_returns: int = Field(50, ge=2, description="scans with fewer are not compared")
     max_gap_deg: float = Field(3.0, gt=0, description="between neighbouring returns [deg]")
     position_sigma: float = Field(0.02, gt=0, description="of the step that was found [m]")
+    min_odometry_step: float = Field(
+        0.15, ge=0, description="with odometry: scans are compared over at least this distance [m]"
+    )
+    max_odometry_duration: float = Field(
+        0.3, gt=0, description="or after this time, since wheels may not turn while it moves [s]"
+    )
+    min_odometry_error: float = Field(
+        0.06, ge=0, description="smaller errors of its step are left to the odometry [m]"
+    )
 
 
 class DeskewingConfig(Section):

@@ -237,25 +237,23 @@ class LocalSlam:
         with self._timer.measure("predict"):
             prediction = self.extrapolator.predict(time)
         has_points = len(filtered.points) >= self._config.insertion.min_num_points
-        match = None
+        match, by_walls = None, False
         # The first scan of a further scanner may show a place that is not mapped yet.
         if has_points and scanner.is_in_map:
             match = self._match(filtered, prediction, scanner.matcher)
             filtered, match = self._deskew_again(scan, time, filtered, match, scanner.matcher)
-            if not prediction.by_odometry:
-                match = self._along_walls(time, filtered, match, scanner)
+            match, by_walls = self._along_walls(
+                time, filtered, match, scanner, by_odometry=prediction.by_odometry
+            )
         pose = match.tf_local_tracking if match else prediction.tf_local_tracking
         if on_pose is not None:
             on_pose(pose)
         with self._timer.measure("predict"):
-            evidence = self._evidence(match, scanner, filtered.points)
+            evidence = self._evidence(match, scanner, filtered.points, by_walls=by_walls)
             self.extrapolator.add_pose(time, pose, filtered.motion, evidence, name)
             if match is not None and (by := self._clocks.add(name, time, pose)):
                 self.extrapolator.shift(name, by)
-        if not prediction.by_odometry:
-            scanner.wall_step.add(
-                time, pose, filtered.data.tf_tracking_sensor, filtered.data.returns
-            )
+        scanner.wall_step.add(time, pose, filtered.data.tf_tracking_sensor, filtered.data.returns)
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))
@@ -316,11 +314,13 @@ class LocalSlam:
         return filtered, self._match(filtered, prediction, matcher)
 
     def _evidence(
-        self, match: MatchedScan | None, scanner: _Scanner, points: FloatArray
+        self, match: MatchedScan | None, scanner: _Scanner, points: FloatArray, *, by_walls: bool
     ) -> Evidence | None:
         """Return what a match of a scanner says about the motion, None without a match."""
         if match is None:
             return None
+        if by_walls:
+            return Evidence(True, 0.0, scanner.change_since, lambda: math.inf)
         ratio, direction = degenerate_direction(match.match)
         turned = self._active.submaps[0].tf_local_submap.theta
         is_determined = ratio > self._config.prediction.spurious_information
@@ -332,21 +332,30 @@ class LocalSlam:
         )
 
     def _along_walls(
-        self, time: float, filtered: FilteredScan, match: MatchedScan, scanner: _Scanner
-    ) -> MatchedScan:
-        """Return a match, repeated where the scan before shows another step along bare walls."""
+        self,
+        time: float,
+        filtered: FilteredScan,
+        match: MatchedScan,
+        scanner: _Scanner,
+        *,
+        by_odometry: bool,
+    ) -> tuple[MatchedScan, bool]:
+        """Return a match, repeated where the scan before shows another step along bare walls.
+
+        Also returns whether it was repeated.
+        """
         with self._timer.measure("match"):
             pose = scanner.wall_step.better_pose(
-                time, match.tf_local_tracking, filtered.data.returns
+                time, match.tf_local_tracking, filtered.data.returns, by_odometry=by_odometry
             )
         if pose is None:
-            return match
+            return match, False
         information = isotropic_information(
             self._config.wall_step.position_sigma, self._config.prediction.lost_rotation_sigma
         )
         # what the scans say of the step is as good as odometry
         prediction = Prediction(pose, True, information, lambda: (pose, pose))
-        return self._match(filtered, prediction, scanner.matcher)
+        return self._match(filtered, prediction, scanner.matcher), True
 
     def _information(self, match: MatchedScan | None) -> FloatArray:
         """Return the information matrix of a scan's pose in the older active submap."""

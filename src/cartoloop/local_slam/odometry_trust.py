@@ -27,6 +27,9 @@ FAULT_SHARE, GOOD_SHARE = 0.5, 0.25
 """Difference of the motions as a share of the larger one: from the first on the odometry is faulty,
 below the second it is good again. Scales are wrong by up to 0.4 before they are calibrated."""
 
+CALIBRATED_FAULT_SHARE = 0.35
+"""The same of odometry that is calibrated."""
+
 FAULT_M, FAULT_RAD = 0.2, 0.3
 """Smaller differences are no fault [m], [rad]: matches of a window err by some centimetres."""
 
@@ -188,7 +191,7 @@ class OdometryTrust:
             if not self.is_trusted:
                 self._restore(begin, _agree(matched, odometry, lever))
             elif (
-                differ(matched, odometry, lever)
+                differ(matched, odometry, is_calibrated=is_calibrated)
                 and not _is_held(matched, odometry, begin, evidence)
                 and not is_late(begin, time, matched)
             ):
@@ -239,10 +242,12 @@ def _sizes(matched: Pose, odometry: Pose) -> tuple[float, float, float, float]:
     )
 
 
-def differ(matched: Pose, odometry: Pose, lever: float) -> bool:
+def differ(matched: Pose, odometry: Pose, *, is_calibrated: bool) -> bool:
     """Return whether the motions of scans and odometry in a window contradict each other."""
     apart, length, turned_apart, turn = _sizes(matched, odometry)
-    return apart > max(FAULT_M + lever * turn, FAULT_SHARE * length) or turned_apart > max(
+    lever = LEVER_M if is_calibrated else UNKNOWN_LEVER_M
+    share = CALIBRATED_FAULT_SHARE if is_calibrated else FAULT_SHARE
+    return apart > max(FAULT_M + lever * turn, share * length) or turned_apart > max(
         FAULT_RAD, FAULT_SHARE * turn
     )
 

@@ -17,7 +17,6 @@ from cartoloop.local_slam.imu_calibration import ImuCalibration
 from cartoloop.local_slam.odometry_calibration import OdometryCalibration, OdometryParameters
 from cartoloop.local_slam.odometry_track import OdometryTrack
 from cartoloop.local_slam.odometry_trust import (
-    UNKNOWN_LEVER_M,
     Evidence,
     OdometryFault,
     OdometryTrust,
@@ -219,7 +218,7 @@ class PoseExtrapolator:
             if step is not None and not differ(
                 Pose(length, 0.0, matched.theta),
                 Pose(math.hypot(step.x, step.y), 0.0, step.theta),
-                UNKNOWN_LEVER_M,
+                is_calibrated=False,
             ):
                 return True
         return False

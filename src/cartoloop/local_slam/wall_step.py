@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The step between two scans along a direction that walls leave open, without odometry.
+"""The step between two scans along a direction that walls leave open.
 
 Along bare walls the map holds a robot where it is: far from the scanner a wall is a row of dots,
 and the dots of the next scan lie at the same places in the robot's frame, however far it has moved.
 Between its dots a wall is taken for a straight line here. Then bare walls say nothing about the
 step, and the little that is not bare says it: the edge of a cupboard, a door post, the end wall.
+
+With odometry, matches along such walls follow it, wherever it leads. There the same comparison
+shows that wheels slip. It is less exact than wheels that do not, and leaves small errors to them.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.config import WallStepConfig
+from cartoloop.kernels.outline_shift import outline_costs
 from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
 
 _NEIGHBOUR = 1.5
@@ -45,7 +49,9 @@ class _LastScan(NamedTuple):
 
 
 class WallStep:
-    """Compares each scan of a scanner with the one before.
+    """Compares each scan of a scanner with one before.
+
+    Without odometry that is the last scan. Odometry is judged over a distance.
 
     Parameters
     ----------
@@ -56,13 +62,18 @@ class WallStep:
         self._config = config
         self._last: _LastScan | None = None
         self._evidence, self._side = 0.0, np.zeros(2)
+        self._is_due = True
 
     def add(self, time: float, pose: Pose, tf_tracking_sensor: Pose, returns: FloatArray) -> None:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
+        if self._last is not None and not self._is_due:
+            return
         outline = _outline_of(returns, tf_tracking_sensor, self._config)
         self._last = _LastScan(time, pose, tf_tracking_sensor, outline)
 
-    def better_pose(self, time: float, pose: Pose, returns: FloatArray) -> Pose | None:
+    def better_pose(
+        self, time: float, pose: Pose, returns: FloatArray, *, by_odometry: bool = False
+    ) -> Pose | None:
         """Return a pose further along the walls that fits the scan before much better, or None.
 
         The evidence of scans that agree adds up, so that a little from each is enough.
@@ -72,8 +83,17 @@ class WallStep:
         time : of the scan [s].
         pose : as matched, local frame.
         returns : shape (n, 2), tracking frame [m].
+        by_odometry : whether the match was predicted by odometry.
         """
         config, last = self._config, self._last
+        self._is_due = (
+            last is None
+            or not by_odometry
+            or self._evidence >= config.min_evidence
+            or self._is_far(last, time, pose)
+        )
+        if not self._is_due:
+            return None
         if last is None or min(len(last.outline.points), len(returns)) < config.min_num_returns:
             return None
         ratio, direction = _open_direction(last.outline)
@@ -96,8 +116,11 @@ class WallStep:
         if float(side @ self._side) < 0.0:
             self._evidence = 0.0
         self._side = side
-        evidence = float(costs[-1] - costs[best])
-        if abs(steps[best] - moved) < _NEIGHBOUR * config.step:
+        evidence, apart = float(costs[-1] - costs[best]), abs(float(steps[best]) - moved)
+        if by_odometry and apart < config.min_odometry_error:
+            self._evidence = 0.0
+            return None
+        if apart < _NEIGHBOUR * config.step:
             evidence = max(evidence - config.evidence_of_noise, 0.0)
         self._evidence += evidence
         if self._evidence < config.min_evidence:
@@ -107,6 +130,16 @@ class WallStep:
         between = 0.5 * config.step * (before - after) / bend if bend > 0.0 else 0.0
         x, y = ((steps[best] - moved + between) * axis_in_local).tolist()
         return Pose(pose.x + x, pose.y + y, pose.theta)
+
+    def _is_far(self, last: _LastScan, time: float, pose: Pose) -> bool:
+        """Return whether a scan is so far from the last one that odometry can be judged."""
+        config = self._config
+        return (
+            math.hypot(pose.x - last.pose.x, pose.y - last.pose.y) >= config.min_odometry_step
+            or abs(wrap_angle(pose.theta - last.pose.theta))
+            > 0.5 * math.radians(config.max_turn_deg)
+            or not 0.0 <= time - last.time < config.max_odometry_duration
+        )
 
 
 def _steps_to_try(duration: float, config: WallStepConfig) -> FloatArray:
@@ -158,21 +191,16 @@ def _costs(
     shifts: FloatArray,
     config: WallStepConfig,
 ) -> FloatArray:
-    """Return the cost of each shift: half the sum of squared distances from the lines, in sigmas.
-
-    Distances are truncated; a point where there is no line costs a share of that.
-    """
-    x = points[:, 0] + shifts[:, np.newaxis] * along[0]
-    y = points[:, 1] + shifts[:, np.newaxis] * along[1]
-    line = np.searchsorted(outline.bearings, np.arctan2(y, x), side="right") - 1
-    is_inside = (line >= 0) & (line < len(outline.is_line))
-    line = np.clip(line, 0, len(outline.is_line) - 1)
-    is_inside &= outline.is_line[line]
-    ends = np.diff(outline.points, axis=0)
-    ends /= np.maximum(np.hypot(ends[:, 0], ends[:, 1]), np.finfo(float).tiny)[:, np.newaxis]
-    from_x, from_y = x - outline.points[line, 0], y - outline.points[line, 1]
-    distance = from_x * ends[line, 1] - from_y * ends[line, 0]
-    limit = 0.5 * (config.max_distance / config.sigma) ** 2
-    cost = np.minimum(0.5 * np.square(distance / config.sigma), limit)
-    costs: FloatArray = np.where(is_inside, cost, config.outside_cost * limit).sum(axis=1)
+    """Return the cost of each shift of a scan, see :func:`outline_costs`."""
+    costs = np.empty(len(shifts))
+    outline_costs(
+        *outline,
+        points,
+        along,
+        shifts,
+        config.sigma,
+        config.max_distance,
+        config.outside_cost,
+        costs,
+    )
     return costs
