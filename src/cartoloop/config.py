@@ -247,11 +247,20 @@ class WallStepConfig(Section):
     min_odometry_step: float = Field(
         0.15, ge=0, description="with odometry: scans are compared over at least this distance [m]"
     )
+    max_odometry_step: float = Field(
+        0.6,
+        gt=0,
+        description="and over at most this distance, since scans further apart overlap "
+        "too little to contradict wheels [m]",
+    )
     max_odometry_duration: float = Field(
         0.3, gt=0, description="or after this time, since wheels may not turn while it moves [s]"
     )
     min_odometry_error: float = Field(
         0.06, ge=0, description="smaller errors of its step are left to the odometry [m]"
+    )
+    odometry_cost_ratio: float = Field(
+        3.0, ge=1, description="and its step must fit worse than another by this factor"
     )
 
 

@@ -92,9 +92,11 @@ class WallStep:
             or self._evidence >= config.min_evidence
             or self._is_far(last, time, pose)
         )
-        if not self._is_due:
-            return None
-        if last is None or min(len(last.outline.points), len(returns)) < config.min_num_returns:
+        if (
+            last is None
+            or not self._is_due
+            or not self._is_comparable(last, pose, returns, by_odometry)
+        ):
             return None
         ratio, direction = _open_direction(last.outline)
         if ratio > config.max_ratio or time <= last.time:
@@ -117,7 +119,11 @@ class WallStep:
             self._evidence = 0.0
         self._side = side
         evidence, apart = float(costs[-1] - costs[best]), abs(float(steps[best]) - moved)
-        if by_odometry and apart < config.min_odometry_error:
+        # Clutter and jitter of the stamps make all steps fit badly, that of the odometry not most.
+        if by_odometry and (
+            apart < config.min_odometry_error
+            or costs[-1] < config.odometry_cost_ratio * costs[best]
+        ):
             self._evidence = 0.0
             return None
         if apart < _NEIGHBOUR * config.step:
@@ -130,6 +136,16 @@ class WallStep:
         between = 0.5 * config.step * (before - after) / bend if bend > 0.0 else 0.0
         x, y = ((steps[best] - moved + between) * axis_in_local).tolist()
         return Pose(pose.x + x, pose.y + y, pose.theta)
+
+    def _is_comparable(
+        self, last: _LastScan, pose: Pose, returns: FloatArray, by_odometry: bool
+    ) -> bool:
+        """Return whether two scans have enough returns and, against odometry, overlap enough."""
+        config = self._config
+        if min(len(last.outline.points), len(returns)) < config.min_num_returns:
+            return False
+        moved = math.hypot(pose.x - last.pose.x, pose.y - last.pose.y)
+        return not by_odometry or moved <= config.max_odometry_step
 
     def _is_far(self, last: _LastScan, time: float, pose: Pose) -> bool:
         """Return whether a scan is so far from the last one that odometry can be judged."""
