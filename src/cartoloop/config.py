@@ -111,6 +111,13 @@ class CorrelativeMatcherConfig(Section):
         description="share of a scan's points in observed cells below which it does not contradict "
         "the odometry",
     )
+    ample_seen_share: float = Field(
+        0.6,
+        ge=0,
+        le=1,
+        description="share of a scan's points in observed cells from which a better match nearby "
+        "always corrects the odometry",
+    )
     min_num_seen: int = Field(20, ge=1, description="and number of these points")
     lost_improvement: float = Field(
         0.85, gt=0, le=1, description="residual ratio by which a match elsewhere must be better"

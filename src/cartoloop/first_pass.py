@@ -28,6 +28,10 @@ MAX_SHARE, LEAST_SCANS = 0.1, 300
 a twentieth of it where the odometry never becomes known. Of short recordings, a number of scans
 instead, which takes a fraction of a second."""
 
+MOST_SCANS = 1500
+"""Number of scans that are tried while the robot has not turned enough: where scans are sparse, the
+first turns come late and are matched worst."""
+
 ENOUGH_TURNS = 150
 """Number of turning steps after which an offset that matters would have been found."""
 
@@ -36,8 +40,8 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
     """Return what the beginning of a recording shows about its sensors, or None.
 
     The pass ends once clock offsets were found, or the robot has turned so much that there are none
-    that matter; at the latest after `MAX_SHARE` of the scans, or `LEAST_SCANS`. A failure ends it
-    as well: the pass that maps will meet and report it.
+    that matter; at the latest after `MAX_SHARE` of the scans, or `LEAST_SCANS`, or `MOST_SCANS`
+    while it has not turned. A failure ends it as well: the pass that maps will meet and report it.
 
     Parameters
     ----------
@@ -48,17 +52,20 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
     open_loop = config.global_slam.model_copy(update={"optimize_every_n_nodes": 0})
     mapper = Mapper(config.model_copy(update={"global_slam": open_loop}))
     limit = max(MAX_SHARE * log.num_scans, LEAST_SCANS)
+    last = max(limit, MOST_SCANS)
     has_odometry = False
     events = iter(log)
     try:
         for event in events:
             has_odometry = has_odometry or isinstance(event, Odometry)
             mapper.add(event)
-            if stop.made or mapper.num_scans > limit:
+            if stop.made:
                 break
             if mapper.num_scans <= FIRST_ESTIMATE:
                 continue
             known = mapper.calibration
+            if mapper.num_scans > (limit if known.odometry.knows_rotation else last):
+                break
             uses_odometry = has_odometry and config.local_slam.use_odometry
             is_alone = len(known.scanner_offsets) < 2
             if (is_alone or any(known.scanner_offsets.values())) and (

@@ -79,9 +79,7 @@ class ScanMatcher:
             found = self._refine(submap, points, start, prior, information)
             if found.cost < best.cost and (
                 not prediction.by_odometry
-                or self._fits_as_usual(points, found)
-                or self._residual_of_seen(submap, points, found)
-                < self._residual_of_seen(submap, points, best)
+                or self._may_correct(submap, points, prior, information, best, found)
             ):
                 best = found
         if best.residual > self._typical_residual * window.lost_residual_ratio:
@@ -102,6 +100,30 @@ class ScanMatcher:
             )
             best = best._replace(tf_submap_scan=pose)
         return MatchedScan(compose(submap.tf_local_submap, best.tf_submap_scan), best)
+
+    def _may_correct(
+        self,
+        submap: Submap,
+        points: FloatArray,
+        prior: Pose,
+        information: FloatArray,
+        best: LeastSquaresMatch,
+        found: LeastSquaresMatch,
+    ) -> bool:
+        """Return whether a match near the prediction may replace the one at the odometry's word.
+
+        A scan of few points that leads to where little has been observed fits better wherever it
+        overlaps more of the map. So there only a small turn, a scan that fits as usual, or points
+        in observed cells may correct the odometry.
+        """
+        turn = found.tf_submap_scan.theta - prior.theta
+        return (
+            turn * turn * float(information[5]) <= 1.0
+            or self._share_of_seen(submap, points, best) >= self._window.ample_seen_share
+            or self._fits_as_usual(points, found)
+            or self._residual_of_seen(submap, points, found)
+            < self._residual_of_seen(submap, points, best)
+        )
 
     def _search_as_lost(
         self, submap: Submap, points: FloatArray, prediction: Prediction, best: LeastSquaresMatch
@@ -131,6 +153,11 @@ class ScanMatcher:
     def _fits_as_usual(self, points: FloatArray, match: LeastSquaresMatch) -> bool:
         limit = self._typical_residual * self._window.poor_residual_ratio
         return len(points) >= self._window.min_num_seen and match.residual <= limit
+
+    def _share_of_seen(self, submap: Submap, points: FloatArray, match: LeastSquaresMatch) -> float:
+        """Return the share of the points in observed cells."""
+        values = values_at(submap.grid, points, match.tf_submap_scan)
+        return np.count_nonzero(values > 0.0) / len(points)
 
     def _residual_of_seen(
         self, submap: Submap, points: FloatArray, match: LeastSquaresMatch
