@@ -122,6 +122,11 @@ class CorrelativeMatcherConfig(Section):
     lost_improvement: float = Field(
         0.85, gt=0, le=1, description="residual ratio by which a match elsewhere must be better"
     )
+    lost_prior_weight: float = Field(
+        0.5,
+        ge=0,
+        description="weight of the motion prior by odometry that such a match must outweigh",
+    )
     lost_linear_search_window: float = Field(
         0.3, ge=0, description="search window radius when lost [m]"
     )
@@ -262,6 +267,12 @@ class WallStepConfig(Section):
     )
     max_odometry_duration: float = Field(
         0.3, gt=0, description="or after this time, since wheels may not turn while it moves [s]"
+    )
+    max_standstill: float = Field(
+        3.0,
+        ge=0,
+        description="odometry that has not moved at all for less than this is left alone: it may "
+        "repeat a reading, and catch up [s]",
     )
     min_odometry_error: float = Field(
         0.06, ge=0, description="smaller errors of its step are left to the odometry [m]"

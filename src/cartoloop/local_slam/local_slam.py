@@ -242,9 +242,7 @@ class LocalSlam:
         if has_points and scanner.is_in_map:
             match = self._match(filtered, prediction, scanner.matcher)
             filtered, match = self._deskew_again(scan, time, filtered, match, scanner.matcher)
-            match, by_walls = self._along_walls(
-                time, filtered, match, scanner, by_odometry=prediction.by_odometry
-            )
+            match, by_walls = self._along_walls(time, filtered, match, scanner, prediction)
         pose = match.tf_local_tracking if match else prediction.tf_local_tracking
         if on_pose is not None:
             on_pose(pose)
@@ -337,8 +335,7 @@ class LocalSlam:
         filtered: FilteredScan,
         match: MatchedScan,
         scanner: _Scanner,
-        *,
-        by_odometry: bool,
+        prediction: Prediction,
     ) -> tuple[MatchedScan, bool]:
         """Return a match, repeated where the scan before shows another step along bare walls.
 
@@ -346,7 +343,11 @@ class LocalSlam:
         """
         with self._timer.measure("match"):
             pose = scanner.wall_step.better_pose(
-                time, match.tf_local_tracking, filtered.data.returns, by_odometry=by_odometry
+                time,
+                match.tf_local_tracking,
+                filtered.data.returns,
+                by_odometry=prediction.by_odometry,
+                stands=prediction.by_odometry and prediction.stands,
             )
         if pose is None:
             return match, False

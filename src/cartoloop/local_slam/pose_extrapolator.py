@@ -57,12 +57,14 @@ class Prediction(NamedTuple):
         yy, yt, tt).
     fallbacks : returns other poses to try if the prediction fails: at rest and at constant
         velocity. Valid until the pose of the scan is added.
+    stands : whether the odometry reports no motion at all.
     """
 
     tf_local_tracking: Pose
     by_odometry: bool
     information: FloatArray
     fallbacks: Callable[[], tuple[Pose, Pose]]
+    stands: bool = False
 
 
 def isotropic_information(translation_sigma: float, rotation_sigma: float) -> FloatArray:
@@ -231,7 +233,13 @@ class PoseExtrapolator:
         if step is None:
             return self.prediction_from(time, self._at_constant_velocity(time))
         pose = compose(self._tf_local_tracking, self._with_gyro_turn(step, self._time, time))
-        return Prediction(pose, True, self._odometry_information(), partial(self._fallbacks, time))
+        return Prediction(
+            pose,
+            True,
+            self._odometry_information(),
+            partial(self._fallbacks, time),
+            stands=step == IDENTITY,
+        )
 
     def prediction_from(self, time: float, tf_local_tracking: Pose) -> Prediction:
         """Return the motion prior around a pose that does not rely on odometry."""

@@ -13,7 +13,7 @@ from cartoloop.config import CorrelativeMatcherConfig, LocalSlamConfig, Predicti
 from cartoloop.local_slam.pose_extrapolator import Prediction, isotropic_information
 from cartoloop.scan_matching import correlative, least_squares
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
-from cartoloop.sensor.pose import Pose, compose, relative, transform_points
+from cartoloop.sensor.pose import Pose, compose, relative, transform_points, wrap_angle
 from cartoloop.submaps.probability_grid import ProbabilityGrid
 from cartoloop.submaps.submap import Submap
 
@@ -132,10 +132,11 @@ class ScanMatcher:
 
         Odometry may lead to where little has been observed yet. The points there fit badly, and
         would fit better wherever the scan overlaps more of the map, but they contradict nothing.
-        So against odometry only points in observed cells count, unless the scan fits as usual.
+        So against odometry only points in observed cells count, unless the scan fits as usual, and
+        the points must outweigh the motion prior.
         """
         ratio = self._window.lost_improvement
-        limit, limit_of_seen = best.residual * ratio, math.inf
+        limit, limit_of_seen, cost = best.residual * ratio, math.inf, best.cost
         if prediction.by_odometry:
             limit_of_seen = ratio * self._residual_of_seen(submap, points, best)
         for tf_local_fallback in prediction.fallbacks():
@@ -144,11 +145,32 @@ class ScanMatcher:
             found = self._refine(submap, points, start, start, self._lost_information)
             if found.residual < min(limit, best.residual) and (
                 not prediction.by_odometry
-                or self._fits_as_usual(points, found)
-                or self._residual_of_seen(submap, points, found) < limit_of_seen
+                or (
+                    self._cost_against(submap, points, prediction, found) < cost
+                    and (
+                        self._fits_as_usual(points, found)
+                        or self._residual_of_seen(submap, points, found) < limit_of_seen
+                    )
+                )
             ):
                 best = found
         return best
+
+    def _cost_against(
+        self, submap: Submap, points: FloatArray, prediction: Prediction, match: LeastSquaresMatch
+    ) -> float:
+        """Return the cost of a match far from the prediction: (CS) with its motion prior."""
+        prior = relative(submap.tf_local_submap, prediction.tf_local_tracking)
+        pose, information = match.tf_submap_scan, prediction.information
+        squares = (
+            float(information[0]) * ((pose.x - prior.x) ** 2 + (pose.y - prior.y) ** 2)
+            + float(information[5]) * wrap_angle(pose.theta - prior.theta) ** 2
+        )
+        scale = self._prediction.failure_scale**2
+        weight = self._least_squares.occupied_space_weight * len(points)
+        usual = match.residual / self._typical_residual
+        against = self._window.lost_prior_weight * scale * math.log1p(squares / scale)
+        return weight * usual * usual + against
 
     def _fits_as_usual(self, points: FloatArray, match: LeastSquaresMatch) -> bool:
         limit = self._typical_residual * self._window.poor_residual_ratio

@@ -63,6 +63,7 @@ class WallStep:
         self._last: _LastScan | None = None
         self._evidence, self._side = 0.0, np.zeros(2)
         self._is_due = True
+        self._moved_at = -math.inf
 
     def add(self, time: float, pose: Pose, tf_tracking_sensor: Pose, returns: FloatArray) -> None:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
@@ -72,7 +73,13 @@ class WallStep:
         self._last = _LastScan(time, pose, tf_tracking_sensor, outline)
 
     def better_pose(
-        self, time: float, pose: Pose, returns: FloatArray, *, by_odometry: bool = False
+        self,
+        time: float,
+        pose: Pose,
+        returns: FloatArray,
+        *,
+        by_odometry: bool = False,
+        stands: bool = False,
     ) -> Pose | None:
         """Return a pose further along the walls that fits the scan before much better, or None.
 
@@ -84,8 +91,11 @@ class WallStep:
         pose : as matched, local frame.
         returns : shape (n, 2), tracking frame [m].
         by_odometry : whether the match was predicted by odometry.
+        stands : whether the odometry has not moved since the last scan.
         """
         config, last = self._config, self._last
+        if not stands:
+            self._moved_at = time
         self._is_due = (
             last is None
             or not by_odometry
@@ -96,6 +106,7 @@ class WallStep:
             last is None
             or not self._is_due
             or not self._is_comparable(last, pose, returns, by_odometry)
+            or 0.0 < time - self._moved_at < config.max_standstill
         ):
             return None
         ratio, direction = _open_direction(last.outline)
