@@ -22,6 +22,7 @@ from cartoloop.config import CorrelativeMatcherConfig
 from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score, refine_all
+from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.quality.encounters import shifts_in
 from cartoloop.quality.pairs import agreement
@@ -36,6 +37,7 @@ from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (
     "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
+    "wall step",
     "finish", "precompute", "mean score", "agree", "displace", "branch and bound", "match again",
     "compose map",
 )  # fmt: skip
@@ -77,6 +79,7 @@ def workloads(only: Sequence[str] = KERNELS) -> Iterator[Workload]:
             driven = drive(name)
             yield from _scan_workloads(driven)
             yield from _match_workloads(driven)
+            yield _wall_step(driven)
             yield from _submap_workloads(driven)
     if set(only) & set(GRAPH_KERNELS):
         yield from graph_workloads()
@@ -172,6 +175,18 @@ def _match_workloads(driven: Drive) -> Iterator[Workload]:
         "correlative", ("correlative", "window_bounds"), {**case, "window": "±0.1 m, ±20°"},
         partial(correlative.match, submap.grid, points, start, wide, correlative.Scratch()),
         len(points), "points",
+    )  # fmt: skip
+
+
+def _wall_step(driven: Drive) -> Workload:
+    """Return the comparison of a scan with the one before along the walls."""
+    config = driven.config.local_slam.wall_step.model_copy(update={"max_ratio": 1.0})
+    data = RangeFilter(driven.config.sensor).apply(driven.scans[-1])
+    wall_step, moved = WallStep(config), Pose(0.2, 0.0, 0.0)
+    wall_step.add(0.0, Pose(0.0, 0.0, 0.0), data.tf_tracking_sensor, data.returns)
+    return Workload(
+        "wall step", ("outline_shift",), {"input": driven.name},
+        partial(wall_step.better_pose, 0.2, moved, data.returns), len(data.returns), "points",
     )  # fmt: skip
 
 

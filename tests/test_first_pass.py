@@ -45,11 +45,21 @@ def test_the_pass_ends_at_its_limit(late, monkeypatch):
 
     monkeypatch.setattr("cartoloop.first_pass.MAX_SHARE", 0.01)
     monkeypatch.setattr("cartoloop.first_pass.LEAST_SCANS", 0)
+    monkeypatch.setattr("cartoloop.first_pass.MOST_SCANS", 0)
     model = calibrate(late, Config(), StopRequest())
 
     num_scans = sum(isinstance(event, LaserScan) for event in mapped)
     assert model is None
     assert num_scans <= 0.01 * late.num_scans + 1
+
+
+def test_the_pass_goes_on_until_the_robot_has_turned(late, monkeypatch):
+    monkeypatch.setattr("cartoloop.first_pass.MAX_SHARE", 0.01)
+    monkeypatch.setattr("cartoloop.first_pass.LEAST_SCANS", 0)
+    model = calibrate(late, Config(), StopRequest())
+
+    assert model is not None
+    assert model.odometry.knows_rotation
 
 
 def test_odometry_that_is_not_used_is_not_learnt(late):

@@ -256,6 +256,9 @@ class WallStepConfig(Section):
     min_num_returns: int = Field(50, ge=2, description="scans with fewer are not compared")
     max_gap_deg: float = Field(3.0, gt=0, description="between neighbouring returns [deg]")
     position_sigma: float = Field(0.02, gt=0, description="of the step that was found [m]")
+    min_odometry_evidence: float = Field(
+        40.0, gt=0, description="with odometry: the same as min_evidence"
+    )
     min_odometry_step: float = Field(
         0.15, ge=0, description="with odometry: scans are compared over at least this distance [m]"
     )
@@ -278,7 +281,15 @@ class WallStepConfig(Section):
         0.06, ge=0, description="smaller errors of its step are left to the odometry [m]"
     )
     odometry_cost_ratio: float = Field(
-        3.0, ge=1, description="and its step must fit worse than another by this factor"
+        3.0,
+        ge=1,
+        description="and its step must fit worse than another by this factor, unless that fits "
+        "closely",
+    )
+    close_fit: float = Field(
+        0.25,
+        ge=0,
+        description="half of the chi square for each return up to which a step fits closely",
     )
 
 

@@ -59,13 +59,12 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
         for event in events:
             has_odometry = has_odometry or isinstance(event, Odometry)
             mapper.add(event)
-            if stop.made:
+            known = mapper.calibration
+            has_turned = known.odometry.knows_rotation
+            if stop.made or mapper.num_scans > (limit if has_turned else last):
                 break
             if mapper.num_scans <= FIRST_ESTIMATE:
                 continue
-            known = mapper.calibration
-            if mapper.num_scans > (limit if known.odometry.knows_rotation else last):
-                break
             uses_odometry = has_odometry and config.local_slam.use_odometry
             is_alone = len(known.scanner_offsets) < 2
             if (is_alone or any(known.scanner_offsets.values())) and (

@@ -146,3 +146,14 @@ def test_repeated_readings_do_no_harm():
     poses, _, _ = run(faulty(recording.events(), repeat))
 
     assert errors(poses, recording.true_poses)[0].max() < 0.15
+
+
+@pytest.mark.parametrize("is_calibrated", [True, False])
+def test_calibrated_odometry_may_differ_by_less(is_calibrated):
+    slipping = Pose(1.7 * STEP.x, 0.0, STEP.theta)
+    trust, pose = OdometryTrust(), Pose(1.0, 2.0, 0.7)
+    for k in range(30):
+        said = None if k == 0 else slipping
+        trust.add(k * PERIOD, pose, said, evidence(), lambda *_: False, is_calibrated)
+        pose = compose(pose, STEP)
+    assert trust.is_trusted != is_calibrated

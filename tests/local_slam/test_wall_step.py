@@ -34,13 +34,13 @@ def corridor_scan(x, rng, cupboards=(6.0, 7.5, 12.0, 14.0)):
     return np.column_stack((ranges * np.cos(BEARINGS), ranges * np.sin(BEARINGS)))[seen]
 
 
-def walk(wall_step, places, matched, cupboards, frame=IDENTITY):
+def walk(wall_step, places, matched, cupboards, frame=IDENTITY, **odometry):
     """Return the poses found at `places`, scans that a match holds at `matched`; in the frame."""
     rng, found = np.random.default_rng(0), []
     for k, (x, held) in enumerate(zip(places, matched, strict=True)):
         returns = corridor_scan(x, rng, cupboards)
         pose = compose(frame, Pose(held, 0.0, 0.0))
-        better = wall_step.better_pose(0.2 * k, pose, returns)
+        better = wall_step.better_pose(0.2 * k, pose, returns, **odometry)
         found.append(better)
         wall_step.add(0.2 * k, better or pose, IDENTITY, returns)
     return found
@@ -83,3 +83,55 @@ def test_few_returns_are_not_compared():
     few = corridor_scan(0.0, np.random.default_rng(0))[: CONFIG.min_num_returns - 1]
     wall_step.add(0.0, IDENTITY, IDENTITY, few)
     assert wall_step.better_pose(0.2, IDENTITY, few) is None
+
+
+CUPBOARDS = (6.0, 7.5, 12.0, 14.0)
+
+
+@pytest.mark.parametrize("said", [0.03, 0.42])
+def test_wheels_that_slip_are_contradicted(said):
+    rng, wall_step = np.random.default_rng(0), WallStep(CONFIG)
+    pose = IDENTITY
+    for k in range(8):
+        returns = corridor_scan(0.2 * k, rng, CUPBOARDS)
+        better = wall_step.better_pose(0.2 * k, pose, returns, by_odometry=True)
+        pose = better or pose
+        wall_step.add(0.2 * k, pose, IDENTITY, returns)
+        if k < 7:
+            pose = Pose(pose.x + said, 0.0, 0.0)
+    assert pose.x == pytest.approx(1.4, abs=0.1)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.01])
+def test_small_errors_are_left_to_odometry(error):
+    places = 0.2 * np.arange(10)
+    wall_step = WallStep(CONFIG)
+    found = walk(wall_step, places, places * (1.0 + error), CUPBOARDS, by_odometry=True)
+    assert found == [None] * 10
+
+
+def test_scans_far_apart_do_not_contradict_odometry():
+    far = CONFIG.max_odometry_step + 0.1
+    places = (far + 0.2) * np.arange(5)
+    wall_step = WallStep(CONFIG)
+    found = walk(wall_step, places, far * np.arange(5), CUPBOARDS, by_odometry=True)
+    assert found == [None] * 5
+
+
+def test_clutter_that_fits_nowhere_contradicts_nothing():
+    rng, wall_step = np.random.default_rng(0), WallStep(CONFIG)
+    for k in range(8):
+        returns = corridor_scan(0.2 * k, rng, CUPBOARDS)
+        returns += rng.normal(0.0, 0.08, returns.shape)
+        pose = Pose(0.05 * k, 0.0, 0.0)
+        assert wall_step.better_pose(0.2 * k, pose, returns, by_odometry=True) is None
+        wall_step.add(0.2 * k, pose, IDENTITY, returns)
+
+
+def test_odometry_that_repeats_a_reading_is_given_time():
+    wall_step, places = WallStep(CONFIG), 0.2 * np.arange(30)
+    walk(wall_step, places[:1], places[:1], CUPBOARDS, by_odometry=True)
+    odometry = {"by_odometry": True, "stands": True}
+    found = walk(wall_step, places, np.zeros(30), CUPBOARDS, **odometry)
+    first = next(k for k, pose in enumerate(found) if pose is not None)
+    assert 0.2 * first == pytest.approx(CONFIG.max_standstill, abs=0.5)

@@ -99,7 +99,7 @@ class WallStep:
         self._is_due = (
             last is None
             or not by_odometry
-            or self._evidence >= config.min_evidence
+            or self._evidence >= config.min_odometry_evidence
             or self._is_far(last, time, pose)
         )
         if (
@@ -133,14 +133,17 @@ class WallStep:
         # Clutter and jitter of the stamps make all steps fit badly, that of the odometry not most.
         if by_odometry and (
             apart < config.min_odometry_error
-            or costs[-1] < config.odometry_cost_ratio * costs[best]
+            or (
+                costs[best] > config.close_fit * len(returns)
+                and costs[-1] < config.odometry_cost_ratio * costs[best]
+            )
         ):
             self._evidence = 0.0
             return None
         if apart < _NEIGHBOUR * config.step:
             evidence = max(evidence - config.evidence_of_noise, 0.0)
         self._evidence += evidence
-        if self._evidence < config.min_evidence:
+        if self._evidence < (config.min_odometry_evidence if by_odometry else config.min_evidence):
             return None
         before, here, after = costs[best - 1 : best + 2].tolist()
         bend = before - 2.0 * here + after
