@@ -109,6 +109,8 @@ def map_recording(
         prepare_folder(folder.path)
     try:
         outcome = _mapped(log, loaded, observer, stop)
+        if not outcome.is_complete and outcome.failure is None and not len(outcome.result.stamps):
+            raise Interrupted("stopped before the first scan: nothing was saved")
         outcome = replace(outcome, result=_reported(outcome.result, log, start))
         observer.mapped(outcome.result, outcome.failure)
         saved = Saved(outcome, None, "")

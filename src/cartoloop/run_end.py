@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cartoloop.config_file import config_hash
-from cartoloop.map_output.output_folder import RunFolder
+from cartoloop.errors import OutputError
+from cartoloop.map_file.file_set import remove_file_set
+from cartoloop.map_output.output_folder import RunFolder, saved_map
 from cartoloop.runtime.process_memory import release_unused_memory
 from cartoloop.stop_request import StopRequest
 
@@ -82,22 +85,33 @@ def save_outcome(
     Raises
     ------
     OutputError
-        It cannot be written.
+        It cannot be written: the disk is full, or the folder is gone. If possible, the map was
+        saved in a temporary folder.
     """
     from cartoloop.map_output.save import save
 
+    def save_in(place: Path) -> Report:
+        saving(place)
+        complete = partial(timed, start=start)
+        return save(
+            result, place, layers=layers, origins=origins, complete_report=complete, stop=stop
+        )
+
     release_unused_memory()
     result = outcome.result
-    place = folder.place(finished=result.report.finished)
-    saving(place)
-    report = save(
-        result,
-        place,
-        layers=layers,
-        origins=origins,
-        complete_report=partial(timed, start=start),
-        stop=stop,
-    )
+    if not len(result.stamps) and saved_map(folder.path) is not None:
+        return Saved(outcome, None, "")  # nothing, where there is something
+    try:
+        place = folder.place(finished=result.report.finished)
+        report = save_in(place)
+    except OutputError as error:
+        other = Path(tempfile.mkdtemp(prefix="cartoloop-"))
+        try:
+            save_in(other)
+        except OutputError:
+            remove_file_set(other)
+            raise error from None
+        raise OutputError(f"{error}; the map was saved in {other} instead") from error
     return Saved(replace(outcome, result=replace(result, report=report)), place, folder.why(place))
 
 
