@@ -118,13 +118,8 @@ def map_live(
         except BaseException:
             mapper.close()
             raise
-        outcome = _finish(mapper, observer, stop, failure)
+        outcome = _reported(_finish(mapper, observer, stop, failure), folder, notices, start)
         files.close()
-        report = completed(
-            outcome.result, source.name, notices.skipped, fingerprint=folder.fingerprint
-        )
-        report = replace(report, finished=report.finished and report.nodes > 0)
-        outcome = replace(outcome, result=replace(outcome.result, report=timed(report, start)))
         observer.mapped(outcome.result, outcome.failure)
         saved = save_outcome(outcome, folder, layers, loaded.origins, observer.saving, start, stop)
         files.remove_superseded(saved)
@@ -221,6 +216,14 @@ def _finish(
         return finish(mapper, observer, stop)
     mapper.close()
     return Outcome(mapper.result(), failure, is_complete=False)
+
+
+def _reported(outcome: Outcome, folder: RunFolder, notices: Notices, start: float) -> Outcome:
+    """Return the outcome with a report that says all about the source and the run."""
+    result = outcome.result
+    report = completed(result, folder.name, notices.skipped, fingerprint=folder.fingerprint)
+    report = replace(report, finished=report.finished and report.nodes > 0)
+    return replace(outcome, result=replace(result, report=timed(report, start)))
 
 
 def _given_up(files: _Files | None) -> str:
