@@ -91,6 +91,11 @@ def config_toml(
     return "\n".join(lines) + "\n"
 
 
+def flat_keys(config: Config) -> list[str]:
+    """Return the keys of all parameters, like ``local_slam.submaps.resolution``."""
+    return list(_flatten(config.model_dump()))
+
+
 def config_hash(config: Config) -> str:
     """Return 16 hex digits that differ where parameters differ that matter to the result."""
     values = {

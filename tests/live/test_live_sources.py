@@ -159,8 +159,8 @@ def test_a_file_of_messages_is_followed_too(tmp_path):
 @pytest.mark.parametrize(
     ("text", "host", "reported"),
     [
-        ("tcp://0.0.0.0:7000", None, "allow it with --host 0.0.0.0"),
-        ("ws://robot.local:7000", None, "allow it with --host robot.local"),
+        ("tcp://0.0.0.0:7000", None, "allow it with --source-host 0.0.0.0"),
+        ("ws://robot.local:7000", None, "allow it with --source-host robot.local"),
         ("tcp://127.0.0.1", None, "names no port"),
         ("tcp://127.0.0.1:99999", None, "Port out of range"),
         ("http://127.0.0.1:80", None, "no such source; known are -, tcp://"),

@@ -19,7 +19,9 @@ class DemoOptions(ConfigOptions):
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map; is created.")
     ] = Path("cartoloop-demo")
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the office and of all noise.")] = 0
+    seed: Annotated[
+        int, typer.Option(metavar="N", min=0, help="Seed of the office and of all noise.")
+    ] = 0
 
 
 def demo_command(options: DemoOptions) -> None:

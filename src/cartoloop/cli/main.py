@@ -15,48 +15,106 @@ from typing import Annotated
 
 import typer
 
-from cartoloop.cli.commands import add_command
+from cartoloop.cli.commands import add_command, make_app
 from cartoloop.cli.config_command import config_app
 from cartoloop.cli.demo_command import DemoOptions, demo_command
 from cartoloop.cli.doctor_command import DoctorOptions, doctor_command
 from cartoloop.cli.evaluate_command import evaluate_app
 from cartoloop.cli.explain_command import ExplainOptions, explain_command
-from cartoloop.cli.live_command import LiveCommandOptions, live_command
+from cartoloop.cli.live_command import LiveCommand, LiveCommandOptions, live_command
 from cartoloop.cli.map_command import MapOptions, map_command
 from cartoloop.cli.quality_command import QualityOptions, quality_command
 from cartoloop.cli.simulate_command import SimulateOptions, simulate_command
-from cartoloop.cli.view_command import ViewCommandOptions, view_command
+from cartoloop.cli.view_command import ViewCommandOptions, ViewingCommand, view_command
 from cartoloop.errors import CartoloopError, ConfigError, Interrupted
 from cartoloop.version import __version__
 
-app = typer.Typer(
+MAKE, USE, RECORDINGS = "Make a map", "Use a map", "Recordings and parameters"
+"""Groups of commands in the help."""
+
+app = make_app(
+    "Laser scans in, floor plans out: 2D lidar SLAM with loop closure.",
     name="cartoloop",
-    help="Laser scans in, floor plans out: 2D lidar SLAM with loop closure.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
+    add_completion=True,
 )
-add_command(app, "demo", demo_command, DemoOptions, "cartoloop demo -o office")
-add_command(app, "map", map_command, MapOptions, "cartoloop map intel.clf.gz -o intel --view")
 add_command(
-    app, "live", live_command, LiveCommandOptions, "cartoloop live tcp://127.0.0.1:7000 -o room"
+    app,
+    "demo",
+    demo_command,
+    DemoOptions,
+    ["cartoloop demo", "cartoloop demo -o office --seed 3"],
+    group=MAKE,
 )
-add_command(app, "doctor", doctor_command, DoctorOptions, "cartoloop doctor robot.bag")
+add_command(
+    app,
+    "map",
+    map_command,
+    MapOptions,
+    [
+        "cartoloop map intel.clf.gz -o intel --view",
+        "cartoloop map robot.bag --scan-topic /scan --set local_slam.submaps.resolution=0.1",
+    ],
+    group=MAKE,
+    cls=ViewingCommand,
+)
+add_command(
+    app,
+    "live",
+    live_command,
+    LiveCommandOptions,
+    [
+        "cartoloop live tcp://127.0.0.1:7000 -o floor --view",
+        "cartoloop live tcp://0.0.0.0:7000 -o floor --source-host 0.0.0.0",
+    ],
+    group=MAKE,
+    cls=LiveCommand,
+)
+add_command(
+    app,
+    "view",
+    view_command,
+    ViewCommandOptions,
+    ["cartoloop view intel", "cartoloop view intel --view-host 0.0.0.0"],
+    group=USE,
+    cls=ViewingCommand,
+)
+add_command(
+    app,
+    "quality",
+    quality_command,
+    QualityOptions,
+    ["cartoloop quality intel", "cartoloop quality intel --strict"],
+    group=USE,
+)
+add_command(
+    app,
+    "explain",
+    explain_command,
+    ExplainOptions,
+    ["cartoloop explain intel --pair 3 1200", "cartoloop explain intel --near 4.5 -2"],
+    group=USE,
+)
+app.add_typer(evaluate_app, name="evaluate", rich_help_panel=USE)
+add_command(
+    app,
+    "doctor",
+    doctor_command,
+    DoctorOptions,
+    ["cartoloop doctor robot.bag", "cartoloop doctor *.log --json"],
+    group=RECORDINGS,
+)
 add_command(
     app,
     "simulate",
     simulate_command,
     SimulateOptions,
-    "cartoloop simulate office -o office.log.gz --truth office.tum",
+    [
+        "cartoloop simulate office -o office.log.gz --truth office.tum",
+        "cartoloop simulate museum -o walk.bag --tilt-deg 8 --distort",
+    ],
+    group=RECORDINGS,
 )
-add_command(app, "view", view_command, ViewCommandOptions, "cartoloop view intel")
-add_command(
-    app, "explain", explain_command, ExplainOptions, "cartoloop explain intel --pair 3 1200"
-)
-add_command(app, "quality", quality_command, QualityOptions, "cartoloop quality intel")
-app.add_typer(evaluate_app, name="evaluate")
-app.add_typer(config_app, name="config")
+app.add_typer(config_app, name="config", rich_help_panel=RECORDINGS)
 
 
 def _print_version(asked: bool) -> None:
@@ -86,7 +144,10 @@ def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
     """
     debug = "--debug" in arguments  # at any position
     try:
-        program(args=[argument for argument in arguments if argument != "--debug"])
+        program(
+            args=[argument for argument in arguments if argument != "--debug"],
+            prog_name=program.info.name,  # not __main__.py: completion is installed for this name
+        )
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except Interrupted as interruption:

@@ -184,8 +184,13 @@ def require_good(report: Report, strict: bool) -> None:
 def summary(report: Report, out: Path) -> str:
     """Return the summary of a run for the terminal."""
     constraints = report.constraints
-    closures = f"{constraints.loop_closure} final, {constraints.rejected} rejected"
-    closures += f"; {constraints.found} found in {constraints.searched} searched pairs"
+    closures = f"{constraints.loop_closure} in the map"
+    if constraints.rejected:
+        closures += f", {constraints.rejected} rejected because the others contradict them"
+    searches = (
+        f"{constraints.searched} pairs of a scan and a submap compared while mapping, "
+        f"{constraints.found} matched"
+    )
     skipped = ", ".join(f"{count} {reason}" for reason, count in sorted(report.skipped.items()))
     return "\n".join(
         (
@@ -194,6 +199,7 @@ def summary(report: Report, out: Path) -> str:
             f"time           {report.wall_s:.1f} s, {report.real_time_factor:.0f}x real time",
             f"graph          {report.nodes} nodes, {report.submaps} submaps",
             f"loop closures  {closures}",
+            f"searches       {searches}",
             f"skipped        {skipped or 'nothing'}",
             f"quality        {report.quality.summary()}",
             f"map            {out / 'map.png'}",

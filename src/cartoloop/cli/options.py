@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cartoloop.cli.completion import complete_echo, complete_key, complete_layers
+
 if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
     from cartoloop.map_output.picture import Layer
@@ -26,6 +28,7 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
+        autocompletion=complete_key,
         help="Set a parameter; may be repeated. 'config show' lists all.",
         rich_help_panel=CONFIGURATION,
     ),
@@ -42,6 +45,7 @@ ConfigOption = Annotated[
 ThreadsOption = Annotated[
     int | None,
     typer.Option(
+        metavar="N",
         min=1,
         help="Background threads for loop closure; the result does not depend on it.",
         rich_help_panel=CONFIGURATION,
@@ -127,6 +131,8 @@ class ReadingOptions:
         str,
         typer.Option(
             "--echo",
+            metavar="NAME",
+            autocompletion=complete_echo,
             help="Which echo of multi-echo scanners to use: first or strongest.",
             rich_help_panel=RECORDING,
         ),
@@ -162,16 +168,14 @@ StrictOption = Annotated[
 
 
 @dataclass(frozen=True, kw_only=True)
-class OutputOptions:
-    """Options for the output folder and the picture of the map."""
+class PictureOptions:
+    """Options for the picture of the map, and for what is made of the verdict."""
 
-    out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map; is created.")
-    ]
     draw: Annotated[
         str,
         typer.Option(
             metavar="LAYERS",
+            autocompletion=complete_layers,
             help="Drawn over map.png: trajectory, closures, quality (with commas), or none.",
         ),
     ] = "trajectory,quality"
@@ -195,6 +199,15 @@ class OutputOptions:
                 param_hint="--draw",
             )
         return tuple(layer for layer in LAYERS if layer in names)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputOptions(PictureOptions):
+    """Options for the output folder and the picture of the map."""
+
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map; is created.")
+    ]
 
 
 def parse_pose(text: str | None) -> Pose | None:
