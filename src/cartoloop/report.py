@@ -120,6 +120,7 @@ class Report:
     skipped : number of lines, scans or events that were skipped, by reason.
     quality : the verdict on the map, with places and figures; see docs/quality.md.
     version, config_hash : which program with which parameters made the result.
+    finished : whether the run came to its end, with the last pass: neither stopped nor failed.
     extra : further keys of the top level, such as ``findings``; values must be JSON.
     """
 
@@ -137,6 +138,7 @@ class Report:
     quality: Quality = field(default_factory=Quality)
     version: str = __version__
     config_hash: str = ""
+    finished: bool = False
     extra: dict[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> str:

@@ -190,14 +190,17 @@ def _unpacked(packed: bytes, size: int) -> bytes:
 
 
 def _report(saved: dict[str, Any]) -> Report:
+    quality = Quality.from_dict(saved["quality"]) if "quality" in saved else Quality()
     return Report(
         input=InputSummary(**saved["input"]),
         nodes=saved["nodes"],
         submaps=saved["submaps"],
         constraints=ConstraintSummary(**saved["constraints"]),
         skipped=saved["skipped"],
-        quality=Quality.from_dict(saved["quality"]) if "quality" in saved else Quality(),
+        quality=quality,
         version=saved["version"],
         config_hash=saved["config_hash"],
+        # Files of before have no such key; only finished maps were examined.
+        finished=bool(saved.get("finished", quality.verdict != "unknown")),
         extra=saved["extra"],
     )

@@ -71,6 +71,7 @@ def report_without_times(report: Report) -> dict[str, Any]:
         "quality": asdict(report.quality),
         "version": report.version,
         "config_hash": report.config_hash,
+        "finished": report.finished,
         "extra": report.extra,
     }
 
