@@ -18,9 +18,14 @@ def complete_layers(typed: str) -> list[str]:
     """Return the layers of a picture, after those that were typed."""
     from cartoloop.map_output.picture import LAYERS
 
-    before, comma, last = typed.rpartition(",")
-    others = set(LAYERS) - set(before.split(","))
-    return [before + comma + layer for layer in _beginning_with(last, sorted(others))]
+    return _next_of(typed, LAYERS)
+
+
+def complete_formats(typed: str) -> list[str]:
+    """Return the formats of ``export``, after those that were typed."""
+    from cartoloop.map_output.export import FORMATS
+
+    return _next_of(typed, FORMATS)
 
 
 def complete_echo(typed: str) -> list[str]:
@@ -47,6 +52,13 @@ def complete_odometry_fault(typed: str) -> list[str]:
     from cartoloop.simulation.odometry_faults import OdometryFault
 
     return _beginning_with(typed, (fault.value for fault in OdometryFault))
+
+
+def _next_of(typed: str, names: Iterable[str]) -> list[str]:
+    """Return lists with commas that go on with one more of the names."""
+    before, comma, last = typed.rpartition(",")
+    others = sorted(set(names) - set(before.split(",")))
+    return [before + comma + name for name in _beginning_with(last, others)]
 
 
 def _beginning_with(typed: str, names: Iterable[str]) -> list[str]:

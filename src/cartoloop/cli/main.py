@@ -21,6 +21,8 @@ from cartoloop.cli.demo_command import DemoOptions, demo_command
 from cartoloop.cli.doctor_command import DoctorOptions, doctor_command
 from cartoloop.cli.evaluate_command import evaluate_app
 from cartoloop.cli.explain_command import ExplainOptions, explain_command
+from cartoloop.cli.export_command import ExportOptions, export_command
+from cartoloop.cli.info_command import InfoOptions, info_command
 from cartoloop.cli.live_command import LiveCommand, LiveCommandOptions, live_command
 from cartoloop.cli.map_command import MapOptions, map_command
 from cartoloop.cli.quality_command import QualityOptions, quality_command
@@ -77,6 +79,25 @@ add_command(
     ["cartoloop view intel", "cartoloop view intel --view-host 0.0.0.0"],
     group=USE,
     cls=ViewingCommand,
+)
+add_command(
+    app,
+    "info",
+    info_command,
+    InfoOptions,
+    ["cartoloop info intel", "cartoloop info intel --json"],
+    group=USE,
+)
+add_command(
+    app,
+    "export",
+    export_command,
+    ExportOptions,
+    [
+        "cartoloop export intel -o intel-fine --resolution 0.02 --rotate auto",
+        "cartoloop export intel -o kitchen.png --crop -2,-5,4,1 --draw none",
+    ],
+    group=USE,
 )
 add_command(
     app,

@@ -168,8 +168,8 @@ StrictOption = Annotated[
 
 
 @dataclass(frozen=True, kw_only=True)
-class PictureOptions:
-    """Options for the picture of the map, and for what is made of the verdict."""
+class PictureLayers:
+    """Options for the picture of the map."""
 
     draw: Annotated[
         str,
@@ -179,7 +179,6 @@ class PictureOptions:
             help="Drawn over map.png: trajectory, closures, quality (with commas), or none.",
         ),
     ] = "trajectory,quality"
-    strict: StrictOption = False
 
     @property
     def layers(self) -> tuple[Layer, ...]:
@@ -199,6 +198,13 @@ class PictureOptions:
                 param_hint="--draw",
             )
         return tuple(layer for layer in LAYERS if layer in names)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureOptions(PictureLayers):
+    """Options for the picture of the map, and for what is made of the verdict."""
+
+    strict: StrictOption = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,6 +17,7 @@ from cartoloop.quality.verdict import Place, Severity
 
 Layer = Literal["trajectory", "closures", "quality"]
 Colour = tuple[int, int, int]
+Box = tuple[int, int, int, int]
 
 LAYERS: tuple[Layer, ...] = ("closures", "trajectory", "quality")
 """What can be drawn over the map, the lowest first."""
@@ -85,12 +86,17 @@ def draw_map(
 class MapPicture:
     """A picture that does not keep the map it was made of, which is as large.
 
+    Parameters
+    ----------
+    occupancy_map : what to show.
+    is_part : whether it is a part of a map: nothing is then drawn beyond it.
+
     Attributes
     ----------
     canvas : the picture, in RGB.
     """
 
-    def __init__(self, occupancy_map: OccupancyMap) -> None:
+    def __init__(self, occupancy_map: OccupancyMap, *, is_part: bool = False) -> None:
         rows, cols = occupancy_map.probability.shape
         self._frame = occupancy_map.frame
         self._zoom = zoom = _zoom(max(rows, cols))
@@ -100,6 +106,7 @@ class MapPicture:
         self.canvas = Image.new("RGB", canvas_size, BACKGROUND)
         left = (self.canvas.width - size[0]) // 2
         self._offset = np.array((left, _MARGIN), dtype=np.float64)
+        self._box = (left, _MARGIN, left + size[0], _MARGIN + size[1]) if is_part else None
         if enlarge == 1:
             _shade(occupancy_map.probability, shrink, self.canvas, (left, _MARGIN))
         else:
@@ -122,11 +129,11 @@ class MapPicture:
         if closures is not None:
             ends = np.hstack((self._to_canvas(closures[:, :2]), self._to_canvas(closures[:, 2:])))
             lines = ends.reshape(-1, 2, 2)
-            _draw_lines(self.canvas, lines, CLOSURE_COLOUR, width=1, opacity=0.35)
+            self._draw_lines(lines, CLOSURE_COLOUR, width=1, opacity=0.35)
             legend.append((f"{len(closures)} loop closures", CLOSURE_COLOUR))
         if trajectory is not None:
             path = self._to_canvas(trajectory[:, :2])[np.newaxis]
-            _draw_lines(self.canvas, path, TRAJECTORY_COLOUR, width=2, opacity=0.75)
+            self._draw_lines(path, TRAJECTORY_COLOUR, width=2, opacity=0.75)
             legend.append(("trajectory", TRAJECTORY_COLOUR))
         for severity, colour in PLACE_COLOURS.items():
             count = sum(place.severity == severity for place in places)
@@ -144,9 +151,13 @@ class MapPicture:
             angles = np.linspace(0.0, math.tau, 73)
             ring = np.column_stack((np.cos(angles), np.sin(angles))) * place.radius
             ring_px = self._to_canvas(ring + np.array((place.x, place.y)))
-            _draw_lines(self.canvas, ring_px[np.newaxis], colour, width=4, opacity=0.9)
+            self._draw_lines(ring_px[np.newaxis], colour, width=4, opacity=0.9)
             x, y = ring_px[9].tolist()  # at the upper right
-            ImageDraw.Draw(self.canvas).text((x + 6, y), str(number), fill=colour, font=font)
+            if self._box is None or _is_inside(self._box, x, y):
+                ImageDraw.Draw(self.canvas).text((x + 6, y), str(number), fill=colour, font=font)
+
+    def _draw_lines(self, lines: FloatArray, colour: Colour, *, width: int, opacity: float) -> None:
+        _draw_lines(self.canvas, lines, colour, width=width, opacity=opacity, box=self._box)
 
     def _to_canvas(self, points_map: FloatArray) -> FloatArray:
         return self._frame.to_pixels(points_map) * self._zoom + self._offset
@@ -193,15 +204,30 @@ def _zoom(longest_edge: int) -> float:
 
 
 def _draw_lines(
-    canvas: Image.Image, lines: FloatArray, colour: Colour, *, width: int, opacity: float
+    canvas: Image.Image,
+    lines: FloatArray,
+    colour: Colour,
+    *,
+    width: int,
+    opacity: float,
+    box: Box | None = None,
 ) -> None:
-    """Draw polylines, shape (num_lines, num_points, 2) [px], smoothly over the canvas."""
+    """Draw polylines, shape (num_lines, num_points, 2) [px], smoothly over the canvas or a box."""
     mask = Image.new("L", (canvas.width * _SMOOTHING, canvas.height * _SMOOTHING))
     draw = ImageDraw.Draw(mask)
     for line in np.round(lines * _SMOOTHING, 2).tolist():
         points = [(x, y) for x, y in line]
         draw.line(points, fill=round(255 * opacity), width=width * _SMOOTHING, joint="curve")
-    canvas.paste(colour, mask=mask.reduce(_SMOOTHING))
+    mask = mask.reduce(_SMOOTHING)
+    if box is not None:
+        inside = Image.new("L", mask.size)
+        inside.paste(mask.crop(box), box)
+        mask = inside
+    canvas.paste(colour, mask=mask)
+
+
+def _is_inside(box: Box, x: float, y: float) -> bool:
+    return box[0] <= x <= box[2] and box[1] <= y <= box[3]
 
 
 def _draw_footer(

@@ -66,7 +66,7 @@ def save(
     write_file(folder / "map.yaml", yaml_text(occupancy_map, options, "map.pgm"))
     picture = MapPicture(occupancy_map)
     del occupancy_map  # free the largest array before the others are made
-    write_file(folder / "map.png", _png_bytes(result, picture, layers))
+    write_file(folder / "map.png", png_bytes(result, picture, layers))
     del picture
     write_file(folder / "trajectory.tum", tum_text(result.stamps, result.trajectory))
     write_file(folder / "local_trajectory.tum", tum_text(result.stamps, result.local_trajectory))
@@ -119,7 +119,8 @@ def write_file(path: Path, content: str | bytes) -> None:
         unfinished.write_bytes(data)
 
 
-def _png_bytes(result: MapData, picture: MapPicture, layers: Collection[Layer]) -> bytes:
+def png_bytes(result: MapData, picture: MapPicture, layers: Collection[Layer]) -> bytes:
+    """Return the picture of a map as a PNG file, with layers drawn over it."""
     picture.draw(
         trajectory=result.trajectory if "trajectory" in layers else None,
         closures=_closure_ends(result.graph) if "closures" in layers else None,
