@@ -4,6 +4,7 @@
 CartoloopError
 ├── InputError          the recording (or a file given) cannot be used: what, where, what to do
 ├── ConfigError         an unknown or impossible parameter
+├── UsageError          the Python interface was called as it cannot be: arguments, or their order
 ├── OutputError         the result cannot be written
 ├── ServeError          the viewer cannot be served
 └── Interrupted         the user stopped the run; what was mapped is kept
@@ -24,6 +25,10 @@ class InputError(CartoloopError):
 
 class ConfigError(CartoloopError):
     """A parameter is unknown, or its value impossible."""
+
+
+class UsageError(CartoloopError):
+    """The Python interface was called with impossible arguments, or too late."""
 
 
 class OutputError(CartoloopError):

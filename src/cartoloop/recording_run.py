@@ -16,9 +16,10 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cartoloop.arguments import as_path, require_type, shown
 from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig, config_hash
-from cartoloop.errors import InputError, Interrupted
+from cartoloop.errors import InputError, Interrupted, UsageError
 from cartoloop.runtime.process_memory import release_unused_memory
 from cartoloop.stop_request import StopRequest
 
@@ -101,10 +102,12 @@ def map_recording(
     Interrupted
         The run was stopped; what was mapped until then is saved.
     """
-    from cartoloop.map_output.picture import DEFAULT_LAYERS
+    from cartoloop.map_output.picture import DEFAULT_LAYERS, known_layers
     from cartoloop.map_output.save import prepare_folder, save, save_report
 
     loaded = _loaded(config)
+    layers = None if layers is None else known_layers(layers)
+    out = None if out is None else as_path(out, "map_recording: out")
     observer, stop = observer or RunObserver(), stop or StopRequest()
     log = _opened(recording, options)
     start = time.perf_counter()
@@ -232,7 +235,11 @@ def timed(report: Report, start: float) -> Report:
 
 
 def _loaded(config: Config | LoadedConfig | None) -> LoadedConfig:
-    return config if isinstance(config, LoadedConfig) else LoadedConfig(config or Config(), {})
+    if isinstance(config, LoadedConfig):
+        return config
+    if config is not None:
+        require_type(config, Config, "map_recording: config", "a cartoloop.Config")
+    return LoadedConfig(config or Config(), {})
 
 
 def _opened(
@@ -244,7 +251,14 @@ def _opened(
     if isinstance(recording, str | PathLike):
         return open_logs([Path(recording)], options)
     if isinstance(recording, Sequence):
-        return open_logs([Path(part) for part in recording], options)
+        if not recording:
+            raise UsageError("map_recording: recording is an empty list: give at least one path")
+        return open_logs(recording, options)
+    if not hasattr(recording, "num_scans"):
+        raise UsageError(
+            f"map_recording: recording is {shown(recording)}: give a path, a list of paths, or "
+            "what cartoloop.open_log returns"
+        )
     return recording
 
 

@@ -98,7 +98,7 @@ def _sensors(report: Report) -> list[str]:
     for sensor in report.extra.get("sensors", []):
         name = f"{sensor['name']}: " if sensor["name"] else ""
         end = sensor["range_max_m"]
-        ranges = "" if end is None else f", up to {end:g} m"
+        ranges = "" if end is None else f", up to {end:.4g} m"
         if sensor["beams"] is None:
             words.append(f"{name}point clouds{ranges}")
         else:

@@ -236,6 +236,11 @@ def parse_pose(text: str | None) -> Pose | None:
         raise typer.BadParameter(
             f"'{text}' is not X,Y,YAW, like 0.2,0,3.14 (m, rad)", param_hint="--laser-pose"
         )
+    if abs(values[2]) > math.tau:
+        raise typer.BadParameter(
+            f"a yaw of {values[2]:g} rad is more than a turn: give radians, like 3.14, not degrees",
+            param_hint="--laser-pose",
+        )
     return Pose(*values)
 
 

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 
 from cartoloop.arrays import FloatArray
+from cartoloop.errors import UsageError
 from cartoloop.sensor.events import (
     CloudGeometry,
     Imu,
@@ -79,7 +80,10 @@ def parse_message(line: bytes | str) -> LiveMessage:
         raise MessageError(
             "unknown type", f'has "type" {kind!r}; known are {", ".join(sorted(_PARSERS))}'
         )
-    return parse(content)
+    try:
+        return parse(content)
+    except UsageError as error:
+        raise MessageError("angles not in radians", str(error)) from None
 
 
 def _scan(content: Mapping[str, Any]) -> LaserScan:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arguments import as_path
 from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.errors import InputError
@@ -47,7 +48,8 @@ def read_map(path: str | PathLike[str]) -> MapData:
     InputError
         It is not there, is no map database, is damaged, or was written by a newer program.
     """
-    file = Path(path) / FILE_NAME if Path(path).is_dir() else Path(path)
+    path = as_path(path, "map")
+    file = path / FILE_NAME if path.is_dir() else path
     with _opened(file) as database, _damage_reported(file):
         about: dict[str, str] = dict(_rows(database, "about"))
         graph, closures = _graph(database)

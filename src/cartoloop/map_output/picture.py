@@ -4,14 +4,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from cartoloop.arguments import shown
 from cartoloop.arrays import ByteArray, FloatArray
+from cartoloop.errors import UsageError
 from cartoloop.map_output.occupancy_map import OccupancyMap
 from cartoloop.quality.verdict import Place, Severity
 
@@ -58,6 +60,21 @@ _STRIP_ROWS = 64
 
 _SMOOTHING = 2
 """Lines are drawn this much larger and reduced, against stairs."""
+
+
+def known_layers(layers: Collection[str]) -> tuple[Layer, ...]:
+    """Return layers in the order to draw them.
+
+    Raises
+    ------
+    UsageError
+        One of them is unknown, or they are no list.
+    """
+    if isinstance(layers, str) or not isinstance(layers, Collection):
+        raise UsageError(f"layers is {shown(layers)}: give a list, like ['trajectory']")
+    if unknown := [layer for layer in layers if layer not in LAYERS]:
+        raise UsageError(f"no layer {shown(unknown[0])}: choose from {', '.join(LAYERS)}")
+    return tuple(layer for layer in LAYERS if layer in layers)
 
 
 def draw_map(

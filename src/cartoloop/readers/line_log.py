@@ -25,7 +25,7 @@ from cartoloop.readers.line_times import line_times, note_damage, note_times
 from cartoloop.readers.log import EventGenerator, LogBase, ProblemLog
 from cartoloop.readers.scan_sample import ScanSample
 from cartoloop.readers.text_file import TextFile
-from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry
+from cartoloop.sensor.events import MAX_ANGLE, LaserScan, Odometry, ScanGeometry
 from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.sensor_profile import SensorProfile, profile_sensor
 from cartoloop.sensor.time_repair import TimeReport
@@ -148,7 +148,9 @@ class LineLog(LogBase):
                 if reading is None:
                     continue
                 if kind == _SILENT:
-                    _check(reading)  # the other lines passed it while they were indexed
+                    _check(
+                        reading, self._geometry
+                    )  # the other lines passed it while they were indexed
             except LineError as error:
                 place = f"{self.name}:{number + 1}: {error.detail}"
                 problems.skip(error.reason, place if error.detail else "")
@@ -212,7 +214,7 @@ class LineLog(LogBase):
             try:
                 reading = parse(line)
                 if reading is not None:
-                    _check(reading)
+                    _check(reading, self._geometry)
                     kind, stamp = self._index_reading(number, reading), reading.stamp
                     if reading.tf_odom_tracking is not None and _is_finite(
                         reading.tf_odom_tracking
@@ -276,6 +278,8 @@ class LineLog(LogBase):
         mounting = first.tf_tracking_sensor
         if self._format.mounting is not None:
             mounting = self._format.mounting(scanner, self._settings)
+            if isfinite(mounting.theta):  # a setting may be any number
+                mounting = mounting._replace(theta=wrap_angle(mounting.theta))
         readings = (reading for _, reading in self._samples[scanner].scans)
         stated = [r.tf_tracking_sensor for r in readings if r.tf_tracking_sensor is not None]
         if not stated:
@@ -343,10 +347,17 @@ def _is_finite(pose: Pose | None) -> bool:
     return pose is None or isfinite(sum(pose)) or all(map(isfinite, pose))
 
 
-def _check(reading: Reading) -> None:
-    """Raise `LineError` if a reading cannot be used."""
+def _check(reading: Reading, default: ScanGeometry | None) -> None:
+    """Raise `LineError` if a reading cannot be used; `default`: geometry of scans without one."""
     ranges = reading.ranges
     if ranges is None and not _is_finite(reading.tf_odom_tracking):
         raise LineError("pose not finite", "a number of the pose is NaN or infinite")
     if ranges is not None and len(ranges) == 0:
         raise LineError("scan without ranges", "the scan has no ranges")
+    geometry = reading.geometry or default
+    if ranges is None or geometry is None:
+        return
+    step = geometry.angle_increment
+    if abs(step) * (len(ranges) - 1) > MAX_ANGLE:
+        detail = f"{len(ranges)} beams, {step:g} rad apart, sweep over more than two turns"
+        raise LineError("more beams than a sweep has", detail)
