@@ -49,7 +49,7 @@ def as_number(value: object, what: str) -> float:
 
 
 def as_numbers(value: object, what: str, count: int) -> tuple[float, ...]:
-    """Return so many numbers of a tuple, a list or an array.
+    """Return `count` numbers of a tuple, a list or an array.
 
     Raises
     ------

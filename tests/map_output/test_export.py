@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from cartoloop.errors import ConfigError
+from cartoloop.map_output.colours import LIGHT
 from cartoloop.map_output.export import (
     Drawing,
     angle_to_axes,
@@ -19,7 +20,6 @@ from cartoloop.map_output.export import (
     turned,
 )
 from cartoloop.map_output.map_facts import Extent
-from cartoloop.map_output.picture import BACKGROUND
 from cartoloop.quality.verdict import Kind, Place, Quality, Severity
 from cartoloop.report import Report
 from cartoloop.result import load_map
@@ -121,8 +121,8 @@ def test_nothing_is_drawn_beyond_a_part(tmp_path):
 
     with Image.open(tmp_path / "part.png") as picture:
         pixels = np.asarray(picture.convert("RGB"))
-    beside = pixels[60 : pixels.shape[0] - 80, :40]
-    assert (beside == BACKGROUND).all()
+    beside = pixels[140 : pixels.shape[0] - 80, :40]
+    assert (beside == LIGHT.ground).all()
 
 
 def test_a_turned_map_is_turned_with_all_its_poses():

@@ -80,6 +80,8 @@ def test_facts_are_those_of_the_run():
         "resolution": "5 cm",
         "verdict": "good",
     }
+    assert facts.caption()[0] == "a.log"
+    assert all(part.isascii() for part in facts.caption())  # the font of pictures has no more
 
 
 def test_a_stopped_run_is_not_called_finished():

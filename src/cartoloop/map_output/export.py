@@ -22,7 +22,7 @@ from cartoloop.errors import ConfigError
 from cartoloop.map_data import MapData
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
-from cartoloop.map_output.map_facts import Extent
+from cartoloop.map_output.map_facts import Extent, map_facts
 from cartoloop.map_output.map_files import pgm_bytes, yaml_text
 from cartoloop.map_output.occupancy_map import UNKNOWN, CellBox, OccupancyMap, compose_map
 from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer, MapPicture
@@ -216,7 +216,8 @@ def _files(
             yield f"{name}.pgm", pgm_bytes(occupancy_map, options)
             yield f"{name}.yaml", yaml_text(occupancy_map, options, f"{name}.pgm")
         if "png" in formats:
-            picture = MapPicture(occupancy_map, is_part=drawing.crop is not None)
+            caption = _caption(result, occupancy_map, drawing.crop)
+            picture = MapPicture(occupancy_map, caption, is_part=drawing.crop is not None)
             yield f"{name}.png", png_bytes(result, picture, drawing.layers)
     if "tum" in formats:
         yield f"{stem or 'trajectory'}.tum", tum_text(result.stamps, result.trajectory)
@@ -227,6 +228,17 @@ def _files(
     if "csv" in formats:
         yield "nodes.csv", nodes_csv(result)
         yield "closures.csv", closures_csv(result)
+
+
+def _caption(result: MapData, occupancy_map: OccupancyMap, crop: Extent | None) -> list[str]:
+    facts = map_facts(result, occupancy_map)
+    if crop is None:
+        return facts.caption()
+    part = (
+        f"x {crop.left:g} to {crop.right:g} m, y {crop.bottom:g} to {crop.top:g} m",
+        f"resolution {100.0 * occupancy_map.resolution:g} cm",
+    )
+    return [facts.name, *part] if facts.name else [*part]
 
 
 def _box(crop: Extent, resolution: float, per_cell: int) -> CellBox:

@@ -92,10 +92,15 @@ class MapFacts:
             ("verdict", verdict),
         ]
 
+    def caption(self) -> list[str]:
+        """Return the name and the facts in parts for the head of a picture, whose font is small."""
+        parts = [self.name, *map(" ".join, self.described())]
+        return [part.replace("×", "x").replace("m²", "sq m") for part in parts if part]
+
 
 def _rounded(value: float) -> str:
     """Return a number as exact as is of use to people."""
-    return f"{value:.{0 if value >= 100.0 else 1}f}"
+    return f"{value:,.{0 if value >= 100.0 else 1}f}"
 
 
 def map_facts(result: MapData, occupancy_map: OccupancyMap | None = None) -> MapFacts:

@@ -20,6 +20,7 @@ from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.map_file import schema as map_file
 from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
+from cartoloop.map_output.map_facts import map_facts
 from cartoloop.map_output.map_files import pgm_bytes, yaml_text
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer, MapPicture
@@ -64,7 +65,7 @@ def save(
     options = result.config.map_output
     write_file(folder / "map.pgm", pgm_bytes(occupancy_map, options))
     write_file(folder / "map.yaml", yaml_text(occupancy_map, options, "map.pgm"))
-    picture = MapPicture(occupancy_map)
+    picture = MapPicture(occupancy_map, map_facts(result, occupancy_map).caption())
     del occupancy_map  # free the largest array before the others are made
     write_file(folder / "map.png", png_bytes(result, picture, layers))
     del picture
