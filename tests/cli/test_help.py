@@ -8,6 +8,7 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import typer
@@ -16,6 +17,7 @@ from cartoloop.cli import completion
 from cartoloop.cli.main import app, run
 from cartoloop.simulation import LIDARS, WORLDS
 
+FOLDER = Path(__file__).parents[2]
 ROOT = typer.main.get_command(app)
 
 
@@ -34,6 +36,17 @@ EXAMPLES = [
     for line in (command.epilog or "").splitlines()
     if line.startswith("  cartoloop ")
 ]
+
+
+def documented():
+    """Yield the command lines in the blocks of code of the documents."""
+    for path in (FOLDER / "README.md", *sorted((FOLDER / "docs").glob("*.md"))):
+        for block in re.findall(r"^```\n(.*?)^```", path.read_text(), re.MULTILINE | re.DOTALL):
+            for line in re.findall(r"^cartoloop .*(?:\\\n.*)*", block, re.MULTILINE):
+                yield line.replace("\\\n", " ").partition(" #")[0]
+
+
+DOCUMENTED = sorted(set(documented()))
 
 
 def parse(command, args):
@@ -65,6 +78,18 @@ def test_every_example_is_understood(path, example, capsys):
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.parametrize("line", DOCUMENTED)
+def test_commands_in_documents_are_understood(line, capsys):
+    assert parse(ROOT, shlex.split(line)[1:]).command in COMMANDS.values()
+    assert capsys.readouterr().err == ""
+
+
+def test_documents_show_the_commands():
+    shown = {line.split()[1] for line in DOCUMENTED}
+
+    assert shown >= {"map", "live", "view", "info", "export", "simulate"}
+
+
 @pytest.mark.parametrize("group", [[], ["evaluate"], ["config"]])
 def test_help_of_groups_is_not_cut(group, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
@@ -90,6 +115,20 @@ def test_help_lists_commands_and_options_in_groups(capsys):
     ]
     titles = ["Arguments", "Options", "Messages", "Recording", "View", "Configuration"]
     assert re.findall(r"^(\w.*):$", of_live, re.MULTILINE) == titles
+
+
+@pytest.mark.parametrize("path", [[], ["map"], ["evaluate"], ["evaluate", "lines"]])
+def test_help_has_a_short_name(path, capsys):
+    assert run([*path, "-h"]) == 0
+    assert "Usage: cartoloop" in capsys.readouterr().out
+
+
+def test_another_program_keeps_its_name(capsys):
+    program = typer.Typer(rich_markup_mode=None)
+    program.command()(lambda: None)
+
+    assert run(["--help"], program) == 0
+    assert "Usage: cartoloop" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -92,6 +92,7 @@ def make_app(
         add_completion=add_completion,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"]},
     )
 
 

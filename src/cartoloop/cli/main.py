@@ -164,10 +164,11 @@ def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
     130: interrupted.
     """
     debug = "--debug" in arguments  # at any position
+    name = program.info.name if isinstance(program.info.name, str) else None
     try:
         program(
             args=[argument for argument in arguments if argument != "--debug"],
-            prog_name=program.info.name,  # not __main__.py: completion is installed for this name
+            prog_name=name,  # not __main__.py: completion is installed for this name
         )
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
