@@ -60,7 +60,8 @@ def bench_paper(
     from bench.page_text import page_text
     from bench.paper import experiments
     from bench.paper.report import sections
-    from cartoloop.map_output.save import prepare_folder, write_file
+    from cartoloop.map_output.output_folder import prepare_folder
+    from cartoloop.map_output.save import write_file
 
     prepare_folder(out)
     before = _earlier(against, "paper")
@@ -310,6 +311,29 @@ def bench_verdict(
     _conclude(record, out, before, strict)
 
 
+@app.command("kills")
+def bench_kills(
+    out: OutOption = Path("bench-results"),
+    kills: Annotated[int, typer.Option(min=1, help="Number of runs that are killed.")] = 200,
+    saving: Annotated[int, typer.Option(min=0, help="Number of these while saving.")] = 60,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of moments and signals.")] = 0,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Kill runs at random moments, and count those that leave a map that is not whole.
+
+    With --strict it also fails if there is one.
+    """
+    from bench import kills as benchmark
+
+    before = _earlier(against, "kills")
+    record = benchmark.run(kills, saving, seed, lambda line: typer.echo(line, err=True))
+    _print_table(record)
+    _conclude(record, out, before, strict)
+    if strict and any(row.figures["faults"].value for row in record.rows):
+        raise typer.Exit(1)
+
+
 @app.command("page")
 def bench_page(
     records: Annotated[
@@ -358,7 +382,8 @@ def _print_table(record: Record) -> None:
 def _conclude(record: Record, out: Path, before: Record | None, strict: bool) -> None:
     """Write the record, report what changed, and fail if `strict` is set and a figure got worse."""
     from bench.comparison import changes_table, compare, gone
-    from cartoloop.map_output.save import prepare_folder, write_file
+    from cartoloop.map_output.output_folder import prepare_folder
+    from cartoloop.map_output.save import write_file
 
     path = prepare_folder(out) / f"{record.benchmark}.json"
     write_file(path, record.to_json())

@@ -59,7 +59,7 @@ def main(port: int | None = None, out: str = "example-room") -> None:
     if port is not None:
         send(port)
         return
-    command = ["live", "tcp://127.0.0.1:0", "--no-drop", "-o", out]
+    command = ["live", "tcp://127.0.0.1:0", "--no-drop", "--overwrite", "-o", out]
     with subprocess.Popen(
         [sys.executable, "-m", "cartoloop", *command], stderr=subprocess.PIPE, text=True
     ) as mapper:

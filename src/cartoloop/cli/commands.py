@@ -14,6 +14,8 @@ from typing import Any, ClassVar, TypeVar, get_type_hints
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from cartoloop.errors import Interrupted
+
 Options = TypeVar("Options")
 
 
@@ -120,7 +122,10 @@ def add_command(
     """
 
     def run(**values: Any) -> None:  # noqa: ANN401 - any option
-        command(options(**values))
+        try:
+            command(options(**values))
+        except KeyboardInterrupt as interrupt:
+            raise Interrupted("stopped") from interrupt
 
     hints = get_type_hints(options, include_extras=True)
     own = options.__annotations__  # those of base classes follow

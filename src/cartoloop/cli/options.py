@@ -167,6 +167,11 @@ StrictOption = Annotated[
 ]
 
 
+OverwriteOption = Annotated[
+    bool, typer.Option("--overwrite", help="Replace the map of another recording in the folder.")
+]
+
+
 @dataclass(frozen=True, kw_only=True)
 class PictureLayers:
     """Options for the picture of the map."""
@@ -202,9 +207,10 @@ class PictureLayers:
 
 @dataclass(frozen=True, kw_only=True)
 class PictureOptions(PictureLayers):
-    """Options for the picture of the map, and for what is made of the verdict."""
+    """Options for the picture of the map, the verdict on it, and the map that it replaces."""
 
     strict: StrictOption = False
+    overwrite: OverwriteOption = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -72,6 +72,7 @@ def report_without_times(report: Report) -> dict[str, Any]:
         "version": report.version,
         "config_hash": report.config_hash,
         "finished": report.finished,
+        "fingerprint": report.fingerprint,
         "extra": report.extra,
     }
 

@@ -199,8 +199,9 @@ class MapPicture:
         if self._box is None:
             return np.ones(points_px.shape[:-1], dtype=np.bool_)
         left, top, right, bottom = self._box
-        inside: BoolArray = (points_px >= (left, top)) & (points_px <= (right, bottom))
-        return inside.all(axis=-1)
+        x, y = points_px[..., 0], points_px[..., 1]
+        inside: BoolArray = (x >= left) & (x <= right) & (y >= top) & (y <= bottom)
+        return inside
 
     def _draw_lines(self, lines: FloatArray, colour: Colour, *, width: int, opacity: float) -> None:
         _draw_lines(self.canvas, lines, colour, width=width, opacity=opacity, box=self._box)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cartoloop.errors import InputError
+from cartoloop.readers.fingerprint import fingerprint
 from cartoloop.readers.log import EventGenerator, LogBase, ProblemLog, short_name
 from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros.choice import TopicChoice, choose_topics
@@ -59,6 +60,7 @@ class BagLog(LogBase):
         self._path = Path(path)
         self._options = options or ReadOptions()
         self.name = short_name(self._path) or str(self._path)
+        self.fingerprint = fingerprint(self._path)
         self._container, index = _best_index(open_containers(self._path), self._options)
         self._choice = choose_topics(index, self._options, str(self._path))
         self._damage = self._container.damage
@@ -96,8 +98,8 @@ class BagLog(LogBase):
     @property
     def duration(self) -> float:
         """Repaired time from the first to the last event [s]."""
-        first = min(float(times.times[0]) for times in self._times)
-        return max(float(times.times[-1]) for times in self._times) - first
+        ends = [(float(t.times[0]), float(t.times[-1])) for t in self._times if len(t.times)]
+        return max(last for _, last in ends) - min(first for first, _ in ends) if ends else 0.0
 
     def _events(self, problems: ProblemLog) -> EventGenerator:
         """Yield the events in the order of their times; bad messages are skipped and counted.
@@ -114,8 +116,8 @@ class BagLog(LogBase):
             try:
                 event = decoders[owner](raw, stamp, time)
             except DecodeError as error:
-                topic = self._streams[owner].topic
-                problems.skip(str(error), f"{self.name}: {topic}: stamp {stamp:.6f}: {error}")
+                place = f"{self.name}: {self._streams[owner].topic}: stamp {stamp:.6f}: {error}"
+                problems.skip(str(error), place, is_scan=is_scanner[owner])
                 continue
             num_scans += is_scanner[owner]
             yield event

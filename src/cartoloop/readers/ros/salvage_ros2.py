@@ -14,7 +14,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
-from cartoloop.readers.ros.container import Channel, one_line
+from cartoloop.readers.ros.container import Channel, message_bytes, one_line, recorded_time
 from cartoloop.readers.ros.salvage import (
     LARGEST_RECORD,
     CutError,
@@ -128,15 +128,15 @@ class DatabaseSalvage(SalvageContainer):
                 if keys is None:
                     rows = connection.execute("SELECT id, name, type FROM topics")
                     for key, topic, msgtype in rows:
-                        self._found[int(key)] = Channel(
-                            int(key), str(topic), str(msgtype), False, 0
-                        )
+                        if isinstance(key, int):
+                            self._found[key] = Channel(key, str(topic), str(msgtype), False, 0)
                 for key, time, data in connection.execute(
                     "SELECT topic_id, timestamp, data FROM messages"
                 ):
                     if key in self._found and (keys is None or key in keys):
-                        yield int(key), int(time), b"" if keys is None else bytes(data)
-        except (sqlite3.Error, TypeError, ValueError) as error:
+                        plain = b"" if keys is None else message_bytes(data)
+                        yield key, recorded_time(time), plain
+        except sqlite3.Error as error:
             self.damage = one_line(error)
 
     def _connect(self) -> sqlite3.Connection:
