@@ -110,9 +110,8 @@ def _sensors(report: Report) -> list[str]:
 def _files(out: Path) -> dict[str, int]:
     """Return the sizes of the files of a map [bytes], by name."""
     files = sorted(out.iterdir()) if out.is_dir() else [out]
-    return {
-        file.name: file.stat().st_size for file in files if file.is_file() and file.name[0] != "."
-    }
+    shown = [file for file in files if file.is_file() and not file.name.startswith(".")]
+    return {file.name: file.stat().st_size for file in shown}
 
 
 def _size(size: int) -> str:
