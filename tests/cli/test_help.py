@@ -153,12 +153,13 @@ def test_old_names_of_options_are_not_shown(capsys):
         assert not re.search(r" --(host|port)\b", capsys.readouterr().out)
 
 
-def complete(*words):
-    """Return what bash is offered for the last of these words."""
+def complete(*words, shell="bash"):
+    """Return what a shell is offered for the last of these words."""
     environment = {
-        "_CARTOLOOP_COMPLETE": "complete_bash",
+        "_CARTOLOOP_COMPLETE": f"complete_{shell}",
         "COMP_WORDS": " ".join(words),
         "COMP_CWORD": str(len(words) - 1),
+        "_TYPER_COMPLETE_ARGS": " ".join(words),
     }
     done = subprocess.run(
         [sys.executable, "-m", "cartoloop"],
@@ -167,12 +168,13 @@ def complete(*words):
         text=True,
         check=True,
     )
-    return done.stdout.split()
+    return done.stdout
 
 
 def test_a_shell_can_complete_commands_and_options():
-    assert complete("cartoloop", "ma") == ["map"]
-    assert complete("cartoloop", "live", "--view-") == ["--view-host", "--view-port"]
+    assert complete("cartoloop", "ma").split() == ["map"]
+    assert complete("cartoloop", "live", "--view-").split() == ["--view-host", "--view-port"]
+    assert "verdict, files." in complete("cartoloop", "inf", shell="zsh")  # not cut
 
 
 def test_a_shell_can_complete_values():

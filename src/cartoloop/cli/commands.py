@@ -19,6 +19,10 @@ from cartoloop.errors import Interrupted
 Options = TypeVar("Options")
 
 
+WHOLE = 1000
+"""Limit of the sentence that describes a command [characters]: it is never cut."""
+
+
 class GroupedCommand(TyperCommand):
     """A command whose help lists options under the `rich_help_panel` that they name.
 
@@ -28,6 +32,10 @@ class GroupedCommand(TyperCommand):
     """
 
     renamed: ClassVar[Mapping[str, str]] = {}
+
+    def get_short_help_str(self, limit: int = WHOLE) -> str:
+        """Return the first sentence of the help: for lists of commands, and for shells."""
+        return super().get_short_help_str(max(limit, WHOLE))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - types of click
         """Replace old names of options, then parse."""
@@ -62,6 +70,10 @@ class GroupedCommand(TyperCommand):
 class GroupedGroup(TyperGroup):
     """A group of commands whose help lists them under the `rich_help_panel` that they name."""
 
+    def get_short_help_str(self, limit: int = WHOLE) -> str:
+        """Return the first sentence of the help: for lists of commands, and for shells."""
+        return super().get_short_help_str(max(limit, WHOLE))
+
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - types of click
         """Write the first sentence of the help of each command, however long."""
         groups: dict[str, list[tuple[str, str]]] = {}
@@ -70,7 +82,7 @@ class GroupedGroup(TyperGroup):
             if command is not None and not command.hidden:
                 panel = getattr(command, "rich_help_panel", None)
                 group = panel if isinstance(panel, str) else "Commands"
-                sentence = command.get_short_help_str(limit=1000)
+                sentence = command.get_short_help_str(limit=WHOLE)
                 groups.setdefault(group, []).append((name, sentence))
         _write_groups(formatter, groups)
 
