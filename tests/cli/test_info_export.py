@@ -97,6 +97,21 @@ def test_export_draws_a_turned_part_with_other_cells(folder, tmp_path, capsys):
     assert b"\n20 15\n255\n" in (tmp_path / "part.pgm").read_bytes()[:60]
 
 
+def test_export_leaves_out_what_stray_rays_saw(folder, tmp_path, capsys):
+    assert run(["info", str(folder), "--json"]) == 0
+    extent = json.loads(capsys.readouterr().out)["extent"]
+
+    assert run(["export", str(folder), "-o", str(tmp_path / "a.pgm"), "--crop", "auto"]) == 0
+
+    left, bottom = (extent[side] - 0.5 for side in ("left", "bottom"))
+    lines = (tmp_path / "a.yaml").read_text().splitlines()
+    origin = next(line for line in lines if line.startswith("origin: "))
+    assert json.loads(origin[8:])[:2] == [
+        pytest.approx(left, abs=0.06),
+        pytest.approx(bottom, abs=0.06),
+    ]
+
+
 def test_export_says_by_how_much_it_turned_the_walls(folder, tmp_path, capsys):
     assert run(["export", str(folder), "-o", str(tmp_path / "a.png"), "--rotate", "auto"]) == 0
     assert capsys.readouterr().err == "turned by 0.0 deg\n"
@@ -105,7 +120,7 @@ def test_export_says_by_how_much_it_turned_the_walls(folder, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "status", "says"),
     [
-        (["--crop", "1,2,3"], 2, "'1,2,3' is not L,B,R,T"),
+        (["--crop", "1,2,3"], 2, "'1,2,3' is neither L,B,R,T"),
         (["--rotate", "left"], 2, "neither an angle in degrees nor auto"),
         (["--rotate", "nan"], 2, "cannot turn"),
         (["--format", "png,svg"], 2, "no format 'svg'"),

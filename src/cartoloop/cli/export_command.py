@@ -16,6 +16,9 @@ from cartoloop.cli.options import PictureLayers
 if TYPE_CHECKING:
     from cartoloop.map_output.map_facts import Extent
 
+AUTO = "auto"
+"""Value of options that find the best by themselves."""
+
 _FORMATS = "png,pgm,tum,g2o,csv"
 
 
@@ -58,8 +61,8 @@ class ExportOptions(PictureLayers):
         str | None,
         typer.Option(
             metavar="L,B,R,T",
-            help="Part of the map to draw: left, bottom, right, top [m], after --rotate. "
-            "Trajectories and graph stay whole.",
+            help="Part of the map to draw: left, bottom, right, top [m], after --rotate; auto: "
+            "without what only stray rays saw. Trajectories and graph stay whole.",
         ),
     ] = None
     rotate: Annotated[
@@ -78,16 +81,18 @@ def export_command(options: ExportOptions) -> None:
     Without options, the files are those that 'cartoloop map' wrote.
     """
     layers = options.layers
-    crop = _crop(options.crop)
+    crop = None if options.crop == AUTO else _crop(options.crop)
 
     from cartoloop.cli.mapping import compilation_notice
-    from cartoloop.map_output.export import Drawing, angle_to_axes, export_map
+    from cartoloop.map_output.export import Drawing, angle_to_axes, export_map, surveyed_part
     from cartoloop.result import load_map
 
     degrees = _degrees(options.rotate)
     result = load_map(options.source)
     with compilation_notice():
         turn = angle_to_axes(result) if degrees is None else math.radians(degrees)
+        if options.crop == AUTO:
+            crop = surveyed_part(result, turn)
         drawing = Drawing(options.resolution, crop, turn, layers)
         formats = [name.strip() for name in options.formats.split(",")]
         written = export_map(result, options.to, drawing, formats)
@@ -105,14 +110,14 @@ def _crop(text: str | None) -> Extent | None:
         left, bottom, right, top = map(float, text.split(","))
     except ValueError:
         raise typer.BadParameter(
-            f"'{text}' is not L,B,R,T, like -2,-5,20,8 (m)", param_hint="--crop"
+            f"'{text}' is neither L,B,R,T, like -2,-5,20,8 (m), nor auto", param_hint="--crop"
         ) from None
     return Extent(left, bottom, right, top)
 
 
 def _degrees(text: str) -> float | None:
     """Return the angle of --rotate, None for auto."""
-    if text == "auto":
+    if text == AUTO:
         return None
     try:
         return float(text)

@@ -94,7 +94,7 @@ add_command(
     export_command,
     ExportOptions,
     [
-        "cartoloop export intel -o intel-fine --resolution 0.02 --rotate auto",
+        "cartoloop export intel -o plan.png --resolution 0.02 --rotate auto --crop auto",
         "cartoloop export intel -o kitchen.png --crop -2,-5,4,1 --draw none",
     ],
     group=USE,

@@ -41,6 +41,9 @@ _FILE_FORMATS = {".png": "png", ".pgm": "pgm", ".yaml": "pgm", ".tum": "tum", ".
 _WALL = 0.5
 """Cells more probably occupied than this are walls."""
 
+_SURROUNDINGS_M = 0.5
+"""What is shown around the surveyed part [m]."""
+
 AnyMap = TypeVar("AnyMap", bound=MapData)
 
 
@@ -135,6 +138,19 @@ def turned(result: AnyMap, angle: float) -> AnyMap:
         local_trajectory=compose_all(turn, result.local_trajectory),
         report=replace(result.report, quality=quality),
     )
+
+
+def surveyed_part(result: MapData, turn: float = 0.0) -> Extent | None:
+    """Return the part of a map, turned by an angle [rad], without what only stray rays saw.
+
+    None where nothing was surveyed.
+    """
+    extent = map_facts(turned(result, turn)).extent
+    if extent is None:
+        return None
+    left, bottom = extent.left - _SURROUNDINGS_M, extent.bottom - _SURROUNDINGS_M
+    right, top = extent.right + _SURROUNDINGS_M, extent.top + _SURROUNDINGS_M
+    return Extent(*(round(side, 3) for side in (left, bottom, right, top)))
 
 
 def angle_to_axes(result: MapData) -> float:
