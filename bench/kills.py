@@ -258,5 +258,5 @@ def _rows(found: list[Left]) -> Iterator[Row]:
                 "new map": Figure.exact(states["new"], better=None),
                 "no map": Figure.exact(states["none"], better=None),
             }
-            faults = "; ".join(fault for left in some for fault in left.faults)
-            yield Row(case, figures, faults)
+            faults = [fault for left in some for fault in left.faults]
+            yield Row(case, figures, faults[0] if faults else "")

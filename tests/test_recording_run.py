@@ -128,6 +128,37 @@ def test_another_recording_is_refused_before_it_is_read(log, tmp_path):
         cartoloop.map_recording(tmp_path / "no.log", out=tmp_path / "out", overwrite=True)
 
 
+def test_a_run_stopped_before_its_first_scan_saves_nothing(log, tmp_path):
+    stop = StopRequest()
+    stop.made = True
+
+    with pytest.raises(Interrupted, match="stopped before the first scan: nothing was saved"):
+        cartoloop.map_recording(log, out=tmp_path / "out", stop=stop)
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+class Breaking(RunObserver):
+    """Makes the folder impossible to write while the recording is mapped."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+    def finishing(self, mapper, stage):
+        if stage is None:
+            self.folder.rmdir()
+            self.folder.write_text("now a file")
+
+
+def test_a_map_whose_folder_is_gone_is_saved_elsewhere(log, tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    out = tmp_path / "out"
+
+    with pytest.raises(OutputError, match=r"cannot write there.*; the map was saved in .* instead"):
+        cartoloop.map_recording(log, out=out, observer=Breaking(out))
+    (place,) = tmp_path.glob("cartoloop-*")
+    assert len(cartoloop.load(place).stamps) == NUM_SCANS
+
+
 def test_an_empty_map_is_an_error(tmp_path):
     ranges = " ".join(["81.91"] * 180)
     lines = [f"FLASER 180 {ranges} 0 0 0 0 0 0 {k}.0 robot {k}.0\n" for k in range(1, 20)]

@@ -12,7 +12,10 @@ import io
 import os
 import select
 import sys
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer  # of collections.abc from Python 3.12 on
 
 
 class _Forgetful(io.FileIO):
@@ -25,13 +28,13 @@ class _Forgetful(io.FileIO):
 
     failure: OSError | None = None
 
-    def write(self, data: bytes | bytearray | memoryview) -> int:  # type: ignore[override]
+    def write(self, data: Buffer, /) -> int:
         """Write, or forget the data."""
         try:
             return super().write(data)
         except OSError as error:
             self.failure = self.failure or error
-            return len(data)
+            return memoryview(data).nbytes
 
 
 def forget_lost_output() -> None:
