@@ -171,14 +171,19 @@ class RunClock:
 
     def timed(self, report: Report) -> Report:
         """Return the report with the time and memory that the run took so far."""
-        wall_s = time.perf_counter() - self._start
-        return replace(
-            report,
-            wall_s=wall_s,
-            cpu_s=time.process_time() - self._cpu_start,
-            peak_memory_mb=peak_memory_mb(),
-            real_time_factor=report.input.duration_s / wall_s,
-        )
+        wall_s, cpu_s = time.perf_counter() - self._start, time.process_time() - self._cpu_start
+        return with_times(report, wall_s, cpu_s)
+
+
+def with_times(report: Report, wall_s: float, cpu_s: float) -> Report:
+    """Return the report with the times that a run took [s], and the memory of the process."""
+    return replace(
+        report,
+        wall_s=wall_s,
+        cpu_s=cpu_s,
+        peak_memory_mb=peak_memory_mb(),
+        real_time_factor=report.input.duration_s / wall_s,
+    )
 
 
 def summarize_sensor(geometry: ScanGeometry | CloudGeometry) -> dict[str, Any]:
