@@ -37,6 +37,11 @@ class GrowingFile:
     def open(self) -> str:
         """Check that the file can be read."""
         try:
+            if self._path.exists() and not self._path.is_file():
+                raise InputError(
+                    f"{self._path}: is a folder, a pipe or a device and cannot be followed; of a "
+                    f"pipe, give its messages: cartoloop live - < {self._path}"
+                )
             with self._path.open("rb") as file:
                 if file.read(2) == b"\x1f\x8b":
                     raise InputError(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from cartoloop.readers.log import ProblemSeverity
+from cartoloop.readers.ros.unpacking import Budget, limit_library, spending
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -89,15 +90,25 @@ class LibraryContainer:
     Parameters
     ----------
     reader : of rosbags, not yet open; anything it raises means that the file is damaged.
+    num_bytes : size of the file or files.
     """
 
-    def __init__(self, reader: Any, kind: str, is_ros1: bool) -> None:  # noqa: ANN401 - untyped
+    def __init__(
+        self,
+        reader: Any,  # noqa: ANN401 - untyped
+        kind: str,
+        is_ros1: bool,
+        num_bytes: int,
+    ) -> None:
         self.kind = kind
         self.damage = ""
         self.notes: list[BagFinding] = []
         self.needs: object = None
         self._reader = reader
-        reader.open()
+        self._num_bytes = num_bytes
+        limit_library()
+        with spending(Budget(num_bytes)):
+            reader.open()
         weakref.finalize(self, reader.close)
         self._connections: list[Connection] = list(reader.connections)
         self.channels = [
@@ -113,9 +124,11 @@ class LibraryContainer:
         chosen = [self._connections[key] for key in sorted(keys)]
         key_of = {id(connection): key for key, connection in enumerate(self._connections)}
         stream = self._reader.messages(chosen)
+        budget = Budget(self._num_bytes)
         while True:
             try:
-                connection, time, data = next(stream)
+                with spending(budget):
+                    connection, time, data = next(stream)
             except StopIteration:
                 return
             except Exception as error:  # noqa: BLE001 - on damaged files it raises anything

@@ -22,6 +22,7 @@ from cartoloop.readers.ros.container import (
     LibraryContainer,
     one_line,
 )
+from cartoloop.readers.ros.unpacking import BudgetError, unpack_file
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -37,6 +38,8 @@ def is_recording(path: Path) -> bool:
     if path.is_dir() or path.name == "metadata.yaml":
         return True
     try:
+        if not path.is_file():
+            return False  # a pipe, whose first bytes must not be lost
         with path.open("rb") as file:
             head = file.read(16)
     except OSError:
@@ -72,7 +75,8 @@ def _open_folder(path: Path) -> Container:
         from rosbags.rosbag2 import Reader
 
         try:
-            return LibraryContainer(Reader(path), "ROS 2 recording", is_ros1=False)
+            size = sum(file.stat().st_size for file in inside if file.is_file())
+            return LibraryContainer(Reader(path), "ROS 2 recording", False, size)
         except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
             if not files:
                 raise InputError(
@@ -132,17 +136,18 @@ def _open_file(path: Path) -> Iterator[Container]:
 
 
 def _open_by_library(path: Path, magic: bytes) -> LibraryContainer:
+    size = path.stat().st_size
     if magic == BAG1_MAGIC:
         from rosbags.rosbag1 import Reader
 
-        return LibraryContainer(Reader(path), "ROS 1 bag", is_ros1=True)
+        return LibraryContainer(Reader(path), "ROS 1 bag", True, size)
     if magic == MCAP_MAGIC:
         from rosbags.rosbag2.storage_mcap import McapReader
 
-        return LibraryContainer(_Bare(McapReader(path)), "MCAP file", is_ros1=False)
+        return LibraryContainer(_Bare(McapReader(path)), "MCAP file", False, size)
     from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-    return LibraryContainer(_Bare(Sqlite3Reader(path)), "ROS 2 database", is_ros1=False)
+    return LibraryContainer(_Bare(Sqlite3Reader(path)), "ROS 2 database", False, size)
 
 
 def _notes(path: Path, refusal: str) -> list[BagFinding]:
@@ -185,13 +190,8 @@ def _open_compressed(path: Path) -> Iterator[Container]:
     unpacked = _Unpacked(path.stem)
     damage = ""
     try:
-        with (
-            path.open("rb") as packed,
-            zstd.open(packed, "rb") as plain,
-            unpacked.file.open("wb") as out,
-        ):
-            shutil.copyfileobj(plain, out)
-    except (OSError, EOFError, zstd.ZstdError) as error:
+        unpack_file(path, unpacked.file)
+    except (OSError, EOFError, zstd.ZstdError, BudgetError) as error:
         damage = one_line(error)
         if unpacked.file.stat().st_size == 0:
             raise InputError(

@@ -9,19 +9,16 @@ these three modules.
 
 from __future__ import annotations
 
-import bz2
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 from cartoloop.readers.ros.container import BagFinding, Channel
+from cartoloop.readers.ros.unpacking import KNOWN, Budget, spending, unpack_sound_part
 
 LARGEST_RECORD = 1 << 31
 """Longer records are nonsense [bytes]: lengths come from damaged data, memory is finite."""
-
-_PIECE = 1024
-"""Compressed data are unpacked in pieces of this size [bytes]: a fault costs one piece."""
 
 RecordedMessage = tuple[int, int, bytes]
 
@@ -56,6 +53,7 @@ class SalvageContainer(ABC):
         self.notes: list[BagFinding] = []
         self.needs: object = None
         self._found: dict[int, Channel] = {}
+        self._budget = Budget(path.stat().st_size)
         counts: dict[int, int] = {}
         for key, _, _ in self._records(None):
             counts[key] = counts.get(key, 0) + 1
@@ -64,6 +62,7 @@ class SalvageContainer(ABC):
 
     def messages(self, keys: Collection[int]) -> Iterator[RecordedMessage]:
         """Yield key, time of recording [ns] and bytes, in the order of recording. Never raises."""
+        self._budget = Budget(self.path.stat().st_size)
         yield from self._records(frozenset(keys))
 
     def _unpack(self, compression: str, packed: bytes) -> bytes:
@@ -76,35 +75,13 @@ class SalvageContainer(ABC):
         """
         if compression in ("", "none"):
             return packed
-        unpack: Callable[[bytes], bytes]
-        if compression == "bz2":
-            unpack = bz2.BZ2Decompressor().decompress
-        elif compression == "lz4":
-            from lz4.frame import LZ4FrameDecompressor
-
-            unpack = LZ4FrameDecompressor().decompress
-        elif compression == "zstd":
-            from cartoloop.readers.ros.zstd import zstd
-
-            unpack = zstd.ZstdDecompressor().decompress
-        else:
+        if compression not in KNOWN:
             raise CutError(f"a chunk has an unknown compression {compression!r}")
-        plain, damaged = _unpack_pieces(unpack, packed)
-        if damaged:
-            self.damage = "a chunk is damaged"
+        with spending(self._budget):
+            plain, damage = unpack_sound_part(compression, packed)
+        self.damage = damage or self.damage
         return plain
 
     @abstractmethod
     def _records(self, keys: frozenset[int] | None) -> Iterator[RecordedMessage]:
         """Yield the messages; without `keys` all, noting channels, and without their bytes."""
-
-
-def _unpack_pieces(unpack: Callable[[bytes], bytes], packed: bytes) -> tuple[bytes, bool]:
-    """Return the part of compressed data before any damage, and whether there is damage."""
-    plain = []
-    for start in range(0, len(packed), _PIECE):
-        try:
-            plain.append(unpack(packed[start : start + _PIECE]))
-        except Exception:  # noqa: BLE001 - each compression raises its own
-            return b"".join(plain), True
-    return b"".join(plain), False
