@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cartoloop.errors import InputError
+from cartoloop.foreign_database import open_database
 from cartoloop.readers.ros.container import (
     BagFinding,
     ChainedContainer,
@@ -75,6 +76,9 @@ def _open_folder(path: Path) -> Container:
         from rosbags.rosbag2 import Reader
 
         try:
+            for file in inside:
+                if _magic(file) == SQLITE_MAGIC:
+                    _require_plain_tables(file)
             size = sum(file.stat().st_size for file in inside if file.is_file())
             return LibraryContainer(Reader(path), "ROS 2 recording", False, size)
         except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
@@ -147,7 +151,15 @@ def _open_by_library(path: Path, magic: bytes) -> LibraryContainer:
         return LibraryContainer(_Bare(McapReader(path)), "MCAP file", False, size)
     from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
+    _require_plain_tables(path)
     return LibraryContainer(_Bare(Sqlite3Reader(path)), "ROS 2 database", False, size)
+
+
+def _require_plain_tables(path: Path) -> None:
+    """Raise `sqlite3.Error` if a database computes its messages, maybe without end."""
+    from cartoloop.readers.ros.salvage_ros2 import TABLES
+
+    open_database(path, TABLES).close()
 
 
 def _notes(path: Path, refusal: str) -> list[BagFinding]:

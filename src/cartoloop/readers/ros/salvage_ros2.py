@@ -14,6 +14,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
+from cartoloop.foreign_database import open_database
 from cartoloop.readers.ros.container import Channel, one_line
 from cartoloop.readers.ros.salvage import (
     LARGEST_RECORD,
@@ -22,6 +23,9 @@ from cartoloop.readers.ros.salvage import (
     SalvageContainer,
     exactly,
 )
+
+TABLES = ("schema", "metadata", "message_definitions", "topics", "messages")
+"""Of a database of ROS 2, those that are queried."""
 
 _U32 = struct.Struct("<I")
 _U64 = struct.Struct("<Q")
@@ -140,11 +144,5 @@ class DatabaseSalvage(SalvageContainer):
             self.damage = one_line(error)
 
     def _connect(self) -> sqlite3.Connection:
-        from urllib.parse import quote
-
-        # Immutable: a recording is only read, and may lie where nothing can be written.
-        name = f"file:{quote(str(self.path))}?mode=ro&immutable=1"
-        connection = sqlite3.connect(name, uri=True)
         # Otherwise a file that lacks its last pages is refused as a whole.
-        connection.execute("PRAGMA writable_schema=ON")
-        return connection
+        return open_database(self.path, TABLES, is_damaged=True)
