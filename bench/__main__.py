@@ -60,7 +60,8 @@ def bench_paper(
     from bench.page_text import page_text
     from bench.paper import experiments
     from bench.paper.report import sections
-    from cartoloop.map_output.save import prepare_folder, write_file
+    from cartoloop.map_output.output_folder import prepare_folder
+    from cartoloop.map_output.save import write_file
 
     prepare_folder(out)
     before = _earlier(against, "paper")
@@ -358,7 +359,8 @@ def _print_table(record: Record) -> None:
 def _conclude(record: Record, out: Path, before: Record | None, strict: bool) -> None:
     """Write the record, report what changed, and fail if `strict` is set and a figure got worse."""
     from bench.comparison import changes_table, compare, gone
-    from cartoloop.map_output.save import prepare_folder, write_file
+    from cartoloop.map_output.output_folder import prepare_folder
+    from cartoloop.map_output.save import write_file
 
     path = prepare_folder(out) / f"{record.benchmark}.json"
     write_file(path, record.to_json())

@@ -29,6 +29,7 @@ from cartoloop.live.sequencer import Sequencer
 from cartoloop.live.session import AddedScan, LiveSession
 from cartoloop.live.source import Put
 from cartoloop.live.warm_up import get_ready
+from cartoloop.map_output.output_folder import RunFolder
 from cartoloop.mapper import Mapper
 from cartoloop.readers import open_log
 from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
@@ -134,7 +135,7 @@ def replay(path: Path, num_first: int, paces: Sequence[tuple[float, float]]) -> 
     notices = Notices(lambda line: print(line, file=sys.stderr))
     sequencer = Sequencer(notices)
     with tempfile.TemporaryDirectory(prefix="cartoloop-live-") as folder:
-        autosave = Autosave(mapper, Path(folder), notices)
+        autosave = Autosave(mapper, RunFolder(Path(folder), path.name, ""), notices)
         for event in islice(events, num_first):
             mapper.add(event)
         _catch_up(mapper)

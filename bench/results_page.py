@@ -15,7 +15,8 @@ from bench.paper.report import sections as paper_sections
 from bench.record import Record, Row, read_record
 from bench.speed_bounds import speed_bounds
 from cartoloop.errors import InputError
-from cartoloop.map_output.save import prepare_folder, write_file
+from cartoloop.map_output.output_folder import prepare_folder
+from cartoloop.map_output.save import write_file
 
 BENCHMARKS: Final = ("paper", *page_text()["benchmarks"])
 """The benchmarks in the order of the page."""

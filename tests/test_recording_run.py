@@ -49,6 +49,9 @@ class Recorder(RunObserver):
     def mapped(self, result, failure):
         self.calls.append(("mapped", failure))
 
+    def saving(self, folder):
+        self.calls.append(("saving", folder))
+
     def saved(self, result, failure):
         self.calls.append(("saved", failure))
 

@@ -87,7 +87,7 @@ def map_log(
     first: dict[str, str] = {}
     for repeat in range(repeats):
         progress(f"mapping {logs[0].name}, run {repeat + 1} of {repeats}")
-        runs.append(run_command("map", *logs, "-o", out, *options))
+        runs.append(run_command("map", *logs, "-o", out, "--overwrite", *options))
         found = _digests(out)
         if first and found != first:
             changed = ", ".join(sorted(name for name in found if found[name] != first.get(name)))

@@ -14,7 +14,8 @@ from bench.robustness.parts import HANDICAPPED, PARTS, WORLDS, RobustnessOptions
 from bench.robustness.runs import NO_VERDICT, Run, RunStore
 from bench.robustness.simulated_worlds import simulated_worlds
 from cartoloop.errors import ConfigError
-from cartoloop.map_output.save import prepare_folder, write_file
+from cartoloop.map_output.output_folder import prepare_folder
+from cartoloop.map_output.save import write_file
 
 GROSSLY_WRONG_M = 0.3
 """Mean error against the truth from which on a map is wrong, and its verdict should say so [m]."""

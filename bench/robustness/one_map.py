@@ -93,7 +93,7 @@ def map_log(log: Path, out: Path, options: Sequence[str] = ()) -> OneMap:
     CommandFailed
         It cannot be mapped.
     """
-    run = run_command("map", log, "-o", out, *options)
+    run = run_command("map", log, "-o", out, "--overwrite", *options)
     report = json.loads((out / "report.json").read_text(encoding="utf-8"))
     words = ["cartoloop map", str(log), "-o", str(out), *options]
     return OneMap(out, " ".join(words), run.cpu_s, report)

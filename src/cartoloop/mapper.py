@@ -242,7 +242,8 @@ class Mapper:
         odometry = result.report.extra.get("odometry")
         with self._timer.measure("examine"):
             quality = examine(result, self._config.quality, odometry)
-        report = replace(result.report, quality=quality, stages=self._timer.summary())
+        stages = self._timer.summary()
+        report = replace(result.report, quality=quality, stages=stages, finished=True)
         return replace(result, report=report)
 
     def _result(self, num_scans: int, active: Sequence[Submap]) -> Result:

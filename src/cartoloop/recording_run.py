@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig, config_hash
 from cartoloop.errors import InputError, Interrupted
+from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.runtime.process_memory import release_unused_memory
 from cartoloop.stop_request import StopRequest
 
@@ -29,6 +30,10 @@ if TYPE_CHECKING:
     from cartoloop.report import Report
     from cartoloop.result import Result
     from cartoloop.sensor.events import SensorEvent
+
+
+MIN_SHARE_OF_SCANS = 0.5
+"""A run that maps a smaller share of a recording's scans has failed."""
 
 
 class RunObserver:
@@ -48,6 +53,9 @@ class RunObserver:
 
     def mapped(self, result: Result, failure: Exception | None) -> None:
         """The map is complete, or as it was when `failure` ended the run; it is saved next."""
+
+    def saving(self, folder: Path) -> None:
+        """The map is saved in `folder` next: the one asked for, or one inside."""
 
     def saved(self, result: Result, failure: Exception | None) -> None:
         """The map was saved, and the report has its final times."""
@@ -78,6 +86,7 @@ def map_recording(
     layers: Collection[Layer] | None = None,
     observer: RunObserver | None = None,
     stop: StopRequest | None = None,
+    overwrite: bool = False,
 ) -> Result:
     """Map a recording and save the map; the report has name, times and skipped lines.
 
@@ -85,58 +94,123 @@ def map_recording(
     ----------
     recording : path of a recording, of its parts in order, or a log that is open.
     config : by default the defaults.
-    out : folder to save in; None: the map is not saved.
+    out : folder to save in; None: the map is not saved. A finished map in it is only replaced when
+        the run comes to its end; until then, the map of this one is saved in a folder inside.
     options : how to read the recording; see `cartoloop.readers.open_log`.
     layers : drawn over the picture of the map; by default the trajectory.
     observer : is informed of the progress.
     stop : by which another thread or a signal handler can stop the run. Ctrl-C stops it anyway.
+    overwrite : whether the map of another recording in `out` may be replaced.
 
     Raises
     ------
     InputError
         The recording cannot be read, has no scan that can be mapped, or only a part of it could
-        be read. What was mapped until then is saved.
+        be read or mapped. What was mapped until then is saved.
     OutputError
-        The folder `out` cannot be written; where possible, raised before mapping starts.
+        The folder `out` cannot be written, or holds the map of another recording; where possible,
+        raised before mapping starts.
     Interrupted
-        The run was stopped; what was mapped until then is saved.
+        The run was stopped; what was mapped until then is saved, unless it was stopped again.
     """
     from cartoloop.map_output.picture import DEFAULT_LAYERS
-    from cartoloop.map_output.save import prepare_folder, save, save_report
 
     loaded = _loaded(config)
     observer, stop = observer or RunObserver(), stop or StopRequest()
-    log = _opened(recording, options)
+    log = _opened(recording, options, out, overwrite)
     start = time.perf_counter()
-    folder = None if out is None else prepare_folder(out)
+    folder = None
+    if out is not None:
+        folder = RunFolder(Path(out), log.name, log.fingerprint, overwrite)
+        folder.check()
+        prepare_folder(folder.path)
+    try:
+        outcome = _mapped(log, loaded, observer, stop)
+        outcome = replace(outcome, result=_reported(outcome.result, log, start))
+        observer.mapped(outcome.result, outcome.failure)
+        saved = Saved(outcome, None, "")
+        if folder is not None:
+            drawn = DEFAULT_LAYERS if layers is None else layers
+            saved = save_outcome(outcome, folder, drawn, loaded.origins, observer, start, stop)
+    except KeyboardInterrupt as interrupt:
+        raise Interrupted("stopped at once: nothing was saved") from interrupt
+    # A stop during saving is reported too, so that no further step follows.
+    outcome = replace(saved.outcome, is_complete=outcome.is_complete and not stop.made)
+    observer.saved(outcome.result, outcome.failure)
+    _raise_if_incomplete(replace(saved, outcome=outcome), log)
+    return outcome.result
 
+
+@dataclass(frozen=True, slots=True)
+class Saved:
+    """How a run ended, and where its map is.
+
+    Attributes
+    ----------
+    outcome : how it ended.
+    place : folder of its map; None if it was not saved.
+    why : it is there and not in the folder asked for, as a clause; or "".
+    """
+
+    outcome: Outcome
+    place: Path | None
+    why: str
+
+    @property
+    def where(self) -> str:
+        """The place as a phrase that begins with a blank, or ""."""
+        return "" if self.place is None else f" in {self.place}{self.why}"
+
+
+def save_outcome(
+    outcome: Outcome,
+    folder: RunFolder,
+    layers: Collection[Layer],
+    origins: Mapping[str, str],
+    observer: RunObserver,
+    start: float,
+    stop: StopRequest,
+) -> Saved:
+    """Save the map of a run where it may be, with the final times in the report.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written.
+    """
+    from cartoloop.map_output.save import save
+
+    release_unused_memory()
+    result = outcome.result
+    place = folder.place(finished=result.report.finished)
+    observer.saving(place)
+    report = save(
+        result,
+        place,
+        layers=layers,
+        origins=origins,
+        complete_report=partial(timed, start=start),
+        stop=stop,
+    )
+    return Saved(replace(outcome, result=replace(result, report=report)), place, folder.why(place))
+
+
+def _mapped(log: Log, loaded: LoadedConfig, observer: RunObserver, stop: StopRequest) -> Outcome:
     # Loads the kernels: part of the measured time.
     from cartoloop.first_pass import calibrate
     from cartoloop.mapper import Mapper
 
     observer.started(log.num_scans)
     calibration = calibrate(log, loaded.config, stop)
-    outcome = run(log, Mapper(loaded.config, calibration=calibration), observer, stop)
+    return run(log, Mapper(loaded.config, calibration=calibration), observer, stop)
+
+
+def _reported(result: Result, log: Log, start: float) -> Result:
+    """Return a result whose report says all about the recording and the run."""
     messages = [problem.message for problem in log.problems]
-    result = replace(
-        outcome.result,
-        report=timed(completed(outcome.result, log.name, log.skipped, messages), start),
-    )
-    observer.mapped(result, outcome.failure)
-    if folder is not None:
-        release_unused_memory()
-        try:
-            chosen = DEFAULT_LAYERS if layers is None else layers
-            save(result, folder, layers=chosen, origins=loaded.origins)
-        except KeyboardInterrupt as interrupt:
-            raise Interrupted(f"stopped at once; files in {folder} may be missing") from interrupt
-        result = replace(result, report=timed(result.report, start))
-        save_report(result.report, folder)
-    observer.saved(result, outcome.failure)
-    # A stop during saving is reported too, so that no further step follows.
-    is_complete = outcome.is_complete and not stop.made
-    _raise_if_incomplete(Outcome(result, outcome.failure, is_complete), log, folder)
-    return result
+    report = completed(result, log.name, log.skipped, messages, fingerprint=log.fingerprint)
+    finished = report.finished and report.nodes > 0 and not _is_mostly_lost(result, log)
+    return replace(result, report=timed(replace(report, finished=finished), start))
 
 
 def run(log: Log, mapper: Mapper, observer: RunObserver, stop: StopRequest) -> Outcome:
@@ -186,7 +260,12 @@ def finish(mapper: Mapper, observer: RunObserver, stop: StopRequest) -> Outcome:
 
 
 def completed(
-    result: Result, name: str, also_skipped: Mapping[str, int], problems: Sequence[str] = ()
+    result: Result,
+    name: str,
+    also_skipped: Mapping[str, int],
+    problems: Sequence[str] = (),
+    *,
+    fingerprint: str,
 ) -> Report:
     """Return the report of a result, completed by the reader's findings.
 
@@ -196,6 +275,7 @@ def completed(
     name : of the recording or the live source.
     also_skipped : number of lines or messages that the reader skipped, by reason.
     problems : of the recording, one line each.
+    fingerprint : of the recording.
     """
     report = result.report
     skipped = dict(report.skipped)
@@ -213,6 +293,7 @@ def completed(
         input=replace(report.input, name=name),
         skipped=skipped,
         config_hash=config_hash(result.config),
+        fingerprint=fingerprint,
         extra=extra,
     )
 
@@ -238,25 +319,64 @@ def _loaded(config: Config | LoadedConfig | None) -> LoadedConfig:
 def _opened(
     recording: str | PathLike[str] | Sequence[str | PathLike[str]] | Log,
     options: ReadOptions | None,
+    out: str | PathLike[str] | None,
+    overwrite: bool,
 ) -> Log:
+    """Return the log, opened if need be; before, check the folder to save in."""
     from cartoloop.readers import open_logs
+    from cartoloop.readers.spool import regular_files
 
-    if isinstance(recording, str | PathLike):
-        return open_logs([Path(recording)], options)
-    if isinstance(recording, Sequence):
-        return open_logs([Path(part) for part in recording], options)
-    return recording
+    if not isinstance(recording, str | PathLike | Sequence):
+        return recording
+    parts = [recording] if isinstance(recording, str | PathLike) else recording
+    files = regular_files(parts)
+    if out is not None:
+        folder_of(Path(out), files, overwrite=overwrite).check()
+    return open_logs(files, options)
 
 
-def _raise_if_incomplete(outcome: Outcome, log: Log, folder: Path | None) -> None:
+def folder_of(out: Path, files: Sequence[Path], *, overwrite: bool) -> RunFolder:
+    """Return the folder for the map of a recording that is not open yet.
+
+    Parameters
+    ----------
+    out : the folder.
+    files : of the recording, in order.
+    overwrite : whether the map of another recording may be replaced.
+    """
+    from cartoloop.readers.fingerprint import fingerprint, joint_fingerprint
+    from cartoloop.readers.log import short_name
+
+    name = " + ".join(short_name(file) for file in files)
+    return RunFolder(out, name, joint_fingerprint([fingerprint(file) for file in files]), overwrite)
+
+
+def _lost_scans(result: Result, log: Log) -> int:
+    """Return how many scans of a recording could not be read, or not be mapped."""
+    return log.num_lost_scans + result.report.input.scans - len(result.stamps)
+
+
+def _is_mostly_lost(result: Result, log: Log) -> bool:
+    num_mapped, num_lost = len(result.stamps), _lost_scans(result, log)
+    return num_mapped < MIN_SHARE_OF_SCANS * (num_mapped + num_lost)
+
+
+def _raise_if_incomplete(saved: Saved, log: Log) -> None:
     """Raise the error of a run that did not map the whole recording."""
-    where = "" if folder is None else f" in {folder}"
-    report = outcome.result.report
+    outcome, where = saved.outcome, saved.where
+    result = outcome.result
+    report = result.report
     if outcome.failure is not None:
         raise outcome.failure
     if not outcome.is_complete:
         kept = f"; the map of these is{where}" if where else "; their map was not saved"
-        raise Interrupted(f"stopped after {len(outcome.result.stamps)} scans{kept}")
+        raise Interrupted(f"stopped after {len(result.stamps)} scans{kept}")
+    if _is_mostly_lost(result, log):
+        num_lost = _lost_scans(result, log)
+        raise InputError(
+            f"{log.name}: {num_lost} of {len(result.stamps) + num_lost} scans were skipped, the "
+            f"map{where} is of the others alone; `cartoloop doctor` shows what is wrong with them"
+        )
     if report.nodes == 0:
         raise InputError(
             f"{log.name}: no scan has enough returns to be mapped, the map{where} is empty; "

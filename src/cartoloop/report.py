@@ -30,7 +30,7 @@ class InputSummary:
 
     Attributes
     ----------
-    name : file name of the recording, empty for a live source.
+    name : file name of the recording, or the live source.
     scans : number of scans read, with and without a pose.
     duration_s : time between the first and the last scan [s].
     path_length_m : length of the optimised trajectory [m], in strides.
@@ -120,6 +120,9 @@ class Report:
     skipped : number of lines, scans or events that were skipped, by reason.
     quality : the verdict on the map, with places and figures; see docs/quality.md.
     version, config_hash : which program with which parameters made the result.
+    finished : whether the run came to its end, with the last pass: neither stopped nor failed.
+    fingerprint : 16 hex digits by which the recording is known again (`readers/fingerprint.py`);
+        different for each live run; empty of events that a program fed.
     extra : further keys of the top level, such as ``findings``; values must be JSON.
     """
 
@@ -137,6 +140,8 @@ class Report:
     quality: Quality = field(default_factory=Quality)
     version: str = __version__
     config_hash: str = ""
+    finished: bool = False
+    fingerprint: str = ""
     extra: dict[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> str:

@@ -18,6 +18,19 @@ class StopRequest:
     def __init__(self) -> None:
         self.made = False
         self.is_immediate = False
+        self.is_shielded = False
+
+    @contextmanager
+    def shielded(self) -> Iterator[None]:
+        """Mark the body as one that must not stay half done: no signal handler may interrupt it.
+
+        A request is noted, and heeded after the body.
+        """
+        self.is_shielded = True
+        try:
+            yield
+        finally:
+            self.is_shielded = False
 
     @contextmanager
     def at_once(self) -> Iterator[None]:

@@ -56,10 +56,14 @@ class StandIn:
             report=Report(input=summary, nodes=len(self.stamps), skipped={"no returns": 2}),
         )
 
+    def finished(self):
+        result = self.result()
+        return replace(result, report=replace(result.report, finished=True))
+
     def finish(self, note=None):
         if self.at_finish:
             self.at_finish()
-        return self.result()
+        return self.finished()
 
     def close(self):
         self.closed = True
@@ -102,6 +106,10 @@ def interrupt():
 
 def terminate():
     os.kill(os.getpid(), signal.SIGTERM)
+
+
+def hang_up():
+    os.kill(os.getpid(), signal.SIGHUP)
 
 
 def fail():
@@ -149,7 +157,7 @@ def test_settings_reach_the_mapper_and_the_saved_configuration(mapper, log, tmp_
     assert "file my.toml" in saved
 
 
-@pytest.mark.parametrize("stop", [interrupt, terminate])
+@pytest.mark.parametrize("stop", [interrupt, terminate, hang_up])
 def test_a_stop_in_the_middle_saves_what_was_mapped(mapper, log, tmp_path, capsys, stop):
     mapper.at_scan = (7, stop)
 
@@ -172,6 +180,71 @@ def test_a_second_interrupt_does_not_wait_for_the_scan(mapper, log, tmp_path):
     assert num_poses(tmp_path / "out") == 7
 
 
+def test_a_third_interrupt_says_that_nothing_was_saved(mapper, log, tmp_path, capsys, monkeypatch):
+    def twice():
+        interrupt()
+        interrupt()
+
+    def once_more(*_, **__):
+        interrupt()
+        raise AssertionError("still running")
+
+    mapper.at_scan = (7, twice)
+    monkeypatch.setattr("cartoloop.map_output.save.compose_map", once_more)
+
+    assert run(["map", str(log), "-o", str(tmp_path / "out")]) == 130
+    assert capsys.readouterr().err.endswith("cartoloop: stopped at once: nothing was saved\n")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_hang_up_that_nohup_ignores_is_ignored(mapper, log, tmp_path):
+    mapper.at_scan = (7, hang_up)
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        assert run(["map", str(log), "-o", str(tmp_path / "out")]) == 0
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+    assert num_poses(tmp_path / "out") == NUM_SCANS
+
+
+def test_a_stopped_run_keeps_a_finished_map(mapper, log, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert run(["map", str(log), "-o", str(out)]) == 0
+    mapper.at_scan = (7, interrupt)
+
+    assert run(["map", str(log), "-o", str(out)]) == 130
+
+    assert num_poses(out) == NUM_SCANS
+    assert num_poses(out / "stopped") == 7
+    error = capsys.readouterr().err
+    assert f"writing {out / 'stopped'}\n" in error
+    assert f"the map of these is in {out / 'stopped'}, since {out} holds a finished map" in error
+
+
+def test_the_map_of_another_recording_is_kept_unless_allowed(mapper, log, tmp_path, capsys):
+    other, out = tmp_path / "other.log", str(tmp_path / "out")
+    other.write_text("".join(log.read_text().splitlines(keepends=True)[:9]))
+    assert run(["map", str(log), "-o", out]) == 0
+    capsys.readouterr()
+
+    assert run(["map", str(other), "-o", out]) == 1
+    refusal = capsys.readouterr()
+    assert refusal.out == ""
+    assert "holds another map (of some.log)" in refusal.err
+    assert num_poses(tmp_path / "out") == NUM_SCANS
+
+    assert run(["map", str(other), "-o", out, "--overwrite"]) == 0
+    assert num_poses(tmp_path / "out") == 9
+
+
+def test_the_folder_is_checked_before_the_recording_is_read(mapper, log, tmp_path, capsys):
+    (tmp_path / "broken.log").write_text("no log at all\n")
+
+    assert run(["map", str(tmp_path / "broken.log"), "-o", str(log / "out")]) == 1
+    assert "cannot write there" in capsys.readouterr().err
+
+
 def test_a_stop_of_the_last_pass_saves_what_was_mapped(mapper, log, tmp_path, capsys):
     mapper.at_finish = staticmethod(interrupt)
 
@@ -181,11 +254,12 @@ def test_a_stop_of_the_last_pass_saves_what_was_mapped(mapper, log, tmp_path, ca
 
 
 def test_signals_are_as_before_afterwards(mapper, log, tmp_path):
-    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+    before = [signal.getsignal(number) for number in numbers]
 
     run(["map", str(log), "-o", str(tmp_path / "out")])
 
-    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+    assert [signal.getsignal(number) for number in numbers] == before
 
 
 @pytest.mark.parametrize(

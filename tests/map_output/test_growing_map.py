@@ -15,6 +15,7 @@ from cartoloop.errors import OutputError
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.growing_map import save_growing_map
+from cartoloop.map_output.save import save
 from tests.map_output.small_result import small_result
 
 
@@ -53,13 +54,13 @@ def test_every_save_is_that_of_the_map_as_it_is_then(result, saved_once, tmp_pat
     other_points = (result.node_points[0], result.node_points[1] + 1.0)
 
     for now in (fewer, result, replace(result, graph=moved, node_points=other_points)):
-        save_growing_map(now, path)
+        save_growing_map(now, tmp_path)
         assert content(path) == saved_once(now)
 
 
 def test_a_save_that_fails_leaves_what_was_there(result, tmp_path, monkeypatch):
     path = tmp_path / FILE_NAME
-    save_growing_map(result, path)
+    save_growing_map(result, tmp_path)
     before = path.read_bytes()
 
     def full(*_):
@@ -67,12 +68,20 @@ def test_a_save_that_fails_leaves_what_was_there(result, tmp_path, monkeypatch):
 
     monkeypatch.setattr("cartoloop.map_output.growing_map.fill", full)
     with pytest.raises(OutputError, match="disk is full"):
-        save_growing_map(result, path)
+        save_growing_map(result, tmp_path)
 
     assert path.read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == [FILE_NAME]
 
 
+def test_no_file_of_an_earlier_map_stays_beside_a_growing_one(result, tmp_path):
+    save(result, tmp_path)
+
+    save_growing_map(result, tmp_path)
+
+    assert [file.name for file in tmp_path.iterdir()] == [FILE_NAME]
+
+
 def test_a_missing_folder_is_reported(result, tmp_path):
     with pytest.raises(OutputError, match="cannot be written"):
-        save_growing_map(result, tmp_path / "gone" / FILE_NAME)
+        save_growing_map(result, tmp_path / "gone")

@@ -17,7 +17,8 @@ from cartoloop.errors import OutputError
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.global_slam import AdjustmentRun
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.map_output.save import prepare_folder, save, save_report, write_file
+from cartoloop.map_output.output_folder import prepare_folder
+from cartoloop.map_output.save import save, write_file
 from cartoloop.report import (
     AdjustmentSummary,
     ConstraintSummary,
@@ -134,11 +135,14 @@ def test_the_report_has_its_keys_and_further_ones(tmp_path):
     } < set(saved)
 
 
-def test_the_report_can_be_written_again(tmp_path):
-    save(small_result(), tmp_path)
+def test_the_report_is_completed_when_all_else_is_written(tmp_path):
+    def complete(report):
+        assert not (tmp_path / "report.json").exists()
+        return replace(report, wall_s=9.0)
 
-    save_report(Report(wall_s=9.0), tmp_path)
+    report = save(small_result(), tmp_path, complete_report=complete)
 
+    assert report.wall_s == 9.0
     assert json.loads((tmp_path / "report.json").read_text())["wall_s"] == 9.0
 
 

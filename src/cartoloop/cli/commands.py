@@ -10,6 +10,8 @@ from typing import Any, TypeVar, get_type_hints
 import typer
 from typer.core import TyperCommand
 
+from cartoloop.errors import Interrupted
+
 Options = TypeVar("Options")
 
 
@@ -50,7 +52,10 @@ def add_command(
     """
 
     def run(**values: Any) -> None:  # noqa: ANN401 - any option
-        command(options(**values))
+        try:
+            command(options(**values))
+        except KeyboardInterrupt as interrupt:
+            raise Interrupted("stopped") from interrupt
 
     hints = get_type_hints(options, include_extras=True)
     own = options.__annotations__  # those of base classes follow

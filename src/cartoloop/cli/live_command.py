@@ -109,5 +109,7 @@ def live_command(options: LiveCommandOptions) -> None:
             ),
             layers,
             (options.view_host, options.port) if options.view else None,
+            is_quiet=options.poses == "-",
+            overwrite=options.overwrite,
         )
     require_good(result.report, options.strict)

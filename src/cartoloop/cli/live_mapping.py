@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import typer
 
+from cartoloop.cli.lost_output import would_wait
 from cartoloop.cli.mapping import compilation_notice, show_stage, summary
 from cartoloop.cli.stop_signals import stop_signals
 from cartoloop.cli.view_command import wait_for_stop
@@ -34,6 +35,9 @@ def map_source(
     options: LiveOptions,
     layers: Collection[Layer],
     view_address: tuple[str | None, int | None] | None = None,
+    *,
+    is_quiet: bool = False,
+    overwrite: bool = False,
 ) -> Result:
     """Map what a source sends, save the map and print the summary; see `live_run.map_live`.
 
@@ -45,18 +49,27 @@ def map_source(
     options : how messages are treated.
     layers : drawn over the picture.
     view_address : host and port of the view, None each for the default; None: no view.
+    is_quiet : whether standard output is for poses.
+    overwrite : whether a map in `out` may be replaced.
     """
     set_malloc_thresholds()
     relax_gc()
-    # Standard output is for poses, if they are written there.
-    is_quiet = options.poses is sys.stdout.buffer
     with (
         stop_signals() as stop,
         compilation_notice(),
         _view(source, loaded, view_address, is_quiet) as view,
     ):
         display = _Display(out, view, is_quiet)
-        result = map_live(source, loaded, out, options, layers=layers, observer=display, stop=stop)
+        result = map_live(
+            source,
+            loaded,
+            out,
+            options,
+            layers=layers,
+            observer=display,
+            stop=stop,
+            overwrite=overwrite,
+        )
         if view is not None:
             wait_for_stop(f"view           {view.url}")
     return result
@@ -77,7 +90,9 @@ class _Display(LiveObserver):
         self._is_due = False
 
     def say(self, line: str) -> None:
-        typer.echo(line, err=True)
+        """Print a line, unless that would hold up the mapping."""
+        if not would_wait(sys.stderr):
+            typer.echo(line, err=True)
 
     def changed(self, mapper: Mapper) -> None:
         """Update the view, in the thread that owns the pose graph."""
@@ -94,13 +109,16 @@ class _Display(LiveObserver):
 
     def finishing(self, mapper: Mapper, stage: str | None) -> None:
         if stage is None:
-            typer.echo("closing the last loops (Ctrl-C skips this)", err=True)
+            self.say("closing the last loops (Ctrl-C skips this)")
         show_stage(self._view, mapper, stage)
 
     def mapped(self, result: Result, failure: Exception | None) -> None:
         if self._view is not None:
             self._view.finished(result, failure)
-        typer.echo(f"writing {self._out}", err=True)
+
+    def saving(self, folder: Path) -> None:
+        self._out = folder
+        self.say(f"writing {folder}")
 
     def saved(self, result: Result, failure: Exception | None) -> None:
         typer.echo(summary(result.report, self._out), err=self._is_quiet)
@@ -115,11 +133,16 @@ def poses_stream(name: str | None) -> Iterator[BinaryIO | None]:
     OutputError
         The file cannot be written.
     """
-    if name is None or name == "-":
-        yield None if name is None else sys.stdout.buffer
+    if name is None:
+        yield None
         return
     try:
-        file = Path(name).open("wb")  # noqa: SIM115 - closed below
+        # Not sys.stdout, which forgets what is lost: the loss of poses is reported. Unbuffered:
+        # a line that could not be written is not written later.
+        if name == "-":
+            file = open(sys.stdout.fileno(), "wb", buffering=0, closefd=False)  # noqa: SIM115
+        else:
+            file = Path(name).open("wb", buffering=0)  # noqa: SIM115 - closed below
     except OSError as error:
         raise OutputError(f"--poses {name}: cannot be written: {error.strerror}") from error
     with file:

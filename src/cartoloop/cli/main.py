@@ -7,7 +7,6 @@ the compiler nor for SciPy.
 
 from __future__ import annotations
 
-import io
 import sys
 import traceback
 from collections.abc import Sequence
@@ -22,6 +21,7 @@ from cartoloop.cli.doctor_command import DoctorOptions, doctor_command
 from cartoloop.cli.evaluate_command import evaluate_app
 from cartoloop.cli.explain_command import ExplainOptions, explain_command
 from cartoloop.cli.live_command import LiveCommandOptions, live_command
+from cartoloop.cli.lost_output import forget_lost_output, loss_of_output
 from cartoloop.cli.map_command import MapOptions, map_command
 from cartoloop.cli.quality_command import QualityOptions, quality_command
 from cartoloop.cli.simulate_command import SimulateOptions, simulate_command
@@ -78,6 +78,10 @@ def _options(
     pass
 
 
+_FILE_COMMANDS = frozenset(("demo", "map", "live", "simulate", "view"))
+"""Commands whose result is not what they print."""
+
+
 def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
     """Run a command line, by default that of ``cartoloop``, and return its exit status.
 
@@ -109,7 +113,11 @@ def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
 
 def main() -> None:
     """Run the command line of this process."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
-            stream.reconfigure(errors="backslashreplace")  # any path can be printed on any terminal
-    sys.exit(run(sys.argv[1:]))
+    forget_lost_output()
+    status = run(sys.argv[1:])
+    sys.stdout.flush()
+    loss = loss_of_output()
+    if status == 0 and loss is not None and not _FILE_COMMANDS.intersection(sys.argv[1:3]):
+        typer.echo(f"cartoloop: standard output: cannot be written: {loss.strerror}", err=True)
+        status = 1
+    sys.exit(status)

@@ -36,19 +36,25 @@ def map_command(options: MapOptions) -> None:
     read_options = options.read_options()
     loaded = options.load()
 
-    from cartoloop.cli.mapping import compilation_notice, map_log, require_good
     from cartoloop.readers import open_logs
+    from cartoloop.readers.spool import regular_files
+    from cartoloop.recording_run import folder_of
+
+    files = regular_files(options.logs)
+    folder_of(options.out, files, overwrite=options.overwrite).check()
+
+    from cartoloop.cli.mapping import compilation_notice, map_log, require_good
 
     with compilation_notice():
-        log = open_logs(options.logs, read_options)
+        log = open_logs(files, read_options)
     typer.echo(log.description)
     if not options.view:
-        result = map_log(log, loaded, options.out, layers)
+        result = map_log(log, loaded, options.out, layers, overwrite=options.overwrite)
         require_good(result.report, options.strict)
         return
     view = options.open_view(log.name, loaded.config, log.num_scans, log.duration)
     try:
-        result = map_log(log, loaded, options.out, layers, view)
+        result = map_log(log, loaded, options.out, layers, view, overwrite=options.overwrite)
         if view.failure is not None:
             typer.echo(f"warning: the view failed: {view.failure}", err=True)
         else:

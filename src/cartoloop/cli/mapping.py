@@ -45,6 +45,8 @@ def map_log(
     out: Path,
     layers: Collection[Layer],
     view: LiveView | None = None,
+    *,
+    overwrite: bool = False,
 ) -> Result:
     """Map a recording, save the map and print the summary; see `recording_run.map_recording`."""
     set_malloc_thresholds()
@@ -54,7 +56,15 @@ def map_log(
         compilation_notice() as compiler,
         _Display(log, out, stop, compiler, view) as display,
     ):
-        return map_recording(log, loaded, out, layers=layers, observer=display, stop=stop)
+        return map_recording(
+            log,
+            loaded,
+            out,
+            layers=layers,
+            observer=display,
+            stop=stop,
+            overwrite=overwrite,
+        )
 
 
 class _Display(RunObserver):
@@ -115,9 +125,12 @@ class _Display(RunObserver):
 
     def mapped(self, result: Result, failure: Exception | None) -> None:
         self._bar.close()
-        typer.echo(f"writing {self._out}", err=True)
         if self._view is not None:
             self._view.finished(result, failure)
+
+    def saving(self, folder: Path) -> None:
+        self._out = folder
+        typer.echo(f"writing {folder}", err=True)
 
     def saved(self, result: Result, failure: Exception | None) -> None:
         for problem in self._log.problems[:MAX_PROBLEMS_SHOWN]:

@@ -161,6 +161,11 @@ StrictOption = Annotated[
 ]
 
 
+OverwriteOption = Annotated[
+    bool, typer.Option("--overwrite", help="Replace the map of another recording in the folder.")
+]
+
+
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions:
     """Options for the output folder and the picture of the map."""
@@ -176,6 +181,7 @@ class OutputOptions:
         ),
     ] = "trajectory,quality"
     strict: StrictOption = False
+    overwrite: OverwriteOption = False
 
     @property
     def layers(self) -> tuple[Layer, ...]:

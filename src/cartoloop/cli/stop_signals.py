@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ctrl-C and termination: the first signal stops the run at the next event, the second at once."""
+"""Ctrl-C, termination, hanging up: the first signal stops at the next event, the second at once."""
 
 from __future__ import annotations
 
@@ -17,15 +17,20 @@ class SignalStop(StopRequest):
     def handle(self, number: int, frame: FrameType | None) -> None:
         """Note the first signal; raise KeyboardInterrupt at the second, or in `at_once`."""
         again, self.made = self.made, True
-        if again or self.is_immediate:
+        if (again or self.is_immediate) and not self.is_shielded:
             raise KeyboardInterrupt
 
 
 @contextmanager
 def stop_signals() -> Iterator[SignalStop]:
-    """Yield the request that SIGINT and SIGTERM make while the body runs."""
+    """Yield the request that SIGINT, SIGTERM and SIGHUP make while the body runs.
+
+    A terminal that is closed, as by a dropped connection, sends SIGHUP; nohup has it ignored.
+    """
     request = SignalStop()
-    numbers = (signal.SIGINT, signal.SIGTERM)
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
     before = [signal.signal(number, request.handle) for number in numbers]
     try:
         yield request

@@ -30,6 +30,7 @@ from cartoloop.doctor.times import check_delays, check_gaps, check_report, check
 from cartoloop.errors import InputError
 from cartoloop.readers import Log, ReadOptions, open_log
 from cartoloop.readers.ros.bag import BagLog
+from cartoloop.readers.spool import regular_file
 from cartoloop.sensor.event_faults import fault_of
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
 from cartoloop.sensor.sensor_profile import SensorProfile
@@ -101,6 +102,7 @@ def examine(
     """
     options = options or ReadOptions()
     try:
+        path = regular_file(path)
         log = open_log(path, options)
         watches, findings = _watch(log, report)
     except InputError as error:

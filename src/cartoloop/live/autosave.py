@@ -3,15 +3,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from threading import Thread
 from time import monotonic
 
 from cartoloop.errors import OutputError
 from cartoloop.live.notices import Notices
-from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.growing_map import save_growing_map
+from cartoloop.map_output.output_folder import RunFolder
 from cartoloop.mapper import Mapper
+from cartoloop.report import Report
 from cartoloop.result import Result
 
 MIN_PERIOD_S = 1.0
@@ -27,7 +29,7 @@ class Autosave:
     Parameters
     ----------
     mapper : the mapper of the map.
-    folder : an existing folder.
+    folder : of the run.
     notices : receives a line if saving fails.
     min_period : between two saves [s].
 
@@ -35,13 +37,19 @@ class Autosave:
     ----------
     period : from the last save to the next [s].
     num_saves : number of saves.
+    place : where it was saved last, or None.
     """
 
     def __init__(
-        self, mapper: Mapper, folder: Path, notices: Notices, min_period: float = MIN_PERIOD_S
+        self,
+        mapper: Mapper,
+        folder: RunFolder,
+        notices: Notices,
+        min_period: float = MIN_PERIOD_S,
     ) -> None:
         self._mapper = mapper
-        self._path = folder / FILE_NAME
+        self._folder = folder
+        self.place: Path | None = None
         self._notices = notices
         self._min_period = min_period
         self.period = min_period
@@ -73,7 +81,9 @@ class Autosave:
     def _save(self, result: Result) -> None:
         start = monotonic()
         try:
-            save_growing_map(result, self._path)
+            place = self.place or self._folder.place(finished=False)
+            save_growing_map(replace(result, report=self._named(result.report)), place)
+            self.place = place
             self.num_saves += 1
         except OutputError as error:
             self._notices.note("the map is not saved", f"{error}; it is tried again")
@@ -81,3 +91,7 @@ class Autosave:
         self.period = max(self._min_period, took / MAX_SHARE)
         self._next = monotonic() + self.period
         self._is_busy = False
+
+    def _named(self, report: Report) -> Report:
+        summary = replace(report.input, name=self._folder.name)
+        return replace(report, input=summary, fingerprint=self._folder.fingerprint)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
+from secrets import token_hex
 from typing import BinaryIO
 
 from cartoloop.config import Config
@@ -20,12 +21,20 @@ from cartoloop.live.sequencer import Sequencer
 from cartoloop.live.session import AddedScan, LiveSession
 from cartoloop.live.source import Source
 from cartoloop.live.warm_up import get_ready
+from cartoloop.map_file.file_set import remove_file_set
+from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer
-from cartoloop.map_output.save import prepare_folder, save, save_report
 from cartoloop.mapper import Mapper
-from cartoloop.recording_run import Outcome, RunObserver, completed, finish, timed
+from cartoloop.recording_run import (
+    Outcome,
+    RunObserver,
+    Saved,
+    completed,
+    finish,
+    save_outcome,
+    timed,
+)
 from cartoloop.result import Result
-from cartoloop.runtime.process_memory import release_unused_memory
 from cartoloop.sensor.pose import Pose
 from cartoloop.stop_request import StopRequest
 
@@ -69,6 +78,7 @@ def map_live(
     layers: Collection[Layer] = DEFAULT_LAYERS,
     observer: LiveObserver | None = None,
     stop: StopRequest | None = None,
+    overwrite: bool = False,
 ) -> Result:
     """Map what a source sends until it ends or the run is stopped, and save the map.
 
@@ -76,11 +86,13 @@ def map_live(
     ----------
     source : of messages; opened here.
     config : by default the defaults.
-    out : folder to save in, also while mapping.
+    out : folder to save in, also while mapping. A finished map in it is only replaced when the run
+        comes to its end; until then, the map of this one is saved in a folder inside.
     options : how messages are treated.
     layers : drawn over the picture of the map.
     observer : is informed of the progress.
     stop : ends the session when made; made again during the last pass, it skips that.
+    overwrite : whether a map in `out` may be replaced.
 
     Raises
     ------
@@ -88,38 +100,46 @@ def map_live(
         The source cannot be opened, failed, or sent no scan that can be mapped. What was mapped
         until then is saved.
     OutputError
-        The folder `out` cannot be written.
+        The folder `out` cannot be written, or holds a map.
     Interrupted
-        The last pass was stopped; what was mapped until then is saved.
+        The last pass was stopped; what was mapped until then is saved, unless it was stopped again.
     """
     start = time.perf_counter()
     loaded = config if isinstance(config, LoadedConfig) else LoadedConfig(config or Config(), {})
     options, observer = options or LiveOptions(), observer or LiveObserver()
     stop = stop or StopRequest()
+    # No drive is the same as another.
+    folder = RunFolder(out, source.name, token_hex(8), overwrite)
+    folder.check()
     prepare_folder(out)
-    get_ready()
     notices = Notices(observer.say)
-    mapper = Mapper(loaded.config, live=True)
+    files: _Files | None = None
     try:
-        files = _Files(mapper, out, notices, options.poses)
-        session = _session(source, mapper, notices, options, files, observer)
-        observer.say(f"{source.open()} (Ctrl-C ends)")
-        failure = _map_until_end(session, mapper, stop)
-    except BaseException:
-        mapper.close()
-        raise
-    outcome = _finish(mapper, observer, stop, failure)
-    files.close()
-    report = timed(completed(outcome.result, source.name, notices.skipped), start)
-    result = replace(outcome.result, report=report)
-    observer.mapped(result, outcome.failure)
-    release_unused_memory()
-    save(result, out, layers=layers, origins=loaded.origins)
-    result = replace(result, report=timed(report, start))
-    save_report(result.report, out)
-    observer.saved(result, outcome.failure)
-    _raise_if_incomplete(replace(outcome, result=result), source.name, out)
-    return result
+        get_ready()
+        mapper = Mapper(loaded.config, live=True)
+        try:
+            files = _Files(mapper, folder, notices, options.poses)
+            session = _session(source, mapper, notices, options, files, observer)
+            observer.say(f"{source.open()} (Ctrl-C ends)")
+            failure = _map_until_end(session, mapper, stop)
+        except BaseException:
+            mapper.close()
+            raise
+        outcome = _finish(mapper, observer, stop, failure)
+        files.close()
+        report = completed(
+            outcome.result, source.name, notices.skipped, fingerprint=folder.fingerprint
+        )
+        report = replace(report, finished=report.finished and report.nodes > 0)
+        outcome = replace(outcome, result=replace(outcome.result, report=timed(report, start)))
+        observer.mapped(outcome.result, outcome.failure)
+        saved = save_outcome(outcome, folder, layers, loaded.origins, observer, start, stop)
+        files.remove_superseded(saved)
+    except KeyboardInterrupt as interrupt:
+        raise Interrupted(_given_up(files)) from interrupt
+    observer.saved(saved.outcome.result, outcome.failure)
+    _raise_if_incomplete(saved, source.name)
+    return saved.outcome.result
 
 
 class _Files:
@@ -128,13 +148,15 @@ class _Files:
     Parameters
     ----------
     mapper : whose map is saved.
-    out : folder of the map file.
+    folder : of the run.
     notices : of failures to write.
     poses : stream for poses, or None.
     """
 
-    def __init__(self, mapper: Mapper, out: Path, notices: Notices, poses: BinaryIO | None) -> None:
-        self._autosave = Autosave(mapper, out, notices)
+    def __init__(
+        self, mapper: Mapper, folder: RunFolder, notices: Notices, poses: BinaryIO | None
+    ) -> None:
+        self._autosave = Autosave(mapper, folder, notices)
         self._poses = None if poses is None else PoseWriter(poses, notices)
 
     def after_scan(self, scan: AddedScan) -> None:
@@ -142,6 +164,16 @@ class _Files:
         if self._poses is not None:
             self._poses.put(scan.stamp, scan.tf_local_tracking, scan.tf_map_tracking, scan.latency)
         self._autosave.after_scan()
+
+    @property
+    def place(self) -> Path | None:
+        """Folder in which the map was saved while mapping, or None."""
+        return self._autosave.place
+
+    def remove_superseded(self, saved: Saved) -> None:
+        """Remove what was saved while mapping if the whole map was saved elsewhere."""
+        if self.place is not None and self.place != saved.place:
+            remove_file_set(self.place)
 
     def close(self) -> None:
         """Wait until all is written; only after the mapper was closed."""
@@ -198,14 +230,22 @@ def _finish(
     return Outcome(mapper.result(), failure, is_complete=False)
 
 
-def _raise_if_incomplete(outcome: Outcome, name: str, out: Path) -> None:
+def _given_up(files: _Files | None) -> str:
+    """Return what is left when the user does not wait for the map to be saved."""
+    if files is None or files.place is None:
+        return "stopped at once: nothing was saved"
+    return f"stopped at once: only the map as it was saved while mapping is in {files.place}"
+
+
+def _raise_if_incomplete(saved: Saved, name: str) -> None:
     """Raise the error of a session whose map is not complete."""
+    outcome, where = saved.outcome, saved.where
     if outcome.failure is not None:
         raise outcome.failure
     if not outcome.is_complete:
-        raise Interrupted(f"the last loops were not closed; the map so far is in {out}")
+        raise Interrupted(f"the last loops were not closed; the map so far is{where}")
     if outcome.result.report.nodes == 0:
         raise InputError(
-            f"{name}: no scan with enough returns to be mapped has arrived, the map in {out} is "
+            f"{name}: no scan with enough returns to be mapped has arrived, the map{where} is "
             "empty; docs/live.md describes what to send"
         )

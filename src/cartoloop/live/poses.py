@@ -76,8 +76,13 @@ class PoseWriter:
             try:
                 self._out.write(line)
                 self._out.flush()
-            except (OSError, ValueError) as error:
+            except (BrokenPipeError, ValueError) as error:
                 self._notices.note(
                     "the reader of the poses left", f"the reader of the poses left: {error}"
                 )
                 return
+            except OSError as error:  # as a full disk, which may have room again
+                self._notices.note(
+                    "poses lost: they cannot be written",
+                    f"poses lost: they cannot be written: {error.strerror}",
+                )

@@ -24,6 +24,7 @@ from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.map_data import MapData
 from cartoloop.map_file.closure_tables import constraints_and_closures
 from cartoloop.map_file.closure_tables_v2 import constraints_and_closures_v2
+from cartoloop.map_file.file_set import repair_file_set
 from cartoloop.map_file.schema import (
     APPLICATION_ID,
     FILE_NAME,
@@ -61,7 +62,10 @@ def read_map(path: str | PathLike[str]) -> MapData:
     InputError
         It is not there, is no map database, is damaged, or was written by a newer program.
     """
-    file = Path(path) / FILE_NAME if Path(path).is_dir() else Path(path)
+    file = Path(path)
+    if file.is_dir():
+        repair_file_set(file)
+        file /= FILE_NAME
     with _opened(file) as database, _damage_reported(file):
         about: dict[str, str] = dict(_rows(database, "about"))
         graph, closures = _graph(database)
@@ -215,14 +219,18 @@ def _unpacked(packed: bytes, size: int) -> bytes:
 
 
 def _report(saved: dict[str, Any]) -> Report:
+    quality = Quality.from_dict(saved["quality"]) if "quality" in saved else Quality()
     return Report(
         input=InputSummary(**saved["input"]),
         nodes=saved["nodes"],
         submaps=saved["submaps"],
         constraints=ConstraintSummary(**saved["constraints"]),
         skipped=saved["skipped"],
-        quality=Quality.from_dict(saved["quality"]) if "quality" in saved else Quality(),
+        quality=quality,
         version=saved["version"],
         config_hash=saved["config_hash"],
+        # Files of before have no such key; only finished maps were examined.
+        finished=bool(saved.get("finished", quality.verdict != "unknown")),
+        fingerprint=str(saved.get("fingerprint", "")),
         extra=saved["extra"],
     )

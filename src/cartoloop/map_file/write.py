@@ -71,6 +71,8 @@ def report_without_times(report: Report) -> dict[str, Any]:
         "quality": asdict(report.quality),
         "version": report.version,
         "config_hash": report.config_hash,
+        "finished": report.finished,
+        "fingerprint": report.fingerprint,
         "extra": report.extra,
     }
 

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the files of a map into a folder, each completely or not at all."""
+"""Writes the files of a map into a folder, all of them or none."""
 
 from __future__ import annotations
 
 import io
-import os
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -15,16 +14,18 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config_file import MACHINE_PARAMETERS, config_hash, config_toml
-from cartoloop.errors import OutputError
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.map_file import schema as map_file
+from cartoloop.map_file.file_set import new_file_set
 from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
 from cartoloop.map_output.map_files import pgm_bytes, yaml_text
 from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.map_output.output_folder import prepare_folder
 from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer, MapPicture
 from cartoloop.map_output.text_files import g2o_text, tum_text
 from cartoloop.map_output.unfinished_file import unfinished_file
+from cartoloop.stop_request import StopRequest
 
 if TYPE_CHECKING:
     from cartoloop.map_data import MapData
@@ -37,8 +38,13 @@ def save(
     *,
     layers: Collection[Layer] = DEFAULT_LAYERS,
     origins: Mapping[str, str] | None = None,
-) -> None:
+    complete_report: Callable[[Report], Report] | None = None,
+    stop: StopRequest | None = None,
+) -> Report:
     """Write all files of a map into the folder `out`, creating it if necessary.
+
+    They replace the files of a map that is there, all at once when the last is written; a failure
+    or an interruption before keeps these.
 
     ``map.pgm``, ``map.yaml``, ``map.png``, ``trajectory.tum``, ``local_trajectory.tum``,
     ``graph.g2o``, ``nodes.csv``, ``closures.csv``, ``map.cartoloop``, ``config.toml`` and
@@ -51,13 +57,30 @@ def save(
     out : the folder.
     layers : drawn over the map in ``map.png``.
     origins : by key of the configuration, where its value comes from.
+    complete_report : returns the report to write, given the one so far, when all else is written.
+    stop : of the run; while the files are replaced, it is only noted.
+
+    Returns
+    -------
+    The report as written.
 
     Raises
     ------
     OutputError
         The folder or a file in it cannot be written, or the map is too large.
     """
-    folder = prepare_folder(out)
+    with new_file_set(prepare_folder(out), stop) as folder:
+        _write_files(result, folder, layers, origins)
+        report = replace(result.report, config_hash=config_hash(result.config))
+        report = complete_report(report) if complete_report else report
+        write_file(folder / "report.json", report.to_json())
+    return report
+
+
+def _write_files(
+    result: MapData, folder: Path, layers: Collection[Layer], origins: Mapping[str, str] | None
+) -> None:
+    """Write all files except the report."""
     occupancy_map = compose_map(
         result.submap_grids, result.graph.submap_poses, result.config.local_slam.submaps
     )
@@ -77,33 +100,6 @@ def save(
     toml = config_toml(result.config, origins, without=MACHINE_PARAMETERS)
     left_out = f"Without {', '.join(sorted(MACHINE_PARAMETERS))}: the result does not depend on it."
     write_file(folder / "config.toml", f"{toml}\n# {left_out}\n")
-    save_report(replace(result.report, config_hash=config_hash(result.config)), folder)
-
-
-def save_report(report: Report, out: str | PathLike[str]) -> None:
-    """Write ``report.json`` into the folder `out`, replacing an existing one."""
-    write_file(Path(out) / "report.json", report.to_json())
-
-
-def prepare_folder(out: str | PathLike[str]) -> Path:
-    """Create the folder `out` if necessary, and check that it is writable.
-
-    Raises
-    ------
-    OutputError
-        It is not.
-    """
-    folder = Path(out)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".cartoloop-{os.getpid()}"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: cannot write there: {error.strerror}; choose another output folder"
-        ) from error
-    return folder
 
 
 def write_file(path: Path, content: str | bytes) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
 
+from cartoloop.readers.fingerprint import joint_fingerprint
 from cartoloop.readers.log import EventGenerator, Log, LogPass, LogProblem
 from cartoloop.sensor.sensor_profile import SensorProfile
 from cartoloop.sensor.time_repair import TimeReport
@@ -33,6 +34,7 @@ class LogChain:
             raise ValueError("a chain needs at least one log")
         self._logs = tuple(logs)
         self.name = " + ".join(log.name for log in logs)
+        self.fingerprint = joint_fingerprint([log.fingerprint for log in logs])
         self.num_scans = sum(log.num_scans for log in logs)
         self.duration = sum(log.duration for log in logs)
         self._latest = _ChainProblems(logs)
@@ -68,6 +70,11 @@ class LogChain:
         return self._latest.skipped
 
     @property
+    def num_lost_scans(self) -> int:
+        """Number of these that would have been scans, of the pass begun last."""
+        return self._latest.num_lost_scans
+
+    @property
     def problems(self) -> list[LogProblem]:
         """The first problems of each recording: of opening, and of the pass begun last."""
         return self._latest.kept
@@ -98,6 +105,11 @@ class _ChainProblems:
             for reason, count in part.skipped.items():
                 total[reason] = total.get(reason, 0) + count
         return total
+
+    @property
+    def num_lost_scans(self) -> int:
+        """Number of these that would have been scans."""
+        return sum(part.num_lost_scans for part in self._parts)
 
     @property
     def kept(self) -> list[LogProblem]:

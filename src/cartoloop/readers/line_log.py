@@ -20,6 +20,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.errors import InputError
+from cartoloop.readers.fingerprint import fingerprint
 from cartoloop.readers.line_format import LineError, LineFormat, Reading
 from cartoloop.readers.line_times import line_times, note_damage, note_times
 from cartoloop.readers.log import EventGenerator, LogBase, ProblemLog
@@ -94,6 +95,7 @@ class LineLog(LogBase):
         super().__init__()
         self._text = text if isinstance(text, TextFile) else TextFile(text)
         self.name = self._text.name
+        self.fingerprint = fingerprint(self._text.path)
         self.format_name = line_format.name
         self._format = line_format
         self._head = head_of(self._text)

@@ -51,6 +51,10 @@ class Problems(Protocol):
     def skipped(self) -> dict[str, int]:
         """Number of skipped lines or messages by reason."""
 
+    @property
+    def num_lost_scans(self) -> int:
+        """Number of these that would have been scans."""
+
 
 class ProblemLog:
     """Collects the problems and the skipped lines of one pass: counts all, keeps the first.
@@ -60,9 +64,11 @@ class ProblemLog:
     kept : the problems that are kept, in the order they were found.
     count : number of problems, including those not kept.
     skipped : number of skipped lines or messages by reason.
+    num_lost_scans : number of these that would have been scans.
     """
 
     def __init__(self) -> None:
+        self.num_lost_scans = 0
         self.kept: list[LogProblem] = []
         self.count = 0
         self.skipped: dict[str, int] = {}
@@ -76,9 +82,13 @@ class ProblemLog:
         if rare and len(self.kept) < MAX_PROBLEMS:
             self.kept.append(LogProblem(severity, message, kind))
 
-    def skip(self, reason: str, message: str = "") -> None:
-        """Count a skipped line under `reason`; with a `message` it is a problem as well."""
+    def skip(self, reason: str, message: str = "", *, is_scan: bool = False) -> None:
+        """Count a skipped line under `reason`; with a `message` it is a problem as well.
+
+        With `is_scan`, a scan is lost.
+        """
         self.skipped[reason] = self.skipped.get(reason, 0) + 1
+        self.num_lost_scans += is_scan
         if message:
             self.add("warning", message, reason)
 
@@ -87,6 +97,7 @@ class ProblemLog:
         other = ProblemLog()
         other.kept, other.count = list(self.kept), self.count
         other.skipped, other._kinds = dict(self.skipped), dict(self._kinds)
+        other.num_lost_scans = self.num_lost_scans
         return other
 
 
@@ -119,6 +130,11 @@ class LogPass(Iterator[SensorEvent]):
         return self._found.skipped
 
     @property
+    def num_lost_scans(self) -> int:
+        """Number of these that would have been scans, so far."""
+        return self._found.num_lost_scans
+
+    @property
     def problems(self) -> list[LogProblem]:
         """The first problems, each one line with its place: of opening, and so far."""
         return self._found.kept
@@ -135,6 +151,10 @@ class Log(Protocol):
     @property
     def name(self) -> str:
         """Short name of the recording."""
+
+    @property
+    def fingerprint(self) -> str:
+        """By what the recording is known again; "" where nothing is known."""
 
     @property
     def description(self) -> str:
@@ -161,6 +181,10 @@ class Log(Protocol):
         """Number of skipped lines or messages by reason, of the pass begun last."""
 
     @property
+    def num_lost_scans(self) -> int:
+        """Number of these that would have been scans, as far as is known."""
+
+    @property
     def problems(self) -> list[LogProblem]:
         """The first problems: of opening, and of the pass begun last."""
 
@@ -177,6 +201,8 @@ class LogBase(ABC):
 
     A subclass has the other members of :class:`Log` and calls ``super().__init__()`` first.
     """
+
+    fingerprint = ""
 
     def __init__(self) -> None:
         self._found = ProblemLog()  # while opening; does not change afterwards
@@ -196,6 +222,11 @@ class LogBase(ABC):
     def skipped(self) -> dict[str, int]:
         """Number of skipped lines or messages by reason, of the pass begun last."""
         return self._latest.skipped
+
+    @property
+    def num_lost_scans(self) -> int:
+        """Number of these that would have been scans, of the pass begun last."""
+        return self._latest.num_lost_scans
 
     @property
     def problems(self) -> list[LogProblem]:

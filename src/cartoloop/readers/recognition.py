@@ -13,6 +13,7 @@ from cartoloop.readers.line_log import LineLog, head_of
 from cartoloop.readers.log import Log, LogPass
 from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros.opening import is_recording
+from cartoloop.readers.spool import regular_file
 from cartoloop.readers.text_file import TextFile
 
 
@@ -38,7 +39,8 @@ def open_log(path: str | Path, options: ReadOptions | None = None) -> Log:
     Parameters
     ----------
     path : a recording in one of the formats in docs/readers.md, or of an installed package, text
-        plain or gzip. The format is recognised by the content.
+        plain or gzip. The format is recognised by the content. What comes through a pipe is copied
+        first; ``-`` is standard input.
     options : what is known better than the recording states it.
 
     Raises
@@ -49,7 +51,8 @@ def open_log(path: str | Path, options: ReadOptions | None = None) -> Log:
         `Log.problems`.
     """
     options = options or ReadOptions()
-    if is_recording(Path(path)):
+    path = regular_file(path)
+    if is_recording(path):
         from cartoloop.readers.ros.bag import BagLog
 
         return BagLog(path, options)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cartoloop.errors import InputError
+from cartoloop.readers.fingerprint import fingerprint
 from cartoloop.readers.log import EventGenerator, LogBase, ProblemLog, short_name
 from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros.choice import TopicChoice, choose_topics
@@ -59,6 +60,7 @@ class BagLog(LogBase):
         self._path = Path(path)
         self._options = options or ReadOptions()
         self.name = short_name(self._path) or str(self._path)
+        self.fingerprint = fingerprint(self._path)
         self._container, index = _best_index(open_containers(self._path), self._options)
         self._choice = choose_topics(index, self._options, str(self._path))
         self._damage = self._container.damage

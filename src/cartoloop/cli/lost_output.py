@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Standard output and error that can be lost: what cannot be written is forgotten.
+
+The reader of a pipe leaves, a disk is full, a terminal is closed: a map that is being made, or a
+robot that drives, matters more than what is said about it.
+"""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import select
+import sys
+from typing import TextIO
+
+
+class _Forgetful(io.FileIO):
+    """A file that notes the loss of output and goes on.
+
+    Attributes
+    ----------
+    failure : the first reason why something could not be written, or None.
+    """
+
+    failure: OSError | None = None
+
+    def write(self, data: bytes | bytearray | memoryview) -> int:  # type: ignore[override]
+        """Write, or forget the data."""
+        try:
+            return super().write(data)
+        except OSError as error:
+            self.failure = self.failure or error
+            return len(data)
+
+
+def forget_lost_output() -> None:
+    """Let standard output and error of this process forget what cannot be written.
+
+    Where one is closed, another file must not get its number: that would receive the messages.
+    """
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
+        os.set_inheritable(descriptor, True)
+    os.close(descriptor)
+    if sys.stdin is None:
+        sys.stdin = open(0, closefd=False, encoding="utf-8")  # noqa: SIM115
+    sys.stdout = _forgetful(sys.stdout, 1)
+    sys.stderr = _forgetful(sys.stderr, 2)
+
+
+def loss_of_output() -> OSError | None:
+    """Return why a part of standard output was lost; None if nothing was, or its reader left."""
+    raw = getattr(getattr(sys.stdout, "buffer", None), "raw", None)
+    failure = raw.failure if isinstance(raw, _Forgetful) else None
+    return None if failure is None or failure.errno == errno.EPIPE else failure
+
+
+def would_wait(stream: TextIO) -> bool:
+    """Return whether writing a line would wait: a pipe is full, or a terminal was stopped."""
+    try:
+        return not select.select([], [stream], [], 0.0)[1]
+    except (OSError, ValueError):  # Windows, or no file behind it
+        return False
+
+
+def _forgetful(stream: TextIO | None, descriptor: int) -> TextIO:
+    """Return a stream to the same file, with the same encoding and buffering."""
+    if stream is not None and not isinstance(stream, io.TextIOWrapper):
+        return stream  # of a program that runs this one
+    raw = _Forgetful(descriptor, "w", closefd=False)
+    if stream is None:
+        return io.TextIOWrapper(io.BufferedWriter(raw), encoding="utf-8", line_buffering=True)
+    return io.TextIOWrapper(
+        io.BufferedWriter(raw),
+        encoding=stream.encoding,
+        # Any path can be printed on any terminal.
+        errors="backslashreplace" if stream.errors == "strict" else stream.errors,
+        line_buffering=stream.line_buffering,
+        write_through=stream.write_through,
+    )

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The folder that a run saves its map in: whether it can, and what may be replaced there.
+
+A map is replaced by another of the same recording only, unless the user allows more, and a finished
+map never by one of a run that was stopped or failed: that one goes into a folder inside.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from cartoloop.errors import OutputError
+from cartoloop.map_file.file_set import FILES, repair_file_set
+from cartoloop.map_file.schema import FILE_NAME
+
+STOPPED = "stopped"
+"""Folder, inside that of a finished map, for the map of a run that did not come to its end."""
+
+SECOND = "second"
+"""The same for a map of another recording that was saved there while this one was mapped."""
+
+
+@dataclass(frozen=True, slots=True)
+class SavedMap:
+    """What is known of the map in a folder.
+
+    Attributes
+    ----------
+    files : those of a map that are there.
+    name : of the recording, or "".
+    fingerprint : of the recording; "" where it is not known.
+    finished : whether the run came to its end; true where that is not known.
+    """
+
+    files: tuple[str, ...]
+    name: str = ""
+    fingerprint: str = ""
+    finished: bool = True
+
+    def is_of(self, name: str, fingerprint: str) -> bool:
+        """Return whether the map is of a recording; earlier versions kept the name alone."""
+        if self.fingerprint:
+            return self.fingerprint == fingerprint
+        return self.name == name != ""
+
+
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """Where a run saves its map.
+
+    Attributes
+    ----------
+    path : the folder.
+    name, fingerprint : of the recording; see `Report`.
+    overwrite : whether the map of another recording may be replaced.
+    """
+
+    path: Path
+    name: str
+    fingerprint: str
+    overwrite: bool = False
+
+    def check(self) -> None:
+        """Check that the folder can be written, or made, and that nothing else is lost by it.
+
+        Nothing is made: this is for the time before the recording is read.
+
+        Raises
+        ------
+        OutputError
+            It cannot, or it holds another map.
+        """
+        if self.path.exists():
+            prepare_folder(self.path)
+            repair_file_set(self.path)
+        else:
+            _check_parents(self.path)
+        for name in FILES:
+            if (self.path / name).is_dir():
+                raise OutputError(
+                    f"{self.path / name}: is a folder where a file is to be written; choose "
+                    "another output folder"
+                )
+        saved = saved_map(self.path)
+        if saved is None or self._may_replace(saved):
+            return
+        what = f"another map (of {saved.name})"
+        if not saved.name:
+            what = f"files that would be replaced ({', '.join(saved.files)})"
+        raise OutputError(
+            f"{self.path}: holds {what}; choose another output folder, or allow it with --overwrite"
+        )
+
+    def place(self, *, finished: bool) -> Path:
+        """Return the folder to save a map in, which may be one inside; it exists.
+
+        Parameters
+        ----------
+        finished : whether the run came to its end.
+
+        Raises
+        ------
+        OutputError
+            It cannot be written.
+        """
+        folder = prepare_folder(self.path)
+        saved = saved_map(folder)
+        if saved is None or (self._may_replace(saved) and (finished or not saved.finished)):
+            return folder
+        return prepare_folder(folder / (SECOND if finished else STOPPED))
+
+    def why(self, place: Path) -> str:
+        """Return the reason why a map is saved in a folder inside, as a clause; or ""."""
+        return "" if place == self.path else f", since {self.path} holds a finished map"
+
+    def _may_replace(self, saved: SavedMap) -> bool:
+        return self.overwrite or saved.is_of(self.name, self.fingerprint)
+
+
+def prepare_folder(out: str | PathLike[str]) -> Path:
+    """Create the folder `out` if necessary, and check that it is writable.
+
+    Raises
+    ------
+    OutputError
+        It is not.
+    """
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".cartoloop-{os.getpid()}"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise _cannot_write(folder, error.strerror) from error
+    return folder
+
+
+def saved_map(folder: Path) -> SavedMap | None:
+    """Return what is known of the map in a folder; None if none of its files is there."""
+    files = tuple(name for name in FILES if (folder / name).is_file())
+    if not files:
+        return None
+    report = _report_in_json(folder / "report.json") or _report_in_map(folder / FILE_NAME)
+    if report is None:
+        return SavedMap(files)
+    recording = report.get("input")
+    return SavedMap(
+        files,
+        name=str(recording.get("name", "")) if isinstance(recording, Mapping) else "",
+        fingerprint=str(report.get("fingerprint", "")),
+        finished=bool(report.get("finished", True)),
+    )
+
+
+def _report_in_json(path: Path) -> Mapping[str, Any] | None:
+    try:
+        report = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return None
+    return report if isinstance(report, Mapping) else None
+
+
+def _report_in_map(path: Path) -> Mapping[str, Any] | None:
+    """Return the report in a map file, as a live run leaves it alone; None without one."""
+    if not path.is_file():
+        return None
+    try:
+        name = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
+        with closing(sqlite3.connect(name, uri=True)) as database:
+            row = database.execute("SELECT value FROM about WHERE key = 'report'").fetchone()
+        report = json.loads(row[0])
+    except (sqlite3.Error, ValueError, TypeError):
+        return None
+    return report if isinstance(report, Mapping) else None
+
+
+def _check_parents(folder: Path) -> None:
+    """Check that a folder that does not exist can be made.
+
+    Raises
+    ------
+    OutputError
+        It cannot.
+    """
+    parent = next(path for path in folder.absolute().parents if path.exists())
+    if not parent.is_dir():
+        raise _cannot_write(folder, f"{parent} is no folder")
+    if not os.access(parent, os.W_OK | os.X_OK):
+        raise _cannot_write(folder, f"nothing can be made in {parent}")
+
+
+def _cannot_write(folder: Path, why: str | None) -> OutputError:
+    return OutputError(f"{folder}: cannot write there: {why}; choose another output folder")
