@@ -83,7 +83,7 @@ def test_damaged_files_of_the_cache_are_replaced(tmp_path, kind, share):
 
 
 @pytest.mark.parametrize("kind", ["*.nbi", "*.nbc"])
-def test_one_wrong_bit_has_kernels_compiled_anew(tmp_path, kind):
+def test_one_wrong_bit_has_kernels_compiled_again(tmp_path, kind):
     first = _run(tmp_path, TWO_SIGNATURES)
     for number, file in enumerate(sorted(tmp_path.rglob(kind))):
         content = bytearray(file.read_bytes())

@@ -30,7 +30,7 @@ class Receiver(Protocol):
         """Ask the other side whether it is still there."""
 
     def say_goodbye(self) -> None:
-        """Tell the other side that the connection ends."""
+        """Announce to the other side that the connection ends."""
 
     def answer(self) -> bytes:
         """Return the bytes to send, each once."""

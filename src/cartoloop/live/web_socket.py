@@ -21,7 +21,7 @@ class WebSocketReceiver:
 
     Parameters
     ----------
-    lines : receives the content of the messages, each of which ends a line.
+    lines : receives the content of the messages; the end of a message is that of a line.
     """
 
     answers_pings = True
@@ -60,7 +60,7 @@ class WebSocketReceiver:
             return  # before the handshake, or while closing
 
     def say_goodbye(self) -> None:
-        """Tell the other side that the connection ends: this program does."""
+        """Announce to the other side that this program ends."""
         try:
             self._protocol.send_close(1001)
         except InvalidState:

@@ -31,6 +31,7 @@ from cartoloop.map_file.schema import (
     READABLE_VERSIONS,
 )
 from cartoloop.map_file.tables import numbers_of
+from cartoloop.plain_text import plain_values
 from cartoloop.quality.verdict import Quality
 from cartoloop.report import ConstraintSummary, InputSummary, Report
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -71,7 +72,7 @@ def read_map(path: str | PathLike[str]) -> MapData:
         graph, closures = _graph(database)
         nodes = _rows(database, "nodes")
         trajectory = _poses(_rows(database, "trajectory"), 8)
-        report = json.loads(about["report"])
+        report = plain_values(json.loads(about["report"]))
         return MapData(
             stamps=trajectory[:, 1].copy(),
             trajectory=trajectory[:, 2:5].copy(),

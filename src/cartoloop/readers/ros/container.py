@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+from cartoloop.plain_text import one_line
 from cartoloop.readers.log import ProblemSeverity
 from cartoloop.readers.ros.unpacking import Budget, limit_library, spending
 
@@ -112,7 +113,7 @@ class LibraryContainer:
         weakref.finalize(self, reader.close)
         self._connections: list[Connection] = list(reader.connections)
         self.channels = [
-            Channel(key, str(c.topic), str(c.msgtype), is_ros1, c.msgcount)
+            Channel(key, one_line(str(c.topic)), one_line(str(c.msgtype)), is_ros1, c.msgcount)
             for key, c in enumerate(self._connections)
         ]
 
@@ -132,15 +133,15 @@ class LibraryContainer:
             except StopIteration:
                 return
             except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
-                self.damage = one_line(error)
+                self.damage = reason_of(error)
                 return
             yield key_of[id(connection)], time, bytes(data)
 
 
-def one_line(error: BaseException) -> str:
+def reason_of(error: BaseException) -> str:
     """Return the message of an error in one line."""
     text = " ".join(str(error).split()).rstrip(".")
-    return text[:200] or type(error).__name__
+    return one_line(text[:200]) or type(error).__name__
 
 
 class ChainedContainer:

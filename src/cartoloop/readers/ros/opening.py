@@ -21,7 +21,7 @@ from cartoloop.readers.ros.container import (
     ChainedContainer,
     Container,
     LibraryContainer,
-    one_line,
+    reason_of,
 )
 from cartoloop.readers.ros.unpacking import BudgetError, unpack_file
 
@@ -84,10 +84,10 @@ def _open_folder(path: Path) -> Container:
         except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
             if not files:
                 raise InputError(
-                    f"{path}: cannot be read ({one_line(error)}); if a file is missing, copy the "
+                    f"{path}: cannot be read ({reason_of(error)}); if a file is missing, copy the "
                     "whole folder again"
                 ) from None
-            note = f"its metadata.yaml does not fit ({one_line(error)})"
+            note = f"its metadata.yaml does not fit ({reason_of(error)})"
     elif files:
         note = "it has no metadata.yaml: the recorder was not ended properly"
     elif bags:
@@ -125,7 +125,7 @@ def _open_file(path: Path) -> Iterator[Container]:
     try:
         container = _open_by_library(path, magic)
     except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
-        refusal = one_line(error)
+        refusal = reason_of(error)
     else:
         container.notes += _notes(path, refusal)
         yield container
@@ -204,7 +204,7 @@ def _open_compressed(path: Path) -> Iterator[Container]:
     try:
         unpack_file(path, unpacked.file)
     except (OSError, EOFError, zstd.ZstdError, BudgetError) as error:
-        damage = one_line(error)
+        damage = reason_of(error)
         if unpacked.file.stat().st_size == 0:
             raise InputError(
                 f"{path}: cannot be unpacked ({damage}); copy or download it again"

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from cartoloop.foreign_database import open_database
-from cartoloop.readers.ros.container import Channel, one_line
+from cartoloop.plain_text import one_line
+from cartoloop.readers.ros.container import Channel, reason_of
 from cartoloop.readers.ros.salvage import (
     LARGEST_RECORD,
     CutError,
@@ -117,7 +118,7 @@ class McapSalvage(SalvageContainer):
 def _text(data: bytes, place: int) -> tuple[str, int]:
     size = _U32.unpack_from(data, place)[0]
     end = place + 4 + size
-    return data[place + 4 : end].decode("utf-8", "replace"), end
+    return one_line(data[place + 4 : end].decode("utf-8", "replace")), end
 
 
 class DatabaseSalvage(SalvageContainer):
@@ -133,7 +134,7 @@ class DatabaseSalvage(SalvageContainer):
                     rows = connection.execute("SELECT id, name, type FROM topics")
                     for key, topic, msgtype in rows:
                         self._found[int(key)] = Channel(
-                            int(key), str(topic), str(msgtype), False, 0
+                            int(key), one_line(str(topic)), one_line(str(msgtype)), False, 0
                         )
                 for key, time, data in connection.execute(
                     "SELECT topic_id, timestamp, data FROM messages"
@@ -141,7 +142,7 @@ class DatabaseSalvage(SalvageContainer):
                     if key in self._found and (keys is None or key in keys):
                         yield int(key), int(time), b"" if keys is None else bytes(data)
         except (sqlite3.Error, TypeError, ValueError) as error:
-            self.damage = one_line(error)
+            self.damage = reason_of(error)
 
     def _connect(self) -> sqlite3.Connection:
         # Otherwise a file that lacks its last pages is refused as a whole.

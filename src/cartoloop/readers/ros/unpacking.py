@@ -7,6 +7,7 @@ The library rosbags unpacks without limits. `limit_library` has it use the funct
 from __future__ import annotations
 
 import bz2
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -184,9 +185,7 @@ def _open_zstd(packed: BinaryIO, _: str = "rb") -> Iterator[BinaryIO]:
     """Yield a zstd file for reading, within the budget of its size."""
     from cartoloop.readers.ros.zstd import zstd
 
-    size = packed.seek(0, 2)
-    packed.seek(0)
-    budget = Budget(size)
+    budget = Budget(os.fstat(packed.fileno()).st_size)
     with zstd.open(packed, "rb") as plain:
 
         def read(num_bytes: int = 1 << 20) -> bytes:

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 from cartoloop.errors import InputError
 from cartoloop.input_file import read_input
+from cartoloop.plain_text import one_line
 from cartoloop.readers.ros.transforms import Pose3
 
 _MAX_BYTES = 16 << 20
@@ -61,8 +62,8 @@ def parse_urdf(text: bytes, name: str) -> list[FixedJoint]:
 
 def _joint(joint: ElementTree.Element, name: str) -> FixedJoint:
     parent, child, origin = joint.find("parent"), joint.find("child"), joint.find("origin")
-    above = parent.get("link", "") if parent is not None else ""
-    below = child.get("link", "") if child is not None else ""
+    above = one_line(parent.get("link", "")) if parent is not None else ""
+    below = one_line(child.get("link", "")) if child is not None else ""
     what = f"{name}: joint {joint.get('name', '?')!r}"
     if not (above and below):
         raise InputError(f"{what} names no parent or child link; correct it")
