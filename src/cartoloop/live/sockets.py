@@ -201,7 +201,12 @@ class _Listener:
         if client.closes_at is not None:
             return  # nothing it sends matters any more
         num_lines = client.lines.num_lines
-        client.receiver.feed(data)
+        try:
+            client.receiver.feed(data)
+        except Exception as error:  # noqa: BLE001 - a fault in one connection ends no other
+            self._notices.skip("message skipped: unexpected error")
+            self._drop(client, f"unexpected {type(error).__name__}: {error}")
+            return
         self._send(client)
         now = self._clock()  # parsing takes time, and a full queue may hold it up
         client.last_sign = now

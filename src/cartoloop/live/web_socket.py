@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from websockets.exceptions import InvalidState
 from websockets.frames import Frame, Opcode
 from websockets.http11 import Request
+from websockets.protocol import State
 from websockets.server import ServerProtocol
 
 from cartoloop.live.source import MAX_LINE_BYTES, LineReceiver
@@ -35,6 +35,8 @@ class WebSocketReceiver:
         self._protocol.receive_data(data)
         for event in self._protocol.events_received():
             if isinstance(event, Request):
+                if self._protocol.eof_sent:
+                    continue  # what follows the request is nonsense: it was refused already
                 self._protocol.send_response(self._protocol.accept(event))
             elif isinstance(event, Frame) and event.opcode in _DATA:
                 self._lines.feed(bytes(event.data))
@@ -54,17 +56,18 @@ class WebSocketReceiver:
 
     def ping(self) -> None:
         """Ask the other side whether it is still there; any answer will do."""
-        try:
+        if self._is_open:
             self._protocol.send_ping(b"")
-        except InvalidState:
-            return  # before the handshake, or while closing
 
     def say_goodbye(self) -> None:
         """Announce to the other side that this program ends."""
-        try:
+        if self._is_open:
             self._protocol.send_close(1001)
-        except InvalidState:
-            return
+
+    @property
+    def _is_open(self) -> bool:
+        """Whether the handshake is done, and neither side has begun to close the connection."""
+        return self._protocol.state is State.OPEN and self._protocol.close_rcvd is None
 
     def answer(self) -> bytes:
         """Return the bytes to send, each once."""

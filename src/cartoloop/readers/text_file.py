@@ -30,7 +30,7 @@ OVERLONG = bytes(bytearray(b"a line that is too long"))
 """Stands for a line that is too long; compare with ``is``."""
 
 _UNPACKED_BYTES, _UNPACKED_RATIO = 16 << 20, 100
-"""A gzip file may unpack to this number of bytes, and to this multiple of its size more: logs unpack
+"""A gzip file may unpack to this number of bytes and this multiple of its size: logs unpack
 to ten times their size, of zeros to a thousand times."""
 
 _GZIP_MAGIC = b"\x1f\x8b"

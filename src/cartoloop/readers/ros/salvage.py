@@ -20,11 +20,25 @@ from cartoloop.readers.ros.unpacking import KNOWN, Budget, spending, unpack_soun
 LARGEST_RECORD = 1 << 31
 """Longer records are nonsense [bytes]: lengths come from damaged data, memory is finite."""
 
+_READ_BYTES = 1 << 24
+
 RecordedMessage = tuple[int, int, bytes]
 
 
 class CutError(Exception):
     """The file ends, or its records are not valid from here on."""
+
+
+def at_most(file: BinaryIO, size: int) -> bytes:
+    """Return the next `size` bytes of a file, or those until its end.
+
+    In pieces: memory for a length that comes from damaged data is not reserved at once.
+    """
+    pieces = []
+    while size > 0 and (piece := file.read(min(size, _READ_BYTES))):
+        pieces.append(piece)
+        size -= len(piece)
+    return b"".join(pieces)
 
 
 def exactly(file: BinaryIO, size: int) -> bytes:
@@ -37,7 +51,7 @@ def exactly(file: BinaryIO, size: int) -> bytes:
     """
     if size > LARGEST_RECORD:
         raise CutError("a record has an impossible length")
-    data = file.read(size)
+    data = at_most(file, size)
     if len(data) < size:
         raise CutError("the file is cut off")
     return data

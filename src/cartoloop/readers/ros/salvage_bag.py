@@ -17,6 +17,7 @@ from cartoloop.readers.ros.salvage import (
     CutError,
     RecordedMessage,
     SalvageContainer,
+    at_most,
     exactly,
 )
 from cartoloop.readers.ros.wire import NANO
@@ -44,7 +45,7 @@ class BagSalvage(SalvageContainer):
                         data = exactly(file, size)
                         yield from self._record(header, data, keys)
                         continue
-                    packed = file.read(min(size, LARGEST_RECORD))
+                    packed = at_most(file, min(size, LARGEST_RECORD))
                     compression = header.get(b"compression", b"").decode("ascii", "replace")
                     plain = self._unpack(compression, packed)
                     yield from self._chunk(plain, keys)

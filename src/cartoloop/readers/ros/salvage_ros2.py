@@ -22,6 +22,7 @@ from cartoloop.readers.ros.salvage import (
     CutError,
     RecordedMessage,
     SalvageContainer,
+    at_most,
     exactly,
 )
 
@@ -59,7 +60,7 @@ class McapSalvage(SalvageContainer):
             if code[0] in _MCAP_ENDS:
                 return
             size = _U64.unpack(exactly(file, 8))[0]
-            data = file.read(min(size, LARGEST_RECORD))
+            data = at_most(file, min(size, LARGEST_RECORD))
             whole = len(data) == size
             if code[0] == _MCAP_CHUNK:
                 plain = self._unpacked(data)
