@@ -14,9 +14,17 @@ Every message is one line: what is wrong, where (file, line, topic, time stamp),
 
 from __future__ import annotations
 
+from cartoloop.plain_text import one_line
+
 
 class CartoloopError(Exception):
-    """Base of all errors that are meant for the user: one line, no traceback."""
+    """Base of all errors that are meant for the user: one line, no traceback.
+
+    Names in the message may hold any characters: those that a terminal obeys are made visible.
+    """
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(one_line(message))
 
 
 class InputError(CartoloopError):

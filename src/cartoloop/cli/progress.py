@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from time import perf_counter
 from typing import NamedTuple, Protocol, TextIO
 
+from cartoloop.cli.lost_output import styled
+
 _BAR_PERIOD_S = 0.1
 """Time between two updates of the bar [s]: smooth enough to the eye."""
 
@@ -130,7 +132,7 @@ def progress(
     from rich.progress import Progress as Bar
 
     columns = (BarColumn(10), MofNCompleteColumn(), TextColumn("scans, {task.fields[status]}"))
-    with Bar(*columns, console=Console(file=stream), transient=True) as bar:
+    with Bar(*columns, console=Console(file=styled(stream)), transient=True) as bar:
         task = bar.add_task("", total=num_scans, status="")
 
         class _Bar:

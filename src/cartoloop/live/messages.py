@@ -16,6 +16,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.errors import UsageError
+from cartoloop.plain_text import one_line
 from cartoloop.sensor.events import (
     CloudGeometry,
     Imu,
@@ -239,7 +240,7 @@ def _text(content: Mapping[str, Any], key: str) -> str:
     value = content.get(key, "")
     if not isinstance(value, str) or len(value) > 100:
         _refuse(key, "is not a short text")
-    return value
+    return one_line(value)
 
 
 def _refuse(key: str, what: str) -> NoReturn:

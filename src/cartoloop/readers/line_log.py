@@ -25,7 +25,7 @@ from cartoloop.readers.line_format import LineError, LineFormat, Parse, Reading
 from cartoloop.readers.line_times import line_times, note_damage, note_times
 from cartoloop.readers.log import EventGenerator, LogBase, ProblemLog
 from cartoloop.readers.scan_sample import ScanSample
-from cartoloop.readers.text_file import TextFile
+from cartoloop.readers.text_file import MAX_LINE_BYTES, OVERLONG, TextFile
 from cartoloop.sensor.events import MAX_ANGLE, LaserScan, Odometry, ScanGeometry
 from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.sensor_profile import SensorProfile, profile_sensor
@@ -146,7 +146,7 @@ class LineLog(LogBase):
             try:
                 if kind == _CUT_OFF:
                     raise LineError("line cut off", "the last line is cut off")
-                reading = parse(line)
+                reading = parse(_bounded(line))
                 if reading is None:
                     continue
                 if kind == _SILENT:
@@ -215,7 +215,7 @@ class LineLog(LogBase):
         for number, line in enumerate(self._text.lines()):
             kind, stamp = _SILENT, math.nan
             try:
-                reading = parse(line)
+                reading = parse(_bounded(line))
                 if reading is not None:
                     _check(reading, self._geometry)
                     kind, stamp = self._index_reading(number, reading), reading.stamp
@@ -328,6 +328,14 @@ class LineLog(LogBase):
             f"{self._text.path}: holds no laser scans, though it is a {self.format_name}; "
             "check how it was recorded"
         )
+
+
+def _bounded(line: bytes) -> bytes:
+    """Return a line as it is, unless it was too long to be kept."""
+    if line is OVERLONG:
+        detail = f"the line is longer than {MAX_LINE_BYTES >> 20} MB"
+        raise LineError("line too long", detail)
+    return line
 
 
 def _rigid_mounting(stated: Sequence[Pose]) -> Pose | None:
