@@ -311,6 +311,29 @@ def bench_verdict(
     _conclude(record, out, before, strict)
 
 
+@app.command("kills")
+def bench_kills(
+    out: OutOption = Path("bench-results"),
+    kills: Annotated[int, typer.Option(min=1, help="Number of runs that are killed.")] = 200,
+    saving: Annotated[int, typer.Option(min=0, help="Number of these while saving.")] = 60,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of moments and signals.")] = 0,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Kill runs at random moments, and count those that leave a map that is not whole.
+
+    With --strict it also fails if there is one.
+    """
+    from bench import kills as benchmark
+
+    before = _earlier(against, "kills")
+    record = benchmark.run(kills, saving, seed, lambda line: typer.echo(line, err=True))
+    _print_table(record)
+    _conclude(record, out, before, strict)
+    if strict and any(row.figures["faults"].value for row in record.rows):
+        raise typer.Exit(1)
+
+
 @app.command("page")
 def bench_page(
     records: Annotated[

@@ -10,6 +10,7 @@ matrix is turned on reading.
 from __future__ import annotations
 
 import gzip
+import logging
 import math
 import zlib
 from collections import deque
@@ -24,6 +25,11 @@ from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse
 
 FloatArray = NDArray[np.float64]
+
+LARGEST_NUMBER = 1e100
+"""Sums of products of larger ones are not finite."""
+
+_logger = logging.getLogger(__name__)
 
 _GZIP_MAGIC = b"\x1f\x8b"
 
@@ -45,9 +51,12 @@ def read_g2o(path: Path) -> PoseGraph:
     Raises
     ------
     InputError
-        With file and line, if the file cannot be read, a line is malformed, a value not finite, an
-        information matrix not positive semidefinite, an edge joins a vertex to itself, or there is
-        neither vertex nor edge.
+        The file cannot be read, or holds neither vertex nor edge.
+
+    Notes
+    -----
+    Lines that are malformed, hold a value that is not finite or an information matrix that is not
+    positive semidefinite, or join a vertex to itself, are skipped, and counted in a warning.
     """
     contents = _parse(path, _lines(path))
     if not contents.poses and not contents.edge_ids:
@@ -88,6 +97,7 @@ def _lines(path: Path) -> list[str]:
 
 def _parse(path: Path, lines: list[str]) -> _Contents:
     contents = _Contents()
+    faults: list[str] = []
     for number, line in enumerate(lines, start=1):
         tag, *words = line.split() or [""]
         try:
@@ -101,12 +111,14 @@ def _parse(path: Path, lines: list[str]) -> _Contents:
                 contents.edge_values.append(values)
             elif tag == "FIX":
                 contents.fixed.extend(int(word) for word in words)
-        except ValueError as error:
-            raise InputError(f"{path}:{number}: {tag} line is malformed: {error}") from error
+        except (ValueError, OverflowError, np.linalg.LinAlgError) as error:
+            faults.append(f"{path}:{number}: {tag} line is malformed: {error}")
     known = contents.poses.keys() | {vertex for edge in contents.edge_ids for vertex in edge}
-    for vertex in contents.fixed:
-        if vertex not in known:
-            raise InputError(f"{path}: FIX names vertex {vertex}, which is not in the file")
+    unknown = [vertex for vertex in contents.fixed if vertex not in known]
+    faults += [f"{path}: FIX names vertex {v}, which is not in the file" for v in unknown]
+    contents.fixed = [vertex for vertex in contents.fixed if vertex in known]
+    if faults:
+        _logger.warning("%d lines are skipped, the first: %s", len(faults), faults[0])
     return contents
 
 
@@ -117,6 +129,8 @@ def _numbers(words: list[str], num_ids: int, num_values: int) -> list[float]:
     numbers += [float(word) for word in words[num_ids:]]
     if not all(math.isfinite(number) for number in numbers):
         raise ValueError("a number is not finite")
+    if max(map(abs, numbers)) > LARGEST_NUMBER:
+        raise ValueError("a number is out of all bounds")
     return numbers
 
 

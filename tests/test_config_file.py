@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import tomllib
 
 import pytest
@@ -211,3 +214,17 @@ def test_a_pose_survives_writing_and_reading(tmp_path):
 
     assert given.sensor.laser_pose == (-0.04, 0.0, 0.1)
     assert load_config(written).config == given
+
+
+@pytest.mark.parametrize("level", ["1", "2"])
+def test_nothing_is_left_out_without_docstrings(level):
+    code = "from cartoloop.config_file import *; print(config_toml(Config()), end='')"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"PYTHONOPTIMIZE": level},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+
+    assert done.stdout == config_toml(Config())

@@ -8,7 +8,7 @@ import json
 import pytest
 
 import cartoloop
-from cartoloop.errors import InputError, Interrupted
+from cartoloop.errors import InputError, Interrupted, OutputError
 from cartoloop.recording_run import RunObserver
 from cartoloop.simulation import ring, simulate
 from cartoloop.stop_request import StopRequest
@@ -98,6 +98,65 @@ def test_a_stopped_run_saves_its_map(log, tmp_path, how):
         )
 
     assert len((tmp_path / "out" / "trajectory.tum").read_text().splitlines()) == 7 + 1
+
+
+def test_a_map_of_few_of_the_scans_is_an_error(log, tmp_path):
+    bad = [f"FLASER 9 1.0 {k}\n" for k in range(2 * NUM_SCANS)]
+    (tmp_path / "bad.log").write_text(log.read_text() + "".join(bad))
+
+    with pytest.raises(InputError, match=r"bad\.log: 83 of 124 scans were skipped, the map in .*"):
+        cartoloop.map_recording(tmp_path / "bad.log", out=tmp_path / "out")
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["finished"] is False
+    assert sum(report["skipped"].values()) == 83
+
+
+def test_a_map_of_most_of_the_scans_is_a_success(log, tmp_path):
+    bad = [f"FLASER 9 1.0 {k}\n" for k in range(NUM_SCANS - 1)]
+    (tmp_path / "bad.log").write_text(log.read_text() + "".join(bad))
+
+    assert cartoloop.map_recording(tmp_path / "bad.log").report.finished
+
+
+def test_another_recording_is_refused_before_it_is_read(log, tmp_path):
+    cartoloop.map_recording(log, out=tmp_path / "out")
+    (tmp_path / "no.log").write_text("no log at all")
+
+    with pytest.raises(OutputError, match="holds another map"):
+        cartoloop.map_recording(tmp_path / "no.log", out=tmp_path / "out")
+    with pytest.raises(InputError, match="not in a known format"):
+        cartoloop.map_recording(tmp_path / "no.log", out=tmp_path / "out", overwrite=True)
+
+
+def test_a_run_stopped_before_its_first_scan_saves_nothing(log, tmp_path):
+    stop = StopRequest()
+    stop.made = True
+
+    with pytest.raises(Interrupted, match="stopped before the first scan: nothing was saved"):
+        cartoloop.map_recording(log, out=tmp_path / "out", stop=stop)
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+class Breaking(RunObserver):
+    """Makes the folder impossible to write while the recording is mapped."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+    def finishing(self, mapper, stage):
+        if stage is None:
+            self.folder.rmdir()
+            self.folder.write_text("now a file")
+
+
+def test_a_map_whose_folder_is_gone_is_saved_elsewhere(log, tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    out = tmp_path / "out"
+
+    with pytest.raises(OutputError, match=r"cannot write there.*; the map was saved in .* instead"):
+        cartoloop.map_recording(log, out=out, observer=Breaking(out))
+    (place,) = tmp_path.glob("cartoloop-*")
+    assert len(cartoloop.load(place).stamps) == NUM_SCANS
 
 
 def test_an_empty_map_is_an_error(tmp_path):

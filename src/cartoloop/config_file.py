@@ -7,7 +7,9 @@ are not given keep their defaults, also within a section that is given in part.
 
 from __future__ import annotations
 
+import ast
 import hashlib
+import inspect
 import json
 import math
 import re
@@ -90,7 +92,7 @@ def config_toml(
         defaults = _flatten(Config().model_dump())
         values = _flatten(config.model_dump())
         origins = {key: "set" for key, value in values.items() if value != defaults[key]}
-    lines = [f"# {Config.__doc__}"]
+    lines = [f"# {_docstring(Config)}"]
     _write_section(config, "", origins, without, lines)
     return "\n".join(lines) + "\n"
 
@@ -231,8 +233,18 @@ def _write_section(
             given = f"# {name} = none" if value is None else f"{name} = {_toml_value(value)}"
             lines.append(f"{given:<40}  # {field.description} ({origins.get(key, 'default')})")
     for key, subsection in subsections:
-        lines += ["", f"[{key}]  # {(type(subsection).__doc__ or '').splitlines()[0]}"]
+        lines += ["", f"[{key}]  # {_docstring(type(subsection)).splitlines()[0]}"]
         _write_section(subsection, f"{key}.", origins, without, lines)
+
+
+def _docstring(section: type[BaseModel]) -> str:
+    """Return what a section means, also where Python was started without docstrings (-OO)."""
+    if section.__doc__:
+        return section.__doc__
+    for node in ast.parse(inspect.getsource(section)).body:
+        if isinstance(node, ast.ClassDef) and (text := ast.get_docstring(node, clean=False)):
+            return text
+    return section.__name__
 
 
 def _toml_value(value: object) -> str:

@@ -9,25 +9,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cartoloop.config import Config
-from cartoloop.config_file import LoadedConfig, config_hash
+from cartoloop.config_file import LoadedConfig
 from cartoloop.errors import InputError, Interrupted
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
-from cartoloop.runtime.process_memory import release_unused_memory
+from cartoloop.run_end import Outcome, Saved, completed, save_outcome, timed
 from cartoloop.stop_request import StopRequest
 
 if TYPE_CHECKING:
     from cartoloop.map_output.picture import Layer
     from cartoloop.mapper import Mapper
     from cartoloop.readers import Log, ReadOptions
-    from cartoloop.report import Report
     from cartoloop.result import Result
     from cartoloop.sensor.events import SensorEvent
 
@@ -59,22 +58,6 @@ class RunObserver:
 
     def saved(self, result: Result, failure: Exception | None) -> None:
         """The map was saved, and the report has its final times."""
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """How a run ended.
-
-    Attributes
-    ----------
-    result : the map, or what was mapped until the end of an incomplete run.
-    failure : the exception that ended the run early, or None.
-    is_complete : whether the last pass was done: neither a failure nor a stop ended the run.
-    """
-
-    result: Result
-    failure: Exception | None
-    is_complete: bool
 
 
 def map_recording(
@@ -126,12 +109,16 @@ def map_recording(
         prepare_folder(folder.path)
     try:
         outcome = _mapped(log, loaded, observer, stop)
+        if not outcome.is_complete and outcome.failure is None and not len(outcome.result.stamps):
+            raise Interrupted("stopped before the first scan: nothing was saved")
         outcome = replace(outcome, result=_reported(outcome.result, log, start))
         observer.mapped(outcome.result, outcome.failure)
         saved = Saved(outcome, None, "")
         if folder is not None:
             drawn = DEFAULT_LAYERS if layers is None else layers
-            saved = save_outcome(outcome, folder, drawn, loaded.origins, observer, start, stop)
+            saved = save_outcome(
+                outcome, folder, drawn, loaded.origins, observer.saving, start, stop
+            )
     except KeyboardInterrupt as interrupt:
         raise Interrupted("stopped at once: nothing was saved") from interrupt
     # A stop during saving is reported too, so that no further step follows.
@@ -139,60 +126,6 @@ def map_recording(
     observer.saved(outcome.result, outcome.failure)
     _raise_if_incomplete(replace(saved, outcome=outcome), log)
     return outcome.result
-
-
-@dataclass(frozen=True, slots=True)
-class Saved:
-    """How a run ended, and where its map is.
-
-    Attributes
-    ----------
-    outcome : how it ended.
-    place : folder of its map; None if it was not saved.
-    why : it is there and not in the folder asked for, as a clause; or "".
-    """
-
-    outcome: Outcome
-    place: Path | None
-    why: str
-
-    @property
-    def where(self) -> str:
-        """The place as a phrase that begins with a blank, or ""."""
-        return "" if self.place is None else f" in {self.place}{self.why}"
-
-
-def save_outcome(
-    outcome: Outcome,
-    folder: RunFolder,
-    layers: Collection[Layer],
-    origins: Mapping[str, str],
-    observer: RunObserver,
-    start: float,
-    stop: StopRequest,
-) -> Saved:
-    """Save the map of a run where it may be, with the final times in the report.
-
-    Raises
-    ------
-    OutputError
-        It cannot be written.
-    """
-    from cartoloop.map_output.save import save
-
-    release_unused_memory()
-    result = outcome.result
-    place = folder.place(finished=result.report.finished)
-    observer.saving(place)
-    report = save(
-        result,
-        place,
-        layers=layers,
-        origins=origins,
-        complete_report=partial(timed, start=start),
-        stop=stop,
-    )
-    return Saved(replace(outcome, result=replace(result, report=report)), place, folder.why(place))
 
 
 def _mapped(log: Log, loaded: LoadedConfig, observer: RunObserver, stop: StopRequest) -> Outcome:
@@ -257,59 +190,6 @@ def finish(mapper: Mapper, observer: RunObserver, stop: StopRequest) -> Outcome:
     finally:
         mapper.close()
     return Outcome(mapper.result(), failure, is_complete=False)
-
-
-def completed(
-    result: Result,
-    name: str,
-    also_skipped: Mapping[str, int],
-    problems: Sequence[str] = (),
-    *,
-    fingerprint: str,
-) -> Report:
-    """Return the report of a result, completed by the reader's findings.
-
-    Parameters
-    ----------
-    result : of the mapper.
-    name : of the recording or the live source.
-    also_skipped : number of lines or messages that the reader skipped, by reason.
-    problems : of the recording, one line each.
-    fingerprint : of the recording.
-    """
-    report = result.report
-    skipped = dict(report.skipped)
-    for reason, count in also_skipped.items():
-        skipped[reason] = skipped.get(reason, 0) + count
-    extra = dict(report.extra)
-    from cartoloop.report import odometry_warning  # loads the kernels
-
-    warning = odometry_warning(report)
-    problems = [*problems, warning] if warning else list(problems)
-    if problems:
-        extra["problems"] = problems
-    return replace(
-        report,
-        input=replace(report.input, name=name),
-        skipped=skipped,
-        config_hash=config_hash(result.config),
-        fingerprint=fingerprint,
-        extra=extra,
-    )
-
-
-def timed(report: Report, start: float) -> Report:
-    """Return the report with the time and memory that the run took since `start` [s]."""
-    from cartoloop.runtime.process_memory import peak_memory_mb
-
-    wall_s = time.perf_counter() - start
-    return replace(
-        report,
-        wall_s=wall_s,
-        cpu_s=time.process_time(),
-        peak_memory_mb=peak_memory_mb(),
-        real_time_factor=report.input.duration_s / wall_s,
-    )
 
 
 def _loaded(config: Config | LoadedConfig | None) -> LoadedConfig:

@@ -146,7 +146,8 @@ def test_nan_infinite_and_negative_ranges_are_no_returns(lines, mapped):
     good = mapped(lines)
     expected, num_walls = good.trajectory, good.num_walls
 
-    result = mapped([with_ranges(x, spoil) if x.startswith("FLASER") else x for x in lines])
+    spoilt = [with_ranges(x, spoil) if x.startswith("FLASER") else x for x in lines]
+    result = mapped(spoilt, "bad.log", "--overwrite")
 
     assert result.status == 0
     result.assert_complete()

@@ -14,6 +14,7 @@ import pytest
 
 from cartoloop.cli.lost_output import would_wait
 from cartoloop.simulation import ring, simulate
+from tests.limits import LIMIT_S
 from tests.live.live_room import lines
 from tests.map_output.small_result import FILES
 
@@ -83,6 +84,29 @@ def test_a_robot_gets_its_poses_without_messages(tmp_path, redirections):
     assert done.returncode == 0
     poses = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(poses) == 51
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+
+
+@pytest.mark.slow
+def test_a_robot_is_mapped_when_nobody_reads_its_messages(tmp_path):
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+    with contextlib.suppress(BlockingIOError):
+        while os.write(write, bytes(4096)):
+            pass
+    os.set_blocking(write, True)
+    with os.fdopen(read, "rb"), os.fdopen(write, "wb") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "cartoloop", "live", "-", "-o", tmp_path, "--poses", "-"],
+            input=b"".join(lines()),
+            stdout=subprocess.PIPE,
+            stderr=full,
+            timeout=LIMIT_S,
+            check=False,
+        )
+
+    assert done.returncode == 0
+    assert done.stdout
     assert {path.name for path in tmp_path.iterdir()} == FILES
 
 

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+import gzip
 import json
 
 import numpy as np
@@ -96,3 +97,9 @@ def test_the_help_names_all_worlds_and_scanners(capsys):
     assert run(["simulate", "--help"]) == 0
     words = {word.strip(".,;") for word in capsys.readouterr().out.split()}
     assert set(WORLDS) | set(LIDARS) | set(OdometryFault) <= words
+
+
+@pytest.mark.parametrize("name", ["a.log.gz", "A.CLF.GZ"])
+def test_an_ending_of_gz_means_compressed(tmp_path, name):
+    assert run(["simulate", "ring", "-o", str(tmp_path / name), "--duration", "1"]) == 0
+    assert gzip.decompress((tmp_path / name).read_bytes()).startswith(b"#")

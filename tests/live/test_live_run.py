@@ -9,9 +9,12 @@ import json
 import pytest
 from live_room import lines
 
-from cartoloop.errors import InputError
+from cartoloop.errors import InputError, OutputError
 from cartoloop.live.live_run import LiveObserver, LiveOptions, map_live
 from cartoloop.live.messages import EndMessage, parse_message
+from cartoloop.map_output.save import save
+from cartoloop.report import InputSummary
+from tests.map_output.small_result import FILES, small_result
 
 
 class Sender:
@@ -71,3 +74,66 @@ def test_a_source_without_scans_is_an_error(tmp_path):
     with pytest.raises(InputError, match="no scan with enough returns"):
         map_live(Sender([]), None, tmp_path)
     assert (tmp_path / "report.json").exists()
+
+
+@pytest.fixture
+def kept(tmp_path):
+    """A folder with a finished map."""
+    save(small_result(input=InputSummary("yesterday"), finished=True), tmp_path)
+    return tmp_path
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def test_a_folder_with_a_map_is_refused(kept):
+    with pytest.raises(OutputError, match=r"holds another map \(of yesterday\).*--overwrite"):
+        map_live(Sender(lines(4.0)), None, kept)
+
+
+def test_a_finished_map_is_replaced_only_at_the_end(kept, monkeypatch):
+    before = contents(kept)
+
+    class Watcher(Recorder):
+        """Waits for the map to be saved while mapping."""
+
+        def mapped(self, result, failure):
+            self.while_mapping = contents(kept), set(contents(kept / "stopped"))
+
+    monkeypatch.setattr("cartoloop.live.autosave.MIN_PERIOD_S", 0.0)
+    monkeypatch.setattr("cartoloop.live.autosave.Autosave.__init__.__defaults__", (0.0,))
+    watcher = Watcher()
+    map_live(
+        Sender(lines(4.0)),
+        None,
+        kept,
+        LiveOptions(waits=True),
+        observer=watcher,
+        overwrite=True,
+    )
+
+    assert watcher.while_mapping == (before, {"map.cartoloop"})
+    assert {path.name for path in kept.iterdir()} == FILES
+    assert json.loads((kept / "report.json").read_text())["input"]["name"] == "sender"
+
+
+def test_a_drive_that_fails_is_saved_beside_a_finished_map(kept):
+    before = contents(kept)
+    source = Sender(lines(4.0), InputError("sender: connection lost"))
+
+    with pytest.raises(InputError, match="connection lost"):
+        map_live(source, None, kept, LiveOptions(waits=True), overwrite=True)
+
+    assert contents(kept) == before
+    assert set(contents(kept / "stopped")) == FILES
+
+
+def test_a_drive_without_scans_replaces_nothing(kept):
+    before = contents(kept)
+
+    with pytest.raises(InputError, match="the map is empty"):
+        map_live(Sender([]), None, kept, overwrite=True)
+
+    assert contents(kept) == before
+    assert not (kept / "stopped").exists()

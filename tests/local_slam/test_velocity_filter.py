@@ -36,6 +36,12 @@ def test_steps_without_duration_are_ignored(velocity):
     assert velocity.step(0.1) == IDENTITY
 
 
+@pytest.mark.parametrize("duration", [5e-324, 1e-300, 1e-13])
+def test_steps_too_short_for_a_velocity_are_ignored(velocity, duration):
+    velocity.update(Pose(0.2, 0.0, 0.0), duration)
+    assert velocity.step(0.1) == IDENTITY
+
+
 def test_velocity_is_extrapolated_for_a_limited_time(velocity):
     velocity.update(Pose(0.1, 0.0, 0.0), 0.1)
     assert velocity.step(3600.0) == pytest.approx(Pose(HORIZON_S, 0.0, 0.0))

@@ -34,6 +34,7 @@ def test_good_events_have_no_fault(event):
 @pytest.mark.parametrize("event", [SCAN, CLOUD, ODOMETRY, IMU])
 def test_a_time_must_be_finite(event):
     assert fault_of(replace(event, time=math.nan)) == "time is not finite"
+    assert fault_of(replace(event, time=1e300)) == "time is out of all bounds"
 
 
 @pytest.mark.parametrize(

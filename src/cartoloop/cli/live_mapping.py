@@ -121,7 +121,11 @@ class _Display(LiveObserver):
         self.say(f"writing {folder}")
 
     def saved(self, result: Result, failure: Exception | None) -> None:
-        typer.echo(summary(result.report, self._out), err=self._is_quiet)
+        text = summary(result.report, self._out)
+        if self._is_quiet:
+            self.say(text)
+        else:
+            typer.echo(text)
 
 
 @contextmanager

@@ -13,9 +13,12 @@ import io
 import os
 import select
 import sys
-from typing import TextIO, cast
+from typing import TYPE_CHECKING, TextIO, cast
 
 from cartoloop.plain_text import plain_lines
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer  # of collections.abc from Python 3.12 on
 
 
 class _Forgetful(io.FileIO):
@@ -28,13 +31,13 @@ class _Forgetful(io.FileIO):
 
     failure: OSError | None = None
 
-    def write(self, data: bytes | bytearray | memoryview) -> int:  # type: ignore[override]
+    def write(self, data: Buffer, /) -> int:
         """Write, or forget the data."""
         try:
             return super().write(data)
         except OSError as error:
             self.failure = self.failure or error
-            return len(data)
+            return memoryview(data).nbytes
 
 
 class _PlainOutput(io.TextIOWrapper):

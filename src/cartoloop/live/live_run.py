@@ -25,16 +25,9 @@ from cartoloop.map_file.file_set import remove_file_set
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer
 from cartoloop.mapper import Mapper
-from cartoloop.recording_run import (
-    Outcome,
-    RunObserver,
-    Saved,
-    completed,
-    finish,
-    save_outcome,
-    timed,
-)
+from cartoloop.recording_run import RunObserver, finish
 from cartoloop.result import Result
+from cartoloop.run_end import Outcome, Saved, completed, save_outcome, timed
 from cartoloop.sensor.pose import Pose
 from cartoloop.stop_request import StopRequest
 
@@ -125,15 +118,10 @@ def map_live(
         except BaseException:
             mapper.close()
             raise
-        outcome = _finish(mapper, observer, stop, failure)
+        outcome = _reported(_finish(mapper, observer, stop, failure), folder, notices, start)
         files.close()
-        report = completed(
-            outcome.result, source.name, notices.skipped, fingerprint=folder.fingerprint
-        )
-        report = replace(report, finished=report.finished and report.nodes > 0)
-        outcome = replace(outcome, result=replace(outcome.result, report=timed(report, start)))
         observer.mapped(outcome.result, outcome.failure)
-        saved = save_outcome(outcome, folder, layers, loaded.origins, observer, start, stop)
+        saved = save_outcome(outcome, folder, layers, loaded.origins, observer.saving, start, stop)
         files.remove_superseded(saved)
     except KeyboardInterrupt as interrupt:
         raise Interrupted(_given_up(files)) from interrupt
@@ -228,6 +216,14 @@ def _finish(
         return finish(mapper, observer, stop)
     mapper.close()
     return Outcome(mapper.result(), failure, is_complete=False)
+
+
+def _reported(outcome: Outcome, folder: RunFolder, notices: Notices, start: float) -> Outcome:
+    """Return the outcome with a report that says all about the source and the run."""
+    result = outcome.result
+    report = completed(result, folder.name, notices.skipped, fingerprint=folder.fingerprint)
+    report = replace(report, finished=report.finished and report.nodes > 0)
+    return replace(outcome, result=replace(result, report=timed(report, start)))
 
 
 def _given_up(files: _Files | None) -> str:

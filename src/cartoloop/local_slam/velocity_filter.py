@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from cartoloop.config import PredictionConfig
 from cartoloop.sensor.pose import IDENTITY, Pose
 
+_SHORTEST_STEP_S = 1e-12
+"""A step in a shorter time shows nothing of the velocity, and has no finite variance [s]."""
+
 
 @dataclass(slots=True)
 class _Rate:
@@ -49,7 +52,7 @@ class VelocityFilter:
 
     def update(self, step: Pose, duration: float) -> None:
         """Add a step between two scans, in the frame of the first, and its duration [s]."""
-        if duration <= 0.0:
+        if duration < _SHORTEST_STEP_S:
             return
         config = self._config
         linear = self._linear.gain(config.acceleration, config.matched_translation_sigma, duration)

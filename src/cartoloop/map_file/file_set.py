@@ -36,7 +36,7 @@ FILES = (
     "config.toml",
     "report.json",
 )
-"""The files of a map."""
+"""The files of a map, each after those that it names."""
 
 UNFINISHED = ".unfinished"
 """Folder of the new files while they are written; worthless after a kill."""
@@ -103,12 +103,13 @@ def complete_file_set(folder: Path) -> None:
     """Put the files of a complete set in their places, from whatever step it was left at."""
     complete, moving = folder / COMPLETE, folder / MOVING
     if complete.is_dir():
-        for name in FILES:
+        for name in reversed(FILES):
             (folder / name).unlink(missing_ok=True)
         complete.rename(moving)
     if moving.is_dir():
-        for path in moving.iterdir():
-            path.replace(folder / path.name)
+        for name in FILES:
+            if (moving / name).exists():
+                (moving / name).replace(folder / name)
         moving.rmdir()
         _to_disk(folder)
 

@@ -161,4 +161,5 @@ CARMEN = LineFormat(
     remark=_remark,
     repeats_odometry=True,
     stamp_ends_line=True,
+    is_scan=lambda line: line.lstrip().startswith(SCAN_TAGS),
 )

@@ -49,6 +49,10 @@ _HEADER_TOKENS = 7  # type start fov step max accuracy remission
 _ROBOTLASER_TAILS = (10, 11)
 
 
+_MAX_COUNT_DIGITS = 9
+"""More digits are no count, and thousands of them take long to become a number."""
+
+
 class ScanLine(NamedTuple):
     """A scan line; its ranges are parsed already if they are plain decimal numbers, as mostly.
 
@@ -134,7 +138,7 @@ def _pose_start(tail: list[bytes], end: int, wanted: tuple[int, ...]) -> int:
     """Return where the laser's pose begins, after any remissions, or -1."""
     plain = end in wanted
     blocked = -1
-    if end > 0 and tail[0].isdigit():
+    if end > 0 and _is_count(tail[0]):
         after = 1 + int(tail[0])
         if end - after in wanted:
             blocked = after
@@ -157,12 +161,17 @@ def _laser_offset(tokens: list[bytes], start: int) -> float:
 
 
 def _beam_count(token: bytes) -> int:
-    if not token.isdigit():
-        shown = token.decode("ascii", "replace")
+    if not _is_count(token):
+        shown = token.decode("ascii", "replace")[:20]
         raise LineError("no range count", f"the count of ranges is {shown!r}, not a whole number")
     if int(token) == 0:
         raise LineError("scan without ranges", "the scan has no ranges")
     return int(token)
+
+
+def _is_count(token: bytes) -> bool:
+    """Return whether a token is a whole number that can count the numbers of a line."""
+    return token.isdigit() and len(token) <= _MAX_COUNT_DIGITS
 
 
 def _wrong_count(num_beams: int, extra: int, wanted: str) -> LineError:

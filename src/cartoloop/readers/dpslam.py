@@ -33,8 +33,8 @@ def _geometry_of(num_beams: int) -> ScanGeometry:
 def _geometry(head: Head) -> ScanGeometry:
     for line in head:
         words = line.split(None, 2)
-        if words[:1] == [b"Laser"] and len(words) > 1 and words[1].isdigit() and int(words[1]):
-            return _geometry_of(int(words[1]))
+        if words[:1] == [b"Laser"] and len(words) > 1 and (count := _count(words[1])):
+            return _geometry_of(count)
     raise LineError("no scan", "no Laser line among the first; check how the log was written")
 
 
@@ -54,15 +54,21 @@ def _parser(_: Head) -> Parse:
         if tag != b"Laser":
             raise LineError("unknown line", f"unknown line {tag.decode('ascii', 'replace')[:20]!r}")
         count, _, rest = rest.strip().partition(b" ")
-        if not count.isdigit():
+        num_ranges = _count(count)
+        if num_ranges is None:
             raise LineError("no range count", "the count of ranges is not a whole number")
         # The odometry belongs to the scan that follows it, and to no other.
         own, pose = pose, None
-        ranges = _numbers(rest, int(count))
+        ranges = _numbers(rest, num_ranges)
         geometry = geometries.setdefault(len(ranges), _geometry_of(len(ranges)))
         return Reading(tf_odom_tracking=own, ranges=ranges, geometry=geometry)
 
     return parse
+
+
+def _count(word: bytes) -> int | None:
+    """Return a count of ranges, None if it is none; no line has a thousand million."""
+    return int(word) if word.isdigit() and len(word) <= 9 else None
 
 
 def _numbers(text: bytes, count: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -84,4 +90,10 @@ def _numbers(text: bytes, count: int) -> np.ndarray[tuple[int], np.dtype[np.floa
         raise LineError("not a number", "a word of the line is not a number") from None
 
 
-DPSLAM = LineFormat("DP-SLAM log", _recognise, _geometry, _parser)
+DPSLAM = LineFormat(
+    "DP-SLAM log",
+    _recognise,
+    _geometry,
+    _parser,
+    is_scan=lambda line: line.lstrip().startswith(b"Laser"),
+)

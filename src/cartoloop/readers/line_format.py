@@ -81,6 +81,8 @@ class LineFormat:
     remark : (scanner, number of beams) -> an assumption that the user should know, or "".
     repeats_odometry : whether a scan line repeats the odometry line before it; the repeated pose
         is left out.
+    is_scan : (line) -> whether a line is that of a scan, also if it cannot be used: such a line is
+        a lost scan. By default all are.
     stamp_ends_line : whether the stamp is the last part of a line. A last line without it, in a
         file whose other lines have one, is then cut off.
     """
@@ -94,3 +96,4 @@ class LineFormat:
     remark: Callable[[str, int], str] | None = None
     repeats_odometry: bool = False
     stamp_ends_line: bool = False
+    is_scan: Callable[[bytes], bool] = lambda _: True

@@ -21,7 +21,7 @@ import numpy as np
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.errors import InputError
 from cartoloop.readers.fingerprint import fingerprint
-from cartoloop.readers.line_format import LineError, LineFormat, Reading
+from cartoloop.readers.line_format import LineError, LineFormat, Parse, Reading
 from cartoloop.readers.line_times import line_times, note_damage, note_times
 from cartoloop.readers.log import EventGenerator, LogBase, ProblemLog
 from cartoloop.readers.scan_sample import ScanSample
@@ -29,7 +29,7 @@ from cartoloop.readers.text_file import MAX_LINE_BYTES, OVERLONG, TextFile
 from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry
 from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.sensor_profile import SensorProfile, profile_sensor
-from cartoloop.sensor.time_repair import TimeReport
+from cartoloop.sensor.time_repair import LATEST_STAMP, TimeReport
 
 _HEAD_LINES = 32
 """Lines of the head, blank lines and comments not counted: enough to see each kind of line."""
@@ -132,10 +132,10 @@ class LineLog(LogBase):
     def duration(self) -> float:
         """Repaired time from the first to the last event [s]."""
         finite = self._times[np.isfinite(self._times)]
-        return float(finite[-1] - finite[0])
+        return float(finite[-1] - finite[0]) if len(finite) else 0.0
 
     def _events(self, problems: ProblemLog) -> EventGenerator:
-        parse = self._format.parser(self._head)
+        parse = _careful(self._format.parser(self._head))
         unused = self._unused_scanners()
         kinds, times = self._kinds.tolist(), self._times.tolist()
         last_odometry = None
@@ -153,10 +153,11 @@ class LineLog(LogBase):
                     _check(reading)  # the other lines passed it while they were indexed
             except LineError as error:
                 place = f"{self.name}:{number + 1}: {error.detail}"
-                problems.skip(error.reason, place if error.detail else "")
+                is_lost = bool(error.detail) and self._format.is_scan(line)
+                problems.skip(error.reason, place if error.detail else "", is_scan=is_lost)
                 continue
             time = times[number]
-            stamp = time if math.isnan(reading.stamp) else reading.stamp
+            stamp = reading.stamp if abs(reading.stamp) <= LATEST_STAMP else time
             if not _is_finite(reading.tf_odom_tracking):
                 place = f"{self.name}:{number + 1}: the odometry pose is NaN or infinite"
                 problems.skip("odometry not finite, scan kept", place)
@@ -202,7 +203,7 @@ class LineLog(LogBase):
 
     def _index_lines(self) -> None:
         """Read the file once: the kind and the stamp of each line, and a sample of the scans."""
-        parse = self._format.parser(self._head)
+        parse = _careful(self._format.parser(self._head))
         kinds, stamps = array("H"), array("d")
         self._scanners: list[str] = []
         self._samples: dict[str, ScanSample[Reading]] = {}
@@ -224,7 +225,7 @@ class LineLog(LogBase):
                 if error.detail and not first_fault:
                     first_fault = f"{self._text.path}:{number + 1}: {error.detail}"
             kinds.append(kind)
-            stamps.append(stamp if isfinite(stamp) else math.nan)
+            stamps.append(stamp if abs(stamp) <= LATEST_STAMP else math.nan)
         self._kinds = np.array(kinds, dtype=np.uint16)
         self._stamps: FloatArray = np.array(stamps)
         self._mark_cut_line()
@@ -346,6 +347,24 @@ def _rigid_mounting(stated: Sequence[Pose]) -> Pose | None:
     if np.quantile(np.abs(turns - turn), 0.9) > _MAX_TURN_RAD:
         return None
     return Pose(x, y, wrap_angle(stated[0].theta + turn))
+
+
+def _careful(parse: Parse) -> Parse:
+    """Return a function that parses a line, and finds fault with it whatever happens."""
+
+    def parse_carefully(line: bytes) -> Reading | None:
+        try:
+            return parse(line)
+        except LineError:
+            raise
+        except Exception as error:  # one line must not cost the others
+            what = " ".join(str(error).split())[:80]
+            raise LineError(
+                "line that the reader fails at",
+                f"the reader fails at this line ({type(error).__name__}: {what})",
+            ) from error
+
+    return parse_carefully
 
 
 def _is_finite(pose: Pose | None) -> bool:

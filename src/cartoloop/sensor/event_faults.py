@@ -16,6 +16,7 @@ from cartoloop.sensor.events import (
     ScanGeometry,
     SensorEvent,
 )
+from cartoloop.sensor.time_repair import LATEST_STAMP
 
 MAX_TURN_RATE, MAX_ACCELERATION = 100.0, 1000.0
 """Limits of what an IMU on a robot measures [rad/s], [m/s^2]."""
@@ -60,8 +61,9 @@ class EventChecker:
 
 def fault_of(event: SensorEvent) -> str | None:
     """Return the fault of an event in a few words, by which it is counted; None without one."""
-    if not math.isfinite(event.time):
-        return "time is not finite"
+    if not abs(event.time) <= LATEST_STAMP:
+        is_number = math.isfinite(event.time)
+        return "time is out of all bounds" if is_number else "time is not finite"
     match event:
         case Imu():
             return _fault_of_imu(event)

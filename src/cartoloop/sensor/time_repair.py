@@ -25,6 +25,9 @@ MIN_JUMP, JUMP_PERIODS = 10.0, 20.0
 WILD_AT_THE_END = 3600.0
 """A first or last stamp that deviates by more is wild even if it is in order [s]."""
 
+LATEST_STAMP = 1e11
+"""Stamps beyond it, or before the negative of it, are no times [s]: the year 5138."""
+
 AGREEING_STAMPS = 5
 """Number of neighbours on either side; a stamp is compared with their median."""
 
@@ -118,7 +121,7 @@ def repair_times(
     """
     stamps = np.asarray(stamps, dtype=np.float64)
     num = len(stamps)
-    present = np.isfinite(stamps)
+    present = np.abs(stamps) <= LATEST_STAMP
     clean = stamps[present]
     steps = np.diff(clean)
     backwards = steps[steps < 0.0]
@@ -127,13 +130,14 @@ def repair_times(
     kept = np.flatnonzero(present)[~wild]
     kept_times, gaps, resets = _repair_in_sections(stamps[kept], period)
     times = strictly_increasing(_fill(kept, kept_times, num, period))
+    num_finite = int(np.isfinite(stamps).sum())
     report = TimeReport(
         num_stamps=num,
-        num_missing=int(num - present.sum()),
+        num_missing=num - num_finite,
         num_backwards=len(backwards),
         largest_backwards=float(-backwards.min()) if len(backwards) else 0.0,
         num_repeated=int((steps == 0.0).sum()),
-        num_wild=int(wild.sum()),
+        num_wild=int(wild.sum()) + num_finite - len(clean),
         num_repaired=int((times != stamps).sum()),
         period=period,
         gaps=tuple(int(kept[i]) for i in gaps),

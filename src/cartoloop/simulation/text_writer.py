@@ -33,7 +33,7 @@ def write_text(path: Path, lines: Iterable[bytes]) -> None:
         with ExitStack() as files:
             raw = files.enter_context(unfinished.open("wb"))
             target: io.BufferedIOBase = raw
-            if path.suffix == ".gz":
+            if path.suffix.lower() == ".gz":
                 # Neither time nor name in the header: same recording, same bytes.
                 target = files.enter_context(
                     gzip.GzipFile(

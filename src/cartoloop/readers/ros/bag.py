@@ -98,8 +98,8 @@ class BagLog(LogBase):
     @property
     def duration(self) -> float:
         """Repaired time from the first to the last event [s]."""
-        first = min(float(times.times[0]) for times in self._times)
-        return max(float(times.times[-1]) for times in self._times) - first
+        ends = [(float(t.times[0]), float(t.times[-1])) for t in self._times if len(t.times)]
+        return max(last for _, last in ends) - min(first for first, _ in ends) if ends else 0.0
 
     def _events(self, problems: ProblemLog) -> EventGenerator:
         """Yield the events in the order of their times; bad messages are skipped and counted.
@@ -116,8 +116,8 @@ class BagLog(LogBase):
             try:
                 event = decoders[owner](raw, stamp, time)
             except DecodeError as error:
-                topic = self._streams[owner].topic
-                problems.skip(str(error), f"{self.name}: {topic}: stamp {stamp:.6f}: {error}")
+                place = f"{self.name}: {self._streams[owner].topic}: stamp {stamp:.6f}: {error}"
+                problems.skip(str(error), place, is_scan=is_scanner[owner])
                 continue
             num_scans += is_scanner[owner]
             yield event

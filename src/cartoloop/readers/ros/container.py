@@ -135,7 +135,19 @@ class LibraryContainer:
             except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
                 self.damage = reason_of(error)
                 return
-            yield key_of[id(connection)], time, bytes(data)
+            key = key_of.get(id(connection))
+            if key is not None and key in keys:  # a damaged file gives one number to two topics
+                yield key, recorded_time(time), message_bytes(data)
+
+
+def message_bytes(data: object) -> bytes:
+    """Return the bytes of a message; none where a database holds something else, as no value."""
+    return bytes(data) if isinstance(data, bytes | bytearray | memoryview) else b""
+
+
+def recorded_time(time: object) -> int:
+    """Return a time of recording [ns]; 0 where a database holds something else."""
+    return time if isinstance(time, int) else 0
 
 
 def reason_of(error: BaseException) -> str:

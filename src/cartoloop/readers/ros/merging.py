@@ -58,13 +58,14 @@ class MergedMessages:
         for owner, message in self._as_recorded():
             if given_up[owner]:
                 given_up[owner] -= 1
-                problems.skip("recorded too late to be put in order")
+                is_scan = self._streams[owner].role in ("scan", "cloud")
+                problems.skip("recorded too late to be put in order", is_scan=is_scan)
                 continue
             waiting[owner].append(message)
             num_waiting += 1
             num_bytes += len(message[0])
             full = num_waiting > MAX_WAITING or num_bytes > MAX_WAITING_BYTES
-            while num_waiting:
+            while num_waiting and place < len(order):
                 turn = order[place]
                 if waiting[turn]:
                     first = waiting[turn].popleft()
@@ -94,7 +95,9 @@ class MergedMessages:
             if stream.edge is not None:
                 edges[owner] = _EdgePoses(stream)
         for key, _, raw in self._container.messages(owner_of.keys()):
-            owner = owner_of[key]
+            owner = owner_of.get(key, -1)
+            if owner < 0:
+                continue  # a damaged file gives one number to two topics
             for message in edges[owner].encoded(raw) if owner in edges else (raw,):
                 number = counts[owner]
                 if number < len(times[owner]):

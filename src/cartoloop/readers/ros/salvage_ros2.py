@@ -16,7 +16,7 @@ from typing import BinaryIO
 
 from cartoloop.foreign_database import open_database
 from cartoloop.plain_text import one_line
-from cartoloop.readers.ros.container import Channel, reason_of
+from cartoloop.readers.ros.container import Channel, message_bytes, reason_of, recorded_time
 from cartoloop.readers.ros.salvage import (
     LARGEST_RECORD,
     CutError,
@@ -134,15 +134,16 @@ class DatabaseSalvage(SalvageContainer):
                 if keys is None:
                     rows = connection.execute("SELECT id, name, type FROM topics")
                     for key, topic, msgtype in rows:
-                        self._found[int(key)] = Channel(
-                            int(key), one_line(str(topic)), one_line(str(msgtype)), False, 0
-                        )
+                        if isinstance(key, int):
+                            names = one_line(str(topic)), one_line(str(msgtype))
+                            self._found[key] = Channel(key, *names, is_ros1=False, num_messages=0)
                 for key, time, data in connection.execute(
                     "SELECT topic_id, timestamp, data FROM messages"
                 ):
                     if key in self._found and (keys is None or key in keys):
-                        yield int(key), int(time), b"" if keys is None else bytes(data)
-        except (sqlite3.Error, TypeError, ValueError) as error:
+                        plain = b"" if keys is None else message_bytes(data)
+                        yield key, recorded_time(time), plain
+        except sqlite3.Error as error:
             self.damage = reason_of(error)
 
     def _connect(self) -> sqlite3.Connection:
