@@ -13,6 +13,7 @@ from contextlib import closing
 
 import pytest
 
+from cartoloop.cli.main import run
 from cartoloop.errors import InputError
 from cartoloop.live.messages import parse_message
 from cartoloop.live.notices import Notices
@@ -76,6 +77,15 @@ def test_names_in_a_map_file_are_plain(tmp_path):
     report = load_map(tmp_path).report
     assert report.input.name == one_line(HOSTILE)
     assert list(report.skipped) == [one_line(HOSTILE)]
+
+
+@pytest.mark.parametrize("command", ["doctor", "quality"])
+def test_a_path_that_is_too_long_is_reported(command, capsys):
+    assert run([command, "9" * 5000]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("cartoloop: 999")
+    assert said.endswith("999: File name too long; check the path\n")
+    assert len(said) < 300
 
 
 @pytest.mark.parametrize("on_terminal", [False, True])

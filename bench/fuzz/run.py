@@ -16,11 +16,11 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Thread
 from typing import IO
 
 from bench.fuzz.seeds import Seeds, make_seeds
@@ -80,46 +80,61 @@ class Results:
         return "\n".join(lines)
 
 
-def run_all(
-    seed: int,
-    first: int,
-    count: int,
-    num_processes: int,
-    out: Path,
-    data: Path | None,
-    report: Callable[[str], None],
-    only: str = "",
-) -> Results:
+@dataclass(frozen=True, kw_only=True)
+class FuzzOptions:
+    """Which inputs are run, and how.
+
+    Attributes
+    ----------
+    seed, first, count : which inputs: the same numbers are the same inputs.
+    num_processes : that run at a time.
+    out : folder for the inputs that fail.
+    data : folder of recordings that are changed too, or None.
+    only : name of the one kind of input; all if empty.
+    """
+
+    seed: int
+    first: int
+    count: int
+    num_processes: int
+    out: Path
+    data: Path | None = None
+    only: str = ""
+
+
+def run_all(options: FuzzOptions, report: Callable[[str], None]) -> Results:
     """Run inputs, keep those that fail, and return what came of all.
 
     Parameters
     ----------
-    seed, first, count : which inputs: the same numbers are the same inputs.
-    num_processes : that run at a time.
-    out : folder for those that fail.
-    data : folder of recordings that are changed too, or None.
-    report : receives a line now and then, and one for each failure.
-    only : name of the one kind of input; all if empty.
+    report : receives a line for each failure, and one now and then; in any thread.
+
+    Raises
+    ------
+    RuntimeError
+        A process fails between inputs: the fault is in the harness.
     """
     results = Results()
-    starts = iter(range(first, first + count, RANGE))
-    with _seed_folder(data) as seeds:
+    last = options.first + options.count
+    starts = iter(range(options.first, last, RANGE))
+    with (
+        _seed_folder(options.data) as seeds,
+        ThreadPoolExecutor(options.num_processes) as threads,
+    ):
 
         def work() -> None:
             for start in starts:  # shared: an iterator of integers gives each to one thread
-                end = min(start + RANGE, first + count)
-                for outcome in _run_range(seeds.folder, seed, start, end, only):
+                end = min(start + RANGE, last)
+                for outcome in _run_range(seeds.folder, options.seed, start, end, options.only):
                     results.add(outcome)
                     if outcome.what not in PASSED:
-                        _keep(outcome, input_folder(seeds.folder, outcome.number), out)
+                        work_folder = input_folder(seeds.folder, outcome.number)
+                        _keep(outcome, work_folder, options.out)
                         report(f"{outcome.number} {outcome.target}: {outcome.what}")
                 report(f"{results.total} inputs, {len(results.failures)} failures")
 
-        threads = [Thread(target=work) for _ in range(num_processes)]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
+        for done in [threads.submit(work) for _ in range(options.num_processes)]:
+            done.result()
     return results
 
 

@@ -53,7 +53,8 @@ def parse(command, args):
     """Return the context of the command that the arguments name, parsed but not run."""
     context = command.make_context("cartoloop", args)
     while hasattr(context.command, "commands"):
-        rest = [*context._protected_args, *context.args]
+        first = getattr(context, "_protected_args", None)  # of recent versions of click
+        rest = [*(context.protected_args if first is None else first), *context.args]
         name, sub, args = context.command.resolve_command(context, rest)
         context = sub.make_context(name, args, parent=context)
     return context

@@ -7,6 +7,7 @@ the compiler nor for SciPy.
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 from collections.abc import Sequence
@@ -29,6 +30,7 @@ from cartoloop.cli.quality_command import QualityOptions, quality_command
 from cartoloop.cli.simulate_command import SimulateOptions, simulate_command
 from cartoloop.cli.view_command import ViewCommandOptions, ViewingCommand, view_command
 from cartoloop.errors import CartoloopError, ConfigError, Interrupted
+from cartoloop.plain_text import one_line
 from cartoloop.version import __version__
 
 MAKE, USE, RECORDINGS = "Make a map", "Use a map", "Recordings and parameters"
@@ -160,6 +162,9 @@ def _options(
 _FILE_COMMANDS = frozenset(("demo", "map", "live", "simulate", "view"))
 """Commands whose result is not what they print."""
 
+_SHOWN = 200
+"""Characters of a path that a message shows."""
+
 
 def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
     """Run a command line, by default that of ``cartoloop``, and return its exit status.
@@ -185,6 +190,11 @@ def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
     except Exception as error:  # noqa: BLE001 - users get a line, not a traceback
         if debug:
             traceback.print_exc()
+        if isinstance(error, OSError) and error.filename is not None:
+            # A path that the system refuses, such as one that is too long.
+            shown = one_line(os.fsdecode(error.filename))[:_SHOWN]
+            typer.echo(f"cartoloop: {shown}: {error.strerror}; check the path", err=True)
+            return 1
         typer.echo(
             f"cartoloop: unexpected {type(error).__name__}: {' '.join(str(error).split())}; this "
             "is a bug, please report it with the output of the same command and --debug",

@@ -135,9 +135,8 @@ class DatabaseSalvage(SalvageContainer):
                     rows = connection.execute("SELECT id, name, type FROM topics")
                     for key, topic, msgtype in rows:
                         if isinstance(key, int):
-                            self._found[key] = Channel(
-                                key, one_line(str(topic)), one_line(str(msgtype)), False, 0
-                            )
+                            names = one_line(str(topic)), one_line(str(msgtype))
+                            self._found[key] = Channel(key, *names, is_ros1=False, num_messages=0)
                 for key, time, data in connection.execute(
                     "SELECT topic_id, timestamp, data FROM messages"
                 ):
