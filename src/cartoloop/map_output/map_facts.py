@@ -80,10 +80,9 @@ class MapFacts:
     def described(self) -> list[tuple[str, str]]:
         """Return the facts of the map as names and values for people, in the order to show them."""
         box = self.extent
+        verdict = "not examined" if self.verdict == "unknown" else self.verdict
         if not self.finished:
-            verdict = "not examined: mapping was stopped"
-        else:
-            verdict = "not examined" if self.verdict == "unknown" else self.verdict
+            verdict += ": mapping was stopped"
         return [
             ("extent", "nothing" if box is None else f"{box.width:.1f} m × {box.height:.1f} m"),
             ("floor area", f"{_rounded(self.area_m2)} m²"),

@@ -24,7 +24,8 @@ OVER = ("finished", "stopped", "failed")
 """Phases of a map that grows no more."""
 
 STOPPED = "the last pass is missing, loops may be open"
-"""What is said of a run that was stopped."""
+PARTLY_MAPPED = "the map covers a part of the recording"
+"""What is said of runs that are not finished: without, and with the last pass."""
 
 SILENT_AFTER_S = 2.0
 """A live scanner counts as silent after this time without a scan [s]."""

@@ -10,7 +10,7 @@ from cartoloop.map_output.map_facts import map_facts
 from cartoloop.viewer.feed import Feed, whole
 from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.playback import Playback
-from cartoloop.viewer.readings import STOPPED, Readings
+from cartoloop.viewer.readings import PARTLY_MAPPED, STOPPED, Readings
 from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT, ViewServer
 
 if TYPE_CHECKING:
@@ -156,4 +156,5 @@ def _end(readings: Readings, result: Result) -> None:
     if result.report.finished:
         readings.end("finished")
     else:
-        readings.end("stopped", STOPPED)
+        was_examined = result.quality.verdict != "unknown"  # which comes after the last pass
+        readings.end("stopped", PARTLY_MAPPED if was_examined else STOPPED)

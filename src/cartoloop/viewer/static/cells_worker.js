@@ -130,7 +130,7 @@ const DENSE = 160;
 
 /**
  * Return the box around squares of pixels that are all known as a whole, null if there are none.
- * @param {Uint8Array} preview four bytes a pixel, the third of which is how much of it is known
+ * @param {Uint8Array} preview four bytes a pixel, the third says how much of it is known
  */
 function denseBox(preview, rows, cols) {
   const isDense = (row, col) => preview[4 * (row * cols + col) + 2] >= DENSE;

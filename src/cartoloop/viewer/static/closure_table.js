@@ -76,6 +76,7 @@ export class ClosureTable {
   }
 
   setOpen(isOpen) {
+    if (!isOpen && this.root.contains(document.activeElement)) document.activeElement.blur();
     this.root.hidden = !isOpen;
     byId("closures-button").setAttribute("aria-expanded", String(isOpen));
   }

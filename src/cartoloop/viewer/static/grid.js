@@ -6,7 +6,7 @@
 
 /** Lines of the grid are at least so far apart [px]. */
 const LEAST_PX = 64;
-/** Every so many lines one is stronger. */
+/** Every fifth line is stronger. */
 const STRONG = 5;
 
 /** @typedef {{x: number | null, y: number | null, strong: boolean}} GridLine x or y is that of the line [m] */

@@ -127,6 +127,7 @@ class Page {
         break;
       case Type.FACTS:
         this.panel.showFacts(message.content);
+        this.measures.bringBack(message.content);
         break;
       case Type.SCAN: case Type.LATEST_CLOSURE: this.stage.touch(); break;
       case Type.COMPLETE: performance.mark("cartoloop:complete"); // falls through

@@ -57,6 +57,8 @@ export class Measures {
     this.list = byId("measures-list");
     this.isOn = false;
     this.name = "";
+    /** Under which the list is kept; "" while the map grows. */
+    this.key = "";
     /** @type {"length" | "angle" | "area"} */
     this.kind = "length";
     /** @type {Measure[]} */
@@ -71,12 +73,25 @@ export class Measures {
     byId("measures-clear").addEventListener("click", () => this.clear());
   }
 
-  /** A map is shown: bring back what was measured in it. @param {string} name */
+  /** A map is shown. What was measured stays if the connection was only lost. @param {string} name */
   begin(name) {
     if (name === this.name) return;
     this.name = name;
+    this.key = "";
     this.begun = [];
-    this.all = stored(KEY + name, []).filter(isMeasure).map((kept) => this.measured(kept));
+    this.all = [];
+    this.show();
+  }
+
+  /**
+   * The map grows no more: bring back what was measured in it, and keep what will be.
+   * @param {{described: [string, string][]}} facts by which the same map is known again
+   */
+  bringBack({ described }) {
+    this.key = [KEY, this.name, ...described.map(([, text]) => text)].join(" ");
+    if (this.all.length === 0) {
+      this.all = stored(this.key, []).filter(isMeasure).map((kept) => ({ ...kept, isPartial: false }));
+    }
     this.show();
   }
 
@@ -88,6 +103,7 @@ export class Measures {
   toggle(isOn = !this.isOn) {
     this.isOn = isOn;
     this.begun = [];
+    if (!isOn && this.card.contains(document.activeElement)) document.activeElement.blur();
     this.card.hidden = !isOn;
     this.show();
   }
@@ -192,8 +208,7 @@ export class Measures {
 
   /** Keep the list in the browser: it took a walk through the map. */
   keep() {
-    store(KEY + this.name, this.all.slice(-MOST_KEPT).map(({ kind, given, snaps, tape }) => (
-      { kind, given, snaps, tape })));
+    if (this.key) store(this.key, this.all.slice(-MOST_KEPT));
   }
 
   /** Save what was measured, as `cartoloop evaluate lines` reads it. */
@@ -286,8 +301,11 @@ function boundsOf(points) {
 /** Whether what was stored is a measurement: another program may have written there. */
 function isMeasure(kept) {
   const range = KINDS[kept?.kind];
-  return Boolean(range) && Array.isArray(kept.given) && kept.given.length >= range.least
-    && kept.given.length <= range.most && typeof kept.snaps === "boolean"
-    && (kept.tape === null || kept.tape > 0)
-    && kept.given.every((point) => Array.isArray(point) && point.length === 2 && point.every(Number.isFinite));
+  return Boolean(range) && typeof kept.snaps === "boolean" && (kept.tape === null || kept.tape > 0)
+    && Array.isArray(kept.onWall) && [kept.given, kept.points].every((points) => Array.isArray(points)
+      && points.length >= range.least && points.length <= range.most && points.every(isPoint));
+}
+
+function isPoint(point) {
+  return Array.isArray(point) && point.length === 2 && point.every(Number.isFinite);
 }

@@ -9,6 +9,13 @@ const PAN_PX = 60;
 const ZOOM = 1.3;
 const TURN_RAD = Math.PI / 24;
 
+/** Whether a key is for the field that has the focus: boxes and choices take only some. */
+function isForField({ target, key }) {
+  const field = target instanceof Element ? target.closest("input, select") : null;
+  if (field === null) return false;
+  return !["checkbox", "radio"].includes(field.type) || key === " " || key.startsWith("Arrow");
+}
+
 /** A part of the page that a button opens. */
 class Popover {
   constructor(button, root) {
@@ -107,8 +114,7 @@ export class Tools {
 
   /** @param {KeyboardEvent} event */
   key(event) {
-    const isTyping = event.target instanceof Element && event.target.closest("input, select, dialog");
-    if (event.ctrlKey || event.metaKey || (isTyping && event.key !== "Escape")) return;
+    if (event.ctrlKey || event.metaKey || (event.key !== "Escape" && isForField(event))) return;
     if (byId("help").open) return; // the browser closes it
     const isButton = event.target instanceof HTMLButtonElement;
     if (isButton && (event.key === " " || event.key === "Enter")) return;
