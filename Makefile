@@ -4,7 +4,8 @@
 #   make test    install into .venv, check style, types and architecture, run the tests; installs
 #                chromium for the tests of the viewer's page, where that is possible
 #
-# For development: make quick (a minute), make boundscheck, make coverage.
+# For development: make quick (a minute), make boundscheck, make coverage; make test-lowest checks
+# the lowest versions of all dependencies that pyproject.toml admits.
 #
 # PYTHON chooses the interpreter, OUT the folder of the demo.
 
@@ -13,11 +14,15 @@ OUT ?= cartoloop-demo
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 SOURCES := src bench tests examples
-# The extra "oracles", one by one: not all of them have a wheel for each machine.
-ORACLES := 'import tomllib; \
-	print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["oracles"])'
+# The extras "dds" and "oracles", one by one: not all of them have a wheel for each machine.
+OPTIONAL := 'import tomllib; \
+	extras = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; \
+	print(*extras["dds"], *extras["oracles"])'
+# Tests of what depends on the libraries below: recordings, sockets, the view, the command line.
+LOWEST_TESTS := tests/readers tests/map_file tests/live tests/viewer tests/cli/test_command_line.py \
+	tests/kernels tests/test_kernel_cache.py tests/test_config_file.py
 
-.PHONY: demo test quick boundscheck coverage check clean
+.PHONY: demo test test-lowest quick boundscheck coverage check clean
 
 demo: .venv/.installed
 	$(BIN)/cartoloop demo -o $(OUT)
@@ -25,6 +30,11 @@ demo: .venv/.installed
 test: check boundscheck
 	@tests/viewer/install_browser.sh
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+# Warnings of new libraries about old ones are no faults.
+test-lowest: .venv-lowest/.installed
+	.venv-lowest/bin/python -m pytest -q -n 2 --dist loadfile -W default -p no:cacheprovider \
+		-m "not slow and not browser and not data" $(LOWEST_TESTS)
 
 quick: .venv/.installed-dev
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not browser and not data"
@@ -47,7 +57,7 @@ check: .venv/.installed-dev
 	$(BIN)/lint-imports
 
 clean:
-	rm -rf .venv
+	rm -rf .venv .venv-lowest
 
 .venv/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -60,8 +70,16 @@ clean:
 
 .venv/.installed-dev: pyproject.toml | .venv/bin/python
 	$(PIP) install -e '.[dev]'
-	@for oracle in $$($(BIN)/python -c $(ORACLES)); do \
-		$(PIP) install "$$oracle" || \
-			echo "$$oracle cannot be installed here: the tests that compare with it are skipped"; \
+	@for optional in $$($(BIN)/python -c $(OPTIONAL)); do \
+		$(PIP) install "$$optional" || \
+			echo "$$optional cannot be installed here: the tests that need it are skipped"; \
 	done
 	@touch $@ .venv/.installed
+
+.venv-lowest/.installed: pyproject.toml .ci/lowest.py | .venv/bin/python
+	@rm -rf .venv-lowest
+	@.venv/bin/python -m venv .venv-lowest
+	.venv-lowest/bin/python -m pip --disable-pip-version-check --quiet install \
+		$$(.venv-lowest/bin/python .ci/lowest.py plot test)
+	.venv-lowest/bin/python -m pip --disable-pip-version-check --quiet install --no-deps -e .
+	@touch $@

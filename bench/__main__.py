@@ -350,6 +350,36 @@ def bench_page(
     typer.echo(f"{out}")
 
 
+@app.command("fuzz")
+def bench_fuzz(
+    inputs: Annotated[int, typer.Option(min=1, help="Number of inputs.")] = 20_000,
+    seed: Annotated[int, typer.Option(help="Of the changes: the same seed, the same inputs.")] = 0,
+    first: Annotated[int, typer.Option(min=0, help="Number of the first input.")] = 0,
+    processes: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 2,
+    only: Annotated[str, typer.Option(help="The one kind of input, such as 'map rows'.")] = "",
+    data: DataOption = None,
+    out: OutOption = Path("bench-results/fuzz"),
+) -> None:
+    """Change inputs of all kinds; each must be used, or refused with a stated error, in 10 s."""
+    from bench.fuzz.run import FuzzOptions, run_all
+
+    folder = _data_folder(data)
+    options = FuzzOptions(
+        seed=seed,
+        first=first,
+        count=inputs,
+        num_processes=processes,
+        out=out,
+        data=folder if folder.is_dir() else None,
+        only=only,
+    )
+    results = run_all(options, lambda line: typer.echo(line, err=True))
+    typer.echo(results.table())
+    if results.failures or results.total < inputs:
+        typer.echo(f"inputs that failed are in {out}")
+        raise typer.Exit(1)
+
+
 def _data_folder(given: Path | None) -> Path:
     return given or Path(os.environ.get("CARTOLOOP_DATA", "../shared/data"))
 

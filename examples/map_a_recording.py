@@ -4,6 +4,7 @@
 Without arguments, a recording of a drive through a ring of corridors is simulated first.
 """
 
+import argparse
 import sys
 import tempfile
 from pathlib import Path
@@ -12,7 +13,7 @@ import cartoloop
 from cartoloop.simulation import make_world, simulate
 
 
-def main(log: str | None = None, out: str = "example-map") -> cartoloop.Result:
+def main(log: str | None = None, out: str = "example-ring") -> cartoloop.Result:
     """Map the recording `log` into the folder `out`."""
     with tempfile.TemporaryDirectory() as folder:
         if log is None:
@@ -24,4 +25,10 @@ def main(log: str | None = None, out: str = "example-map") -> cartoloop.Result:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description="Map a recording.")
+    parser.add_argument("log", nargs="?", help="recording; by default one is simulated")
+    parser.add_argument("out", nargs="?", default="example-ring", help="folder for the map")
+    try:
+        main(**vars(parser.parse_args()))
+    except cartoloop.CartoloopError as error:  # a line for the user: what is wrong, and where
+        sys.exit(str(error))

@@ -11,6 +11,7 @@ Without arguments, a recording in this format is simulated first.
 
 from __future__ import annotations
 
+import argparse
 import math
 import sys
 import tempfile
@@ -88,7 +89,7 @@ def write_simulated(path: Path) -> None:
         print("SCAN 99999 | here", file=file)
 
 
-def main(recording: str | None = None, out: str = "example-map") -> None:
+def main(recording: str | None = None, out: str = "example-corridor") -> None:
     """Map the recording into the folder `out`."""
     with tempfile.TemporaryDirectory() as folder:
         if recording is None:
@@ -100,4 +101,10 @@ def main(recording: str | None = None, out: str = "example-map") -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    arguments = argparse.ArgumentParser(description="Map a recording in a format of your own.")
+    arguments.add_argument("recording", nargs="?", help="by default one is simulated")
+    arguments.add_argument("out", nargs="?", default="example-corridor", help="folder for the map")
+    try:
+        main(**vars(arguments.parse_args()))
+    except cartoloop.CartoloopError as error:  # a line for the user: what is wrong, and where
+        sys.exit(str(error))

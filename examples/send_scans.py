@@ -6,6 +6,7 @@ without one, it starts that program itself. The robot drives through a square ro
 faster than real robots do, and sends a last message at the end.
 """
 
+import argparse
 import json
 import math
 import re
@@ -53,20 +54,33 @@ def send(port: int, num_scans: int = 100, pause: float = 0.01) -> None:
         connection.sendall(b'{"type": "end"}\n')
 
 
-def main(port: str | None = None, out: str = "example-room") -> None:
+def main(port: int | None = None, out: str = "example-room") -> None:
     """Send a drive to `port`, or to a mapper that is started here and maps into `out`."""
     if port is not None:
-        send(int(port))
+        send(port)
         return
-    command = ["live", "tcp://127.0.0.1:0", "--no-drop", "-o", out]
+    command = ["live", "tcp://127.0.0.1:0", "--no-drop", "--overwrite", "-o", out]
     with subprocess.Popen(
         [sys.executable, "-m", "cartoloop", *command], stderr=subprocess.PIPE, text=True
     ) as mapper:
         assert mapper.stderr is not None
+        line = ""
         for line in mapper.stderr:
             if match := re.search(r"listening on tcp://127\.0\.0\.1:(\d+)", line):
                 send(int(match[1]))
+    if mapper.returncode:
+        sys.exit(line.strip())  # what it said last
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description="Send scans to a mapper while driving.")
+    parser.add_argument("port", nargs="?", type=int, help="by default a mapper is started here")
+    parser.add_argument("out", nargs="?", default="example-room", help="folder of that mapper")
+    given = parser.parse_args()
+    try:
+        main(given.port, given.out)
+    except (OSError, OverflowError) as error:
+        sys.exit(
+            f"port {given.port}: {error}; first start "
+            f"`cartoloop live tcp://127.0.0.1:{given.port or 7000} -o room`"
+        )

@@ -133,7 +133,12 @@ def test_an_invalid_value_is_reported_with_its_limits(setting, message):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(b"[local_slam\nx = 1", "is not valid TOML.*line 1"), (b"\xff\xfe\x00", "is not a text file")],
+    [
+        (b"[local_slam\nx = 1", "is not valid TOML.*line 1"),
+        (b"\xff\xfe\x00", "is no text; expected TOML"),
+        (b"x = " + 5000 * b"1", "is not valid TOML"),
+        (b"x = " + 5000 * b"[", "is nested too deeply"),
+    ],
 )
 def test_a_file_that_is_no_toml_is_a_config_error(tmp_path, content, message):
     path = tmp_path / "my.toml"

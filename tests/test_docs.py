@@ -22,6 +22,7 @@ DOCUMENTS = (
     "docs/readers.md",
     "docs/doctor.md",
     "docs/live.md",
+    "docs/maps.md",
     "docs/viewer.md",
     "docs/viewer-protocol.md",
     "bench/README.md",

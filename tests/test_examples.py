@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -31,8 +34,8 @@ def test_map_a_recording(tmp_path, monkeypatch, capsys):
     load("map_a_recording").main()
 
     assert "301 scans mapped" in capsys.readouterr().out
-    assert (tmp_path / "example-map" / "map.pgm").stat().st_size > 1000
-    lines = (tmp_path / "example-map" / "trajectory.tum").read_text().splitlines()
+    assert (tmp_path / "example-ring" / "map.pgm").stat().st_size > 1000
+    lines = (tmp_path / "example-ring" / "trajectory.tum").read_text().splitlines()
     assert len(lines) == 301 + 1
 
 
@@ -47,7 +50,7 @@ def test_own_reader(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     load("own_reader").main()
 
-    assert (tmp_path / "example-map" / "map.png").exists()
+    assert (tmp_path / "example-corridor" / "map.png").exists()
     assert "51 scans mapped, skipped: {'damaged line': 1}" in capsys.readouterr().out
 
 
@@ -59,3 +62,51 @@ def test_send_scans(tmp_path, monkeypatch):
     end = lines[-1].split()
     assert len(lines) == 100 + 1
     assert np.hypot(float(end[1]) - 2.97, float(end[2]) - 0.99) < 0.05
+
+
+def run(name, *arguments, cwd):
+    """Return what a program of `examples/` did that was started as a user starts it."""
+    return subprocess.run(
+        [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments],
+        cwd=cwd,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("map_a_recording", "301 scans mapped"),
+        ("feed_your_own_scans", "200 scans mapped"),
+        ("own_reader", "51 scans mapped"),
+        ("send_scans", "100 scans"),
+    ],
+)
+def test_examples_run_as_they_stand(name, says, tmp_path):
+    for _ in range(2):  # what the first run wrote does not stop the second
+        done = run(name, cwd=tmp_path)
+
+        assert done.returncode == 0, done.stderr
+        assert says in done.stdout
+        assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "argument", "says"),
+    [
+        ("map_a_recording", "none.log", "none.log: does not exist; check the path"),
+        ("own_reader", "none.log", "none.log: does not exist; check the path"),
+        ("send_scans", "1", "first start `cartoloop live tcp://127.0.0.1:1 -o room`"),
+        ("send_scans", "70000", "port 70000: "),
+    ],
+)
+def test_what_examples_cannot_use_is_one_line(name, argument, says, tmp_path):
+    done = run(name, argument, cwd=tmp_path)
+
+    assert done.returncode == 1
+    assert says in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []

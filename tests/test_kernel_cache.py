@@ -82,6 +82,17 @@ def test_damaged_files_of_the_cache_are_replaced(tmp_path, kind, share):
     assert _run(tmp_path, TWO_SIGNATURES) == first[1:]
 
 
+@pytest.mark.parametrize("kind", ["*.nbi", "*.nbc"])
+def test_one_wrong_bit_has_kernels_compiled_again(tmp_path, kind):
+    first = _run(tmp_path, TWO_SIGNATURES)
+    for number, file in enumerate(sorted(tmp_path.rglob(kind))):
+        content = bytearray(file.read_bytes())
+        content[len(content) * (number + 1) // 4] ^= 0x10
+        file.write_bytes(content)
+    assert _run(tmp_path, TWO_SIGNATURES) == first
+    assert _run(tmp_path, TWO_SIGNATURES) == first[1:]
+
+
 def test_a_file_of_another_signature_is_not_loaded(tmp_path):
     first = _run(tmp_path, TWO_SIGNATURES)
     assert first[0] == "compiles"

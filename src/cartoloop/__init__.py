@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from cartoloop.errors import ConfigError as ConfigError
     from cartoloop.errors import InputError as InputError
     from cartoloop.errors import OutputError as OutputError
+    from cartoloop.errors import UsageError as UsageError
     from cartoloop.mapper import Mapper as Mapper
     from cartoloop.readers import open_log as open_log
     from cartoloop.readers import read as read
@@ -52,6 +53,7 @@ _HOME = {
     "Pose": ("sensor.pose", "Pose"),
     "Result": ("result", "Result"),
     "ScanGeometry": ("sensor.events", "ScanGeometry"),
+    "UsageError": ("errors", "UsageError"),
     "load": ("result", "load_map"),
     "load_map": ("result", "load_map"),
     "map_recording": ("recording_run", "map_recording"),

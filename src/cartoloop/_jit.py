@@ -7,9 +7,11 @@ a hash of the sources of all kernels, the compiler's version and the processor.
 
 Numba's cache also initializes the compiler whenever it loads a kernel, for 0.3 s and 45 MB, though
 most runs compile nothing. `_KernelCache` leaves that to the first kernel that is missing. A damaged
-file or a full disk costs no more than compiling again.
+file or a full disk costs no more than compiling again: the files end with a checksum
+(`_CheckedFiles`), because machine code with one wrong bit may crash the process.
 
-`_KernelCache` and `_without_literals` rely on parts of Numba that are not its public interface.
+`_KernelCache`, `_CheckedFiles` and `_without_literals` rely on parts of Numba that are not its
+public interface.
 They are used only with versions that they were tested with (`TESTED_NUMBA`); with any other version
 Numba caches in its own way, in the same folder: slower to start, with the same results.
 """
@@ -17,6 +19,7 @@ Numba caches in its own way, in the same folder: slower to start, with the same 
 from __future__ import annotations
 
 import hashlib
+import io
 import sys
 import tempfile
 import threading
@@ -38,6 +41,9 @@ TESTED_NUMBA = ((0, 60), (0, 68))
 
 _KERNEL_BYTES = 1 << 20
 """More than any kernel takes on the disk [bytes]."""
+
+_CHECKSUM_BYTES = 16
+"""At the end of each file of the cache [bytes]."""
 
 _WAIT = "cartoloop:wait"
 """Event: another process compiles a kernel that this one needs."""
@@ -103,6 +109,7 @@ def knows_numba() -> bool:
         first <= tuple(version.short) <= last
         and hasattr(compiler.CompileResult, "_rebuild")
         and hasattr(caching.FunctionCache, "_load_overload")
+        and hasattr(caching.IndexDataCacheFile, "_open_for_write")
     )
 
 
@@ -174,6 +181,43 @@ class _CompiledKernels(caching.CompileResultCacheImpl):
         return cast(object, compiled)
 
 
+class _DamagedFileError(Exception):
+    """The checksum of a file of the cache does not fit."""
+
+
+class _CheckedFiles(caching.IndexDataCacheFile):
+    """Numba's files of one kernel, each followed by a checksum that is compared before loading.
+
+    Numba reads up to the end of what it wrote, so the checksum does not disturb it.
+    """
+
+    def _load_index(self) -> object:
+        with suppress(FileNotFoundError):
+            _check_file(Path(cast(Any, self)._index_path))
+        return cast(Any, super())._load_index()
+
+    def _load_data(self, name: str) -> object:
+        _check_file(Path(cast(Any, self)._data_path(name)))
+        return cast(Any, super())._load_data(name)
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:
+        with cast(Any, super())._open_for_write(filepath) as file:
+            content = io.BytesIO()
+            yield content
+            file.write(content.getvalue() + _checksum(content.getvalue()))
+
+
+def _check_file(path: Path) -> None:
+    content = path.read_bytes()
+    if _checksum(content[:-_CHECKSUM_BYTES]) != content[-_CHECKSUM_BYTES:]:
+        raise _DamagedFileError(str(path))
+
+
+def _checksum(content: bytes) -> bytes:
+    return hashlib.blake2b(content, digest_size=_CHECKSUM_BYTES).digest()
+
+
 class _KernelCache(caching.FunctionCache):
     """Loads kernels without initializing the compiler, and locks them between processes.
 
@@ -182,6 +226,14 @@ class _KernelCache(caching.FunctionCache):
     """
 
     _impl_class = _CompiledKernels
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        base: Any = super()
+        base.__init__(function)
+        numbas: Any = self._cache_file
+        self._cache_file: Any = _CheckedFiles(
+            numbas._cache_path, self._kernel_name, numbas._source_stamp
+        )
 
     def load_overload(self, sig: object, target_context: object) -> object:
         """Return the kernel of a signature, or None if it is missing; it is locked then."""

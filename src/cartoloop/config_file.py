@@ -24,6 +24,10 @@ from pydantic import BaseModel, ValidationError
 
 from cartoloop.config import Config
 from cartoloop.errors import ConfigError
+from cartoloop.input_file import read_text_input
+
+_MAX_BYTES = 1 << 20
+"""Of a file of parameters: all of them with their meanings take 30 kB [bytes]."""
 
 MACHINE_PARAMETERS = frozenset({"global_slam.num_threads"})
 """Parameters of how the machine is used: the result does not depend on them."""
@@ -55,7 +59,7 @@ def load_config(path: Path | None = None, settings: Sequence[str] = ()) -> Loade
     values = _flatten(Config().model_dump())
     origins: dict[str, str] = {}
     if path is not None:
-        text = _read(path)
+        text = read_text_input(path, _MAX_BYTES, "TOML", ConfigError)
         for key, value in _parse_toml(text, path).items():
             where = f"{path}{_line_of(key, text)}"
             _check(key, value, values, where)
@@ -93,6 +97,11 @@ def config_toml(
     return "\n".join(lines) + "\n"
 
 
+def flat_keys(config: Config) -> list[str]:
+    """Return the keys of all parameters, like ``local_slam.submaps.resolution``."""
+    return list(_flatten(config.model_dump()))
+
+
 def config_hash(config: Config) -> str:
     """Return 16 hex digits that differ where parameters differ that matter to the result."""
     values = {
@@ -113,20 +122,13 @@ def _flatten(tree: Mapping[str, object], prefix: str = "") -> dict[str, object]:
     return flat
 
 
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: is not a text file; expected TOML") from error
-
-
 def _parse_toml(text: str, path: Path) -> dict[str, object]:
     try:
         return _flatten(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # also of numbers with too many digits
         raise ConfigError(f"{path}: is not valid TOML: {error}") from error
+    except RecursionError:
+        raise ConfigError(f"{path}: is nested too deeply; no parameter is") from None
 
 
 def _line_of(key: str, text: str) -> str:
@@ -144,7 +146,7 @@ def _parse_value(written: str) -> object:
         return None
     try:
         parsed = tomllib.loads(f"value = {written}")
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return written
     return parsed["value"] if len(parsed) == 1 else written
 

@@ -4,6 +4,7 @@
 CartoloopError
 ├── InputError          the recording (or a file given) cannot be used: what, where, what to do
 ├── ConfigError         an unknown or impossible parameter
+├── UsageError          the Python interface was called as it cannot be: arguments, or their order
 ├── OutputError         the result cannot be written
 ├── ServeError          the viewer cannot be served
 └── Interrupted         the user stopped the run; what was mapped is kept
@@ -13,9 +14,17 @@ Every message is one line: what is wrong, where (file, line, topic, time stamp),
 
 from __future__ import annotations
 
+from cartoloop.plain_text import one_line
+
 
 class CartoloopError(Exception):
-    """Base of all errors that are meant for the user: one line, no traceback."""
+    """Base of all errors that are meant for the user: one line, no traceback.
+
+    Names in the message may hold any characters: those that a terminal obeys are made visible.
+    """
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(one_line(message))
 
 
 class InputError(CartoloopError):
@@ -24,6 +33,10 @@ class InputError(CartoloopError):
 
 class ConfigError(CartoloopError):
     """A parameter is unknown, or its value impossible."""
+
+
+class UsageError(CartoloopError):
+    """The Python interface was called with impossible arguments, or too late."""
 
 
 class OutputError(CartoloopError):

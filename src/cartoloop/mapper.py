@@ -10,8 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from cartoloop.arguments import require_type
 from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
+from cartoloop.errors import UsageError
 from cartoloop.global_slam.background import BackgroundGlobalSlam
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.global_slam.pose_graph import PoseGraph
@@ -23,15 +25,27 @@ from cartoloop.report import (
     AdjustmentSummary,
     InputSummary,
     Report,
+    RunClock,
     summarize_constraints,
+    summarize_sensor,
 )
 from cartoloop.result import Result
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.event_faults import EventChecker
-from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud, SensorEvent
+from cartoloop.sensor.events import (
+    CloudGeometry,
+    Imu,
+    LaserScan,
+    Odometry,
+    PointCloud,
+    ScanGeometry,
+    SensorEvent,
+)
 from cartoloop.sensor.pose import IDENTITY, Pose, compose
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.submap import Submap
+
+_EVENTS = "a LaserScan, PointCloud, Odometry or Imu"
 
 
 class Mapper:
@@ -59,6 +73,8 @@ class Mapper:
         live: bool = False,
         calibration: SensorCalibration | None = None,
     ) -> None:
+        if config is not None:
+            require_type(config, Config, "Mapper: config", "a cartoloop.Config")
         self._config = config = config or Config()
         self._timer = StageTimer()
         self._local_slam = LocalSlam(
@@ -79,6 +95,10 @@ class Mapper:
         self._num_scans = 0
         self._queue: deque[LaserScan | PointCloud] = deque()
         self._checker = EventChecker(accepts_late_odometry=live)
+        self._sensors: dict[str, ScanGeometry | CloudGeometry] = {}
+        self._clock: RunClock | None = None
+        self._is_closed = False
+        self._finished: Result | None = None
 
     @property
     def num_scans(self) -> int:
@@ -167,9 +187,17 @@ class Mapper:
         InputError
             The pose is further away than any map could reach. `result` still returns what was
             mapped before.
+        UsageError
+            It is no event, or the map is finished.
         """
+        if self._is_closed:
+            raise UsageError("Mapper.add: the map is finished; map further events in a new Mapper")
+        if self._clock is None:
+            self._clock = RunClock()
         if isinstance(event, LaserScan | PointCloud):
             self._num_scans += 1
+        else:
+            require_type(event, Odometry | Imu, "Mapper.add: event", _EVENTS)
         if reason := self._checker.reason_to_skip(event):
             self._skipped[reason] += 1
             return None
@@ -185,22 +213,37 @@ class Mapper:
     def finish(self, note: Callable[[str], None] | None = None) -> Result:
         """Close the last loops, adjust all poses and return the map; no event may follow.
 
+        Called again, it returns the same map.
+
         Parameters
         ----------
         note : called with a description of each step as it begins, in this thread.
+
+        Raises
+        ------
+        UsageError
+            The mapper was closed before, or finishing has failed; `result` returns what was mapped.
         """
+        if self._finished is not None:
+            return self._finished
+        if self._is_closed:
+            raise UsageError(
+                "Mapper.finish: the mapper was closed before it was finished, or finishing failed; "
+                "result() returns what was mapped"
+            )
         try:
             self._map_queue(math.inf)
             if (failure := self._end_back_end()) is not None:
                 raise failure
             self._global_slam.finish(self._local_slam.active_submaps, note)
-            result = self._examined(self.result(), note)
+            self._finished = self._examined(self.result(), note)
         finally:
             self.close()
-        return result
+        return self._finished
 
     def close(self) -> None:
         """Stop the background threads and drop their searches; only `result` may follow."""
+        self._is_closed = True
         self._end_back_end()
         self._global_slam.close()
 
@@ -244,6 +287,7 @@ class Mapper:
             quality = examine(result, self._config.quality, odometry)
         stages = self._timer.summary()
         report = replace(result.report, quality=quality, stages=stages, finished=True)
+        report = self._clock.timed(report) if self._clock else report
         return replace(result, report=report)
 
     def _result(self, num_scans: int, active: Sequence[Submap]) -> Result:
@@ -283,6 +327,7 @@ class Mapper:
         if not result.was_matched and result.node is None:
             self._skipped["too few returns to match: pose as predicted"] += 1
         self._stamps.append(scan.stamp)
+        self._sensors.setdefault(scan.geometry.sensor, scan.geometry)
         self._local_poses.append(result.tf_local_tracking)
         if result.node is not None:
             self._node_scan_index.append(len(self._stamps) - 1)
@@ -305,7 +350,8 @@ class Mapper:
 
     def _report(self, graph: PoseGraph, trajectory: FloatArray) -> Report:
         slam, path = self._global_slam, path_length(trajectory)
-        return Report(
+        sensors = [summarize_sensor(sensor) for _, sensor in sorted(self._sensors.items())]
+        report = Report(
             input=InputSummary(
                 scans=self._num_scans, duration_s=self.recorded_s, path_length_m=path
             ),
@@ -315,5 +361,6 @@ class Mapper:
             adjustment=AdjustmentSummary.of_runs(slam.adjustments),
             stages=self._timer.summary(),
             skipped=dict(sorted(self._skipped.items())),
-            extra=self._local_slam.summary() | slam.closures.summary(),
+            extra=self._local_slam.summary() | slam.closures.summary() | {"sensors": sensors},
         )
+        return self._clock.timed(report) if self._clock else report

@@ -16,9 +16,10 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cartoloop.arguments import as_path, require_type, shown
 from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig
-from cartoloop.errors import InputError, Interrupted
+from cartoloop.errors import InputError, Interrupted, UsageError
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.run_end import Outcome, Saved, completed, save_outcome, timed
 from cartoloop.stop_request import StopRequest
@@ -96,9 +97,11 @@ def map_recording(
     Interrupted
         The run was stopped; what was mapped until then is saved, unless it was stopped again.
     """
-    from cartoloop.map_output.picture import DEFAULT_LAYERS
+    from cartoloop.map_output.picture import DEFAULT_LAYERS, known_layers
 
     loaded = _loaded(config)
+    layers = None if layers is None else known_layers(layers)
+    out = None if out is None else as_path(out, "map_recording: out")
     observer, stop = observer or RunObserver(), stop or StopRequest()
     log = _opened(recording, options, out, overwrite)
     start = time.perf_counter()
@@ -193,7 +196,11 @@ def finish(mapper: Mapper, observer: RunObserver, stop: StopRequest) -> Outcome:
 
 
 def _loaded(config: Config | LoadedConfig | None) -> LoadedConfig:
-    return config if isinstance(config, LoadedConfig) else LoadedConfig(config or Config(), {})
+    if isinstance(config, LoadedConfig):
+        return config
+    if config is not None:
+        require_type(config, Config, "map_recording: config", "a cartoloop.Config")
+    return LoadedConfig(config or Config(), {})
 
 
 def _opened(
@@ -207,9 +214,16 @@ def _opened(
     from cartoloop.readers.spool import regular_files
 
     if not isinstance(recording, str | PathLike | Sequence):
+        if not hasattr(recording, "num_scans"):
+            raise UsageError(
+                f"map_recording: recording is {shown(recording)}: give a path, a list of paths, or "
+                "what cartoloop.open_log returns"
+            )
         return recording
-    parts = [recording] if isinstance(recording, str | PathLike) else recording
-    files = regular_files(parts)
+    given = [recording] if isinstance(recording, str | PathLike) else recording
+    if not given:
+        raise UsageError("map_recording: recording is an empty list: give at least one path")
+    files = regular_files([as_path(part, "recording") for part in given])
     if out is not None:
         folder_of(Path(out), files, overwrite=overwrite).check()
     return open_logs(files, options)

@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import json
+import math
+import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +19,9 @@ from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_adjustment import constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.quality.verdict import Quality
+from cartoloop.runtime.process_memory import peak_memory_mb
 from cartoloop.runtime.stage_timer import StageSummary
+from cartoloop.sensor.events import CloudGeometry, ScanGeometry
 from cartoloop.version import __version__
 
 if TYPE_CHECKING:
@@ -123,7 +127,7 @@ class Report:
     finished : whether the run came to its end, with the last pass: neither stopped nor failed.
     fingerprint : 16 hex digits by which the recording is known again (`readers/fingerprint.py`);
         different for each live run; empty of events that a program fed.
-    extra : further keys of the top level, such as ``findings``; values must be JSON.
+    extra : further keys of the top level, such as ``sensors``; values must be JSON.
     """
 
     input: InputSummary = InputSummary()
@@ -157,6 +161,45 @@ class Report:
         if taken := keys.keys() & extra.keys():
             raise ValueError(f"keys of the report cannot be replaced: {', '.join(sorted(taken))}")
         return json.dumps(keys | extra, indent=2, allow_nan=False) + "\n"
+
+
+class RunClock:
+    """Measures time and memory of a run, from its construction on."""
+
+    def __init__(self) -> None:
+        self._start, self._cpu_start = time.perf_counter(), time.process_time()
+
+    def timed(self, report: Report) -> Report:
+        """Return the report with the time and memory that the run took so far."""
+        wall_s, cpu_s = time.perf_counter() - self._start, time.process_time() - self._cpu_start
+        return with_times(report, wall_s, cpu_s)
+
+
+def with_times(report: Report, wall_s: float, cpu_s: float) -> Report:
+    """Return the report with the times that a run took [s], and the memory of the process."""
+    return replace(
+        report,
+        wall_s=wall_s,
+        cpu_s=cpu_s,
+        peak_memory_mb=peak_memory_mb(),
+        real_time_factor=report.input.duration_s / wall_s,
+    )
+
+
+def summarize_sensor(geometry: ScanGeometry | CloudGeometry) -> dict[str, Any]:
+    """Return what is to be known of a scanner, for the report: JSON, with units in the keys."""
+    beams: int | None = None
+    field_of_view_deg: float | None = None
+    if isinstance(geometry, ScanGeometry):
+        beams = int(geometry.num_beams)
+        field_of_view_deg = math.degrees(abs(geometry.angle_increment)) * max(beams - 1, 0)
+    return {
+        "name": geometry.sensor,
+        "beams": beams,
+        "field_of_view_deg": field_of_view_deg,
+        "range_max_m": geometry.range_max if math.isfinite(geometry.range_max) else None,
+        "pose": list(geometry.tf_tracking_sensor),
+    }
 
 
 def odometry_warning(report: Report) -> str | None:

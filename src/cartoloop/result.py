@@ -8,6 +8,7 @@ from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING
 
+from cartoloop.arguments import as_path
 from cartoloop.map_data import MapData
 from cartoloop.quality.verdict import Quality
 
@@ -72,7 +73,7 @@ class Result(MapData):
         """
         from cartoloop.map_output.save import save
 
-        save(self, out)
+        save(self, as_path(out, "Result.save: out"))
 
 
 def load_map(path: str | PathLike[str]) -> Result:

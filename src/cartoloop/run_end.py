@@ -156,13 +156,6 @@ def completed(
 
 def timed(report: Report, start: float) -> Report:
     """Return the report with the time and memory that the run took since `start` [s]."""
-    from cartoloop.runtime.process_memory import peak_memory_mb
+    from cartoloop.report import with_times  # loads the kernels
 
-    wall_s = time.perf_counter() - start
-    return replace(
-        report,
-        wall_s=wall_s,
-        cpu_s=time.process_time(),
-        peak_memory_mb=peak_memory_mb(),
-        real_time_factor=report.input.duration_s / wall_s,
-    )
+    return with_times(report, time.perf_counter() - start, time.process_time())

@@ -97,6 +97,7 @@ def test_the_choice_of_topics_may_be_overruled(recordings, tmp_path, capsys):
         (["--urdf", "nowhere.urdf"], 1, "nowhere.urdf: cannot be read"),
         (["--laser-pose", "1,2"], 2, "is not X,Y,YAW"),
         (["--laser-pose", "1,2,nan"], 2, "is not X,Y,YAW"),
+        (["--laser-pose", "0.2,0,180"], 2, "a yaw of 180 rad is more than a turn"),
         (["--echo", "last"], 2, "choose first or strongest"),
     ],
 )

@@ -62,7 +62,6 @@ def test_each_command_has_help(command, capsys):
     [
         ["mapp"],
         ["map"],
-        ["map", "a.log"],
         ["map", "a.log", "-o", "out", "--draw", "walls"],
         ["map", "a.log", "-o", "out", "--threads", "0"],
         ["map", "a.log", "-o", "out", "--set", "resolution=1"],

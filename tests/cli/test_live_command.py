@@ -188,7 +188,9 @@ def test_a_source_that_sends_no_scan_is_an_error(live, tmp_path):
 def test_the_view_shows_a_live_map(live, tmp_path):
     from urllib.request import urlopen
 
-    command = live("tcp://127.0.0.1:0", "-o", tmp_path, "--view", "--port", "8950", "--poses", "-")
+    command = live(
+        "tcp://127.0.0.1:0", "-o", tmp_path, "--view", "--view-port", "8950", "--poses", "-"
+    )
     url = command.wait_for(r"view +(http://127.0.0.1:\d+)/")[1]
     with socket.create_connection(command.address()) as robot:
         robot.sendall(b"".join(lines()) + b'{"type": "end"}\n')
@@ -205,9 +207,9 @@ def test_the_view_shows_a_live_map(live, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "status", "shown"),
     [
-        (["tcp://0.0.0.0:7000"], 1, "allow it with --host 0.0.0.0"),
+        (["tcp://0.0.0.0:7000"], 1, "allow it with --source-host 0.0.0.0"),
         (["nothing.log"], 1, "nothing.log: cannot be read"),
-        (["-", "--port", "8000"], 2, "has no effect without --view"),
+        (["-", "--view-port", "8000"], 2, "has no effect without --view"),
         (["-", "--poses", "no/such/folder"], 1, "--poses no/such/folder: cannot be written"),
     ],
 )

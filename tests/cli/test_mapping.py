@@ -9,13 +9,16 @@ import signal
 import sys
 import types
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cartoloop.cli.main import run
+from cartoloop.cli.map_command import default_folder
+from cartoloop.cli.mapping import summary
 from cartoloop.errors import InputError
-from cartoloop.report import InputSummary, Report
+from cartoloop.report import ConstraintSummary, InputSummary, Report
 from cartoloop.sensor.events import LaserScan
 from tests.map_output.small_result import FILES, small_result
 
@@ -128,6 +131,45 @@ def test_writes_all_files_and_names_the_picture(mapper, log, tmp_path, capsys):
     assert {path.name for path in out.iterdir()} == FILES
     assert num_poses(out) == NUM_SCANS
     assert str(out / "map.png") in capsys.readouterr().out
+
+
+def test_without_a_folder_it_is_named_after_the_recording(
+    mapper, log, tmp_path, capsys, monkeypatch
+):
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+
+    assert run(["map", str(log)]) == 0
+
+    assert {path.name for path in (tmp_path / "work" / "some-map").iterdir()} >= FILES
+    assert "output         some-map\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("recording", "folder"),
+    [
+        ("x.bag", "x-map"),
+        ("elsewhere/intel.clf.gz", "intel-map"),
+        ("2024-01-01-10.30.00.bag", "2024-01-01-10.30.00-map"),
+        ("x.bag.active", "x-map"),
+        ("rosbag2_2024/", "rosbag2_2024-map"),
+        ("/dev/stdin", "stdin-map"),
+        ("-", "recording-map"),
+    ],
+)
+def test_folders_are_named_after_recordings(recording, folder):
+    assert default_folder(Path(recording)) == Path(folder)
+
+
+def test_the_summary_says_in_words_what_the_counts_are():
+    constraints = ConstraintSummary(loop_closure=2, rejected=1, searched=169, found=6)
+
+    lines = summary(Report(constraints=constraints), Path("out")).splitlines()
+
+    assert lines[3:5] == [
+        "loop closures  2 in the map, 1 rejected because the others contradict them",
+        "searches       169 pairs of a scan and a submap compared while mapping, 6 matched",
+    ]
 
 
 def test_the_report_has_name_times_and_skipped_lines(mapper, log, tmp_path):

@@ -111,7 +111,9 @@ def test_ctrl_c_while_paused_stops_and_saves(log, tmp_path):
     assert (tmp_path / "out/map.png").exists()
 
 
-@pytest.mark.parametrize("option", [("--host", "0.0.0.0"), ("--port", "9000"), ("--speed", "2")])
+@pytest.mark.parametrize(
+    "option", [("--view-host", "0.0.0.0"), ("--view-port", "9000"), ("--speed", "2")]
+)
 def test_options_of_the_view_are_refused_without_it(log, tmp_path, option, capsys):
     assert run(["map", str(log), "-o", str(tmp_path), *option]) == 2
 

@@ -34,6 +34,7 @@ REPORT_KEYS = {
     "quality": {"verdict", "places", "figures"},
     "version": None,
     "config_hash": None,
+    "finished": None,
 }
 """The stable keys of ``report.json``, and those below them."""
 
@@ -116,6 +117,7 @@ def test_the_report_has_its_keys_and_they_make_sense(ring_map):
         assert stage["calls"] >= 1
         assert 0.0 <= stage["median_ms"] <= stage["p99_ms"] <= 1e3 * stage["total_s"] + 1e-6
     assert report["skipped"] == {}
+    assert report["finished"] is True
     assert len(report["config_hash"]) >= 8
 
 

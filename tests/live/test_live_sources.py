@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import socket
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from threading import Event, Thread
 
 import pytest
@@ -13,10 +14,18 @@ import websockets.sync.client
 from websockets.exceptions import InvalidStatus
 
 from cartoloop.errors import InputError
+from cartoloop.live import sockets
 from cartoloop.live.address import SourceOptions, make_source
 from cartoloop.live.growing_file import GrowingFile
 from cartoloop.live.notices import Notices
-from cartoloop.live.sockets import TcpSource, WebSocketSource
+from cartoloop.live.sockets import (
+    FIRST_MESSAGE_S,
+    KEEPALIVE_S,
+    MAX_CLIENTS,
+    SILENT_S,
+    TcpSource,
+    WebSocketSource,
+)
 from cartoloop.sensor.events import LaserScan, Odometry
 from tests.limits import LIMIT_S, wait_until
 from tests.live.live_room import drive
@@ -100,6 +109,122 @@ def test_web_sockets_carry_the_same_messages():
     assert any("message 4 skipped: is no JSON" in line for line in it.reported)
 
 
+def test_silent_connections_give_way_to_a_robot():
+    with running(TcpSource("127.0.0.1", 0)) as it, ExitStack() as silent:
+        for _ in range(3 * MAX_CLIENTS):
+            silent.enter_context(socket.create_connection(it.source.address))
+        robot = silent.enter_context(socket.create_connection(it.source.address))
+        robot.sendall(READING)
+        it.wait_for(lambda: it.received)
+        for _ in range(MAX_CLIENTS):
+            silent.enter_context(socket.create_connection(it.source.address))
+        robot.sendall(READING)
+        it.wait_for(lambda: len(it.received) == 2)
+    assert any("closed: its place was needed, after 0 messages" in line for line in it.reported)
+
+
+def test_connections_without_a_handshake_give_way():
+    with running(WebSocketSource("127.0.0.1", 0)) as it, ExitStack() as silent:
+        for _ in range(2 * MAX_CLIENTS):
+            silent.enter_context(socket.create_connection(it.source.address))
+        url = "ws://{}:{}".format(*it.source.address)
+        with websockets.sync.client.connect(url) as robot:
+            robot.send(READING)
+            it.wait_for(lambda: it.received)
+
+
+def test_robots_that_send_keep_their_places():
+    with running(TcpSource("127.0.0.1", 0, clock=lambda: 0.0)) as it, ExitStack() as open_ones:
+        robots = [
+            open_ones.enter_context(socket.create_connection(it.source.address))
+            for _ in range(MAX_CLIENTS)
+        ]
+        for robot in robots:
+            robot.sendall(READING)
+        it.wait_for(lambda: len(it.received) == MAX_CLIENTS)
+        with socket.create_connection(it.source.address) as newest:
+            assert newest.recv(1) == b""
+        for robot in robots:
+            robot.sendall(READING)
+        it.wait_for(lambda: len(it.received) == 2 * MAX_CLIENTS)
+    assert any("16 senders are active already" in line for line in it.reported)
+
+
+@pytest.mark.parametrize(("sent", "limit_s"), [(b"", FIRST_MESSAGE_S), (READING, SILENT_S)])
+def test_connections_without_messages_end(sent, limit_s):
+    now = [0.0]
+    source = TcpSource("127.0.0.1", 0, clock=lambda: now[0])
+    with running(source) as it, socket.create_connection(it.source.address) as silent:
+        silent.sendall(sent or b"{")
+        it.wait_for(lambda: any("connected" in line for line in it.reported))
+        it.wait_for(lambda: it.received or not sent)
+        now[0] = limit_s + 1.0
+        assert silent.recv(1) == b""
+    assert f"closed: no message in {limit_s:.0f} s" in it.reported[-1]
+
+
+def test_a_web_socket_that_does_not_answer_ends():
+    now = [0.0]
+    with running(WebSocketSource("127.0.0.1", 0, clock=lambda: now[0])) as it:
+        url = "ws://{}:{}".format(*it.source.address)
+        with websockets.sync.client.connect(url) as robot:
+            robot.send(READING)
+            it.wait_for(lambda: it.received)
+            now[0] = KEEPALIVE_S + 1.0  # pinged, and answered by the library
+            it.wait_for(lambda: it.source._clients[0].last_sign == now[0])
+            now[0] = 10.0 * KEEPALIVE_S  # no answer came since, by this clock
+            it.wait_for(lambda: not it.source._clients)
+    assert "closed: it does not answer, after 1 messages" in it.reported[-1]
+
+
+def test_incomplete_messages_do_not_fill_the_memory(monkeypatch):
+    monkeypatch.setattr(sockets, "MAX_UNFINISHED_BYTES", 10_000)
+    with (
+        running(TcpSource("127.0.0.1", 0)) as it,
+        socket.create_connection(it.source.address) as robot,
+        socket.create_connection(it.source.address) as flood,
+    ):
+        robot.sendall(READING)
+        flood.sendall(b"[" * 20_000)
+        flood.settimeout(LIMIT_S)
+        with suppress(ConnectionResetError):
+            assert flood.recv(1) == b""
+        robot.sendall(READING)
+        it.wait_for(lambda: len(it.received) == 2)
+    assert any("incomplete messages fill the memory" in line for line in it.reported)
+
+
+class FullSocket(socket.socket):
+    """Has no more file descriptors for the first connections."""
+
+    num_failures = 3
+
+    def accept(self):
+        if self.num_failures:
+            self.num_failures -= 1
+            raise OSError(errno.EMFILE, "Too many open files")
+        return super().accept()
+
+
+@pytest.mark.parametrize("kind", [TcpSource, WebSocketSource])
+def test_too_many_open_files_do_not_end_a_listener(kind):
+    source = kind("127.0.0.1", 0)
+    source.open()
+    source.open = lambda: ""
+    source._socket = FullSocket(fileno=source._socket.detach())
+    with running(source) as it, socket.create_connection(source.address):
+        it.wait_for(lambda: any("connected" in line for line in it.reported))
+    assert it.reported[0].endswith("Too many open files")
+
+
+def test_a_refused_handshake_is_answered_and_reported():
+    with running(WebSocketSource("127.0.0.1", 0)) as it:
+        with socket.create_connection(it.source.address) as client:
+            client.sendall(b"GET / HTTP/1.1\r\nHost: a\r\n\r\n")
+            assert client.recv(100).startswith(b"HTTP/1.1 426")
+        it.wait_for(lambda: "refused: " in it.reported[-1])
+
+
 def test_pages_in_a_browser_may_not_send_scans():
     with running(WebSocketSource("127.0.0.1", 0)) as it:
         url = "ws://{}:{}".format(*it.source.address)
@@ -159,8 +284,8 @@ def test_a_file_of_messages_is_followed_too(tmp_path):
 @pytest.mark.parametrize(
     ("text", "host", "reported"),
     [
-        ("tcp://0.0.0.0:7000", None, "allow it with --host 0.0.0.0"),
-        ("ws://robot.local:7000", None, "allow it with --host robot.local"),
+        ("tcp://0.0.0.0:7000", None, "allow it with --source-host 0.0.0.0"),
+        ("ws://robot.local:7000", None, "allow it with --source-host robot.local"),
         ("tcp://127.0.0.1", None, "names no port"),
         ("tcp://127.0.0.1:99999", None, "Port out of range"),
         ("http://127.0.0.1:80", None, "no such source; known are -, tcp://"),

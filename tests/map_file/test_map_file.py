@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
@@ -93,6 +94,27 @@ def test_what_was_saved_is_loaded(result, file):
         loaded_column = loaded.closures.stored()[name]
         np.testing.assert_array_equal(loaded_column, column, err_msg=name)
         assert loaded_column.dtype == column.dtype
+
+
+@pytest.mark.parametrize("finished", [True, False])
+def test_whether_the_run_was_finished_is_kept(result, finished, tmp_path):
+    report = replace(result.report, finished=finished)
+    save(replace(result, report=report), tmp_path)
+
+    assert load_map(tmp_path).report.finished is finished
+
+
+@pytest.mark.parametrize(("verdict", "finished"), [("good", True), ("unknown", False)])
+def test_older_files_are_of_finished_runs_if_examined(file, verdict, finished):
+    with closing(sqlite3.connect(file)) as database, database:
+        report = json.loads(
+            database.execute("SELECT value FROM about WHERE key = 'report'").fetchone()[0]
+        )
+        del report["finished"]
+        report["quality"]["verdict"] = verdict
+        database.execute("UPDATE about SET value = ? WHERE key = 'report'", [json.dumps(report)])
+
+    assert load_map(file).report.finished is finished
 
 
 def test_points_are_kept_to_a_millimetre_near_the_robot(result, file):

@@ -6,16 +6,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cartoloop.map_output.occupancy_map import OccupancyMap
-from cartoloop.map_output.picture import (
-    BACKGROUND,
+from cartoloop.map_output.colours import (
     CLOSURE_COLOUR,
+    INK,
+    LIGHT,
     PLACE_COLOURS,
     TRAJECTORY_COLOUR,
-    MapPicture,
-    draw_map,
-    nice_length,
 )
+from cartoloop.map_output.occupancy_map import OccupancyMap
+from cartoloop.map_output.picture import MapPicture, draw_map, nice_length
 from cartoloop.quality.verdict import Kind, Place, Severity
 
 
@@ -37,7 +36,7 @@ def test_floor_is_white_walls_dark_and_unknown_background():
     zoom = 8
     left = (pixels.shape[1] - 100 * zoom) // 2
     column = pixels[40 : 40 + 60 * zoom, left + 50 * zoom]
-    assert tuple(column[5 * zoom]) == BACKGROUND
+    assert tuple(column[5 * zoom]) == LIGHT.ground
     assert column[29 * zoom].max() < 60
     assert tuple(column[45 * zoom]) == (255, 255, 255)
 
@@ -77,7 +76,7 @@ def test_doubtful_and_wrong_places_are_circles_around_them():
 
     for severity, x in ((Severity.DOUBTFUL, 11.0), (Severity.WRONG, 12.5)):
         rows, cols = np.nonzero(nearness(picture.canvas, PLACE_COLOURS[severity]) < 40)
-        on_map = rows < 40 + 60 * 8
+        on_map = (rows > 40 + (60 - 14) * 8) & (rows < 40 + 60 * 8)  # the half without its number
         left = (picture.canvas.width - 100 * 8) // 2
         ring = (cols[on_map] - left) / 8 * 0.05 + 10.0
         assert ring.min() == pytest.approx(x - 0.5, abs=0.05)
@@ -99,6 +98,35 @@ def test_maps_of_any_size_become_pictures_of_handy_size(shape):
 
     assert picture.mode == "RGB"
     assert 400 <= max(picture.size) <= 4200
+
+
+def test_a_caption_stands_above_the_map_and_is_broken():
+    bare = np.asarray(draw_map(room()))
+    parts = ["a recording", "extent 4.0 m × 1.0 m", "floor area 4.0 m²", *6 * ["more of it"]]
+
+    full = np.asarray(draw_map(room(), caption=parts))
+
+    added = len(full) - len(bare)
+    assert added > 2 * 28  # several lines, as the picture is narrow
+    assert np.array_equal(full[40 + added :], bare[40:])  # the rest is as it was
+    rows, cols = np.nonzero(nearness(full[: 40 + added], INK) < 5)
+    assert cols.min() >= 40 and cols.max() <= full.shape[1] - 40
+    assert rows.min() >= 40 and rows.max() < 40 + added
+
+
+def test_numbers_of_places_are_on_discs_of_their_colour():
+    picture = MapPicture(room())
+    place = Place(12.0, 20.7, 0.5, 1.0, 2.0, Kind.GAP, Severity.DOUBTFUL, "a gap", "")
+    picture.draw(trajectory=None, closures=None, places=[place])
+
+    disc = nearness(picture.canvas, PLACE_COLOURS[Severity.DOUBTFUL]) < 5
+    pixels, bare = np.asarray(picture.canvas), np.asarray(draw_map(room()))
+    black = (pixels.max(axis=2) < 40) & (bare[: len(pixels)].max(axis=2) > 200)
+    black[-64:] = False  # the legend
+    rows, cols = np.nonzero(black)
+    assert len(rows) > 15
+    around = disc[rows.min() - 6 : rows.max() + 7, cols.min() - 6 : cols.max() + 7]
+    assert around.mean() > 0.4
 
 
 def test_the_same_map_yields_the_same_picture():

@@ -146,6 +146,10 @@ def test_a_wrong_range_count_is_reported_with_its_line(tmp_path, beams):
         ("ODOM 1 2 drei 0 0 0 1.0 host 0", "not a number"),
         ("ODOM 1 2 inf 0 0 0 1.0 host 0", "pose not finite"),
         ("ROBOTLASER1 0 -1.57", "line cut off"),
+        (
+            "ROBOTLASER1 0 -90 180 1 30 0 0 3 1 1 1 0 0 0 0 0 0 0 0 0 0 0 1.0 host 0",
+            "angles not in radians",
+        ),
     ],
 )
 def test_a_bad_line_is_skipped_with_its_reason(tmp_path, line, reason):

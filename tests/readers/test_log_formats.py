@@ -7,14 +7,15 @@ import tomllib
 from itertools import islice, pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cartoloop.cli.main import run
 from cartoloop.errors import InputError
-from cartoloop.readers import LineLog, open_log, open_logs, read
+from cartoloop.readers import LineFormat, LineLog, Reading, open_log, open_logs, read
 from cartoloop.readers.formats import GROUP, format_names, text_formats
 from cartoloop.readers.scan_sample import ScanSample
-from cartoloop.sensor.events import LaserScan, Odometry
+from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry
 
 ROOT = Path(__file__).parents[2]
 
@@ -42,6 +43,21 @@ def own_log(tmp_path):
     ranges = " ".join(str(200 + k) for k in range(120))
     path.write_text("".join(f"SCAN {200 * k} | {10 * k} 0 0 | {ranges}\n" for k in range(20)))
     return path
+
+
+def test_lines_with_more_beams_than_a_sweep_are_skipped(tmp_path):
+    def parse(line):
+        return Reading(ranges=np.full(int(line), 2.0))
+
+    geometry = ScanGeometry(-1.0, 0.05, 40, 0.1, 9.0)
+    form = LineFormat("counts", lambda head: True, lambda head: geometry, lambda head: parse)
+    path = tmp_path / "counts.log"
+    path.write_text("40\n41\n4000\n40\n")
+    log = LineLog(path, form)
+
+    assert [len(event.ranges) for event in log if isinstance(event, LaserScan)] == [40, 41, 40]
+    assert log.skipped == {"more beams than a sweep has": 1}
+    assert log.problems[-1].message.startswith("counts.log:3: 4000 beams, 0.05 rad apart")
 
 
 def test_a_documented_format_of_a_package_is_read(tmp_path, monkeypatch, own_log, capsys):

@@ -230,6 +230,7 @@ class TestCsv:
         [
             (("time,r0,r1", "0,1,2"), "angle_min is missing"),
             (("# angle_min=0 angle_increment=0", "r0,r1", "1,2"), "angle_increment is 0"),
+            (("# angle_min=-90 angle_increment=1", "r0,r1", "1,2"), "give radians, not degrees"),
             ((angles, "r0,time,r1", "1,0,2"), "do not stand side by side"),
             ((angles, "r0,r1", "a,b"), "'a' is not a number; no scan of this CSV file"),
             ((angles, "r0,r1"), "holds no laser scans"),
@@ -244,7 +245,8 @@ class TestCsv:
     def test_gzip_that_breaks_off_is_read_as_far_as_it_goes(self, tmp_path):
         noise = np.random.default_rng(1).uniform(1.0, 9.0, (300, 40)).round(3)
         rows = [f"{0.1 * k:.1f}," + ",".join(map(str, row)) for k, row in enumerate(noise)]
-        text = "\n".join([self.angles, "time," + ",".join(f"r{k}" for k in range(40)), *rows])
+        angles = "# angle_min=-1.0 angle_increment=0.05"
+        text = "\n".join([angles, "time," + ",".join(f"r{k}" for k in range(40)), *rows])
         packed = gzip.compress(text.encode(), mtime=0)
         path = tmp_path / "cut.csv.gz"
         path.write_bytes(packed[: len(packed) // 2])

@@ -64,6 +64,13 @@ class Page:
     def _picture(self, kind, payload):
         self._take_answer(MessageType.PICTURE, {"png": payload})
 
+    def _before(self, kind, payload):
+        num_submaps, num_nodes = np.frombuffer(payload, "<u4", 2).tolist()
+        submaps = np.frombuffer(payload, "<f8", 3 * num_submaps, 8).reshape(-1, 3)
+        nodes = np.frombuffer(payload, "<f4", 3 * num_nodes, 8 + 24 * num_submaps).reshape(-1, 3)
+        assert len(payload) == 8 + 24 * num_submaps + 12 * num_nodes
+        self._take_answer(MessageType.BEFORE, {"submaps": submaps, "nodes": nodes})
+
     def _take_answer(self, kind, content):
         self.answers.append((kind, content | {"id": self._answers}))
         self._answers = None

@@ -14,7 +14,7 @@ from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.simulation import office, simulate
 from cartoloop.simulation.floor_plan import FloorPlan, World
 from cartoloop.viewer.feed import Feed, Update, constraints_of
-from cartoloop.viewer.readings import Readings, RealTimeFactor, largest_deviation
+from cartoloop.viewer.readings import STOPPED, Readings, RealTimeFactor, largest_deviation
 
 NOW = 1000.0
 
@@ -64,6 +64,15 @@ def test_failure_is_reported():
     readings.end("failed", "the disk is full")
 
     assert said(readings) == ("failed", "failed: the disk is full")
+
+
+def test_a_stopped_run_is_not_called_finished():
+    readings = Readings(10, 100.0)
+    readings.add(replace(UPDATE, time=NOW, backlog=312))
+    readings.end("stopped", STOPPED)
+
+    assert said(readings) == ("stopped", "stopped: the last pass is missing, loops may be open")
+    assert readings.content({}, paused=False)["backlog"] == 0
 
 
 def test_only_a_live_scanner_can_be_silent():

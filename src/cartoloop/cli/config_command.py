@@ -8,14 +8,12 @@ from typing import Annotated
 
 import typer
 
+from cartoloop.cli.commands import add_function, make_app
 from cartoloop.cli.options import ConfigOption, SetOption
 
-config_app = typer.Typer(
-    help="Show or check the configuration.", no_args_is_help=True, rich_markup_mode=None
-)
+config_app = make_app("Show or check the configuration.")
 
 
-@config_app.command("show")
 def show(settings: SetOption = None, config: ConfigOption = None) -> None:
     """Print all parameters as TOML: value, meaning, unit and origin."""
     from cartoloop.config_file import config_toml, load_config
@@ -24,10 +22,18 @@ def show(settings: SetOption = None, config: ConfigOption = None) -> None:
     typer.echo(config_toml(loaded.config, loaded.origins), nl=False)
 
 
-@config_app.command("check")
 def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="TOML file.")]) -> None:
     """Check a configuration file: unknown keys, types, ranges."""
     from cartoloop.config_file import load_config
 
     loaded = load_config(file)
     typer.echo(f"{file}: good; it gives {len(loaded.origins)} parameters")
+
+
+add_function(
+    config_app,
+    "show",
+    show,
+    ["cartoloop config show", "cartoloop config show --set local_slam.submaps.resolution=0.1"],
+)
+add_function(config_app, "check", check, ["cartoloop config check my.toml"])

@@ -23,7 +23,9 @@ class DemoOptions(ConfigOptions):
         Path, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map; is created.")
     ] = Path("cartoloop-demo")
     overwrite: OverwriteOption = False
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the office and of all noise.")] = 0
+    seed: Annotated[
+        int, typer.Option(metavar="N", min=0, help="Seed of the office and of all noise.")
+    ] = 0
 
 
 def demo_command(options: DemoOptions) -> None:

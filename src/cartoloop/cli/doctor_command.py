@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cartoloop.cli.lost_output import styled
 from cartoloop.cli.options import ReadingOptions
+from cartoloop.plain_text import one_line
 
 if TYPE_CHECKING:
     from cartoloop.doctor.examination import ReportProgress
@@ -49,7 +51,7 @@ def doctor_command(options: DoctorOptions) -> None:
     examinations = []
     with compilation_notice():
         for log in options.logs:
-            with _progress(log.name) as report:
+            with _progress(one_line(log.name)) as report:
                 examinations.append(examine(log, read_options, report))
     if options.as_json:
         import json
@@ -62,7 +64,7 @@ def doctor_command(options: DoctorOptions) -> None:
 
         width = shutil.get_terminal_size((100, 24)).columns
         texts = [render(e, width, colours=sys.stdout.isatty()) for e in examinations]
-        typer.echo("\n\n".join(texts))
+        typer.echo("\n\n".join(texts), file=styled(sys.stdout))
     if not all(examination.can_be_mapped for examination in examinations):
         raise typer.Exit(1)
 
@@ -84,8 +86,8 @@ def _progress(name: str) -> Iterator[ReportProgress]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(20), MofNCompleteColumn())
-    with Progress(*columns, console=Console(file=sys.stderr), transient=True) as bar:
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(20), MofNCompleteColumn())
+    with Progress(*columns, console=Console(file=styled(sys.stderr)), transient=True) as bar:
         task = bar.add_task(f"{name}: opening", total=None)
 
         def update_bar(doing: str, done: int, of: int) -> None:

@@ -29,7 +29,10 @@ def closures_command(
     overlap: Annotated[
         float,
         typer.Option(
-            min=0.01, max=1.0, help="For the recall: least share of a scan's returns in the submap."
+            metavar="SHARE",
+            min=0.01,
+            max=1.0,
+            help="For the recall: least share of a scan's returns in the submap.",
         ),
     ] = 0.6,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,

@@ -3,15 +3,14 @@
 
 from __future__ import annotations
 
-import typer
-
+from cartoloop.cli.commands import add_function, make_app
 from cartoloop.cli.evaluate_closures import closures_command
 from cartoloop.cli.evaluate_lines import lines_command
 from cartoloop.cli.evaluate_relations import relations_command
 from cartoloop.cli.evaluate_trajectory import trajectory_command
 from cartoloop.cli.make_relations_command import make_relations_command
 
-evaluate_app = typer.Typer(help="Evaluate a result.", no_args_is_help=True, rich_markup_mode=None)
+evaluate_app = make_app("Measure how good a result is.")
 
 
 @evaluate_app.callback()
@@ -20,8 +19,40 @@ def _evaluate() -> None:
     pass
 
 
-evaluate_app.command("relations")(relations_command)
-evaluate_app.command("trajectory")(trajectory_command)
-evaluate_app.command("closures")(closures_command)
-evaluate_app.command("make-relations")(make_relations_command)
-evaluate_app.command("lines")(lines_command)
+add_function(
+    evaluate_app,
+    "relations",
+    relations_command,
+    [
+        "cartoloop evaluate relations intel/trajectory.tum intel.relations",
+        "cartoloop evaluate relations intel/trajectory.tum intel.relations "
+        "--before intel/local_trajectory.tum",
+    ],
+)
+add_function(
+    evaluate_app,
+    "trajectory",
+    trajectory_command,
+    ["cartoloop evaluate trajectory office/trajectory.tum office.tum --plot errors.png"],
+)
+add_function(
+    evaluate_app,
+    "closures",
+    closures_command,
+    [
+        "cartoloop evaluate closures intel",
+        "cartoloop evaluate closures office --truth office.tum --log office.log.gz",
+    ],
+)
+add_function(
+    evaluate_app,
+    "make-relations",
+    make_relations_command,
+    ["cartoloop evaluate make-relations intel -o my.relations"],
+)
+add_function(
+    evaluate_app,
+    "lines",
+    lines_command,
+    ["cartoloop evaluate lines intel my.lines --plot lines.png"],
+)

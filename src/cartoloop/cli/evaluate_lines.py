@@ -23,7 +23,8 @@ def lines_command(
         ),
     ],
     search: Annotated[
-        float, typer.Option(help="Largest distance of a wall from a given end [m].")
+        float,
+        typer.Option(metavar="METRES", help="Largest distance of a wall from a given end [m]."),
     ] = 0.5,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     plot: Annotated[

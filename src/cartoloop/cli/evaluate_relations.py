@@ -23,7 +23,8 @@ def relations_command(
         Path, typer.Argument(metavar="RELATIONS", help="File of verified relative poses.")
     ],
     tolerance: Annotated[
-        float, typer.Option(help="Largest difference of stamps that are matched [s].")
+        float,
+        typer.Option(metavar="SECONDS", help="Largest difference of stamps that are matched [s]."),
     ] = 5e-3,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     before: Annotated[

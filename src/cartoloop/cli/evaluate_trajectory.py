@@ -40,7 +40,7 @@ def trajectory_command(
     align: Annotated[
         bool, typer.Option(help="First align the estimate with the truth by a rigid transform.")
     ] = True,
-    delta: Annotated[float, typer.Option(help="Span of the relative error.")] = 1.0,
+    delta: Annotated[float, typer.Option(metavar="SPAN", help="Span of the relative error.")] = 1.0,
     delta_unit: Annotated[
         DeltaUnit, typer.Option(help="Unit of --delta: metres of path, seconds, or poses.")
     ] = DeltaUnit.METRES,
@@ -55,7 +55,8 @@ def trajectory_command(
         PairsFrom, typer.Option(help="Trajectory along which metres are measured.")
     ] = PairsFrom.ESTIMATE,
     max_difference: Annotated[
-        float, typer.Option(help="Largest difference of stamps that are matched [s].")
+        float,
+        typer.Option(metavar="SECONDS", help="Largest difference of stamps that are matched [s]."),
     ] = 0.01,
 ) -> None:
     """Compare a trajectory with the true one: absolute (ATE) and relative error (RPE).

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import typer
 
+from cartoloop.cli.commands import GroupedCommand
 from cartoloop.cli.options import (
-    VIEW,
     ConfigOptions,
     ImuTopicOption,
     LaserPoseOption,
@@ -18,7 +19,21 @@ from cartoloop.cli.options import (
     ScanTopicOption,
     parse_pose,
 )
-from cartoloop.cli.view_command import PortOption, ViewOption, require_view
+from cartoloop.cli.view_command import (
+    ViewHostOption,
+    ViewOption,
+    ViewPortOption,
+    require_view,
+)
+
+MESSAGES = "Messages"
+"""Group of options in the help."""
+
+
+class LiveCommand(GroupedCommand):
+    """``cartoloop live``, where --host once meant the messages, and elsewhere the view."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"--host": "--source-host", "--port": "--view-port"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,53 +48,63 @@ class LiveCommandOptions(ConfigOptions, OutputOptions):
             "CARMEN log that is being written.",
         ),
     ]
-    host: Annotated[
+    source_host: Annotated[
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Accept other machines, too: 0.0.0.0, or one address of this machine.",
+            help="Accept messages of other machines, too: listen at 0.0.0.0, or at one address of "
+            "this machine.",
+            rich_help_panel=MESSAGES,
         ),
     ] = None
     poses: Annotated[
         str | None,
         typer.Option(
-            metavar="FILE", help="Write the pose of each scan at once, as JSON; - prints it."
+            metavar="FILE",
+            help="Write the pose of each scan at once, as JSON; - prints it.",
+            rich_help_panel=MESSAGES,
         ),
     ] = None
     max_delay_ms: Annotated[
         float,
-        typer.Option(min=0.0, max=10_000.0, help="How long a scan waits for late odometry [ms]."),
+        typer.Option(
+            metavar="MS",
+            min=0.0,
+            max=10_000.0,
+            help="How long a scan waits for late odometry [ms].",
+            rich_help_panel=MESSAGES,
+        ),
     ] = 50.0
     end_after: Annotated[
         float | None,
         typer.Option(
-            min=0.1, metavar="SECONDS", help="End when no message has arrived for this time [s]."
+            min=0.1,
+            metavar="SECONDS",
+            help="End when no message has arrived for this time [s].",
+            rich_help_panel=MESSAGES,
         ),
     ] = None
     no_drop: Annotated[
         bool,
-        typer.Option("--no-drop", help="Hold up the source instead of dropping scans."),
+        typer.Option(
+            "--no-drop",
+            help="Hold up the source instead of dropping scans.",
+            rich_help_panel=MESSAGES,
+        ),
     ] = False
     scan_topics: ScanTopicOption = None
     odom_topic: OdomTopicOption = None
     imu_topic: ImuTopicOption = None
     laser_pose: LaserPoseOption = None
     view: ViewOption = False
-    view_host: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Serve the view to other machines, too: 0.0.0.0, or one address of this machine.",
-            rich_help_panel=VIEW,
-        ),
-    ] = None
-    port: PortOption = None
+    view_host: ViewHostOption = None
+    view_port: ViewPortOption = None
 
 
 def live_command(options: LiveCommandOptions) -> None:
     """Map the messages of a robot while it drives; their formats are in docs/live.md."""
     layers = options.layers
-    require_view(options.view, view_host=options.view_host, port=options.port)
+    require_view(options.view, view_host=options.view_host, view_port=options.view_port)
     laser_pose = parse_pose(options.laser_pose)
     loaded = options.load()
 
@@ -90,7 +115,10 @@ def live_command(options: LiveCommandOptions) -> None:
     source = make_source(
         options.source,
         SourceOptions(
-            options.host, tuple(options.scan_topics or ()), options.odom_topic, options.imu_topic
+            options.source_host,
+            tuple(options.scan_topics or ()),
+            options.odom_topic,
+            options.imu_topic,
         ),
     )
     with poses_stream(options.poses) as poses:
@@ -108,7 +136,7 @@ def live_command(options: LiveCommandOptions) -> None:
                 poses=poses,
             ),
             layers,
-            (options.view_host, options.port) if options.view else None,
+            (options.view_host, options.view_port) if options.view else None,
             is_quiet=options.poses == "-",
             overwrite=options.overwrite,
         )

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Standard output and error that can be lost: what cannot be written is forgotten.
+"""Standard output and error of this program: what cannot be written is forgotten.
 
 The reader of a pipe leaves, a disk is full, a terminal is closed: a map that is being made, or a
-robot that drives, matters more than what is said about it.
+robot that drives, matters more than what is said about it. Control characters in the output are
+made visible.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ import io
 import os
 import select
 import sys
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, TextIO, cast
+
+from cartoloop.plain_text import plain_lines
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer  # of collections.abc from Python 3.12 on
@@ -35,6 +38,34 @@ class _Forgetful(io.FileIO):
         except OSError as error:
             self.failure = self.failure or error
             return memoryview(data).nbytes
+
+
+class _PlainOutput(io.TextIOWrapper):
+    """A stream that makes control characters visible: names in the output are not the user's."""
+
+    def write(self, text: str) -> int:
+        """Write lines of text."""
+        super().write(plain_lines(text))
+        return len(text)
+
+
+class _StyledOutput:
+    """The same stream for the colours and the moving bars of this program."""
+
+    def __init__(self, stream: io.TextIOWrapper) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write text with its control characters."""
+        return io.TextIOWrapper.write(self._stream, text)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._stream, name)
+
+
+def styled(stream: TextIO) -> TextIO:
+    """Return a stream that passes on control characters; for text whose names are plain already."""
+    return cast(TextIO, _StyledOutput(stream)) if isinstance(stream, _PlainOutput) else stream
 
 
 def forget_lost_output() -> None:
@@ -72,8 +103,8 @@ def _forgetful(stream: TextIO | None, descriptor: int) -> TextIO:
         return stream  # of a program that runs this one
     raw = _Forgetful(descriptor, "w", closefd=False)
     if stream is None:
-        return io.TextIOWrapper(io.BufferedWriter(raw), encoding="utf-8", line_buffering=True)
-    return io.TextIOWrapper(
+        return _PlainOutput(io.BufferedWriter(raw), encoding="utf-8", line_buffering=True)
+    return _PlainOutput(
         io.BufferedWriter(raw),
         encoding=stream.encoding,
         # Any path can be printed on any terminal.

@@ -7,6 +7,7 @@ the compiler nor for SciPy.
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 from collections.abc import Sequence
@@ -14,50 +15,130 @@ from typing import Annotated
 
 import typer
 
-from cartoloop.cli.commands import add_command
+from cartoloop.cli.commands import add_command, make_app
 from cartoloop.cli.config_command import config_app
 from cartoloop.cli.demo_command import DemoOptions, demo_command
 from cartoloop.cli.doctor_command import DoctorOptions, doctor_command
 from cartoloop.cli.evaluate_command import evaluate_app
 from cartoloop.cli.explain_command import ExplainOptions, explain_command
-from cartoloop.cli.live_command import LiveCommandOptions, live_command
+from cartoloop.cli.export_command import ExportOptions, export_command
+from cartoloop.cli.info_command import InfoOptions, info_command
+from cartoloop.cli.live_command import LiveCommand, LiveCommandOptions, live_command
 from cartoloop.cli.lost_output import forget_lost_output, loss_of_output
 from cartoloop.cli.map_command import MapOptions, map_command
 from cartoloop.cli.quality_command import QualityOptions, quality_command
 from cartoloop.cli.simulate_command import SimulateOptions, simulate_command
 from cartoloop.cli.stop_signals import end_orderly
-from cartoloop.cli.view_command import ViewCommandOptions, view_command
+from cartoloop.cli.view_command import ViewCommandOptions, ViewingCommand, view_command
 from cartoloop.errors import CartoloopError, ConfigError, Interrupted
+from cartoloop.plain_text import one_line
 from cartoloop.version import __version__
 
-app = typer.Typer(
+MAKE, USE, RECORDINGS = "Make a map", "Use a map", "Recordings and parameters"
+"""Groups of commands in the help."""
+
+app = make_app(
+    "Laser scans in, floor plans out: 2D lidar SLAM with loop closure.",
     name="cartoloop",
-    help="Laser scans in, floor plans out: 2D lidar SLAM with loop closure.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
+    add_completion=True,
 )
-add_command(app, "demo", demo_command, DemoOptions, "cartoloop demo -o office")
-add_command(app, "map", map_command, MapOptions, "cartoloop map intel.clf.gz -o intel --view")
 add_command(
-    app, "live", live_command, LiveCommandOptions, "cartoloop live tcp://127.0.0.1:7000 -o room"
+    app,
+    "demo",
+    demo_command,
+    DemoOptions,
+    ["cartoloop demo", "cartoloop demo -o office --seed 3"],
+    group=MAKE,
 )
-add_command(app, "doctor", doctor_command, DoctorOptions, "cartoloop doctor robot.bag")
+add_command(
+    app,
+    "map",
+    map_command,
+    MapOptions,
+    [
+        "cartoloop map intel.clf.gz -o intel --view",
+        "cartoloop map robot.bag --scan-topic /scan --set local_slam.submaps.resolution=0.1",
+    ],
+    group=MAKE,
+    cls=ViewingCommand,
+)
+add_command(
+    app,
+    "live",
+    live_command,
+    LiveCommandOptions,
+    [
+        "cartoloop live tcp://127.0.0.1:7000 -o floor --view",
+        "cartoloop live tcp://0.0.0.0:7000 -o floor --source-host 0.0.0.0",
+    ],
+    group=MAKE,
+    cls=LiveCommand,
+)
+add_command(
+    app,
+    "view",
+    view_command,
+    ViewCommandOptions,
+    ["cartoloop view intel", "cartoloop view intel --view-host 0.0.0.0"],
+    group=USE,
+    cls=ViewingCommand,
+)
+add_command(
+    app,
+    "info",
+    info_command,
+    InfoOptions,
+    ["cartoloop info intel", "cartoloop info intel --json"],
+    group=USE,
+)
+add_command(
+    app,
+    "export",
+    export_command,
+    ExportOptions,
+    [
+        "cartoloop export intel -o plan.png --resolution 0.02 --rotate auto --crop auto",
+        "cartoloop export intel -o kitchen.png --crop -2,-5,4,1 --draw none",
+    ],
+    group=USE,
+)
+add_command(
+    app,
+    "quality",
+    quality_command,
+    QualityOptions,
+    ["cartoloop quality intel", "cartoloop quality intel --strict"],
+    group=USE,
+)
+add_command(
+    app,
+    "explain",
+    explain_command,
+    ExplainOptions,
+    ["cartoloop explain intel --pair 3 1200", "cartoloop explain intel --near 4.5 -2"],
+    group=USE,
+)
+app.add_typer(evaluate_app, name="evaluate", rich_help_panel=USE)
+add_command(
+    app,
+    "doctor",
+    doctor_command,
+    DoctorOptions,
+    ["cartoloop doctor robot.bag", "cartoloop doctor *.log --json"],
+    group=RECORDINGS,
+)
 add_command(
     app,
     "simulate",
     simulate_command,
     SimulateOptions,
-    "cartoloop simulate office -o office.log.gz --truth office.tum",
+    [
+        "cartoloop simulate office -o office.log.gz --truth office.tum",
+        "cartoloop simulate museum -o walk.bag --tilt-deg 8 --distort",
+    ],
+    group=RECORDINGS,
 )
-add_command(app, "view", view_command, ViewCommandOptions, "cartoloop view intel")
-add_command(
-    app, "explain", explain_command, ExplainOptions, "cartoloop explain intel --pair 3 1200"
-)
-add_command(app, "quality", quality_command, QualityOptions, "cartoloop quality intel")
-app.add_typer(evaluate_app, name="evaluate")
-app.add_typer(config_app, name="config")
+app.add_typer(config_app, name="config", rich_help_panel=RECORDINGS)
 
 
 def _print_version(asked: bool) -> None:
@@ -82,6 +163,9 @@ def _options(
 _FILE_COMMANDS = frozenset(("demo", "map", "live", "simulate", "view"))
 """Commands whose result is not what they print."""
 
+_SHOWN = 200
+"""Characters of a path that a message shows."""
+
 
 def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
     """Run a command line, by default that of ``cartoloop``, and return its exit status.
@@ -90,8 +174,12 @@ def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
     130: interrupted.
     """
     debug = "--debug" in arguments  # at any position
+    name = program.info.name if isinstance(program.info.name, str) else None
     try:
-        program(args=[argument for argument in arguments if argument != "--debug"])
+        program(
+            args=[argument for argument in arguments if argument != "--debug"],
+            prog_name=name,  # not __main__.py: completion is installed for this name
+        )
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except Interrupted as interruption:
@@ -103,6 +191,11 @@ def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
     except Exception as error:  # noqa: BLE001 - users get a line, not a traceback
         if debug:
             traceback.print_exc()
+        if isinstance(error, OSError) and error.filename is not None:
+            # A path that the system refuses, such as one that is too long.
+            shown = one_line(os.fsdecode(error.filename))[:_SHOWN]
+            typer.echo(f"cartoloop: {shown}: {error.strerror}; check the path", err=True)
+            return 1
         typer.echo(
             f"cartoloop: unexpected {type(error).__name__}: {' '.join(str(error).split())}; this "
             "is a bug, please report it with the output of the same command and --debug",

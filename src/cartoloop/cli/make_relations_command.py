@@ -15,13 +15,22 @@ def make_relations_command(
     ],
     relations: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="File to write.")],
     min_distance: Annotated[
-        float, typer.Option(min=0.0, help="Shortest path length between the two scans [m].")
+        float,
+        typer.Option(
+            metavar="METRES", min=0.0, help="Shortest path length between the two scans [m]."
+        ),
     ] = 100.0,
     max_translation: Annotated[
-        float, typer.Option(min=0.0, help="Leave out closures with a larger residual [m].")
+        float,
+        typer.Option(
+            metavar="METRES", min=0.0, help="Leave out closures with a larger residual [m]."
+        ),
     ] = 0.15,
     max_rotation: Annotated[
-        float, typer.Option(min=0.0, help="Leave out closures with a larger residual [rad].")
+        float,
+        typer.Option(
+            metavar="RADIANS", min=0.0, help="Leave out closures with a larger residual [rad]."
+        ),
     ] = 0.02,
 ) -> None:
     """Write relations from a run's loop closures, to score local SLAM on your own recording.

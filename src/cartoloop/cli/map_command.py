@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from cartoloop.cli.options import ConfigOptions, OutputOptions, ReadingOptions
+from cartoloop.cli.options import ConfigOptions, PictureOptions, ReadingOptions
 from cartoloop.cli.view_command import ViewOptions, wait_for_stop
 from cartoloop.readers.formats import format_names
 
@@ -19,14 +19,28 @@ _LOG_HELP = (
 )
 
 
+_WRAPPINGS = ("gz", "bz2", "xz", "zst", "zstd", "lz4", "active")
+"""Endings that follow the ending of a recording."""
+
+
 @dataclass(frozen=True, kw_only=True)
-class MapOptions(ViewOptions, ReadingOptions, ConfigOptions, OutputOptions):
+class MapOptions(ViewOptions, ReadingOptions, ConfigOptions, PictureOptions):
     """Options of ``cartoloop map``."""
 
     logs: Annotated[
         list[Path],
         typer.Argument(metavar="LOG", help=_LOG_HELP),
     ]
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--out",
+            metavar="OUT",
+            help="Folder for the map; is created. By default it is named after the recording, "
+            "x-map for x.bag, in the working directory.",
+        ),
+    ] = None
 
 
 def map_command(options: MapOptions) -> None:
@@ -35,26 +49,29 @@ def map_command(options: MapOptions) -> None:
     options.require_view()
     read_options = options.read_options()
     loaded = options.load()
+    out = options.out or default_folder(options.logs[0])
 
     from cartoloop.readers import open_logs
     from cartoloop.readers.spool import regular_files
     from cartoloop.recording_run import folder_of
 
     files = regular_files(options.logs)
-    folder_of(options.out, files, overwrite=options.overwrite).check()
+    folder_of(out, files, overwrite=options.overwrite).check()
 
     from cartoloop.cli.mapping import compilation_notice, map_log, require_good
 
     with compilation_notice():
         log = open_logs(files, read_options)
     typer.echo(log.description)
+    if options.out is None:
+        typer.echo(f"output         {out}")
     if not options.view:
-        result = map_log(log, loaded, options.out, layers, overwrite=options.overwrite)
+        result = map_log(log, loaded, out, layers, overwrite=options.overwrite)
         require_good(result.report, options.strict)
         return
     view = options.open_view(log.name, loaded.config, log.num_scans, log.duration)
     try:
-        result = map_log(log, loaded, options.out, layers, view, overwrite=options.overwrite)
+        result = map_log(log, loaded, out, layers, view, overwrite=options.overwrite)
         if view.failure is not None:
             typer.echo(f"warning: the view failed: {view.failure}", err=True)
         else:
@@ -62,3 +79,15 @@ def map_command(options: MapOptions) -> None:
     finally:
         view.close()
     require_good(result.report, options.strict)
+
+
+def default_folder(recording: Path) -> Path:
+    """Return the folder for the map of a recording where none is given: x-map for x.bag.
+
+    It is in the working directory, since recordings are often where nothing can be written.
+    """
+    name = recording.resolve().name if recording.name in ("", "..") else recording.name
+    stem, dot, ending = name.rpartition(".")
+    if dot and stem and ending.lower() in _WRAPPINGS:
+        name = stem
+    return Path(f"{Path(name).stem.strip('.-') or 'recording'}-map")

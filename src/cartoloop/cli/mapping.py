@@ -197,18 +197,25 @@ def require_good(report: Report, strict: bool) -> None:
 def summary(report: Report, out: Path) -> str:
     """Return the summary of a run for the terminal."""
     constraints = report.constraints
-    closures = f"{constraints.loop_closure} final, {constraints.rejected} rejected"
-    closures += f"; {constraints.found} found in {constraints.searched} searched pairs"
+    closures = f"{constraints.loop_closure} in the map"
+    if constraints.rejected:
+        closures += f", {constraints.rejected} rejected because the others contradict them"
     skipped = ", ".join(f"{count} {reason}" for reason, count in sorted(report.skipped.items()))
-    return "\n".join(
-        (
-            f"recording      {report.input.name}: {report.input.scans} scans, "
-            f"{format_duration(report.input.duration_s)}, {report.input.path_length_m:.0f} m",
-            f"time           {report.wall_s:.1f} s, {report.real_time_factor:.0f}x real time",
-            f"graph          {report.nodes} nodes, {report.submaps} submaps",
-            f"loop closures  {closures}",
-            f"skipped        {skipped or 'nothing'}",
-            f"quality        {report.quality.summary()}",
-            f"map            {out / 'map.png'}",
+    rows = {
+        "recording": f"{report.input.name}: {report.input.scans} scans, "
+        f"{format_duration(report.input.duration_s)}, {report.input.path_length_m:.0f} m",
+        "time": f"{report.wall_s:.1f} s, {report.real_time_factor:.0f}x real time",
+        "graph": f"{report.nodes} nodes, {report.submaps} submaps",
+        "loop closures": closures,
+    }
+    if constraints.searched:
+        rows["searches"] = (
+            f"{constraints.searched} pairs of a scan and a submap compared while mapping, "
+            f"{constraints.found} matched"
         )
-    )
+    rows |= {
+        "skipped": skipped or "nothing",
+        "quality": report.quality.summary(),
+        "map": str(out / "map.png"),
+    }
+    return "\n".join(f"{name:<15}{value}" for name, value in rows.items())

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cartoloop.cli.completion import complete_echo, complete_key, complete_layers
+
 if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
     from cartoloop.map_output.picture import Layer
@@ -26,6 +28,7 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
+        autocompletion=complete_key,
         help="Set a parameter; may be repeated. 'config show' lists all.",
         rich_help_panel=CONFIGURATION,
     ),
@@ -42,6 +45,7 @@ ConfigOption = Annotated[
 ThreadsOption = Annotated[
     int | None,
     typer.Option(
+        metavar="N",
         min=1,
         help="Background threads for loop closure; the result does not depend on it.",
         rich_help_panel=CONFIGURATION,
@@ -127,6 +131,8 @@ class ReadingOptions:
         str,
         typer.Option(
             "--echo",
+            metavar="NAME",
+            autocompletion=complete_echo,
             help="Which echo of multi-echo scanners to use: first or strongest.",
             rich_help_panel=RECORDING,
         ),
@@ -167,21 +173,17 @@ OverwriteOption = Annotated[
 
 
 @dataclass(frozen=True, kw_only=True)
-class OutputOptions:
-    """Options for the output folder and the picture of the map."""
+class PictureLayers:
+    """Options for the picture of the map."""
 
-    out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map; is created.")
-    ]
     draw: Annotated[
         str,
         typer.Option(
             metavar="LAYERS",
+            autocompletion=complete_layers,
             help="Drawn over map.png: trajectory, closures, quality (with commas), or none.",
         ),
     ] = "trajectory,quality"
-    strict: StrictOption = False
-    overwrite: OverwriteOption = False
 
     @property
     def layers(self) -> tuple[Layer, ...]:
@@ -203,6 +205,23 @@ class OutputOptions:
         return tuple(layer for layer in LAYERS if layer in names)
 
 
+@dataclass(frozen=True, kw_only=True)
+class PictureOptions(PictureLayers):
+    """Options for the picture of the map, the verdict on it, and the map that it replaces."""
+
+    strict: StrictOption = False
+    overwrite: OverwriteOption = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputOptions(PictureOptions):
+    """Options for the output folder and the picture of the map."""
+
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map; is created.")
+    ]
+
+
 def parse_pose(text: str | None) -> Pose | None:
     """Return the pose of --laser-pose.
 
@@ -222,6 +241,11 @@ def parse_pose(text: str | None) -> Pose | None:
     if len(values) != 3 or not all(map(math.isfinite, values)):
         raise typer.BadParameter(
             f"'{text}' is not X,Y,YAW, like 0.2,0,3.14 (m, rad)", param_hint="--laser-pose"
+        )
+    if abs(values[2]) > math.tau:
+        raise typer.BadParameter(
+            f"a yaw of {values[2]:g} rad is more than a turn: give radians, like 3.14, not degrees",
+            param_hint="--laser-pose",
         )
     return Pose(*values)
 

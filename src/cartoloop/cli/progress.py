@@ -4,16 +4,34 @@
 from __future__ import annotations
 
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
-from typing import Protocol, TextIO
+from typing import NamedTuple, Protocol, TextIO
+
+from cartoloop.cli.lost_output import styled
 
 _BAR_PERIOD_S = 0.1
 """Time between two updates of the bar [s]: smooth enough to the eye."""
 
 _LINE_PERIOD_S = 5.0
 """Time between two lines [s], so that logs stay short."""
+
+
+_FIRST_ESTIMATE_S = 3.0
+"""The remaining time is estimated after so much mapping [s]: the first scans are quicker."""
+
+_WINDOW_S = 10.0
+"""The remaining time is estimated from the pace of so much mapping [s], as the pace changes."""
+
+
+class _Moment(NamedTuple):
+    """How far a run was: time that counts [s], scans, recorded time of these [s]."""
+
+    seconds: float
+    num_scans: int
+    recorded_s: float
 
 
 class Display(Protocol):
@@ -25,6 +43,8 @@ class Display(Protocol):
 
 class Progress:
     """Rate, real-time factor and remaining time of a run over a recording.
+
+    All count from the first scan that was mapped: before it, kernels are loaded or compiled.
 
     Parameters
     ----------
@@ -41,8 +61,9 @@ class Progress:
         self._display = display
         self._period = period
         self._paused_s = paused_s
-        self._start = perf_counter()
-        self._next = self._start + period
+        self._next = perf_counter() + period
+        self._first: _Moment | None = None
+        self._recent: deque[_Moment] = deque()
 
     def update(self, num_scans: int, recorded_s: float, num_loop_closures: int) -> None:
         """Show the progress, once per period.
@@ -54,17 +75,32 @@ class Progress:
         num_loop_closures : loop closures found.
         """
         now = perf_counter()
+        if num_scans == 0 or (now < self._next and self._first is not None):
+            return
+        moment = _Moment(now - self._paused_s(), num_scans, recorded_s)
+        if self._first is None:
+            self._first = moment
+            self._recent.append(moment)
         if now < self._next:
             return
         self._next = now + self._period
-        elapsed = max(now - self._start - self._paused_s(), 1e-3)
-        rate = num_scans / elapsed
-        left = max(0, self._num_scans - num_scans) / rate if num_scans else 0.0
-        self._display.show(
-            num_scans,
-            f"{rate:.0f}/s, {recorded_s / elapsed:.1f}x real time, "
-            f"{format_duration(left)} left, {num_loop_closures} closures",
-        )
+        status = [*self._rates(moment), f"{num_loop_closures} closures"]
+        self._display.show(num_scans, ", ".join(status))
+
+    def _rates(self, moment: _Moment) -> Iterator[str]:
+        assert self._first is not None
+        elapsed = moment.seconds - self._first.seconds
+        if elapsed > 0.0:
+            yield f"{(moment.num_scans - self._first.num_scans) / elapsed:.0f}/s"
+            yield f"{(moment.recorded_s - self._first.recorded_s) / elapsed:.1f}x real time"
+        self._recent.append(moment)
+        while self._recent[1].seconds < moment.seconds - _WINDOW_S:
+            self._recent.popleft()
+        before = self._recent[0]
+        mapped, left = moment.num_scans - before.num_scans, self._num_scans - moment.num_scans
+        if elapsed >= _FIRST_ESTIMATE_S and mapped > 0:
+            seconds = max(0, left) * (moment.seconds - before.seconds) / mapped
+            yield f"{format_duration(seconds)} left"
 
 
 class _Lines:
@@ -96,7 +132,7 @@ def progress(
     from rich.progress import Progress as Bar
 
     columns = (BarColumn(10), MofNCompleteColumn(), TextColumn("scans, {task.fields[status]}"))
-    with Bar(*columns, console=Console(file=stream), transient=True) as bar:
+    with Bar(*columns, console=Console(file=styled(stream)), transient=True) as bar:
         task = bar.add_task("", total=num_scans, status="")
 
         class _Bar:

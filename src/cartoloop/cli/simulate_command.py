@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cartoloop.cli.completion import complete_lidar, complete_odometry_fault, complete_world
 from cartoloop.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ class SimulateOptions:
         str,
         typer.Argument(
             metavar="WORLD",
+            autocompletion=complete_world,
             help="office, corridor, bare, ring, museum, flat, hall, wings, campus or yard.",
         ),
     ]
@@ -44,11 +46,14 @@ class SimulateOptions:
             "(ROS 1).",
         ),
     ]
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the world and of all noise.")] = 0
+    seed: Annotated[
+        int, typer.Option(metavar="N", min=0, help="Seed of the world and of all noise.")
+    ] = 0
     lidar: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
+            autocompletion=complete_lidar,
             help="Scanner: sick, sick-180, wide, backpack or lds; by default the world's own.",
         ),
     ] = None
@@ -162,6 +167,7 @@ class SimulateOptions:
         list[str] | None,
         typer.Option(
             metavar="KIND",
+            autocompletion=complete_odometry_fault,
             help="Fault of the odometry: frozen, frozen-later, jump, repeat, nan or slip; may be "
             "repeated.",
             rich_help_panel=DIFFICULTIES,

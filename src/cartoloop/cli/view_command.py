@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import typer
 
+from cartoloop.cli.commands import GroupedCommand
 from cartoloop.cli.options import VIEW
 from cartoloop.cli.stop_signals import stop_signals
 
@@ -23,17 +25,20 @@ ViewOption = Annotated[
         "--view", help="Show the map in a browser while it grows, and after.", rich_help_panel=VIEW
     ),
 ]
-HostOption = Annotated[
+ViewHostOption = Annotated[
     str | None,
     typer.Option(
+        "--view-host",
         metavar="ADDRESS",
         help="Serve the view to other machines, too: 0.0.0.0, or one address of this machine.",
         rich_help_panel=VIEW,
     ),
 ]
-PortOption = Annotated[
+ViewPortOption = Annotated[
     int | None,
     typer.Option(
+        "--view-port",
+        metavar="PORT",
         min=1,
         max=65535,
         help="Port of the view; if it is in use, the next free one.",
@@ -42,16 +47,23 @@ PortOption = Annotated[
 ]
 
 
+class ViewingCommand(GroupedCommand):
+    """A command that serves a view; options of the view once had shorter names."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"--host": "--view-host", "--port": "--view-port"}
+
+
 @dataclass(frozen=True, kw_only=True)
 class ViewOptions:
     """Options of the view of a recording that is being mapped."""
 
     view: ViewOption = False
-    host: HostOption = None
-    port: PortOption = None
+    view_host: ViewHostOption = None
+    view_port: ViewPortOption = None
     speed: Annotated[
         float | None,
         typer.Option(
+            metavar="FACTOR",
             min=0.1,
             max=1000.0,
             help="Speed of the recording in the view, 1 for real time; by default as fast as "
@@ -68,7 +80,9 @@ class ViewOptions:
         typer.BadParameter
             One was given.
         """
-        require_view(self.view, host=self.host, port=self.port, speed=self.speed)
+        require_view(
+            self.view, view_host=self.view_host, view_port=self.view_port, speed=self.speed
+        )
 
     def open_view(self, name: str, config: Config, num_scans: int, duration: float) -> LiveView:
         """Serve the view of a recording that is about to be mapped, and print its address.
@@ -94,8 +108,8 @@ class ViewOptions:
             scans_total=num_scans,
             duration_s=duration,
             speed=self.speed,
-            host=self.host or DEFAULT_HOST,
-            port=self.port or DEFAULT_PORT,
+            host=self.view_host or DEFAULT_HOST,
+            port=self.view_port or DEFAULT_PORT,
         )
         typer.echo(f"view           {view.url}")
         return view
@@ -108,8 +122,8 @@ class ViewCommandOptions:
     out: Annotated[
         Path, typer.Argument(metavar="OUT", help="Folder that 'cartoloop map' has written.")
     ]
-    host: HostOption = None
-    port: PortOption = None
+    view_host: ViewHostOption = None
+    view_port: ViewPortOption = None
 
 
 def view_command(options: ViewCommandOptions) -> None:
@@ -120,7 +134,8 @@ def view_command(options: ViewCommandOptions) -> None:
 
     result = load_map(options.out)
     name = result.report.input.name or options.out.name
-    server = serve_result(result, name, options.host or DEFAULT_HOST, options.port or DEFAULT_PORT)
+    host, port = options.view_host or DEFAULT_HOST, options.view_port or DEFAULT_PORT
+    server = serve_result(result, name, host, port)
     try:
         wait_for_stop(f"{name}: {server.url}")
     finally:
@@ -139,7 +154,9 @@ def require_view(view: bool, **options: object) -> None:
     """
     for name, value in options.items():
         if value is not None and not view:
-            raise typer.BadParameter("has no effect without --view", param_hint=f"--{name}")
+            raise typer.BadParameter(
+                "has no effect without --view", param_hint=f"--{name.replace('_', '-')}"
+            )
 
 
 def wait_for_stop(what: str) -> None:

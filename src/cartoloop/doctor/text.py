@@ -15,6 +15,7 @@ from rich.text import Text
 
 from cartoloop.doctor.clouds import CloudWatch
 from cartoloop.doctor.findings import SEVERITIES, Finding, Severity
+from cartoloop.plain_text import one_line
 
 if TYPE_CHECKING:
     from cartoloop.doctor.contents import Contents, Stream
@@ -65,7 +66,7 @@ def render(examination: Examination, width: int = 100, colours: bool = False) ->
             console.print(Text("it cannot be mapped", STYLES["error"]))
     lines = [line.rstrip() for line in captured.get().splitlines()]
     if examination.can_be_mapped:  # not wrapped, so that it can be copied
-        lines.append(f"it can be mapped: cartoloop map {examination.path} -o OUT")
+        lines.append(f"it can be mapped: cartoloop map {one_line(str(examination.path))} -o OUT")
     return "\n".join(lines)
 
 
@@ -90,7 +91,7 @@ def _sections(examination: Examination) -> Iterator[tuple[str, Rows]]:
 
 
 def _title(examination: Examination) -> str:
-    title = f"{examination.path.name}  {examination.contents.kind}"
+    title = f"{one_line(examination.path.name)}  {examination.contents.kind}"
     if not examination.scanners:
         return title
     num_scans = sum(scanner.watch.count for scanner in examination.scanners)

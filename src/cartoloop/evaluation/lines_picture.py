@@ -14,13 +14,15 @@ from cartoloop.arrays import FloatArray
 from cartoloop.evaluation.lines import LinesError, MeasuredLine
 from cartoloop.evaluation.map_image import MapImage
 from cartoloop.evaluation.plot_style import format_by_suffix
-from cartoloop.map_output.picture import BACKGROUND, CLOSURE_COLOUR, TRAJECTORY_COLOUR
+from cartoloop.map_output.colours import (
+    CLOSURE_COLOUR,
+    LIGHT,
+    TRAJECTORY_COLOUR,
+    Colour,
+    text_colour,
+)
 from cartoloop.map_output.save import write_file
 
-Colour = tuple[int, int, int]
-
-_FLOOR: Colour = (255, 255, 255)
-_WALL: Colour = (33, 37, 43)
 PICTURE_FORMATS = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".webp": "webp"}
 """Of pictures of lines, by the suffix of their names."""
 
@@ -45,9 +47,10 @@ def draw_lines(map_image: MapImage, error: LinesError) -> Image.Image:
         pixels[:, 1] = len(map_image.occupancy) - pixels[:, 1]
         _draw_line(draw, pixels * zoom, line)
         x, y = pixels.mean(axis=0) * zoom
+        colour = _colour(line)
         box = draw.textbbox((x, y), str(number), font=font, anchor="mm")
-        draw.rectangle((box[0] - 4, box[1] - 3, box[2] + 4, box[3] + 3), fill=_FLOOR)
-        draw.text((x, y), str(number), fill=_colour(line), font=font, anchor="mm")
+        draw.rectangle((box[0] - 4, box[1] - 3, box[2] + 4, box[3] + 3), fill=colour)
+        draw.text((x, y), str(number), fill=text_colour(colour), font=font, anchor="mm")
     return picture
 
 
@@ -70,9 +73,9 @@ def write_picture(picture: Image.Image, path: Path) -> None:
 def _shaded(map_image: MapImage) -> Image.Image:
     """Return the map with free cells bright and occupied cells dark."""
     occupancy = map_image.occupancy
-    colours = np.full((*occupancy.shape, 3), BACKGROUND, dtype=np.uint8)
-    colours[(occupancy >= 0.0) & (occupancy < map_image.free_thresh)] = _FLOOR
-    colours[occupancy > map_image.occupied_thresh] = _WALL
+    colours = np.full((*occupancy.shape, 3), LIGHT.ground, dtype=np.uint8)
+    colours[(occupancy >= 0.0) & (occupancy < map_image.free_thresh)] = LIGHT.floor
+    colours[occupancy > map_image.occupied_thresh] = LIGHT.wall
     return Image.fromarray(colours[::-1])
 
 

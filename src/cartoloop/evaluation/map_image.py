@@ -23,6 +23,9 @@ UNKNOWN = np.float32(-1.0)
 """Stands for the occupancy of pixels that are declared to hold no value."""
 
 _KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+_MAX_PIXELS = 2**27
+"""Of a map: a square of 580 m in cells of 5 cm."""
+
 _MIN_RESOLUTION_M, _MAX_RESOLUTION_M = 1e-3, 10.0
 _MODES = ("trinary", "scale", "raw")
 _FALSE, _TRUE = ("0", "false", "no", "off"), ("1", "true", "yes", "on")
@@ -187,7 +190,7 @@ def _origin(path: Path, values: dict[str, str | list[str]]) -> Pose:
 
 def _read_occupancy(image: Path, mode: str, negate: bool, named_by: Path) -> NDArray[np.float32]:
     """Return the occupancy of an image's pixels, row 0 at the bottom."""
-    if not image.exists():
+    if not image.is_file():
         raise InputError(f"{image}: no such image; {named_by} names it")
     try:
         shade, opaque = _read_shades(image, with_alpha=mode == "trinary")
@@ -216,6 +219,8 @@ def _read_shades(image: Path, *, with_alpha: bool) -> tuple[NDArray[np.float32],
         # Large floors are meant to be large.
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)
         with Image.open(image) as opened:
+            if opened.width * opened.height > _MAX_PIXELS:
+                raise ValueError(f"{opened.width} by {opened.height} pixels are no map")
             opened.load()
             if opened.mode.startswith("I"):  # 16 bits
                 shade = np.asarray(opened, dtype=np.float32) / np.float32(65535.0)

@@ -5,12 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.errors import InputError
+from cartoloop.input_file import read_text_input
+
+MAX_BYTES = 128 << 20
+"""A million poses or relations [bytes]."""
 
 
 def read_text_lines(path: str | PathLike[str], expected: str) -> list[str]:
@@ -24,14 +27,9 @@ def read_text_lines(path: str | PathLike[str], expected: str) -> list[str]:
     Raises
     ------
     InputError
-        It cannot be read, or is no text.
+        It cannot be read, is no text, or is longer than `MAX_BYTES`.
     """
-    try:
-        return Path(path).read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no text; expected {expected}") from error
+    return read_text_input(path, MAX_BYTES, expected).splitlines()
 
 
 def read_table(

@@ -70,7 +70,7 @@ def _host_and_port(text: str, host: str | None) -> tuple[str, int]:
     if not is_loopback(named):
         raise InputError(
             f"{text}: other machines could send to this address; if "
-            f"that is wanted, allow it with --host {named}"
+            f"that is wanted, allow it with --source-host {named}"
         )
     return named, port
 

@@ -37,6 +37,11 @@ class GrowingFile:
     def open(self) -> str:
         """Check that the file can be read."""
         try:
+            if self._path.exists() and not self._path.is_file():
+                raise InputError(
+                    f"{self._path}: is a folder, a pipe or a device and cannot be followed; of a "
+                    f"pipe, give its messages: cartoloop live - < {self._path}"
+                )
             with self._path.open("rb") as file:
                 if file.read(2) == b"\x1f\x8b":
                     raise InputError(
@@ -52,7 +57,7 @@ class GrowingFile:
 
     def run(self, put: Put, notices: Notices, stop: Event) -> None:
         """Pass on the messages in the file, and those appended later."""
-        lines = LineReceiver(put, notices, self.name, self._parse)
+        lines = LineReceiver(put, notices, self.name, self.parse)
         file: BinaryIO | None = None
         position = 0
         while not stop.is_set():
@@ -82,7 +87,14 @@ class GrowingFile:
             return False
         return now.st_ino != os.fstat(file.fileno()).st_ino or now.st_size < position
 
-    def _parse(self, line: bytes) -> list[LiveMessage]:
+    def parse(self, line: bytes) -> list[LiveMessage]:
+        """Return the messages in a line: JSON, or of a CARMEN log.
+
+        Raises
+        ------
+        MessageError
+            It cannot be used.
+        """
         if line.lstrip().startswith(b"{"):
             return list(parse_json_line(line))
         return self._carmen.parse(line)

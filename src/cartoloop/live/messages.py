@@ -15,6 +15,8 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 
 from cartoloop.arrays import FloatArray
+from cartoloop.errors import UsageError
+from cartoloop.plain_text import one_line
 from cartoloop.sensor.events import (
     CloudGeometry,
     Imu,
@@ -79,7 +81,10 @@ def parse_message(line: bytes | str) -> LiveMessage:
         raise MessageError(
             "unknown type", f'has "type" {kind!r}; known are {", ".join(sorted(_PARSERS))}'
         )
-    return parse(content)
+    try:
+        return parse(content)
+    except UsageError as error:
+        raise MessageError("angles not in radians", str(error)) from None
 
 
 def _scan(content: Mapping[str, Any]) -> LaserScan:
@@ -235,7 +240,7 @@ def _text(content: Mapping[str, Any], key: str) -> str:
     value = content.get(key, "")
     if not isinstance(value, str) or len(value) > 100:
         _refuse(key, "is not a short text")
-    return value
+    return one_line(value)
 
 
 def _refuse(key: str, what: str) -> NoReturn:

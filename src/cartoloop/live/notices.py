@@ -8,6 +8,8 @@ from collections.abc import Callable
 from threading import Lock
 from time import monotonic
 
+from cartoloop.plain_text import one_line
+
 PERIOD_S = 5.0
 """Time between two lines of one kind [s]; occurrences in between are counted."""
 
@@ -45,7 +47,7 @@ class Notices:
     def say(self, line: str) -> None:
         """Report an event that happens once."""
         with self._lock:
-            self._report(line)
+            self._report(one_line(line))
 
     def note(self, kind: str, detail: str = "", count: int = 1) -> None:
         """Count an event, and report it in a line unless its kind was reported just before.
@@ -84,4 +86,4 @@ class Notices:
         times = "" if total == 1 else f" ({count} more, {total} in all)" if total > count else ""
         if total == count > 1:
             times = f" ({count} times)"
-        self._report(f"{detail or kind}{times}")
+        self._report(one_line(f"{detail or kind}{times}"))

@@ -17,6 +17,9 @@ from cartoloop.live.source import POLL_S, Put
 from cartoloop.readers.read_options import NO_TOPIC
 from cartoloop.readers.ros import raw_messages as ros
 
+MAX_TOPICS = 32
+"""Topics that are read; a robot has a few scanners."""
+
 DEPTH = 16
 """Messages of a topic that may wait until they are read: those of 0.3 s at 50 Hz."""
 
@@ -142,6 +145,9 @@ class Ros2Source:
         topic, msgtype = name.removeprefix(_ROS_PREFIX), type_name.replace("::dds_", "")
         msgtype = msgtype.removesuffix("_").replace("::", "/")
         if not self._is_wanted(topic, msgtype):
+            return
+        if len(self._topics) >= MAX_TOPICS:
+            notices.note("topic left out", f"/{topic}: {MAX_TOPICS} topics are read already")
             return
         self._topics.add(name)
         # Best effort is compatible with all publishers, and late scans are of no use.

@@ -71,6 +71,11 @@ class LineReceiver:
         self._is_overlong = False
         self.num_lines = 0
 
+    @property
+    def num_unfinished(self) -> int:
+        """Bytes of the incomplete line that are kept."""
+        return 0 if self._is_overlong else self._size
+
     def feed(self, data: bytes) -> None:
         """Add the next bytes."""
         first, *rest = data.split(b"\n")

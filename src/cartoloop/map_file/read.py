@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cartoloop.arguments import as_path
 from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.errors import InputError
+from cartoloop.foreign_database import open_database
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.map_data import MapData
@@ -30,6 +32,7 @@ from cartoloop.map_file.schema import (
     READABLE_VERSIONS,
 )
 from cartoloop.map_file.tables import numbers_of
+from cartoloop.plain_text import plain_values
 from cartoloop.quality.verdict import Quality
 from cartoloop.report import ConstraintSummary, InputSummary, Report
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -37,6 +40,19 @@ from cartoloop.submaps.finished_grid import FinishedGrid
 Row = tuple[Any, ...]
 
 _MAX_UNIT = 1e300  # of points [m]: times 2^15 still a number
+_TABLES = [
+    "about",
+    "submaps",
+    "nodes",
+    "constraints",
+    "closures",
+    "matches",
+    "statuses",
+    "reasons",
+    "trajectory",
+]
+_FREE_CELLS, _CELLS_PER_BYTE = 2**24, 100  # of all submaps: a map is compressed to a twentieth
+_FREE_SUBMAPS, _BYTES_PER_SUBMAP = 1000, 200  # of the file: a submap takes thousands
 _MAX_CELLS = 2**27  # of one submap: a square of 500 m; more is no submap but a damaged file
 
 
@@ -48,7 +64,7 @@ def read_map(path: str | PathLike[str]) -> MapData:
     InputError
         It is not there, is no map database, is damaged, or was written by a newer program.
     """
-    file = Path(path)
+    file = as_path(path, "map")
     if file.is_dir():
         repair_file_set(file)
         file /= FILE_NAME
@@ -57,14 +73,14 @@ def read_map(path: str | PathLike[str]) -> MapData:
         graph, closures = _graph(database)
         nodes = _rows(database, "nodes")
         trajectory = _poses(_rows(database, "trajectory"), 8)
-        report = json.loads(about["report"])
+        report = plain_values(json.loads(about["report"]))
         return MapData(
             stamps=trajectory[:, 1].copy(),
             trajectory=trajectory[:, 2:5].copy(),
             local_trajectory=trajectory[:, 5:].copy(),
             graph=graph,
             node_scan_index=_scan_index(nodes, len(trajectory)),
-            submap_grids=[_grid(row) for row in _rows(database, "submaps")],
+            submap_grids=_grids(_rows(database, "submaps"), file.stat().st_size),
             config=_config(about["config"]),
             report=_report(report),
             closures=closures,
@@ -81,7 +97,7 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
             f"{FILE_NAME} in one"
         )
     try:
-        database = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+        database = open_database(file, _TABLES)
         application_id = database.execute("PRAGMA application_id").fetchone()[0]
         version = database.execute("PRAGMA user_version").fetchone()[0]
     except sqlite3.Error as error:
@@ -107,6 +123,7 @@ def _damage_reported(file: Path) -> Iterator[None]:
         yield
     except (
         sqlite3.Error, zlib.error, ValueError, TypeError, KeyError, IndexError, OverflowError,
+        AttributeError, RecursionError,
     ) as error:  # fmt: skip
         what = " ".join(str(error).split())
         raise InputError(
@@ -166,6 +183,16 @@ def _scan_index(nodes: Sequence[Row], num_scans: int) -> NDArray[np.int64]:
     if np.any((scans < 0) | (scans >= num_scans)):
         raise ValueError("a node is of no scan")
     return scans
+
+
+def _grids(rows: Sequence[Row], num_bytes: int) -> list[FinishedGrid]:
+    """Return the grids of the submaps; no more of them than a file of this size can hold."""
+    if len(rows) > _FREE_SUBMAPS + num_bytes // _BYTES_PER_SUBMAP:
+        raise ValueError(f"{len(rows)} submaps cannot stand in {num_bytes} bytes")
+    num_cells = sum(max(int(row[4]), 0) * max(int(row[5]), 0) for row in rows)
+    if num_cells > _FREE_CELLS + _CELLS_PER_BYTE * num_bytes:
+        raise ValueError(f"{num_cells} cells cannot stand in {num_bytes} bytes")
+    return [_grid(row) for row in rows]
 
 
 def _grid(row: Row) -> FinishedGrid:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,8 +78,25 @@ class OccupancyMap:
         return self.frame.to_pixels(points_map)
 
 
+class CellBox(NamedTuple):
+    """Cells of a map by the lattice of its frame: cell (0, 0) begins at the origin.
+
+    Attributes
+    ----------
+    first_col, first_row, end_col, end_row : the ends are exclusive.
+    """
+
+    first_col: int
+    first_row: int
+    end_col: int
+    end_row: int
+
+
 def compose_map(
-    grids: Sequence[FinishedGrid], tf_map_submaps: FloatArray, config: SubmapConfig
+    grids: Sequence[FinishedGrid],
+    tf_map_submaps: FloatArray,
+    config: SubmapConfig,
+    box: CellBox | None = None,
 ) -> OccupancyMap:
     """Return the occupancy map of all submaps, judged by the sum of their evidence.
 
@@ -87,7 +104,9 @@ def compose_map(
     ----------
     grids : the submaps' grids, m of them; nothing seen yields one unknown cell.
     tf_map_submaps : float64 (m, 3), their poses [m, m, rad].
-    config : the grids' resolution, and what a hit and a miss weigh.
+    config : resolution of the map, and what a hit and a miss weigh. The grids may have another
+        resolution: their evidence is interpolated.
+    box : the cells to compose; None: all that submaps have seen, with a margin.
 
     Raises
     ------
@@ -111,14 +130,18 @@ def compose_map(
         return OccupancyMap(np.full((1, 1), UNKNOWN), 0.0, 0.0, resolution)
     corners = [transform_points(pose, _corners(grid)) for grid, pose in seen]
     corner_cells = np.concatenate(corners) / resolution
-    lower = np.floor(corner_cells.min(axis=0)).astype(np.int64) - _MARGIN_CELLS
-    upper = np.ceil(corner_cells.max(axis=0)).astype(np.int64) + _MARGIN_CELLS
-    num_cols, num_rows = (upper - lower + 1).tolist()
+    if box is None:
+        lower = np.floor(corner_cells.min(axis=0)).astype(np.int64) - _MARGIN_CELLS
+        upper = np.ceil(corner_cells.max(axis=0)).astype(np.int64) + _MARGIN_CELLS
+        num_cols, num_rows = (upper - lower + 1).tolist()
+    else:
+        lower = np.array((box.first_col, box.first_row))
+        num_cols, num_rows = box.end_col - box.first_col, box.end_row - box.first_row
     if num_cols * num_rows > _MAX_CELLS:
         raise OutputError(
             f"the map would be {num_cols * resolution:.0f} m by {num_rows * resolution:.0f} m, "
             "more than fits in memory; the trajectory has probably come apart, or "
-            f"local_slam.submaps.resolution = {resolution:g} is too fine"
+            f"cells of {resolution:g} m (local_slam.submaps.resolution) are too small"
         )
     total = np.zeros((num_rows, num_cols), dtype=np.float32)
     known = np.zeros((num_rows, num_cols), dtype=np.bool_)
@@ -128,11 +151,16 @@ def compose_map(
         cells = corners_map / resolution - lower
         first = np.clip(np.floor(cells.min(axis=0)) - 1, 0, None).astype(np.int64)
         end = np.minimum(np.ceil(cells.max(axis=0)).astype(np.int64) + 1, (num_cols, num_rows))
+        if np.any(first >= end):
+            continue  # outside the box
         window = np.array((first[1], end[1], first[0], end[0]))
         cells_around = np.pad(grid.cells, 1)
         evidence = np.empty(cells_around.shape, dtype=np.float32)
         cell_evidence(cells_around, log_odds, evidence)
         add_submap(cells_around, evidence, affine, window, total, known)
+    if box is not None:
+        whole = (slice(0, num_rows), slice(0, num_cols))
+        return _as_probabilities(total, known, whole, lower, resolution)
     return _cropped(total, known, lower, resolution)
 
 
@@ -198,6 +226,17 @@ def _cropped(
         slice(first_row, int(rows[-1]) + _MARGIN_CELLS + 1),
         slice(first_col, int(cols[-1]) + _MARGIN_CELLS + 1),
     )
+    return _as_probabilities(total, known, part, lower, resolution)
+
+
+def _as_probabilities(
+    total: NDArray[np.float32],
+    known: BoolArray,
+    part: tuple[slice, slice],
+    lower: IntArray,
+    resolution: float,
+) -> OccupancyMap:
+    """Return a part of the map, given the log-odds of its cells; overwrites `total`."""
     # 1 / (1 + exp(-total)), in place because there may be hundreds of millions of cells
     probability = total[part]
     np.clip(probability, -MAX_LOG_ODDS, MAX_LOG_ODDS, out=probability)
@@ -206,7 +245,7 @@ def _cropped(
     probability[~known[part]] = UNKNOWN
     return OccupancyMap(
         probability=probability,
-        origin_x=float(lower[0] + first_col) * resolution,
-        origin_y=float(lower[1] + first_row) * resolution,
+        origin_x=float(lower[0] + part[1].start) * resolution,
+        origin_y=float(lower[1] + part[0].start) * resolution,
         resolution=resolution,
     )

@@ -1,41 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The map as a picture for people: walls on white floors, paths drawn over it, a scale bar."""
+"""The map as a picture for people: walls on white floors, paths over it, name and scale bar."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from cartoloop.arrays import ByteArray, FloatArray
+from cartoloop.arguments import shown
+from cartoloop.arrays import BoolArray, ByteArray, FloatArray
+from cartoloop.errors import UsageError
+from cartoloop.map_output.colours import (
+    CLOSURE_COLOUR,
+    INK,
+    LIGHT,
+    PLACE_COLOURS,
+    TRAJECTORY_COLOUR,
+    Colour,
+    text_colour,
+)
 from cartoloop.map_output.occupancy_map import OccupancyMap
-from cartoloop.quality.verdict import Place, Severity
+from cartoloop.quality.verdict import Place
 
 Layer = Literal["trajectory", "closures", "quality"]
-Colour = tuple[int, int, int]
+Box = tuple[int, int, int, int]
 
 LAYERS: tuple[Layer, ...] = ("closures", "trajectory", "quality")
 """What can be drawn over the map, the lowest first."""
 
 DEFAULT_LAYERS: tuple[Layer, ...] = ("trajectory", "quality")
-
-BACKGROUND: Colour = (238, 237, 233)
-_FLOOR: Colour = (255, 255, 255)
-_WALL: Colour = (33, 37, 43)
-_INK: Colour = (84, 88, 94)
-
-# Of the palette of Okabe and Ito, which people with any colour vision can distinguish.
-TRAJECTORY_COLOUR: Colour = (0, 114, 178)
-CLOSURE_COLOUR: Colour = (213, 94, 0)
-PLACE_COLOURS: dict[Severity, Colour] = {
-    Severity.DOUBTFUL: (230, 159, 0),
-    Severity.WRONG: (204, 51, 119),
-}
-"""Places of minor severity are not drawn."""
 
 _MARGIN = 40
 """Margin around the map [px]."""
@@ -44,7 +41,13 @@ _FOOTER = 64
 """Height of the footer with scale bar and legend [px]."""
 
 _FONT_SIZE = 20
-"""Size of the footer's text [px]."""
+"""Size of all text [px]."""
+
+_LINE_PX, _GAP_PX = 28, 28
+"""Height of a line of the caption, and between two parts of it [px]."""
+
+_MIN_WIDTH = 480
+"""Even a small map leaves this width for its caption and legend [px]."""
 
 _SMALLEST_EDGE = 1600
 """Smaller maps are enlarged until their longer edge is about this long [px]: fills a screen."""
@@ -59,11 +62,27 @@ _SMOOTHING = 2
 """Lines are drawn this much larger and reduced, against stairs."""
 
 
+def known_layers(layers: Collection[str]) -> tuple[Layer, ...]:
+    """Return layers in the order to draw them.
+
+    Raises
+    ------
+    UsageError
+        One of them is unknown, or they are no list.
+    """
+    if isinstance(layers, str) or not isinstance(layers, Collection):
+        raise UsageError(f"layers is {shown(layers)}: give a list, like ['trajectory']")
+    if unknown := [layer for layer in layers if layer not in LAYERS]:
+        raise UsageError(f"no layer {shown(unknown[0])}: choose from {', '.join(LAYERS)}")
+    return tuple(layer for layer in LAYERS if layer in layers)
+
+
 def draw_map(
     occupancy_map: OccupancyMap,
     *,
     trajectory: FloatArray | None = None,
     closures: FloatArray | None = None,
+    caption: Sequence[str] = (),
 ) -> Image.Image:
     """Return a picture of the map, in RGB.
 
@@ -72,12 +91,13 @@ def draw_map(
     occupancy_map : what to show.
     trajectory : float64 (n, >= 2), positions along the path [m, map frame], to draw it.
     closures : float64 (m, 4), x, y of both ends of each loop closure [m, map frame], to draw them.
+    caption : what stands above the map, in parts that are not broken: its name, its facts.
 
     Notes
     -----
     Small maps are enlarged and large ones reduced, both smoothly, so that walls are not stairs.
     """
-    picture = MapPicture(occupancy_map)
+    picture = MapPicture(occupancy_map, caption)
     picture.draw(trajectory=trajectory, closures=closures)
     return picture.canvas
 
@@ -85,27 +105,43 @@ def draw_map(
 class MapPicture:
     """A picture that does not keep the map it was made of, which is as large.
 
+    Parameters
+    ----------
+    occupancy_map : what to show.
+    caption : what stands above it, see `draw_map`.
+    is_part : whether it is a part of a map: nothing is then drawn beyond it.
+
     Attributes
     ----------
     canvas : the picture, in RGB.
     """
 
-    def __init__(self, occupancy_map: OccupancyMap) -> None:
+    def __init__(
+        self,
+        occupancy_map: OccupancyMap,
+        caption: Sequence[str] = (),
+        *,
+        is_part: bool = False,
+    ) -> None:
         rows, cols = occupancy_map.probability.shape
         self._frame = occupancy_map.frame
         self._zoom = zoom = _zoom(max(rows, cols))
         shrink, enlarge = max(1, round(1.0 / zoom)), max(1, round(zoom))
         size = (-(-cols // shrink) * enlarge, -(-rows // shrink) * enlarge)
-        canvas_size = (max(size[0], 480) + 2 * _MARGIN, size[1] + _MARGIN + _FOOTER)
-        self.canvas = Image.new("RGB", canvas_size, BACKGROUND)
+        width = max(size[0], _MIN_WIDTH)
+        lines = _broken(caption, width)
+        top = _MARGIN + (len(lines) * _LINE_PX + _MARGIN // 2 if lines else 0)
+        self.canvas = Image.new("RGB", (width + 2 * _MARGIN, top + size[1] + _FOOTER), LIGHT.ground)
         left = (self.canvas.width - size[0]) // 2
-        self._offset = np.array((left, _MARGIN), dtype=np.float64)
+        self._offset = np.array((left, top), dtype=np.float64)
+        self._box = (left, top, left + size[0], top + size[1]) if is_part else None
         if enlarge == 1:
-            _shade(occupancy_map.probability, shrink, self.canvas, (left, _MARGIN))
+            _shade(occupancy_map.probability, shrink, self.canvas, (left, top))
         else:
             shaded = Image.new("RGB", (cols, rows))
             _shade(occupancy_map.probability, 1, shaded, (0, 0))
-            self.canvas.paste(shaded.resize(size, Image.Resampling.BICUBIC), (left, _MARGIN))
+            self.canvas.paste(shaded.resize(size, Image.Resampling.BICUBIC), (left, top))
+        _draw_caption(self.canvas, lines)
 
     def draw(
         self,
@@ -122,14 +158,16 @@ class MapPicture:
         if closures is not None:
             ends = np.hstack((self._to_canvas(closures[:, :2]), self._to_canvas(closures[:, 2:])))
             lines = ends.reshape(-1, 2, 2)
-            _draw_lines(self.canvas, lines, CLOSURE_COLOUR, width=1, opacity=0.35)
-            legend.append((f"{len(closures)} loop closures", CLOSURE_COLOUR))
+            lines = lines[self._is_shown(lines).any(axis=1)]
+            self._draw_lines(lines, CLOSURE_COLOUR, width=1, opacity=0.35)
+            legend.append((f"{len(lines)} loop closures", CLOSURE_COLOUR))
         if trajectory is not None:
             path = self._to_canvas(trajectory[:, :2])[np.newaxis]
-            _draw_lines(self.canvas, path, TRAJECTORY_COLOUR, width=2, opacity=0.75)
+            self._draw_lines(path, TRAJECTORY_COLOUR, width=2, opacity=0.75)
             legend.append(("trajectory", TRAJECTORY_COLOUR))
+        shown = [place for place in places if self._shows(place.x, place.y)]
         for severity, colour in PLACE_COLOURS.items():
-            count = sum(place.severity == severity for place in places)
+            count = sum(place.severity == severity for place in shown)
             if count:
                 legend.append((f"{count} {severity} place{'s' if count > 1 else ''}", colour))
         self._draw_places(places)
@@ -144,9 +182,29 @@ class MapPicture:
             angles = np.linspace(0.0, math.tau, 73)
             ring = np.column_stack((np.cos(angles), np.sin(angles))) * place.radius
             ring_px = self._to_canvas(ring + np.array((place.x, place.y)))
-            _draw_lines(self.canvas, ring_px[np.newaxis], colour, width=4, opacity=0.9)
-            x, y = ring_px[9].tolist()  # at the upper right
-            ImageDraw.Draw(self.canvas).text((x + 6, y), str(number), fill=colour, font=font)
+            self._draw_lines(ring_px[np.newaxis], colour, width=4, opacity=0.9)
+            # at the upper right, on a disc of its colour: a bare number is not read on white
+            x, y = ring_px[9].tolist()
+            if self._is_shown(ring_px[9]):
+                draw = ImageDraw.Draw(self.canvas)
+                draw.circle((x, y), 0.8 * _FONT_SIZE, fill=colour)
+                draw.text((x, y), str(number), fill=text_colour(colour), font=font, anchor="mm")
+
+    def _shows(self, x: float, y: float) -> bool:
+        """Return whether a position of the map [m] is in the picture."""
+        return bool(self._is_shown(self._to_canvas(np.array([(x, y)]))[0]))
+
+    def _is_shown(self, points_px: FloatArray) -> BoolArray:
+        """Return which points, shape (..., 2), lie in the part of the map; all if it is whole."""
+        if self._box is None:
+            return np.ones(points_px.shape[:-1], dtype=np.bool_)
+        left, top, right, bottom = self._box
+        x, y = points_px[..., 0], points_px[..., 1]
+        inside: BoolArray = (x >= left) & (x <= right) & (y >= top) & (y <= bottom)
+        return inside
+
+    def _draw_lines(self, lines: FloatArray, colour: Colour, *, width: int, opacity: float) -> None:
+        _draw_lines(self.canvas, lines, colour, width=width, opacity=opacity, box=self._box)
 
     def _to_canvas(self, points_map: FloatArray) -> FloatArray:
         return self._frame.to_pixels(points_map) * self._zoom + self._offset
@@ -173,8 +231,8 @@ def palette() -> ByteArray:
     Floors are bright, walls dark and the rest as the background, the more certain the clearer.
     """
     floor, wall = floor_and_wall(np.linspace(0.0, 1.0, 256)[:, np.newaxis])
-    ground = np.array(BACKGROUND, dtype=np.float64)
-    table = ground + floor * (np.array(_FLOOR) - ground) + wall * (np.array(_WALL) - ground)
+    ground, *ends = (np.array(colour, dtype=np.float64) for colour in LIGHT)
+    table = ground + floor * (ends[0] - ground) + wall * (ends[1] - ground)
     return np.concatenate((np.rint(table), ground[np.newaxis])).astype(np.uint8)
 
 
@@ -193,15 +251,51 @@ def _zoom(longest_edge: int) -> float:
 
 
 def _draw_lines(
-    canvas: Image.Image, lines: FloatArray, colour: Colour, *, width: int, opacity: float
+    canvas: Image.Image,
+    lines: FloatArray,
+    colour: Colour,
+    *,
+    width: int,
+    opacity: float,
+    box: Box | None = None,
 ) -> None:
-    """Draw polylines, shape (num_lines, num_points, 2) [px], smoothly over the canvas."""
+    """Draw polylines, shape (num_lines, num_points, 2) [px], smoothly over the canvas or a box."""
     mask = Image.new("L", (canvas.width * _SMOOTHING, canvas.height * _SMOOTHING))
     draw = ImageDraw.Draw(mask)
     for line in np.round(lines * _SMOOTHING, 2).tolist():
         points = [(x, y) for x, y in line]
         draw.line(points, fill=round(255 * opacity), width=width * _SMOOTHING, joint="curve")
-    canvas.paste(colour, mask=mask.reduce(_SMOOTHING))
+    mask = mask.reduce(_SMOOTHING)
+    if box is not None:
+        inside = Image.new("L", mask.size)
+        inside.paste(mask.crop(box), box)
+        mask = inside
+    canvas.paste(colour, mask=mask)
+
+
+def _broken(caption: Sequence[str], width: int) -> list[list[str]]:
+    """Return the parts of a caption in lines of at most this width [px]."""
+    font = ImageFont.load_default(_FONT_SIZE)
+    lines: list[list[str]] = []
+    end = math.inf
+    for part in caption:
+        length = font.getlength(part) + _GAP_PX
+        if end + length > width + _GAP_PX:
+            lines.append([])
+            end = 0.0
+        lines[-1].append(part)
+        end += length
+    return lines
+
+
+def _draw_caption(canvas: Image.Image, lines: Sequence[Sequence[str]]) -> None:
+    draw = ImageDraw.Draw(canvas)
+    font = ImageFont.load_default(_FONT_SIZE)
+    for number, parts in enumerate(lines):
+        x, y = float(_MARGIN), _MARGIN + (number + 0.5) * _LINE_PX
+        for part in parts:
+            draw.text((x, y), part, fill=INK, font=font, anchor="lm")
+            x += font.getlength(part) + _GAP_PX
 
 
 def _draw_footer(
@@ -213,13 +307,13 @@ def _draw_footer(
     metres = nice_length(0.2 * (canvas.width - 2 * _MARGIN) / pixels_per_metre)
     x, y = float(_MARGIN), canvas.height - _FOOTER / 2.0
     end = x + metres * pixels_per_metre
-    draw.line([(x, y - 6), (x, y), (end, y), (end, y - 6)], fill=_INK, width=2)
+    draw.line([(x, y - 6), (x, y), (end, y), (end, y - 6)], fill=INK, width=2)
     x = end + 12
     for text, colour in ((f"{metres:g} m", None), *legend):
         if colour is not None:
             draw.line([(x, y), (x + 28, y)], fill=colour, width=4)
             x += 36
-        draw.text((x, y), text, fill=_INK, font=font, anchor="lm")
+        draw.text((x, y), text, fill=INK, font=font, anchor="lm")
         x += font.getlength(text) + 28
 
 

@@ -19,6 +19,7 @@ from cartoloop.map_file import schema as map_file
 from cartoloop.map_file.file_set import new_file_set
 from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
+from cartoloop.map_output.map_facts import map_facts
 from cartoloop.map_output.map_files import pgm_bytes, yaml_text
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.output_folder import prepare_folder
@@ -87,9 +88,9 @@ def _write_files(
     options = result.config.map_output
     write_file(folder / "map.pgm", pgm_bytes(occupancy_map, options))
     write_file(folder / "map.yaml", yaml_text(occupancy_map, options, "map.pgm"))
-    picture = MapPicture(occupancy_map)
+    picture = MapPicture(occupancy_map, map_facts(result, occupancy_map).caption())
     del occupancy_map  # free the largest array before the others are made
-    write_file(folder / "map.png", _png_bytes(result, picture, layers))
+    write_file(folder / "map.png", png_bytes(result, picture, layers))
     del picture
     write_file(folder / "trajectory.tum", tum_text(result.stamps, result.trajectory))
     write_file(folder / "local_trajectory.tum", tum_text(result.stamps, result.local_trajectory))
@@ -115,7 +116,8 @@ def write_file(path: Path, content: str | bytes) -> None:
         unfinished.write_bytes(data)
 
 
-def _png_bytes(result: MapData, picture: MapPicture, layers: Collection[Layer]) -> bytes:
+def png_bytes(result: MapData, picture: MapPicture, layers: Collection[Layer]) -> bytes:
+    """Return the picture of a map as a PNG file, with layers drawn over it."""
     picture.draw(
         trajectory=result.trajectory if "trajectory" in layers else None,
         closures=_closure_ends(result.graph) if "closures" in layers else None,

@@ -21,7 +21,15 @@ from cartoloop.readers.carmen_lines import (
     parse_stamp,
     read_scan_line,
 )
-from cartoloop.readers.line_format import Head, LineError, LineFormat, Parse, Reading, Settings
+from cartoloop.readers.line_format import (
+    Head,
+    LineError,
+    LineFormat,
+    Parse,
+    Reading,
+    Settings,
+    angles_checked,
+)
 from cartoloop.sensor.events import ScanGeometry
 from cartoloop.sensor.pose import IDENTITY, Pose
 
@@ -89,14 +97,15 @@ def _scan_reading(scan: ScanLine, geometries: dict[GeometryKey, ScanGeometry]) -
         if len(geometries) >= _MAX_GEOMETRIES:
             geometries.clear()
         angles = beam_angles(scan)
-        geometry = geometries[key] = ScanGeometry(
-            angle_min=angles.angle_min,
-            angle_increment=angles.angle_increment,
-            num_beams=scan.num_beams,
-            range_min=0.0,
-            range_max=angles.range_max,
-            sensor=tag.decode(),
-        )
+        with angles_checked():
+            geometry = geometries[key] = ScanGeometry(
+                angle_min=angles.angle_min,
+                angle_increment=angles.angle_increment,
+                num_beams=scan.num_beams,
+                range_min=0.0,
+                range_max=angles.range_max,
+                sensor=tag.decode(),
+            )
     return Reading(stamp, pose, ranges, geometry, mounting)
 
 

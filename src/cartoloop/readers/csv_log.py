@@ -22,7 +22,14 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.kernels.decimal_text import POWERS_OF_TEN, parse_decimals
-from cartoloop.readers.line_format import Head, LineError, LineFormat, Parse, Reading
+from cartoloop.readers.line_format import (
+    Head,
+    LineError,
+    LineFormat,
+    Parse,
+    Reading,
+    angles_checked,
+)
 from cartoloop.sensor.events import ScanGeometry
 from cartoloop.sensor.pose import Pose
 
@@ -132,18 +139,19 @@ def _geometry(head: Head) -> ScanGeometry:
     first, step = given.get("angle_min", 0.0), given.get("angle_increment", 0.0)
     if "angle_increment" not in columns.settings and not (math.isfinite(step) and step != 0.0):
         raise LineError("no angles", "angle_increment is 0 or not a number; correct the file")
-    return ScanGeometry(
-        angle_min=first,
-        angle_increment=step,
-        num_beams=num_beams,
-        range_min=given.get("range_min", 0.0),
-        range_max=given.get("range_max", math.inf),
-        tf_tracking_sensor=Pose(
-            given.get("laser_x", 0.0), given.get("laser_y", 0.0), given.get("laser_yaw", 0.0)
-        ),
-        time_increment=given.get("time_increment", 0.0),
-        sensor="csv",
-    )
+    with angles_checked():
+        return ScanGeometry(
+            angle_min=first,
+            angle_increment=step,
+            num_beams=num_beams,
+            range_min=given.get("range_min", 0.0),
+            range_max=given.get("range_max", math.inf),
+            tf_tracking_sensor=Pose(
+                given.get("laser_x", 0.0), given.get("laser_y", 0.0), given.get("laser_yaw", 0.0)
+            ),
+            time_increment=given.get("time_increment", 0.0),
+            sensor="csv",
+        )
 
 
 def _parser(head: Head) -> Parse:
@@ -160,7 +168,8 @@ def _parser(head: Head) -> Parse:
         if not (math.isfinite(first) and math.isfinite(step) and step != 0.0):
             raise LineError("scan without angles", "an angle of the scan is 0 or not a number")
         if (first, step) not in seen:
-            seen[first, step] = replace(fixed, angle_min=first, angle_increment=step)
+            with angles_checked():
+                seen[first, step] = replace(fixed, angle_min=first, angle_increment=step)
         return seen[first, step]
 
     def parse(line: bytes) -> Reading | None:

@@ -7,11 +7,13 @@ docs/readers.md shows how to write one.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from cartoloop.arrays import FloatArray
+from cartoloop.errors import UsageError
 from cartoloop.sensor.events import ScanGeometry
 from cartoloop.sensor.pose import Pose
 
@@ -30,6 +32,15 @@ class LineError(Exception):
         super().__init__(detail or reason)
         self.reason = reason
         self.detail = detail
+
+
+@contextmanager
+def angles_checked() -> Iterator[None]:
+    """Make a scanner's geometry in the body: one that cannot be in radians is a `LineError`."""
+    try:
+        yield
+    except UsageError as error:
+        raise LineError("angles not in radians", str(error)) from None
 
 
 class Reading(NamedTuple):

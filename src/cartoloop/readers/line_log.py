@@ -25,8 +25,8 @@ from cartoloop.readers.line_format import LineError, LineFormat, Parse, Reading
 from cartoloop.readers.line_times import line_times, note_damage, note_times
 from cartoloop.readers.log import EventGenerator, LogBase, ProblemLog
 from cartoloop.readers.scan_sample import ScanSample
-from cartoloop.readers.text_file import TextFile
-from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry
+from cartoloop.readers.text_file import MAX_LINE_BYTES, OVERLONG, TextFile
+from cartoloop.sensor.events import MAX_ANGLE, LaserScan, Odometry, ScanGeometry
 from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.sensor_profile import SensorProfile, profile_sensor
 from cartoloop.sensor.time_repair import LATEST_STAMP, TimeReport
@@ -146,11 +146,13 @@ class LineLog(LogBase):
             try:
                 if kind == _CUT_OFF:
                     raise LineError("line cut off", "the last line is cut off")
-                reading = parse(line)
+                reading = parse(_bounded(line))
                 if reading is None:
                     continue
                 if kind == _SILENT:
-                    _check(reading)  # the other lines passed it while they were indexed
+                    _check(
+                        reading, self._geometry
+                    )  # the other lines passed it while they were indexed
             except LineError as error:
                 place = f"{self.name}:{number + 1}: {error.detail}"
                 is_lost = bool(error.detail) and self._format.is_scan(line)
@@ -213,9 +215,9 @@ class LineLog(LogBase):
         for number, line in enumerate(self._text.lines()):
             kind, stamp = _SILENT, math.nan
             try:
-                reading = parse(line)
+                reading = parse(_bounded(line))
                 if reading is not None:
-                    _check(reading)
+                    _check(reading, self._geometry)
                     kind, stamp = self._index_reading(number, reading), reading.stamp
                     if reading.tf_odom_tracking is not None and _is_finite(
                         reading.tf_odom_tracking
@@ -279,6 +281,8 @@ class LineLog(LogBase):
         mounting = first.tf_tracking_sensor
         if self._format.mounting is not None:
             mounting = self._format.mounting(scanner, self._settings)
+            if isfinite(mounting.theta):  # a setting may be any number
+                mounting = mounting._replace(theta=wrap_angle(mounting.theta))
         readings = (reading for _, reading in self._samples[scanner].scans)
         stated = [r.tf_tracking_sensor for r in readings if r.tf_tracking_sensor is not None]
         if not stated:
@@ -326,6 +330,14 @@ class LineLog(LogBase):
         )
 
 
+def _bounded(line: bytes) -> bytes:
+    """Return a line as it is, unless it was too long to be kept."""
+    if line is OVERLONG:
+        detail = f"the line is longer than {MAX_LINE_BYTES >> 20} MB"
+        raise LineError("line too long", detail)
+    return line
+
+
 def _rigid_mounting(stated: Sequence[Pose]) -> Pose | None:
     """Return the median of the mounting poses that scans state, None if they differ too much."""
     columns = np.array(stated)
@@ -364,10 +376,17 @@ def _is_finite(pose: Pose | None) -> bool:
     return pose is None or isfinite(sum(pose)) or all(map(isfinite, pose))
 
 
-def _check(reading: Reading) -> None:
-    """Raise `LineError` if a reading cannot be used."""
+def _check(reading: Reading, default: ScanGeometry | None) -> None:
+    """Raise `LineError` if a reading cannot be used; `default`: geometry of scans without one."""
     ranges = reading.ranges
     if ranges is None and not _is_finite(reading.tf_odom_tracking):
         raise LineError("pose not finite", "a number of the pose is NaN or infinite")
     if ranges is not None and len(ranges) == 0:
         raise LineError("scan without ranges", "the scan has no ranges")
+    geometry = reading.geometry or default
+    if ranges is None or geometry is None:
+        return
+    step = geometry.angle_increment
+    if abs(step) * (len(ranges) - 1) > MAX_ANGLE:
+        detail = f"{len(ranges)} beams, {step:g} rad apart, sweep over more than two turns"
+        raise LineError("more beams than a sweep has", detail)

@@ -9,6 +9,7 @@ from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol, cast
 
+from cartoloop.plain_text import one_line
 from cartoloop.sensor.events import SensorEvent
 from cartoloop.sensor.sensor_profile import SensorProfile
 from cartoloop.sensor.time_repair import TimeReport
@@ -24,8 +25,8 @@ MAX_PROBLEMS_PER_KIND = 5
 
 
 def short_name(path: Path) -> str:
-    """Return the last component of a path as text, also where the name is not valid UTF-8."""
-    return os.fsencode(path.name).decode("utf-8", "replace")
+    """Return the last component of a path as plain text, also where it is not valid UTF-8."""
+    return one_line(os.fsencode(path.name).decode("utf-8", "replace"))
 
 
 class LogProblem(NamedTuple):
@@ -77,6 +78,7 @@ class ProblemLog:
     def add(self, severity: ProblemSeverity, message: str, kind: str = "") -> None:
         """Add a problem; only the first few of one `kind` are kept."""
         self.count += 1
+        message = one_line(message)
         number = self._kinds[kind] = self._kinds.get(kind, 0) + 1
         rare = not kind or number <= MAX_PROBLEMS_PER_KIND
         if rare and len(self.kept) < MAX_PROBLEMS:

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
+from os import PathLike
 
+from cartoloop.arguments import as_path, require_type
 from cartoloop.errors import InputError
 from cartoloop.readers.chain import LogChain
 from cartoloop.readers.formats import format_names, installed_format_names, text_formats
@@ -17,7 +18,7 @@ from cartoloop.readers.spool import regular_file
 from cartoloop.readers.text_file import TextFile
 
 
-def read(path: str | Path, options: ReadOptions | None = None) -> LogPass:
+def read(path: str | PathLike[str], options: ReadOptions | None = None) -> LogPass:
     """Return the sensor events of a recording in the order they happened, to iterate over once.
 
     Parameters
@@ -33,7 +34,7 @@ def read(path: str | Path, options: ReadOptions | None = None) -> LogPass:
     return iter(open_log(path, options))
 
 
-def open_log(path: str | Path, options: ReadOptions | None = None) -> Log:
+def open_log(path: str | PathLike[str], options: ReadOptions | None = None) -> Log:
     """Return a recording, ready to iterate, with its scanner's profile and its problems.
 
     Parameters
@@ -50,6 +51,9 @@ def open_log(path: str | Path, options: ReadOptions | None = None) -> Log:
         lines or messages raise nothing: they are counted in `Log.skipped` and described in
         `Log.problems`.
     """
+    path = as_path(path, "recording")
+    if options is not None:
+        require_type(options, ReadOptions, "options", "a cartoloop.readers.ReadOptions")
     options = options or ReadOptions()
     path = regular_file(path)
     if is_recording(path):
@@ -70,7 +74,7 @@ def open_log(path: str | Path, options: ReadOptions | None = None) -> Log:
     raise InputError(f"{path}: is not in a known format; give one of: {known}")
 
 
-def open_logs(paths: Sequence[str | Path], options: ReadOptions | None = None) -> Log:
+def open_logs(paths: Sequence[str | PathLike[str]], options: ReadOptions | None = None) -> Log:
     """Return several recordings as one, in the order given.
 
     Raises

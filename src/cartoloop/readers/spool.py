@@ -14,8 +14,10 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 from cartoloop.errors import InputError
+from cartoloop.input_file import open_input
 
 STANDARD_INPUT = "standard input"
 """Name of a recording that came through it."""
@@ -67,11 +69,11 @@ def _copied(source: Path | int, name: str) -> Path:
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     copy = Path(folder) / name
     try:
-        with (
-            open(source, "rb", closefd=not isinstance(source, int)) as pipe,
-            copy.open("wb") as file,
-        ):
+        with _opened(source) as pipe, copy.open("wb") as file:
             shutil.copyfileobj(pipe, file, 1 << 20)
+    except TimeoutError as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise InputError(f"{name}: {error.strerror}; check the program before the pipe") from error
     except OSError as error:
         shutil.rmtree(folder, ignore_errors=True)
         raise InputError(
@@ -81,3 +83,9 @@ def _copied(source: Path | int, name: str) -> Path:
     if copy.stat().st_size == 0:
         raise InputError(f"{name}: nothing came; check the program before the pipe")
     return copy
+
+
+def _opened(source: Path | int) -> BinaryIO:
+    if isinstance(source, int):
+        return open(source, "rb", closefd=False)
+    return open_input(source)

@@ -8,13 +8,30 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from cartoloop.errors import InputError
+from cartoloop.input_file import open_input
 from cartoloop.readers.log import short_name
 
 _CHUNK_BYTES = 1 << 16
 """Bytes read at a time."""
 
-_KEEP_BYTES = 24 << 20
+_PLAIN_BYTES = 1 << 20
+"""Bytes unpacked at a time."""
+
+_MIN_LINE_BYTES = 8
+"""A piece of that size whose lines are shorter on average holds no recording [bytes]."""
+
+_KEEP_BYTES, _KEEP_LINES = 24 << 20, 1_000_000
 """Contents up to this size are kept in memory: as much as the arrays of a small map."""
+
+MAX_LINE_BYTES = 4 << 20
+"""Longer lines are no scans [bytes]: 100,000 ranges of 10 digits take 1 MB."""
+
+OVERLONG = bytes(bytearray(b"a line that is too long"))
+"""Stands for a line that is too long; compare with ``is``."""
+
+_UNPACKED_BYTES, _UNPACKED_RATIO = 16 << 20, 100
+"""A gzip file may unpack to this number of bytes and this multiple of its size: logs unpack
+to ten times their size, of zeros to a thousand times."""
 
 _GZIP_MAGIC = b"\x1f\x8b"
 
@@ -60,7 +77,7 @@ class TextFile:
         self._load()
 
     def lines(self) -> Iterator[bytes]:
-        """Yield the lines in file order, without their newlines."""
+        """Yield the lines in file order, without their newlines; `OVERLONG` for one too long."""
         if self._lines is not None:
             return iter(self._lines)
         return self._stream_lines()
@@ -83,13 +100,14 @@ class TextFile:
 
     def _load(self) -> None:
         chunks: list[bytes] = []
-        size = 0
+        size = num_lines = 0
         for chunk in self._chunks():
             if not chunks:
                 self._check(chunk)
             chunks.append(chunk)
             size += len(chunk)
-            if size > _KEEP_BYTES:
+            num_lines += chunk.count(b"\n")
+            if size > _KEEP_BYTES or num_lines > _KEEP_LINES:
                 return
         if not chunks and self.damage:
             raise InputError(f"{self.path}: {self.damage}, nothing can be read; download it again")
@@ -97,22 +115,35 @@ class TextFile:
             raise InputError(f"{self.path}: is empty; record or download it again")
         lines = b"".join(chunks).split(b"\n")
         self.ends_mid_line = bool(lines[-1])
-        self._lines = lines if lines[-1] else lines[:-1]
+        lines = lines if lines[-1] else lines[:-1]
+        self._lines = [OVERLONG if len(line) > MAX_LINE_BYTES else line for line in lines]
 
     def _stream_lines(self) -> Iterator[bytes]:
-        rest = b""
+        # The parts of a line are joined once: a line may span any number of chunks.
+        parts: list[bytes] = []
+        size = 0
         for chunk in self._chunks():
-            lines = (rest + chunk).split(b"\n")
-            rest = lines.pop()
-            yield from lines
-        self.ends_mid_line = bool(rest)
-        if rest:
-            yield rest
+            first, *lines = chunk.split(b"\n")
+            size += len(first)
+            if size <= MAX_LINE_BYTES:
+                parts.append(first)
+            else:
+                parts.clear()
+            if not lines:
+                continue
+            yield b"".join(parts) if size <= MAX_LINE_BYTES else OVERLONG
+            *lines, last = lines
+            for line in lines:
+                yield line if len(line) <= MAX_LINE_BYTES else OVERLONG
+            parts, size = [last], len(last)
+        self.ends_mid_line = size > 0
+        if size:
+            yield b"".join(parts) if size <= MAX_LINE_BYTES else OVERLONG
 
     def _chunks(self) -> Iterator[bytes]:
         """Yield the decompressed contents up to any damage, which is noted in `damage`."""
         try:
-            with self.path.open("rb") as file:
+            with open_input(self.path) as file:
                 first = file.read(_CHUNK_BYTES)
                 raw = _continued(first, iter(lambda: file.read(_CHUNK_BYTES), b""))
                 if first.startswith(_GZIP_MAGIC):
@@ -128,25 +159,42 @@ class TextFile:
     def _unzipped(self, raw: Iterator[bytes]) -> Iterator[bytes]:
         # Not the gzip module: it discards what it had decompressed when the stream is cut off.
         stream = zlib.decompressobj(wbits=31)
+        budget = _UNPACKED_BYTES
         for compressed in raw:
             data = compressed
-            while data:
+            budget += _UNPACKED_RATIO * len(data)
+            is_pending = False
+            while data or is_pending:
                 if stream.eof:
                     if not data.startswith(_GZIP_MAGIC):
                         return  # padding after the last member
                     stream = zlib.decompressobj(wbits=31)
                 before = stream.copy()
                 try:
-                    plain = stream.decompress(data)
+                    plain = stream.decompress(data, _PLAIN_BYTES)
                 except zlib.error as error:
                     self.damage = f"gzip stream is damaged ({error})"
                     yield from _until_damage(before, data)
                     return
+                budget -= len(plain)
+                if budget < 0 or _is_padding(plain):
+                    self.damage = (
+                        f"gzip stream unpacks to more than {_UNPACKED_RATIO} times its size"
+                        if budget < 0
+                        else "gzip stream unpacks to empty lines"
+                    )
+                    return
                 if plain:
                     yield plain
-                data = stream.unused_data
+                data = stream.unconsumed_tail or stream.unused_data
+                is_pending = len(plain) == _PLAIN_BYTES and not stream.eof
         if not stream.eof:
             self.damage = "gzip stream is cut off"
+
+
+def _is_padding(plain: bytes) -> bool:
+    """Return whether a whole piece of unpacked text is of lines that are too short to be used."""
+    return len(plain) == _PLAIN_BYTES and plain.count(b"\n") * _MIN_LINE_BYTES > len(plain)
 
 
 def _continued(first: bytes, rest: Iterator[bytes]) -> Iterator[bytes]:

@@ -18,8 +18,50 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cartoloop.arguments import as_array, as_number, as_numbers, require_type
 from cartoloop.arrays import FloatArray
+from cartoloop.errors import UsageError
 from cartoloop.sensor.pose import IDENTITY, Pose
+
+MAX_ANGLE = 2.0 * math.tau
+"""Larger angles, and sweeps over more, are not in radians: scanners turn once, or a bit more."""
+
+
+def _set(event: object, name: str, value: object) -> None:
+    """Set a field of an object that is being made, which does not change afterwards."""
+    object.__setattr__(event, name, value)
+
+
+def _check_mounting(geometry: ScanGeometry | CloudGeometry, kind: str) -> None:
+    """Convert the pose of a scanner on the robot, and refuse what is none, or in degrees."""
+    pose = _as_pose(geometry.tf_tracking_sensor, f"{kind}: tf_tracking_sensor")
+    _set(geometry, "tf_tracking_sensor", pose)
+    for name in ("height", "roll", "pitch", "range_min", "range_max"):
+        _set(geometry, name, as_number(getattr(geometry, name), f"{kind}: {name}"))
+    _require_radians(pose.theta, f"{kind}: tf_tracking_sensor.theta")
+    _require_radians(geometry.roll, f"{kind}: roll")
+    _require_radians(geometry.pitch, f"{kind}: pitch")
+    require_type(geometry.sensor, str, f"{kind}: sensor", "a name")
+
+
+def _require_radians(angle: float, what: str) -> None:
+    if math.isfinite(angle) and abs(angle) > MAX_ANGLE:
+        raise UsageError(
+            f"{what} is {angle:g}, which is more than two turns: give radians, not degrees"
+        )
+
+
+def _as_pose(value: object, what: str) -> Pose:
+    if type(value) is Pose and all(type(number) is float for number in value):
+        return value
+    return Pose(*as_numbers(value, f"{what}, a Pose(x, y, theta),", 3))
+
+
+def _check_times(event: SensorEvent, kind: str) -> None:
+    if type(event.stamp) is not float:
+        _set(event, "stamp", as_number(event.stamp, f"{kind}: stamp [s]"))
+    if type(event.time) is not float:
+        _set(event, "time", as_number(event.time, f"{kind}: time [s]"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +82,11 @@ class ScanGeometry:
         ``scan.time + i * time_increment``. 0: all beams at once, or not known.
     sensor : name of the scanner; scans of one name come from one scanner.
     height, roll, pitch : the rest of its pose: above the tracking frame [m], tilted [rad].
+
+    Raises
+    ------
+    UsageError
+        An attribute is of another kind, or an angle cannot be in radians.
     """
 
     angle_min: float
@@ -54,6 +101,21 @@ class ScanGeometry:
     height: float = 0.0
     roll: float = 0.0
     pitch: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_mounting(self, "ScanGeometry")
+        for name in ("angle_min", "angle_increment", "time_increment"):
+            _set(self, name, as_number(getattr(self, name), f"ScanGeometry: {name}"))
+        count = self.num_beams
+        if not isinstance(count, int | np.integer) or count < 0:
+            raise UsageError(f"ScanGeometry: num_beams is {count!r}: give a whole number")
+        _require_radians(self.angle_min, "ScanGeometry: angle_min")
+        sweep = self.angle_increment * max(count - 1, 0)
+        if math.isfinite(sweep) and abs(sweep) > MAX_ANGLE:
+            raise UsageError(
+                f"ScanGeometry: angle_increment is {self.angle_increment:g}, with which {count} "
+                "beams sweep over more than two turns: give radians, not degrees"
+            )
 
     @property
     def is_level(self) -> bool:
@@ -92,6 +154,11 @@ class CloudGeometry:
     min_z: float = -math.inf
     max_z: float = math.inf
 
+    def __post_init__(self) -> None:
+        _check_mounting(self, "CloudGeometry")
+        for name in ("min_z", "max_z"):
+            _set(self, name, as_number(getattr(self, name), f"CloudGeometry: {name}"))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaserScan:
@@ -110,6 +177,12 @@ class LaserScan:
     time: float
     ranges: FloatArray
     geometry: ScanGeometry
+
+    def __post_init__(self) -> None:
+        _check_times(self, "LaserScan")
+        _set(self, "ranges", as_array(self.ranges, "LaserScan: ranges"))
+        if type(self.geometry) is not ScanGeometry:
+            require_type(self.geometry, ScanGeometry, "LaserScan: geometry", "a ScanGeometry")
 
     @property
     def sweep(self) -> tuple[float, float]:
@@ -139,6 +212,14 @@ class PointCloud:
     times: FloatArray | None
     geometry: CloudGeometry
 
+    def __post_init__(self) -> None:
+        _check_times(self, "PointCloud")
+        _set(self, "points", as_array(self.points, "PointCloud: points"))
+        if self.times is not None:
+            _set(self, "times", as_array(self.times, "PointCloud: times"))
+        if type(self.geometry) is not CloudGeometry:
+            require_type(self.geometry, CloudGeometry, "PointCloud: geometry", "a CloudGeometry")
+
     @property
     def sweep(self) -> tuple[float, float]:
         """Times of the first and the last point relative to `time` [s]."""
@@ -154,6 +235,12 @@ class Odometry:
     stamp: float
     time: float
     tf_odom_tracking: Pose
+
+    def __post_init__(self) -> None:
+        _check_times(self, "Odometry")
+        pose = self.tf_odom_tracking
+        if type(pose) is not Pose or type(pose.x) is not float:
+            _set(self, "tf_odom_tracking", _as_pose(pose, "Odometry: tf_odom_tracking"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,6 +259,13 @@ class Imu:
     time: float
     linear_acceleration: tuple[float, float, float]
     angular_velocity: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        _check_times(self, "Imu")
+        for name in ("linear_acceleration", "angular_velocity"):
+            value = getattr(self, name)
+            if type(value) is not tuple or len(value) != 3:
+                _set(self, name, as_numbers(value, f"Imu: {name}", 3))
 
 
 SensorEvent = LaserScan | PointCloud | Odometry | Imu

@@ -234,13 +234,16 @@ class _Session:
                 self._playback.set_speed(request.value)
         self._state.refresh()
 
-    async def _look_up(
-        self, request: requests.ClosureDetails | requests.NodeScan | requests.Picture
-    ) -> bytes:
+    async def _look_up(self, request: requests.Query) -> bytes:
         match request:
             case requests.ClosureDetails():
                 content = self._state.closure(request.constraint) | {"id": request.id}
                 return protocol.json_message(MessageType.CLOSURE, content)
+            case requests.AllClosures():
+                content = self._state.closures() | {"id": request.id}
+                return protocol.json_message(MessageType.CLOSURES, content)
+            case requests.Before():
+                return protocol.answer_message(request.id, self._state.before())
             case requests.NodeScan():
                 return protocol.answer_message(request.id, self._state.node_scan(request.node))
             case requests.Picture():

@@ -5,18 +5,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cartoloop.arrays import FloatArray
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import ConstraintKind
-from cartoloop.sensor.pose import Pose, relative, wrap_angle
+from cartoloop.sensor.pose import Pose, relative, transform_points, wrap_angle
 from cartoloop.viewer.protocol import REJECTED, ConstraintRows
 
 CLOSURES = (ConstraintKind.LOOP_CLOSURE, REJECTED)
+
+_NEAR_M = 0.15
+"""Returns of two scans so near are of the same wall, about [m]."""
+
+_STRIDE = 1 << 24
+"""Cells in a row, more than any scan reaches."""
 
 
 def closure_details(
@@ -51,7 +57,7 @@ def closure_details(
     tf_map_node = Pose(*tf_map_nodes[node].tolist())
     measured = Pose(*rows.relative_poses[constraint].tolist())
     expected = relative(tf_map_submap, tf_map_node)
-    other, tf_submap_other = _nearest_own_node(rows, submap, measured)
+    other = _most_alike(rows, submap, measured, node, node_points)
     return _from_record(closures, int(rows.closures[constraint])) | {
         "constraint": constraint,
         "submap": submap,
@@ -62,10 +68,35 @@ def closure_details(
         "tf_map_submap": list(tf_map_submap),
         "tf_map_node": list(tf_map_node),
         "points": _points(node_points, node),
-        "other_node": other,
-        "tf_submap_other": tf_submap_other,
-        "other_points": [] if other is None else _points(node_points, other),
+        "other_node": None if other is None else other.node,
+        "tf_submap_other": None if other is None else other.tf_submap_node,
+        "other_points": [] if other is None else _points(node_points, other.node),
+        "overlap": None if other is None else other.overlap,
     }
+
+
+def closure_list(rows: ConstraintRows, closures: Closures) -> dict[str, Any]:
+    """Return the content of a CLOSURES message: what the record holds of all closures, by column.
+
+    Parameters
+    ----------
+    rows : all constraints.
+    closures : the record of closures.
+    """
+    found = np.flatnonzero(np.isin(rows.kinds, CLOSURES))
+    record = rows.closures[found]
+    reasons = closures.reason[record]
+    return {
+        "constraint": found.tolist(),
+        "score": _column(closures.score[record]),
+        "fit_residual": _column(closures.residual[record]),
+        "reason": reasons.tolist(),
+        "reasons": {str(code): Reason(code).text for code in np.unique(reasons).tolist()},
+    }
+
+
+def _column(values: FloatArray) -> list[float | None]:
+    return [_or_null(value) for value in np.round(values, 3).tolist()]
 
 
 def _from_record(closures: Closures, row: int) -> dict[str, Any]:
@@ -91,16 +122,53 @@ def _from_record(closures: Closures, row: int) -> dict[str, Any]:
     }
 
 
-def _nearest_own_node(
-    rows: ConstraintRows, submap: int, tf_submap_node: Pose
-) -> tuple[int | None, list[float] | None]:
-    """Return the nearest node that was inserted into the submap, and its pose there."""
+class _Other(NamedTuple):
+    """A node of the submap itself, and how much of what it saw the closure's node saw as well."""
+
+    node: int
+    tf_submap_node: list[float]
+    overlap: float
+
+
+def _most_alike(
+    rows: ConstraintRows,
+    submap: int,
+    tf_submap_node: Pose,
+    node: int,
+    node_points: Sequence[FloatArray],
+) -> _Other | None:
+    """Return the node inserted into the submap that saw most of what another node sees there.
+
+    The nearest in position may look into another direction: then the two scans show nothing of how
+    well they fit.
+    """
     own = np.flatnonzero((rows.kinds == ConstraintKind.INTRA_SUBMAP) & (rows.index_a == submap))
-    if len(own) == 0:
-        return None, None
-    offset = rows.relative_poses[own, :2] - np.array(tf_submap_node[:2], np.float32)
-    nearest = own[np.argmin(np.hypot(offset[:, 0], offset[:, 1]))]
-    return int(rows.index_b[nearest]), rows.relative_poses[nearest].tolist()
+    own = own[(rows.index_b[own] < len(node_points)) & (rows.index_b[own] != node)]
+    if len(own) == 0 or node >= len(node_points):
+        return None
+    seen = _near(_cells(transform_points(tf_submap_node, node_points[node])))
+    best: _Other | None = None
+    for row in own.tolist():
+        other = int(rows.index_b[row])
+        pose = rows.relative_poses[row].tolist()
+        points = transform_points(Pose(*pose), node_points[other])
+        shared = int(np.count_nonzero(np.isin(_cells(points), seen)))
+        overlap = shared / max(len(points), len(node_points[node]), 1)
+        if best is None or overlap > best.overlap:
+            best = _Other(other, pose, round(overlap, 3))
+    return best
+
+
+def _cells(points: FloatArray) -> IntArray:
+    """Return the cell in which each of some points lies, as one number."""
+    cells: IntArray = np.floor(points / _NEAR_M).astype(np.int64)
+    return cells[:, 0] * _STRIDE + cells[:, 1]
+
+
+def _near(cells: IntArray) -> IntArray:
+    """Return cells and the eight around each."""
+    around = [row * _STRIDE + col for row in (-1, 0, 1) for col in (-1, 0, 1)]
+    return np.unique(cells[:, np.newaxis] + np.array(around))
 
 
 def _points(node_points: Sequence[FloatArray], node: int) -> list[list[float]]:

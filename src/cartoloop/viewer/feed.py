@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from cartoloop.arrays import FloatArray
 from cartoloop.global_slam.closure_status import Status
 from cartoloop.global_slam.closures import Closures
-from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.quality.verdict import Quality
-from cartoloop.sensor.pose import IDENTITY, Pose
+from cartoloop.sensor.pose import IDENTITY, Pose, compose, compose_all, inverse, relative_all
 from cartoloop.viewer.protocol import REJECTED, ConstraintRows
 
 if TYPE_CHECKING:
@@ -83,6 +83,30 @@ def rejected_closures(closures: Closures) -> ConstraintRows:
     )
 
 
+class PosesBefore(NamedTuple):
+    """Where submaps and nodes would be without loop closure, float64 (m, 3), (n, 3) [map]."""
+
+    tf_map_submaps: FloatArray
+    tf_map_nodes: FloatArray
+
+
+def poses_before(result: Result) -> PosesBefore:
+    """Return the poses of local SLAM, the first node being where it is in the map."""
+    graph = result.graph
+    if graph.num_nodes == 0:
+        return PosesBefore(graph.submap_poses.copy(), graph.node_poses.copy())
+    local = result.local_trajectory[result.node_scan_index]
+    tf_map_local = compose(Pose(*graph.node_poses[0].tolist()), inverse(Pose(*local[0].tolist())))
+    nodes = compose_all(np.array(tf_map_local), local)
+    submaps = graph.submap_poses.copy()
+    own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
+    found, first = np.unique(graph.index_a[own], return_index=True)
+    rows = own[first]
+    tf_node_submap = relative_all(graph.relative_poses[rows], np.zeros(3))
+    submaps[found] = compose_all(nodes[graph.index_b[rows]], tf_node_submap)
+    return PosesBefore(submaps, nodes)
+
+
 @dataclass(frozen=True, slots=True)
 class Update:
     """What has changed since the update before, and the newest of what always does.
@@ -101,6 +125,7 @@ class Update:
     num_found : closures that searches found so far.
     rejected : closures that are not in the finished graph; None while mapping.
     quality : the verdict on the finished map; None while mapping.
+    before : the poses before loop closure; None while mapping.
     match : of the last scan to the map, None where it was not matched.
     last_information : inverse covariance of the last scan's pose, None unless it became a node.
     time : when this was [s, perf_counter].
@@ -120,6 +145,7 @@ class Update:
     node_points: Sequence[FloatArray] = ()
     rejected: ConstraintRows | None = None
     quality: Quality | None = None
+    before: PosesBefore | None = None
     stamp: float = 0.0
     recorded_s: float = 0.0
     num_scans: int = 0
@@ -233,6 +259,7 @@ def whole(result: Result) -> Update:
         node_points=result.node_points,
         rejected=rejected_closures(result.closures),
         quality=report.quality,
+        before=poses_before(result),
         stamp=float(result.stamps[-1]) if len(result.stamps) else 0.0,
         recorded_s=report.input.duration_s,
         num_scans=report.input.scans,

@@ -8,18 +8,20 @@ from __future__ import annotations
 
 import secrets
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from cartoloop.config import SubmapConfig
 from cartoloop.global_slam.pose_graph import ConstraintKind
+from cartoloop.map_output.colours import DARK, LIGHT
+from cartoloop.map_output.map_facts import MapFacts
 from cartoloop.map_output.occupancy_map import MAX_LOG_ODDS, cell_log_odds
 from cartoloop.map_output.picture import palette
 from cartoloop.version import __version__
 from cartoloop.viewer import protocol
-from cartoloop.viewer.closure_details import closure_details
+from cartoloop.viewer.closure_details import closure_details, closure_list
 from cartoloop.viewer.feed import Update
 from cartoloop.viewer.parts import (
     ConstraintTable,
@@ -29,7 +31,7 @@ from cartoloop.viewer.parts import (
 )
 from cartoloop.viewer.pictures import Drawing
 from cartoloop.viewer.protocol import MessageType
-from cartoloop.viewer.readings import Readings
+from cartoloop.viewer.readings import OVER, Readings
 from cartoloop.viewer.submap_parts import SubmapParts
 from cartoloop.viewer.subscriptions import Key, Subscription, Subscriptions, key_of
 
@@ -69,6 +71,8 @@ class LiveState:
         self.readings = readings
         self.last: Update | None = None
         self.subscriptions = Subscriptions()
+        self._name = name
+        self._facts: MapFacts | None = None
         self._playback = playback
         self._config = config
         log_odds = cell_log_odds(config)
@@ -127,7 +131,7 @@ class LiveState:
 
     def refresh(self) -> None:
         """Bring readings and playback up to date."""
-        if self.readings.phase == "finished" and self.mode != "finished":
+        if self.readings.phase in OVER and self.mode != "finished":
             self._set_mode("finished")
         paused = self._playback is not None and self._playback.paused
         counts = {
@@ -143,9 +147,32 @@ class LiveState:
             "speed": self._playback.speed if self._playback is not None else None,
             "can_pause": playing,
             "can_set_speed": playing,
-            "can_scrub": self.readings.phase == "finished",
+            "can_scrub": self.readings.phase in OVER,
         }
         self._show_json(MessageType.PLAYBACK, content)
+
+    def show_facts(self, facts: MapFacts) -> None:
+        """Show the facts of the map, which grows no more."""
+        self._facts = facts
+        self._show_json(MessageType.FACTS, {"described": facts.described()} | asdict(facts))
+
+    def closures(self) -> dict[str, Any]:
+        """Return what the record holds of all loop closures."""
+        if self.last is None:
+            raise LookupError("there is no map yet")
+        return closure_list(self._constraints.rows, self.last.closures)
+
+    def before(self) -> bytes:
+        """Return the message of the poses before loop closure.
+
+        Raises
+        ------
+        LookupError
+            The map still grows.
+        """
+        if self.last is None or self.last.before is None:
+            raise LookupError("the poses before loop closure are known when mapping has ended")
+        return protocol.before_message(*self.last.before)
 
     def closure(self, constraint: int) -> dict[str, Any]:
         """Return the details of a loop closure.
@@ -194,7 +221,7 @@ class LiveState:
     @property
     def is_over(self) -> bool:
         """Whether the map is finished."""
-        return self.readings.phase in ("finished", "failed")
+        return self.readings.phase in OVER
 
     def drawing(self) -> Drawing:
         """Return what a picture of the present map is made of."""
@@ -205,7 +232,14 @@ class LiveState:
             self._poses.values[known],
             self._nodes.values,
             self._config,
+            self._caption(),
         )
+
+    def _caption(self) -> list[str]:
+        """Return the name, and the facts once they are known."""
+        if self._facts is None:
+            return [self._name]
+        return replace(self._facts, name=self._name).caption()
 
     def draw_growing(self) -> None:
         """Bring the growing submaps up to date, which costs more than all else."""
@@ -252,6 +286,7 @@ _LATEST = (
     MessageType.PLAYBACK,
     MessageType.READINGS,
     MessageType.QUALITY,
+    MessageType.FACTS,
     MessageType.LATEST_CLOSURE,
     MessageType.SCAN,
 )
@@ -271,4 +306,5 @@ def _hello_content(name: str, config: SubmapConfig, log_odds: list[float]) -> di
         "log_odds": log_odds,
         "max_log_odds": MAX_LOG_ODDS,
         "palette": palette().tolist(),
+        "colours": {"light": LIGHT._asdict(), "dark": DARK._asdict()},
     }

@@ -21,12 +21,13 @@ processor for a second."""
 
 
 class Drawing(NamedTuple):
-    """What a picture is made of: the submaps, their poses, and the robot's trajectory."""
+    """What a picture is made of: the submaps, their poses, the robot's trajectory, the caption."""
 
     grids: list[FinishedGrid]
     tf_map_submaps: FloatArray
     trajectory: FloatArray
     config: SubmapConfig
+    caption: list[str]
 
 
 class Drawable(Protocol):
@@ -79,7 +80,7 @@ class Pictures:
 
 
 def picture_png(drawing: Drawing) -> bytes:
-    """Return the map with the trajectory as a PNG file.
+    """Return the map with caption and trajectory as a PNG file.
 
     Raises
     ------
@@ -88,5 +89,6 @@ def picture_png(drawing: Drawing) -> bytes:
     """
     occupancy_map = compose_map(drawing.grids, drawing.tf_map_submaps, drawing.config)
     buffer = io.BytesIO()
-    draw_map(occupancy_map, trajectory=drawing.trajectory).save(buffer, format="png")
+    picture = draw_map(occupancy_map, trajectory=drawing.trajectory, caption=drawing.caption)
+    picture.save(buffer, format="png")
     return buffer.getvalue()

@@ -60,6 +60,9 @@ class MessageType(IntEnum):
     SUBMAP_PREVIEW = 18
     ANSWER = 19
     QUALITY = 20
+    FACTS = 21
+    CLOSURES = 22
+    BEFORE = 23
 
 
 _TABLE_DTYPES = {
@@ -222,6 +225,15 @@ def scan_message(
     """
     head = _SCAN.pack(time, *tf_map_tracking, number, len(points))
     return message(kind, head + _bytes(points, "<f4"))
+
+
+def before_message(
+    tf_map_submaps: NDArray[np.floating], tf_map_nodes: NDArray[np.floating]
+) -> bytes:
+    """Return the poses of all submaps and nodes before loop closure, shapes (m, 3) and (n, 3)."""
+    head = struct.pack("<2I", len(tf_map_submaps), len(tf_map_nodes))
+    poses = _bytes(tf_map_submaps, "<f8"), _bytes(tf_map_nodes, "<f4")
+    return message(MessageType.BEFORE, b"".join((head, *poses)))
 
 
 def messages(data: bytes) -> Iterator[Message]:

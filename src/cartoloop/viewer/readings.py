@@ -18,7 +18,14 @@ from cartoloop.runtime.process_memory import peak_memory_mb
 from cartoloop.sensor.pose import wrap_angle
 from cartoloop.viewer.feed import Update
 
-Phase = Literal["starting", "mapping", "finishing", "finished", "failed"]
+Phase = Literal["starting", "mapping", "finishing", "finished", "stopped", "failed"]
+
+OVER = ("finished", "stopped", "failed")
+"""Phases of a map that grows no more."""
+
+STOPPED = "the last pass is missing, loops may be open"
+PARTLY_MAPPED = "the map covers a part of the recording"
+"""What is said of runs that are not finished: without, and with the last pass."""
 
 SILENT_AFTER_S = 2.0
 """A live scanner counts as silent after this time without a scan [s]."""
@@ -39,6 +46,7 @@ _NEWEST = 0.1
 _END_STATES = {
     "finishing": ("finishing", "finishing"),
     "finished": ("finished", "finished"),
+    "stopped": ("stopped", "stopped"),
     "failed": ("failed", "failed"),
 }
 
@@ -144,7 +152,7 @@ class Readings:
     def end(self, phase: Phase, detail: str = "") -> None:
         """Note that the run is over, or about to be: figures of time stand still."""
         self.phase, self.detail = phase, detail
-        if phase in ("finished", "failed") and self._wall_s is None:
+        if phase in OVER and self._wall_s is None:
             self._wall_s = perf_counter() - self._begun
 
     def content(self, counts: dict[str, int], *, paused: bool) -> dict[str, Any]:
@@ -158,7 +166,7 @@ class Readings:
         last = self._last
         state, text = _END_STATES.get(self.phase) or self._state(paused)
         text = f"{text}: {self.detail}" if self.detail else text
-        over = self.phase in ("finished", "failed")
+        over = self.phase in OVER
         run = last.last_adjustment if last else None
         wall_s = perf_counter() - self._begun if self._wall_s is None else self._wall_s
         factor = self.real_time_factor if over else self._factor.value

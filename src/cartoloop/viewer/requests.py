@@ -45,6 +45,20 @@ class ClosureDetails(_Request):
     constraint: Number
 
 
+class AllClosures(_Request):
+    """List the loop closures with what the record holds of them."""
+
+    type: Literal["closures"]
+    id: Number
+
+
+class Before(_Request):
+    """Send the poses before loop closure."""
+
+    type: Literal["before"]
+    id: Number
+
+
 class NodeScan(_Request):
     """Send the points of a node."""
 
@@ -67,7 +81,10 @@ class Ping(_Request):
     id: Number
 
 
-Request = Play | Pause | Speed | ClosureDetails | NodeScan | Picture | Ping
+Query = ClosureDetails | AllClosures | Before | NodeScan | Picture
+"""Requests that are looked up in the state."""
+
+Request = Play | Pause | Speed | Query | Ping
 
 _ANY: TypeAdapter[Request] = TypeAdapter(Annotated[Request, Field(discriminator="type")])
 

@@ -203,8 +203,9 @@ def _listen(host: str, port: int) -> socket.socket:
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     except (OSError, OverflowError) as error:
-        raise ServeError(f"--host {host}: there is no such host ({error}); give an address of this "
-                         "machine") from error  # fmt: skip
+        raise ServeError(
+            f"--view-host {host}: there is no such host ({error}); give an address of this machine"
+        ) from error
     last: OSError | None = None
     for number in range(port, min(port + _PORTS_TRIED, 2**16) if port else 1):
         listening = socket.socket(family, socket.SOCK_STREAM)
@@ -221,7 +222,7 @@ def _listen(host: str, port: int) -> socket.socket:
     reason = last.strerror if last else "no such port"
     raise ServeError(
         f"the viewer cannot be served on {host}, ports {port} and following: {reason}; choose "
-        "another with --port"
+        "another with --view-port"
     )
 
 

@@ -6,10 +6,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from cartoloop.map_output.map_facts import map_facts
 from cartoloop.viewer.feed import Feed, whole
 from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.playback import Playback
-from cartoloop.viewer.readings import Readings
+from cartoloop.viewer.readings import PARTLY_MAPPED, STOPPED, Readings
 from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT, ViewServer
 
 if TYPE_CHECKING:
@@ -110,13 +111,18 @@ class LiveView:
         self._server.call(show)
 
     def finished(self, result: Result, failure: Exception | None = None) -> None:
-        """Show the finished map, or what was mapped until a failure."""
+        """Show the finished map, or what was mapped until a stop or a failure."""
+        facts = map_facts(result)
 
         def show() -> None:
             self._feed.take()
             self._readings.real_time_factor = result.report.real_time_factor
-            self._readings.end("failed" if failure else "finished", str(failure or ""))
+            if failure is not None:
+                self._readings.end("failed", str(failure))
+            else:
+                _end(self._readings, result)
             self._state.apply(whole(result))
+            self._state.show_facts(facts)
             self._state.refresh()
 
         self._server.call_and_wait(show)
@@ -139,7 +145,16 @@ def serve_result(
     readings = Readings(result.report.input.scans, result.report.input.duration_s)
     state = LiveState(name, "finished", result.config.local_slam.submaps, readings)
     readings.real_time_factor = result.report.real_time_factor or None
-    readings.end("finished")
+    _end(readings, result)
     state.apply(whole(result))
+    state.show_facts(map_facts(result))
     state.refresh()
     return ViewServer(state, host=host, port=port)
+
+
+def _end(readings: Readings, result: Result) -> None:
+    if result.report.finished:
+        readings.end("finished")
+    else:
+        was_examined = result.quality.verdict != "unknown"  # which comes after the last pass
+        readings.end("stopped", PARTLY_MAPPED if was_examined else STOPPED)

@@ -191,6 +191,7 @@ def test_messages_that_make_no_sense_are_skipped_and_counted(tmp_path):
     bag.add_raw("/scan", LASER, b"\x01", 3.3)
     bag.add("/scan", make.scan(START + 3.4, ranges_of(0), angle_increment=math.nan), 3.4)
     bag.add("/scan", make.scan(START + 3.5, [], angle_increment=math.nan), 3.5)
+    bag.add("/scan", make.scan(START + 3.55, ranges_of(0), angle_min=-135.0), 3.55)
     bag.add("/odom", make.odometry(START + 3.6, (math.nan, 0.0, 0.0)), 3.6)
     log = open_log(bag.write(tmp_path))
     assert (
@@ -199,6 +200,7 @@ def test_messages_that_make_no_sense_are_skipped_and_counted(tmp_path):
     assert log.skipped == {
         "cut off": 2,
         "scan without ranges": 1,
+        "angle of the first beam is not in radians": 1,
         "odometry pose is not valid": 1,
     }
     assert all("\n" not in problem.message for problem in log.problems)

@@ -33,6 +33,7 @@ def test_fixed_joints_are_read_and_others_left_out(tmp_path):
         (b"<robot", "is no URDF"),
         (b"<sdf/>", "no <robot>"),
         (b'<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot>&a;</robot>', "entities"),
+        ('<!DOCTYPE r [<!ENTITY a "b">]><robot>&a;</robot>'.encode("utf-16"), "is no URDF"),
         (b'<robot xmlns:xacro="x"><xacro:include filename="a"/></robot>', "expand it first"),
         (ROBOT.replace(b"0.1 -0.2 0.3", b"0.1 zero 0.3"), "three numbers"),
         (ROBOT.replace(b"0.1 -0.2 0.3", b"0.1 nan 0.3"), "finite"),

@@ -8,7 +8,9 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+from cartoloop.plain_text import one_line
 from cartoloop.readers.log import ProblemSeverity
+from cartoloop.readers.ros.unpacking import Budget, limit_library, spending
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -89,19 +91,29 @@ class LibraryContainer:
     Parameters
     ----------
     reader : of rosbags, not yet open; anything it raises means that the file is damaged.
+    num_bytes : size of the file or files.
     """
 
-    def __init__(self, reader: Any, kind: str, is_ros1: bool) -> None:  # noqa: ANN401 - untyped
+    def __init__(
+        self,
+        reader: Any,  # noqa: ANN401 - untyped
+        kind: str,
+        is_ros1: bool,
+        num_bytes: int,
+    ) -> None:
         self.kind = kind
         self.damage = ""
         self.notes: list[BagFinding] = []
         self.needs: object = None
         self._reader = reader
-        reader.open()
+        self._num_bytes = num_bytes
+        limit_library()
+        with spending(Budget(num_bytes)):
+            reader.open()
         weakref.finalize(self, reader.close)
         self._connections: list[Connection] = list(reader.connections)
         self.channels = [
-            Channel(key, str(c.topic), str(c.msgtype), is_ros1, c.msgcount)
+            Channel(key, one_line(str(c.topic)), one_line(str(c.msgtype)), is_ros1, c.msgcount)
             for key, c in enumerate(self._connections)
         ]
 
@@ -113,13 +125,15 @@ class LibraryContainer:
         chosen = [self._connections[key] for key in sorted(keys)]
         key_of = {id(connection): key for key, connection in enumerate(self._connections)}
         stream = self._reader.messages(chosen)
+        budget = Budget(self._num_bytes)
         while True:
             try:
-                connection, time, data = next(stream)
+                with spending(budget):
+                    connection, time, data = next(stream)
             except StopIteration:
                 return
             except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
-                self.damage = one_line(error)
+                self.damage = reason_of(error)
                 return
             key = key_of.get(id(connection))
             if key is not None and key in keys:  # a damaged file gives one number to two topics
@@ -136,10 +150,10 @@ def recorded_time(time: object) -> int:
     return time if isinstance(time, int) else 0
 
 
-def one_line(error: BaseException) -> str:
+def reason_of(error: BaseException) -> str:
     """Return the message of an error in one line."""
     text = " ".join(str(error).split()).rstrip(".")
-    return text[:200] or type(error).__name__
+    return one_line(text[:200]) or type(error).__name__
 
 
 class ChainedContainer:

@@ -18,6 +18,7 @@ from cartoloop.readers.ros.odometry_choice import OdometryChoice
 from cartoloop.readers.ros.transforms import Pose3
 from cartoloop.readers.ros.wire import DecodeError
 from cartoloop.sensor.events import (
+    MAX_ANGLE,
     CloudGeometry,
     Imu,
     LaserScan,
@@ -94,8 +95,10 @@ class ScanDecoder:
             step = (last - first) / (count - 1)
         if not (math.isfinite(first) and math.isfinite(step) and (step != 0.0 or count == 1)):
             raise DecodeError("scan without angles")
-        if abs(step) * (count - 1) > 4.0 * math.pi:
+        if abs(step) * (count - 1) > MAX_ANGLE:
             raise DecodeError("beams go round more than twice")
+        if abs(first) > MAX_ANGLE:
+            raise DecodeError("angle of the first beam is not in radians")
         sign = -1.0 if self._is_flipped else 1.0
         sound = math.isfinite(range_max) and range_max > max(range_min, 0.0)
         geometry = ScanGeometry(

@@ -15,13 +15,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cartoloop.errors import InputError
+from cartoloop.foreign_database import open_database
 from cartoloop.readers.ros.container import (
     BagFinding,
     ChainedContainer,
     Container,
     LibraryContainer,
-    one_line,
+    reason_of,
 )
+from cartoloop.readers.ros.unpacking import BudgetError, unpack_file
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -37,6 +39,8 @@ def is_recording(path: Path) -> bool:
     if path.is_dir() or path.name == "metadata.yaml":
         return True
     try:
+        if not path.is_file():
+            return False  # a pipe, whose first bytes must not be lost
         with path.open("rb") as file:
             head = file.read(16)
     except OSError:
@@ -72,14 +76,18 @@ def _open_folder(path: Path) -> Container:
         from rosbags.rosbag2 import Reader
 
         try:
-            return LibraryContainer(Reader(path), "ROS 2 recording", is_ros1=False)
+            for file in inside:
+                if _magic(file) == SQLITE_MAGIC:
+                    _require_plain_tables(file)
+            size = sum(file.stat().st_size for file in inside if file.is_file())
+            return LibraryContainer(Reader(path), "ROS 2 recording", False, size)
         except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
             if not files:
                 raise InputError(
-                    f"{path}: cannot be read ({one_line(error)}); if a file is missing, copy the "
+                    f"{path}: cannot be read ({reason_of(error)}); if a file is missing, copy the "
                     "whole folder again"
                 ) from None
-            note = f"its metadata.yaml does not fit ({one_line(error)})"
+            note = f"its metadata.yaml does not fit ({reason_of(error)})"
     elif files:
         note = "it has no metadata.yaml: the recorder was not ended properly"
     elif bags:
@@ -117,7 +125,7 @@ def _open_file(path: Path) -> Iterator[Container]:
     try:
         container = _open_by_library(path, magic)
     except Exception as error:  # noqa: BLE001 - on damaged files it raises anything
-        refusal = one_line(error)
+        refusal = reason_of(error)
     else:
         container.notes += _notes(path, refusal)
         yield container
@@ -132,17 +140,26 @@ def _open_file(path: Path) -> Iterator[Container]:
 
 
 def _open_by_library(path: Path, magic: bytes) -> LibraryContainer:
+    size = path.stat().st_size
     if magic == BAG1_MAGIC:
         from rosbags.rosbag1 import Reader
 
-        return LibraryContainer(Reader(path), "ROS 1 bag", is_ros1=True)
+        return LibraryContainer(Reader(path), "ROS 1 bag", True, size)
     if magic == MCAP_MAGIC:
         from rosbags.rosbag2.storage_mcap import McapReader
 
-        return LibraryContainer(_Bare(McapReader(path)), "MCAP file", is_ros1=False)
+        return LibraryContainer(_Bare(McapReader(path)), "MCAP file", False, size)
     from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-    return LibraryContainer(_Bare(Sqlite3Reader(path)), "ROS 2 database", is_ros1=False)
+    _require_plain_tables(path)
+    return LibraryContainer(_Bare(Sqlite3Reader(path)), "ROS 2 database", False, size)
+
+
+def _require_plain_tables(path: Path) -> None:
+    """Raise `sqlite3.Error` if a database computes its messages, maybe without end."""
+    from cartoloop.readers.ros.salvage_ros2 import TABLES
+
+    open_database(path, TABLES).close()
 
 
 def _notes(path: Path, refusal: str) -> list[BagFinding]:
@@ -185,14 +202,9 @@ def _open_compressed(path: Path) -> Iterator[Container]:
     unpacked = _Unpacked(path.stem)
     damage = ""
     try:
-        with (
-            path.open("rb") as packed,
-            zstd.open(packed, "rb") as plain,
-            unpacked.file.open("wb") as out,
-        ):
-            shutil.copyfileobj(plain, out)
-    except (OSError, EOFError, zstd.ZstdError) as error:
-        damage = one_line(error)
+        unpack_file(path, unpacked.file)
+    except (OSError, EOFError, zstd.ZstdError, BudgetError) as error:
+        damage = reason_of(error)
         if unpacked.file.stat().st_size == 0:
             raise InputError(
                 f"{path}: cannot be unpacked ({damage}); copy or download it again"

@@ -9,25 +9,36 @@ these three modules.
 
 from __future__ import annotations
 
-import bz2
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 from cartoloop.readers.ros.container import BagFinding, Channel
+from cartoloop.readers.ros.unpacking import KNOWN, Budget, spending, unpack_sound_part
 
 LARGEST_RECORD = 1 << 31
 """Longer records are nonsense [bytes]: lengths come from damaged data, memory is finite."""
 
-_PIECE = 1024
-"""Compressed data are unpacked in pieces of this size [bytes]: a fault costs one piece."""
+_READ_BYTES = 1 << 24
 
 RecordedMessage = tuple[int, int, bytes]
 
 
 class CutError(Exception):
     """The file ends, or its records are not valid from here on."""
+
+
+def at_most(file: BinaryIO, size: int) -> bytes:
+    """Return the next `size` bytes of a file, or those until its end.
+
+    In pieces: memory for a length that comes from damaged data is not reserved at once.
+    """
+    pieces = []
+    while size > 0 and (piece := file.read(min(size, _READ_BYTES))):
+        pieces.append(piece)
+        size -= len(piece)
+    return b"".join(pieces)
 
 
 def exactly(file: BinaryIO, size: int) -> bytes:
@@ -40,7 +51,7 @@ def exactly(file: BinaryIO, size: int) -> bytes:
     """
     if size > LARGEST_RECORD:
         raise CutError("a record has an impossible length")
-    data = file.read(size)
+    data = at_most(file, size)
     if len(data) < size:
         raise CutError("the file is cut off")
     return data
@@ -56,6 +67,7 @@ class SalvageContainer(ABC):
         self.notes: list[BagFinding] = []
         self.needs: object = None
         self._found: dict[int, Channel] = {}
+        self._budget = Budget(path.stat().st_size)
         counts: dict[int, int] = {}
         for key, _, _ in self._records(None):
             counts[key] = counts.get(key, 0) + 1
@@ -64,6 +76,7 @@ class SalvageContainer(ABC):
 
     def messages(self, keys: Collection[int]) -> Iterator[RecordedMessage]:
         """Yield key, time of recording [ns] and bytes, in the order of recording. Never raises."""
+        self._budget = Budget(self.path.stat().st_size)
         yield from self._records(frozenset(keys))
 
     def _unpack(self, compression: str, packed: bytes) -> bytes:
@@ -76,35 +89,13 @@ class SalvageContainer(ABC):
         """
         if compression in ("", "none"):
             return packed
-        unpack: Callable[[bytes], bytes]
-        if compression == "bz2":
-            unpack = bz2.BZ2Decompressor().decompress
-        elif compression == "lz4":
-            from lz4.frame import LZ4FrameDecompressor
-
-            unpack = LZ4FrameDecompressor().decompress
-        elif compression == "zstd":
-            from cartoloop.readers.ros.zstd import zstd
-
-            unpack = zstd.ZstdDecompressor().decompress
-        else:
+        if compression not in KNOWN:
             raise CutError(f"a chunk has an unknown compression {compression!r}")
-        plain, damaged = _unpack_pieces(unpack, packed)
-        if damaged:
-            self.damage = "a chunk is damaged"
+        with spending(self._budget):
+            plain, damage = unpack_sound_part(compression, packed)
+        self.damage = damage or self.damage
         return plain
 
     @abstractmethod
     def _records(self, keys: frozenset[int] | None) -> Iterator[RecordedMessage]:
         """Yield the messages; without `keys` all, noting channels, and without their bytes."""
-
-
-def _unpack_pieces(unpack: Callable[[bytes], bytes], packed: bytes) -> tuple[bytes, bool]:
-    """Return the part of compressed data before any damage, and whether there is damage."""
-    plain = []
-    for start in range(0, len(packed), _PIECE):
-        try:
-            plain.append(unpack(packed[start : start + _PIECE]))
-        except Exception:  # noqa: BLE001 - each compression raises its own
-            return b"".join(plain), True
-    return b"".join(plain), False

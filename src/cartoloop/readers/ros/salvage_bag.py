@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import BinaryIO
 
 from cartoloop.errors import InputError
+from cartoloop.plain_text import one_line
 from cartoloop.readers.ros.container import Channel
 from cartoloop.readers.ros.salvage import (
     LARGEST_RECORD,
     CutError,
     RecordedMessage,
     SalvageContainer,
+    at_most,
     exactly,
 )
 from cartoloop.readers.ros.wire import NANO
@@ -43,7 +45,7 @@ class BagSalvage(SalvageContainer):
                         data = exactly(file, size)
                         yield from self._record(header, data, keys)
                         continue
-                    packed = file.read(min(size, LARGEST_RECORD))
+                    packed = at_most(file, min(size, LARGEST_RECORD))
                     compression = header.get(b"compression", b"").decode("ascii", "replace")
                     plain = self._unpack(compression, packed)
                     yield from self._chunk(plain, keys)
@@ -104,6 +106,6 @@ class BagSalvage(SalvageContainer):
         fields = BytesIO(_U32.pack(len(data)) + data + _U32.pack(0))
         fields_of_type, _ = self._record_head(fields)
         key = _U32.unpack(header[b"conn"])[0]
-        topic = header[b"topic"].decode("utf-8", "replace")
-        msgtype = fields_of_type[b"type"].decode("utf-8", "replace")
+        topic = one_line(header[b"topic"].decode("utf-8", "replace"))
+        msgtype = one_line(fields_of_type[b"type"].decode("utf-8", "replace"))
         self._found[key] = Channel(key, topic, normalize_msgtype(msgtype), True, 0)

@@ -14,14 +14,20 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
-from cartoloop.readers.ros.container import Channel, message_bytes, one_line, recorded_time
+from cartoloop.foreign_database import open_database
+from cartoloop.plain_text import one_line
+from cartoloop.readers.ros.container import Channel, message_bytes, reason_of, recorded_time
 from cartoloop.readers.ros.salvage import (
     LARGEST_RECORD,
     CutError,
     RecordedMessage,
     SalvageContainer,
+    at_most,
     exactly,
 )
+
+TABLES = ("schema", "metadata", "message_definitions", "topics", "messages")
+"""Of a database of ROS 2, those that are queried."""
 
 _U32 = struct.Struct("<I")
 _U64 = struct.Struct("<Q")
@@ -54,7 +60,7 @@ class McapSalvage(SalvageContainer):
             if code[0] in _MCAP_ENDS:
                 return
             size = _U64.unpack(exactly(file, 8))[0]
-            data = file.read(min(size, LARGEST_RECORD))
+            data = at_most(file, min(size, LARGEST_RECORD))
             whole = len(data) == size
             if code[0] == _MCAP_CHUNK:
                 plain = self._unpacked(data)
@@ -113,7 +119,7 @@ class McapSalvage(SalvageContainer):
 def _text(data: bytes, place: int) -> tuple[str, int]:
     size = _U32.unpack_from(data, place)[0]
     end = place + 4 + size
-    return data[place + 4 : end].decode("utf-8", "replace"), end
+    return one_line(data[place + 4 : end].decode("utf-8", "replace")), end
 
 
 class DatabaseSalvage(SalvageContainer):
@@ -129,7 +135,8 @@ class DatabaseSalvage(SalvageContainer):
                     rows = connection.execute("SELECT id, name, type FROM topics")
                     for key, topic, msgtype in rows:
                         if isinstance(key, int):
-                            self._found[key] = Channel(key, str(topic), str(msgtype), False, 0)
+                            names = one_line(str(topic)), one_line(str(msgtype))
+                            self._found[key] = Channel(key, *names, is_ros1=False, num_messages=0)
                 for key, time, data in connection.execute(
                     "SELECT topic_id, timestamp, data FROM messages"
                 ):
@@ -137,14 +144,8 @@ class DatabaseSalvage(SalvageContainer):
                         plain = b"" if keys is None else message_bytes(data)
                         yield key, recorded_time(time), plain
         except sqlite3.Error as error:
-            self.damage = one_line(error)
+            self.damage = reason_of(error)
 
     def _connect(self) -> sqlite3.Connection:
-        from urllib.parse import quote
-
-        # Immutable: a recording is only read, and may lie where nothing can be written.
-        name = f"file:{quote(str(self.path))}?mode=ro&immutable=1"
-        connection = sqlite3.connect(name, uri=True)
         # Otherwise a file that lacks its last pages is refused as a whole.
-        connection.execute("PRAGMA writable_schema=ON")
-        return connection
+        return open_database(self.path, TABLES, is_damaged=True)

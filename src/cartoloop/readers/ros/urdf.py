@@ -8,10 +8,12 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 from cartoloop.errors import InputError
+from cartoloop.input_file import read_input
+from cartoloop.plain_text import one_line
 from cartoloop.readers.ros.transforms import Pose3
 
-_MAX_BYTES = 64 << 20
-"""Larger files are no robot descriptions."""
+_MAX_BYTES = 16 << 20
+"""Larger files are no robot descriptions [bytes]: meshes are files of their own."""
 
 
 class FixedJoint(NamedTuple):
@@ -30,14 +32,7 @@ def read_urdf(path: Path) -> list[FixedJoint]:
     InputError
         The file cannot be read or is not a URDF file.
     """
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise InputError(f"{path}: is too large for a URDF file; give the robot's description")
-        text = path.read_bytes()
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(f"{path}: cannot be read ({reason}); check the path") from None
-    return parse_urdf(text, str(path))
+    return parse_urdf(read_input(path, _MAX_BYTES, "a robot's description"), str(path))
 
 
 def parse_urdf(text: bytes, name: str) -> list[FixedJoint]:
@@ -48,7 +43,10 @@ def parse_urdf(text: bytes, name: str) -> list[FixedJoint]:
     InputError
         It is not a URDF file.
     """
-    # No URDF file has a document type; XML entities are a known attack on parsers.
+    # No URDF file has a document type; XML entities are a known attack on parsers. Nor is it in
+    # an encoding with zeros, in which a document type would not be seen.
+    if b"\x00" in text:
+        raise InputError(f"{name}: is no URDF (it is binary); give the robot's description")
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise InputError(f"{name}: declares XML entities, which are not read; remove them")
     if b"<xacro:" in text:
@@ -64,8 +62,8 @@ def parse_urdf(text: bytes, name: str) -> list[FixedJoint]:
 
 def _joint(joint: ElementTree.Element, name: str) -> FixedJoint:
     parent, child, origin = joint.find("parent"), joint.find("child"), joint.find("origin")
-    above = parent.get("link", "") if parent is not None else ""
-    below = child.get("link", "") if child is not None else ""
+    above = one_line(parent.get("link", "")) if parent is not None else ""
+    below = one_line(child.get("link", "")) if child is not None else ""
     what = f"{name}: joint {joint.get('name', '?')!r}"
     if not (above and below):
         raise InputError(f"{what} names no parent or child link; correct it")

@@ -10,6 +10,8 @@ from __future__ import annotations
 import struct
 from typing import NamedTuple
 
+from cartoloop.plain_text import one_line
+
 _TIME = {order: struct.Struct(f"{order}iII") for order in "<>"}
 
 NANO = 1_000_000_000
@@ -72,7 +74,7 @@ def aligned(offset: int, size: int, is_ros1: bool) -> int:
 
 def frame_name(raw: bytes) -> str:
     """Return a frame's name without the leading slash of ROS 1, so that names compare equal."""
-    return raw.decode("utf-8", "replace").lstrip("/")
+    return one_line(raw.decode("utf-8", "replace").lstrip("/"))
 
 
 class Cursor:

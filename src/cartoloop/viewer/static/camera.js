@@ -16,6 +16,8 @@ const GROWING_FILLED = 0.75;
 const LEAST_FILLED = 0.45;
 const LEAST_INSET_PX = 24;
 const REMEMBER_MS = 300;
+/** Hands zoom out until the map fills this share of the screen. */
+const LEAST_SHARE = 0.3;
 
 /** Leads the view. */
 export class Camera {
@@ -55,6 +57,12 @@ export class Camera {
     this.view.fit(bounds, insets(this.view, bounds), FILLED);
     this.take();
     this.hooks.onMove();
+  }
+
+  /** Let hands zoom out as long as there is more to see. */
+  limit(bounds) {
+    const none = { left: 0, right: 0, top: 0, bottom: 0 };
+    this.view.minScale = LEAST_SHARE * this.view.fittingScale(bounds, none);
   }
 
   /** Show the whole map. */
@@ -119,19 +127,38 @@ export class Camera {
 }
 
 /**
- * Return how much of the screen is left free on each side, so that something is seen beside the panel
- * and the tools, or below them: whichever way it is larger [px].
+ * Return how much of the screen is covered on each side, so that something is seen beside what covers
+ * it, or below: whichever makes it larger [px].
  * @param {import("./view.js").View} view
  * @param {import("./view.js").Bounds} bounds
  * @returns {import("./view.js").Insets}
  */
 function insets(view, bounds) {
-  const panel = byId("panel").getBoundingClientRect();
-  const tools = byId("tools").getBoundingClientRect();
-  const bottom = byId("playback").hidden ? LEAST_INSET_PX : innerHeight - byId("playback").offsetTop;
-  const choices = [true, false].flatMap((isBeside) => [true, false].map((isLeft) => ({
-    left: isBeside ? panel.right : 0, right: isLeft ? innerWidth - tools.left : 0, bottom,
-    top: Math.max(0, isBeside ? 0 : panel.bottom, isLeft ? 0 : tools.bottom),
-  })));
+  let choices = [{ left: 0, right: 0, top: 0, bottom: LEAST_INSET_PX }];
+  for (const id of COVERS) {
+    const cover = byId(id).getBoundingClientRect();
+    if (cover.width > 0 && cover.height > 0) {
+      choices = choices.flatMap((choice) => besides(cover, view).map((free) => join(choice, free)));
+    }
+  }
   return choices.reduce((a, b) => (view.fittingScale(bounds, b) > view.fittingScale(bounds, a) ? b : a));
+}
+
+/** What may cover the map. */
+const COVERS = ["panel", "tools", "playback", "closures", "closure", "measures", "scale"];
+/** Of something that spans so much of the screen, nothing is to be seen beside it. */
+const SPANS = 0.6;
+
+/** Return the insets that leave the screen beside something, or above or below it. */
+function besides({ left, right, top, bottom, width, height }, view) {
+  const beside = left + right < view.width ? { left: right } : { right: view.width - left };
+  const over = top + bottom < view.height ? { top: bottom } : { bottom: view.height - top };
+  if (width > SPANS * view.width) return [over];
+  if (height > SPANS * view.height) return [beside];
+  return [beside, over];
+}
+
+/** Return the larger of both insets on each side. */
+function join(a, b) {
+  return Object.fromEntries(Object.keys(a).map((side) => [side, Math.max(a[side], b[side] ?? 0)]));
 }

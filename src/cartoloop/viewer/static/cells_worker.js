@@ -50,7 +50,7 @@ async function takePreview({ packed, ...head }) {
       preview[to + 2] = Math.min(255, preview[to] + preview[to + 1]);
     }
   }
-  postMessage({ ...head, preview }, [preview.buffer]);
+  postMessage({ ...head, preview, dense: denseBox(preview, rows, cols) }, [preview.buffer]);
 }
 
 async function takeSubmap({ packed, ...head }) {
@@ -68,6 +68,7 @@ async function takeSubmap({ packed, ...head }) {
   } else {
     const box = { row: 0, col: 0, rows: Math.ceil(rows / SHRINK), cols: Math.ceil(cols / SHRINK) };
     answer.preview = shrunk(cells, box);
+    answer.dense = denseBox(answer.preview, box.rows, box.cols);
     owned.push(answer.preview.buffer);
   }
   postMessage(answer, owned);
@@ -122,6 +123,29 @@ async function inflateInto(cells, packed, box) {
     }
   }
   if (row < box.rows) throw new RangeError("a submap has less cells than it says");
+}
+
+/** Pixels of a preview that are known as a whole: a stray ray is in a part of each. */
+const DENSE = 160;
+
+/**
+ * Return the box around squares of pixels that are all known as a whole, null if there are none.
+ * @param {Uint8Array} preview four bytes a pixel, the third says how much of it is known
+ */
+function denseBox(preview, rows, cols) {
+  const isDense = (row, col) => preview[4 * (row * cols + col) + 2] >= DENSE;
+  let [low, high, left, right] = [Infinity, -1, Infinity, -1];
+  for (let row = 0; row + 1 < rows; row++) {
+    for (let col = 0; col + 1 < cols; col++) {
+      if (!isDense(row, col) || !isDense(row + 1, col + 1)) continue;
+      if (!isDense(row, col + 1) || !isDense(row + 1, col)) continue;
+      low = Math.min(low, row);
+      high = row + 2;
+      left = Math.min(left, col);
+      right = Math.max(right, col + 2);
+    }
+  }
+  return high < 0 ? null : { row: low, col: left, rows: high - low, cols: right - left };
 }
 
 function cutOut(cells, { row, col, rows, cols }) {

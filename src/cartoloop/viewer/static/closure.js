@@ -7,7 +7,7 @@ import { byId, setText } from "./dom.js";
 import { chain, transform } from "./poses.js";
 import { Kind } from "./protocol.js";
 import { VIOLATED_M, VIOLATED_RAD } from "./residual.js";
-import { length, score } from "./words.js";
+import { length, percent, score } from "./words.js";
 
 /** A click finds closures that are so near [px]. */
 const PICK_PX = 12;
@@ -15,6 +15,12 @@ const PICK_PX = 12;
 const NODE_SHARE = 0.05;
 /** Of closures at one place, one in the graph rather than a rejected one [px]. */
 const REJECTED_PX = 1;
+/** What is brought into sight holds this share of the returns: a few are very far. */
+const NEAR_SHARE = 0.85;
+/** Around a closure at least so much is shown [m]. */
+const LEAST_M = 3;
+/** Scans that overlap by less show nothing of how well they fit. */
+const LITTLE = 0.25;
 
 /**
  * Return the row of the closure that was clicked on, null if there is none: of the lines, the
@@ -49,6 +55,8 @@ function distanceToLine(x, y, ax, ay, bx, by) {
   const share = square > 0 ? Math.min(Math.max(((x - ax) * dx + (y - ay) * dy) / square, 0), 1) : 0;
   return Math.hypot(x - ax - share * dx, y - ay - share * dy);
 }
+
+/** @typedef {import("./view.js").Bounds} Bounds */
 
 /** The card with the details of a closure. */
 export class ClosureCard {
@@ -123,11 +131,7 @@ export class ClosureCard {
     if (!details) return;
     const found = chain(details.tf_map_submap, details.tf_submap_node);
     const points = details.points.map(([x, y]) => transform(found, x, y));
-    const [xs, ys] = [points.map(([x]) => x), points.map(([, y]) => y)];
-    this.hooks.onShow({
-      left: Math.min(...xs, found[0] - 3), right: Math.max(...xs, found[0] + 3),
-      bottom: Math.min(...ys, found[1] - 3), top: Math.max(...ys, found[1] + 3),
-    });
+    this.hooks.onShow(boundsAround(found, points));
   }
 
   show() {
@@ -141,8 +145,9 @@ export class ClosureCard {
     const verdict = byId("closure-verdict");
     setText(verdict, verdictOf(details, isRejected, isViolated));
     verdict.classList.toggle("bad", isRejected || isViolated);
-    byId("closure-score-bar").value = details.score ?? 0;
-    byId("closure-runner-bar").value = details.runner_up ?? 0;
+    showBar("closure-score-bar", details.score, isRejected || isViolated);
+    showBar("closure-runner-bar", details.runner_up, false);
+    setText(byId("closure-overlap"), percent(details.overlap));
     byId("closure-score").parentElement.parentElement.hidden = details.score === null;
     byId("closure-runner").parentElement.parentElement.hidden = details.runner_up === null;
     setText(byId("closure-score"), score(details.score));
@@ -186,18 +191,41 @@ const REASONS = {
 };
 
 function verdictOf(details, isRejected, isViolated) {
-  if (isRejected) return `Rejected at the end: ${REASONS[details.reason] ?? details.status.replaceAll("_", " ")}.`;
+  if (isRejected) return `Rejected at the end: ${reasonText(details.reason) ?? details.status.replaceAll("_", " ")}.`;
   if (isViolated) return "The map disagrees with it.";
+  if (details.overlap === null) return "The map agrees with it.";
+  if (details.overlap < LITTLE) return "The map agrees with it, but no single scan of the submap shows the same place.";
   return "The map agrees with it.";
 }
 
-/** Draw points [m, map], all of them in sight. */
+/** Return in words why the last pass rejected a closure. @returns {string | undefined} */
+export function reasonText(reason) {
+  return REASONS[reason];
+}
+
+/** Show a share as a bar. A <meter> has its own colours in each browser, whatever the verdict. */
+function showBar(id, value, isBad) {
+  const bar = byId(id);
+  bar.firstElementChild.style.width = `${100 * Math.min(Math.max(value ?? 0, 0), 1)}%`;
+  bar.classList.toggle("bad", isBad);
+}
+
+/** Return the bounds of most points around a place, those nearest to it. @returns {Bounds} */
+function boundsAround(place, points) {
+  const reach = ([x, y]) => Math.hypot(x - place[0], y - place[1]);
+  const near = [...points].sort((a, b) => reach(a) - reach(b))
+    .slice(0, Math.ceil(NEAR_SHARE * points.length));
+  const [xs, ys] = [near.map(([x]) => x), near.map(([, y]) => y)];
+  return {
+    left: Math.min(...xs, place[0] - LEAST_M), right: Math.max(...xs, place[0] + LEAST_M),
+    bottom: Math.min(...ys, place[1] - LEAST_M), top: Math.max(...ys, place[1] + LEAST_M),
+  };
+}
+
+/** Draw points [m, map], most of them in sight. */
 function drawPoints(canvas, ratio, layers) {
   const context = canvas.getContext("2d");
-  const all = layers.flatMap(({ points, at }) => [...points, at]);
-  const [xs, ys] = [all.map(([x]) => x), all.map(([, y]) => y)];
-  const [left, right] = [Math.min(...xs), Math.max(...xs)];
-  const [bottom, top] = [Math.min(...ys), Math.max(...ys)];
+  const { left, right, bottom, top } = boundsAround(layers.at(-1).at, layers.flatMap(({ points }) => points));
   const margin = 14 * ratio;
   const scale = Math.min((canvas.width - 2 * margin) / Math.max(right - left, 0.1),
     (canvas.height - 2 * margin) / Math.max(top - bottom, 0.1));

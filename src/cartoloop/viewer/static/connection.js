@@ -11,7 +11,7 @@ const PING_PERIOD_MS = 5000;
 const ANSWER_TIMEOUT_MS = 20000;
 /** A connection that takes longer to be made is given up. */
 const OPEN_TIMEOUT_MS = 8000;
-const ANSWERS = new Set([Type.CLOSURE, Type.PROBLEM, Type.PONG]);
+const ANSWERS = new Set([Type.CLOSURE, Type.CLOSURES, Type.PROBLEM, Type.PONG]);
 
 /** @typedef {"connected" | "lost" | "silent"} Status silent: the other side may be out of reach */
 

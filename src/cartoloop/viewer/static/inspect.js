@@ -12,9 +12,9 @@
  * - Marks of `performance`: `cartoloop:joined`, `cartoloop:complete`, `cartoloop:first-picture`.
  * @module
  */
+import { distance, valueOf } from "./measures_values.js";
 import { poseAt } from "./poses.js";
 import { beginOf } from "./residual.js";
-import { lengthOf } from "./tape.js";
 
 /**
  * @typedef {object} PageState
@@ -31,7 +31,12 @@ import { lengthOf } from "./tape.js";
  * @property {number} glides how often the map was adjusted in sight
  * @property {number | null} closure row of the constraint that is looked at
  * @property {{metres: number, onWalls: number} | null} tape the last one, and how many of its ends are
- *   on walls
+ *   on walls; null while nothing is being measured
+ * @property {string[]} measures all that was measured, as text
+ * @property {Record<string, any> | null} facts as the server sent them
+ * @property {{violated: number, rejected: number, shown: number}} suspects closures to look at first; and
+ *   how many closures are drawn
+ * @property {boolean} before whether the poses are shown that were before loop closure
  * @property {boolean} following
  * @property {"light" | "dark"} theme
  * @property {number | null} time that is shown, stamp [s]; null: all there is
@@ -58,7 +63,7 @@ export function inspector(page) {
 }
 
 /** @returns {PageState} */
-function stateOf({ connection, state, renderer, motion, stage, closure, tape, camera, theme, playback, session }) {
+function stateOf({ connection, state, renderer, motion, stage, closure, measures, camera, theme, playback, session, suspects }) {
   return {
     connected: connection.isOpen,
     complete: state.isComplete,
@@ -73,7 +78,15 @@ function stateOf({ connection, state, renderer, motion, stage, closure, tape, ca
     frames: { number: stage.numFrames, ms: stage.frameMs },
     glides: motion.numGlides,
     closure: closure.details?.constraint ?? null,
-    tape: tape.last && { metres: lengthOf(tape.last), onWalls: Number(tape.last.onA) + Number(tape.last.onB) },
+    tape: measures.last && {
+      metres: distance(...measures.last.points), onWalls: measures.last.onWall.filter(Boolean).length,
+    },
+    measures: measures.all.map((measure) => valueOf(measure).value),
+    facts: state.facts,
+    suspects: {
+      violated: suspects.violated.size, rejected: suspects.numRejected, shown: stage.overlays.constraints.count,
+    },
+    before: state.isBefore,
     following: camera.isFollowing,
     theme: theme.name,
     time: playback.time,

@@ -6,7 +6,7 @@
 import { byId, store, stored } from "./dom.js";
 import { LAYERS } from "./overlays.js";
 
-const LAYERS_KEY = "cartoloop.layers";
+const LAYERS_KEY = "cartoloop.chosen-layers";
 const COLOURING_KEY = "cartoloop.colouring";
 
 /** What is drawn over the map, as the operator chose it. */
@@ -14,16 +14,15 @@ export class Layers {
   /** @param {import("./theme.js").Theme} theme @param {() => void} onChange */
   constructor(theme, onChange) {
     this.theme = theme;
-    this.on = { ...LAYERS, ...stored(LAYERS_KEY, {}) };
+    this.onChange = onChange;
+    /** What the operator has switched. @type {Record<string, boolean>} */
+    this.chosen = stored(LAYERS_KEY, {});
+    this.on = { ...LAYERS, ...this.chosen };
     /** @type {"kind" | "residual"} */
     this.colouring = stored(COLOURING_KEY, "kind") === "residual" ? "residual" : "kind";
     for (const box of document.querySelectorAll("[data-layer]")) {
       box.checked = this.on[box.dataset.layer];
-      box.addEventListener("change", () => {
-        this.on[box.dataset.layer] = box.checked;
-        store(LAYERS_KEY, this.on);
-        onChange();
-      });
+      box.addEventListener("change", () => this.set(box.dataset.layer, box.checked));
     }
     for (const choice of document.querySelectorAll("[name=colouring]")) {
       choice.checked = choice.value === this.colouring;
@@ -35,6 +34,23 @@ export class Layers {
       });
     }
     this.show();
+  }
+
+  /** Switch a layer, for this time and later ones. */
+  set(layer, isOn) {
+    this.chosen[layer] = this.on[layer] = isOn;
+    store(LAYERS_KEY, this.chosen);
+    document.querySelector(`[data-layer=${layer}]`).checked = isOn;
+    this.onChange();
+  }
+
+  /** Loop closures are of interest while they come; over a finished map thousands hide it. */
+  setOver(isOver) {
+    if (this.isOver === isOver) return;
+    this.isOver = isOver;
+    this.on.closures = this.chosen.closures ?? !isOver;
+    document.querySelector("[data-layer=closures]").checked = this.on.closures;
+    this.onChange();
   }
 
   /** Show the colours of the theme. */

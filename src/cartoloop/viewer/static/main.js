@@ -6,24 +6,28 @@
  */
 import { Camera } from "./camera.js";
 import { ClosureCard, pickClosure } from "./closure.js";
+import { ClosureTable } from "./closure_table.js";
 import { Connection, socketUrl } from "./connection.js";
 import { byId } from "./dom.js";
 import { Gestures } from "./gestures.js";
 import { Renderer } from "./gl/renderer.js";
 import { Hint } from "./hint.js";
 import { inspector } from "./inspect.js";
+import { roundText } from "./grid.js";
 import { Layers } from "./layers.js";
+import { Marks } from "./marks.js";
+import { Measures } from "./measures.js";
 import { Motion } from "./motion.js";
 import { Panel } from "./panel.js";
 import { Places } from "./places.js";
 import { PlaybackBar } from "./playback.js";
 import { PROTOCOL_VERSION, Type } from "./protocol.js";
-import { saveBlob, savePng } from "./save.js";
+import { drawFoot, saveBlob, savePng } from "./save.js";
 import { ScaleBar } from "./scale_bar.js";
 import { Stage } from "./stage.js";
 import { MapState } from "./state.js";
 import { Status } from "./status.js";
-import { Tape } from "./tape.js";
+import { Suspects } from "./suspects.js";
 import { Theme } from "./theme.js";
 import { Tools } from "./tools.js";
 import { View } from "./view.js";
@@ -37,36 +41,43 @@ class Page {
     this.view = new View();
     this.state = new MapState();
     this.motion = new Motion();
+    this.suspects = new Suspects(this.state);
     this.hint = new Hint();
     this.scaleBar = new ScaleBar();
+    this.marks = new Marks(this.view);
     this.panel = new Panel();
     this.theme = new Theme(() => this.changeTheme());
     this.layers = new Layers(this.theme, change);
     this.renderer = new Renderer(this.canvas, this.view, () => {
-      this.tape?.refresh();
+      this.measures?.refresh();
       this.stage?.schedule();
     });
+    this.renderer.map.colours = this.theme.map;
     this.camera = new Camera(this.view, {
-      bounds: () => this.renderer.bounds(this.state.submapPoses.rows),
-      isFinished: () => this.state.readings?.state === "finished",
+      bounds: () => this.bounds(),
+      isFinished: () => this.state.isOver,
       isCalm: () => this.motion.calm.matches,
       onMove: () => this.stage?.schedule(),
       onShown: () => this.showView(),
     });
     const hooks = {
-      state: this.state, theme: this.theme, onChange: change,
+      state: this.state, suspects: this.suspects, theme: this.theme, onChange: change,
       ask: (request) => this.connection.ask(request),
       send: (request) => this.connection.send(request),
       onHint: (text) => this.hint.show(text),
       onShow: (bounds) => this.camera.look(bounds),
+      onOpen: (row) => this.openClosure(row),
       levelsAround: (point, reach) => this.renderer.work.levelsAround(point, reach),
     };
     this.playback = new PlaybackBar(hooks);
     this.closure = new ClosureCard(hooks);
     this.places = new Places(hooks.onShow);
-    this.tape = new Tape(byId("tape-layer"), this.view, hooks);
-    this.stage = new Stage(this);
+    this.table = new ClosureTable(hooks);
+    this.measures = new Measures(this.view, hooks);
+    this.stage = new Stage({ ...this, onDrawn: () => this.showOver() });
     this.tools = new Tools(this.view, this.actions());
+    byId("measures-close").addEventListener("click", () => this.setMeasuring(false));
+    this.canvas.addEventListener("pointerleave", () => this.scaleBar.point(null));
     this.gestures = new Gestures(this.canvas, this.view, this.hands());
     this.status.watch(this.canvas);
     new ResizeObserver(change).observe(this.canvas);
@@ -86,8 +97,12 @@ class Page {
     this.state.begin();
     this.stage.begin();
     this.playback.begin();
+    this.suspects.begin();
     this.closure.close();
+    this.table.close();
     this.places.show(null);
+    this.panel.showFacts(null);
+    this.showBefore();
   }
 
   take(message) {
@@ -100,6 +115,8 @@ class Page {
         break; // drawn when a worker has inflated it
       case Type.READINGS:
         this.panel.show(message.content);
+        this.layers.setOver(this.state.isOver);
+        this.showBefore();
         this.status.show("connected", message.content);
         this.playback.show();
         break;
@@ -107,6 +124,10 @@ class Page {
       case Type.QUALITY:
         this.places.show(message.content);
         this.stage.change();
+        break;
+      case Type.FACTS:
+        this.panel.showFacts(message.content);
+        this.measures.bringBack(message.content);
         break;
       case Type.SCAN: case Type.LATEST_CLOSURE: this.stage.touch(); break;
       case Type.COMPLETE: performance.mark("cartoloop:complete"); // falls through
@@ -124,10 +145,16 @@ class Page {
     }
     if (this.session !== undefined && this.session !== hello.session) this.camera.forget();
     this.session = hello.session;
-    this.theme.palette = hello.palette;
+    this.theme.colours = hello.colours;
     this.renderer.begin(hello);
     this.renderer.map.colours = this.theme.map;
     this.panel.begin(hello);
+    this.measures.begin(hello.name);
+  }
+
+  /** Return where the map is; the facts of a finished one say it best. */
+  bounds() {
+    return this.state.facts?.extent ?? this.renderer.bounds(this.state.submapPoses.rows);
   }
 
   noteClosure({ submap, node }) {
@@ -137,12 +164,22 @@ class Page {
   }
 
   showView() {
-    this.scaleBar.show(this.view);
-    this.tape.draw();
+    this.scaleBar.show(this.view, this.layers.on.grid);
+    this.measures.draw();
+    this.marks.show(this.stage.scene(performance.now()));
     const bounds = this.renderer.bounds(this.state.submapPoses.rows);
+    if (bounds !== null) this.camera.limit(bounds);
     const isLost = bounds !== null && !this.view.touches(bounds);
     if (isLost && !this.isLost) this.hint.show("The map is out of sight. Press 0 to see all of it.");
     this.isLost = isLost;
+  }
+
+  /** All has been drawn again: what lies over it may have moved. */
+  showOver() {
+    this.marks.show(this.stage.scene(performance.now()));
+    this.scaleBar.show(this.view, this.layers.on.grid);
+    const { violated, numRejected } = this.suspects;
+    this.panel.showSuspects(violated.size, numRejected);
   }
 
   changeTheme() {
@@ -160,19 +197,28 @@ class Page {
     return {
       onView: () => this.move(),
       onZoom: () => this.zoom(),
-      openLatest: () => this.closure.openLatest(),
+      openLatest: () => {
+        this.setMeasuring(false);
+        this.closure.openLatest();
+      },
       fit: () => this.camera.fit(),
       toggleFollow: () => this.camera.setFollowing(!this.camera.isFollowing),
-      toggleTape: () => this.setTape(!this.tape.isOn),
+      toggleMeasures: () => this.setMeasuring(!this.measures.isOn),
+      finishMeasure: () => this.measures.finish(),
+      toggleTable: () => this.toggleTable(),
+      toggleGrid: () => this.layers.set("grid", !this.layers.on.grid),
+      toggleBefore: () => this.toggleBefore(),
       togglePlay: () => this.playback.toggle(),
       toggleTheme: () => this.theme.toggle(),
       saveView: () => savePng(this.canvas, this.title, () => this.stage.drawNow(),
-        (context) => this.tape.drawInto(context)),
+        (context) => this.drawOver(context)),
       saveMap: () => this.saveMap(),
       putAway: () => {
-        this.setTape(false);
-        this.closure.close();
         this.hint.show("");
+        if (this.measures.cancel()) return;
+        this.setMeasuring(false);
+        this.table.close();
+        this.closure.close();
       },
     };
   }
@@ -182,8 +228,8 @@ class Page {
     return {
       onChange: () => this.move(),
       onZoom: () => this.zoom(),
-      onPress: (px, py) => this.tape.press(px, py),
-      onDrag: (px, py, event) => this.tape.drag(px, py, !event.altKey),
+      onPress: (px, py) => this.measures.press(px, py),
+      onDrag: (px, py, event) => this.measures.drag(px, py, !event.altKey),
       onHover: (px, py) => this.hover(px, py),
       onClick: (px, py, event) => this.click(px, py, event),
     };
@@ -200,14 +246,16 @@ class Page {
   }
 
   hover(px, py) {
-    if (this.tape.isOn) this.tape.hover(px, py);
+    this.scaleBar.point(this.view.toMap(px, py));
+    if (this.measures.isOn) this.measures.hover(px, py);
     else this.canvas.classList.toggle("pointing", this.closureAt(px, py) !== null);
   }
 
   click(px, py, event) {
     this.tools.closePopovers();
-    if (this.tape.isOn) {
-      this.tape.click(px, py, !event.altKey);
+    this.scaleBar.point(this.view.toMap(px, py)); // a finger does not hover
+    if (this.measures.isOn) {
+      this.measures.click(px, py, !event.altKey);
       return;
     }
     const row = this.closureAt(px, py);
@@ -215,17 +263,67 @@ class Page {
     else this.closure.open(row);
   }
 
+  openClosure(row) {
+    this.setMeasuring(false);
+    this.closure.open(row).then(() => this.closure.bringIntoSight());
+  }
+
+  toggleTable() {
+    this.setMeasuring(false);
+    this.table.toggle();
+  }
+
+  /** Go back to how the map was before loop closure, or forth again; the poses are asked for once. */
+  async toggleBefore() {
+    const { state, stage, motion } = this;
+    if (!state.isOver) return;
+    if (state.before === null) {
+      try {
+        const { submaps, nodes } = await this.connection.ask({ type: "before" });
+        state.before = { submaps, nodes };
+      } catch (problem) {
+        this.hint.show(problem.message);
+        return;
+      }
+    }
+    state.showBefore(!state.isBefore);
+    this.showBefore();
+    motion.note();
+    stage.change();
+  }
+
+  showBefore() {
+    const { isOver, isBefore } = this.state;
+    byId("before").hidden = !isOver;
+    byId("before").setAttribute("aria-pressed", String(isBefore));
+    byId("before-note").hidden = !isBefore;
+  }
+
+  /** Draw into a picture of the screen what is not in its canvas. */
+  drawOver(context) {
+    const { view, state, scaleBar } = this;
+    context.scale(view.ratio, view.ratio);
+    this.marks.drawInto(context);
+    this.measures.drawInto(context);
+    const facts = (state.facts?.described ?? []).map(([name, text]) => `${name} ${text}`).join("   ");
+    drawFoot(context, view, {
+      title: state.hello?.name ?? "map", facts, metres: scaleBar.metres, length: roundText(scaleBar.metres),
+    });
+  }
+
   /** Return the row of the closure that is there on the screen, null if there is none. */
   closureAt(px, py) {
-    if (!this.layers.on.closures) return null;
+    if (!this.layers.on.closures && !this.layers.on.suspects) return null;
     const scene = this.stage.scene(performance.now());
     return pickClosure(scene, this.stage.overlays.rowsShown(scene), this.view, px, py);
   }
 
-  setTape(isOn) {
-    if (isOn === this.tape.isOn) return;
-    this.tape.toggle(isOn);
+  setMeasuring(isOn) {
+    if (isOn === this.measures.isOn) return;
+    if (isOn) this.closure.close();
+    this.measures.toggle(isOn);
     byId("tape").setAttribute("aria-pressed", String(isOn));
+    byId("tape").setAttribute("aria-expanded", String(isOn));
     this.canvas.classList.toggle("measuring", isOn);
   }
 

@@ -85,7 +85,7 @@ export class Motion {
   update(state, now, scale) {
     if (!this.isPending && !this.isGliding && this.known === state.graphVersion) return;
     this.known = state.graphVersion;
-    const [submaps, nodes] = [state.submapPoses.rows, state.nodes.rows];
+    const { submaps, nodes } = state.shownPoses;
     if (this.isPending) {
       this.isPending = false;
       const seen = SEEN_PX / scale;

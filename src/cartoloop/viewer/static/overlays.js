@@ -4,14 +4,15 @@
  * @module
  */
 import { inkOf, LineList, Pen, Shape } from "./gl/lines.js";
+import { gridLines, gridStep } from "./grid.js";
 import { chain, poseAt, transform } from "./poses.js";
 import { Kind } from "./protocol.js";
 import { beginOf, residualOf } from "./residual.js";
 
 /** Layers, and whether they are on at first. */
 export const LAYERS = Object.freeze({
-  trajectory: true, scan: true, nodes: false, closures: true, constraints: false, latest: true,
-  quality: true,
+  trajectory: true, ends: true, scan: true, nodes: false, suspects: true, closures: true,
+  constraints: false, latest: true, quality: true, grid: false,
 });
 
 /** Distances on the screen below which points are left out [px]; at most twice that. */
@@ -22,6 +23,8 @@ const WAY_PX = 1.8;
 const ROBOT_PX = 15;
 const FADED = 0.3;
 const CIRCLE_SIDES = 64;
+const END_PX = 12;
+const HALO_PX = 4;
 /** Inks of places by their severity; minor ones are in the list alone. */
 const PLACE_INKS = Object.freeze({ doubtful: "doubtful", wrong: "wrong" });
 
@@ -35,6 +38,9 @@ const PLACE_INKS = Object.freeze({ doubtful: "doubtful", wrong: "wrong" });
  * @property {import("./protocol.js").Scan | null} scan
  * @property {object | null} closure that is looked at
  * @property {object | null} latest that was found
+ * @property {import("./suspects.js").Suspects} suspects
+ * @property {boolean} isBefore whether the poses are those before loop closure
+ * @property {boolean} isOver whether the map grows no more, and no other time is shown
  * @property {number} pulse of the latest closure, from 1 to 0
  */
 
@@ -55,6 +61,7 @@ export class Overlays {
     this.frame = new Shape(gl);
     this.dots = new Shape(gl);
     this.places = new Shape(gl);
+    this.grid = new Shape(gl);
   }
 
   /**
@@ -66,15 +73,16 @@ export class Overlays {
     this.begin(view);
     const { layers } = scene;
     const apart = SEEN_PX * 2 ** -Math.floor(Math.log2(view.scale));
+    if (layers.grid) this.drawGrid(view);
     this.setWay(scene, apart);
-    if (layers.closures || layers.constraints) {
+    if (layers.closures || layers.suspects || layers.constraints) {
       this.setConstraints(scene, apart);
       // One that is looked at must stand out.
       this.pen.lines(this.constraints, 1.2, scene.closure ? [1, 1, 1, FADED] : undefined);
     }
     if (layers.trajectory) this.pen.lines(this.way, WAY_PX);
     if (layers.nodes) this.pen.dots(this.nodes, 4.5, tint(this.theme.inks.node, 0.9));
-    if (layers.quality && scene.state.quality) this.drawPlaces(scene.state.quality.places);
+    if (layers.quality && scene.state.quality && !scene.isBefore) this.drawPlaces(scene.state.quality.places);
     this.pen.end();
   }
 
@@ -90,8 +98,32 @@ export class Overlays {
     if (layers.latest && scene.latest && !scene.closure) this.drawClosure(scene.latest, scene);
     if (layers.scan && scan) this.drawScan(scan);
     if (scene.closure) this.drawClosure(scene.closure, scene);
-    if (scan) this.drawRobot(scan.pose, view);
+    if (layers.ends) this.drawEnds(scene);
+    if (scan && !scene.isOver) this.drawRobot(scan.pose, view);
     this.pen.end();
+  }
+
+  drawGrid(view) {
+    const bounds = view.bounds();
+    const lines = gridLines(bounds, gridStep(view));
+    const list = new LineList(lines.length, this.anchor);
+    for (const { x, y, strong } of lines) {
+      const ink = inkOf(this.theme.inks.grid, strong ? 0.42 : 0.18);
+      if (y === null) list.add(x, bounds.bottom, x, bounds.top, ink);
+      else list.add(bounds.left, y, bounds.right, y, ink);
+    }
+    list.into(this.grid);
+    this.pen.lines(this.grid, 1);
+  }
+
+  /** Draw where the way begins, and where it ends once it does. */
+  drawEnds(scene) {
+    const { inks } = this.theme;
+    for (const { name, at } of endsOf(scene)) {
+      this.dots.set(new Float32Array([at[0] - this.anchor[0], at[1] - this.anchor[1]]), 1, this.anchor);
+      this.pen.dots(this.dots, END_PX + HALO_PX, tint(inks.halo, 1));
+      this.pen.dots(this.dots, END_PX, tint(inks[name], 1));
+    }
   }
 
   begin(view) {
@@ -180,8 +212,9 @@ export class Overlays {
   /** Bring the lines of constraints up to date. @param {Scene} scene */
   setConstraints(scene, apart) {
     const { state, motion, layers, colouring, numNodes } = scene;
-    const key = [motion.version, state.graphVersion, layers.closures, layers.constraints, colouring,
-      numNodes, apart, this.theme.name, this.anchor].join();
+    const key = [motion.version, state.graphVersion, layers.closures, layers.suspects,
+      layers.constraints, scene.suspects.version, colouring, numNodes, apart, this.theme.name,
+      this.anchor].join();
     if (this.constraints.key === key) return;
     this.constraints.key = key;
     const [submaps, nodes] = [motion.submaps.shown, motion.nodes.shown];
@@ -199,23 +232,26 @@ export class Overlays {
   /**
    * Yield the rows of constraints that are shown.
    * @param {Scene} scene
-   * @param {number} every only every n-th node is shown, and what was rejected
+   * @param {number} every only every n-th node is shown, and all suspects
    */
-  * rowsShown({ state, motion, layers, numNodes }, every = 1) {
+  * rowsShown({ state, motion, layers, numNodes, suspects }, every = 1) {
     const { a, b, kinds } = state.constraints;
     const numSubmaps = motion.submaps.shown.length / 3;
     for (let row = 0; row < kinds.length; row++) {
       const kind = kinds.numbers[row];
-      const isClosure = kind === Kind.CLOSURE || kind === Kind.REJECTED;
-      if (!(isClosure ? layers.closures : layers.constraints)) continue;
+      const isSuspect = kind === Kind.REJECTED || suspects.violated.has(row);
+      if (!(isSuspect && layers.suspects)) {
+        if (kind === Kind.REJECTED) continue;
+        if (!(kind === Kind.CLOSURE ? layers.closures : layers.constraints)) continue;
+        if (b.numbers[row] % every !== 0) continue;
+      }
       if (b.numbers[row] >= numNodes) continue;
-      if (b.numbers[row] % every !== 0 && kind !== Kind.REJECTED) continue;
       if (a.numbers[row] >= (kind === Kind.NODES ? numNodes : numSubmaps)) continue;
       yield row;
     }
   }
 
-  inkOf(constraint, { state, motion, colouring }) {
+  inkOf(constraint, { state, motion, colouring, suspects }) {
     const { inks } = this.theme;
     const isClosure = constraint.kind === Kind.CLOSURE || constraint.kind === Kind.REJECTED;
     const alpha = isClosure ? closureAlpha(state.readings?.loop_closures ?? 0) : 0.3;
@@ -223,6 +259,7 @@ export class Overlays {
       const { share } = residualOf(constraint, motion.submaps.shown, motion.nodes.shown);
       return inkOf(this.theme.residual(share), alpha + 0.5 * Math.min(share, 1));
     }
+    if (suspects.violated.has(constraint.row)) return inkOf(inks.violated, 0.9);
     const names = ["intra", "closure", "nodes", "rejected"];
     return inkOf(inks[names[constraint.kind]], constraint.kind === Kind.REJECTED ? 0.9 : alpha);
   }
@@ -255,6 +292,18 @@ export class Overlays {
     if (pulse > 0) this.pen.dots(this.dots, 12 + 48 * (1 - pulse), tint(inks.found, 0.5 * pulse));
     this.pen.dots(this.dots, 9, tint(inks.found, 1));
   }
+}
+
+/**
+ * Return where the way begins, and where it ends if it does.
+ * @param {Scene} scene
+ * @returns {{name: "start" | "end", at: number[]}[]}
+ */
+export function endsOf({ motion, numNodes, isOver }) {
+  if (numNodes === 0) return [];
+  const poses = motion.nodes.shown;
+  const start = { name: "start", at: poseAt(poses, 0) };
+  return isOver ? [start, { name: "end", at: poseAt(poses, numNodes - 1) }] : [start];
 }
 
 /** Return nodes that are so far apart from one to the next, and the last. */

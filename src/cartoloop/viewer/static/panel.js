@@ -12,6 +12,7 @@ const KEY = "cartoloop.readings";
 export class Panel {
   constructor() {
     this.root = byId("panel");
+    this.facts = byId("facts");
     const toggle = byId("panel-toggle");
     const open = (isOpen) => {
       this.root.classList.toggle("open", isOpen);
@@ -35,21 +36,23 @@ export class Panel {
   /** @param {Record<string, any>} now READINGS */
   show(now) {
     this.root.classList.remove("blank");
+    const isOver = ["finished", "stopped", "failed"].includes(now.state);
+    byId("closures-button").hidden = !(now.loop_closures > 0);
     const figures = {
       time: duration(now.time_s),
       factor: factor(now.real_time_factor),
       closures: count(now.loop_closures),
+      loops: isOver ? count(now.loop_closures) : NOTHING,
       scans: now.scans_total && now.scans_total !== now.scans
         ? `${count(now.scans)} of ${count(now.scans_total)}` : count(now.scans),
       nodes: count(now.nodes),
       submaps: count(now.submaps),
       constraints: count(now.constraints),
-      backlog: count(now.backlog),
+      backlog: isOver ? NOTHING : count(now.backlog),
       adjustment: adjustment(now.adjustment),
       uncertain: length(now.uncertain_m),
-      memory: now.memory_mb ? `${count(now.memory_mb)} MB` : NOTHING,
+      memory: now.memory_mb && !isOver ? `${count(now.memory_mb)} MB` : NOTHING,
       skipped: sum(now.skipped) > 0 ? count(sum(now.skipped)) : NOTHING,
-
     };
     for (const [name, text] of Object.entries(figures)) {
       const figure = byId(`read-${name}`);
@@ -60,9 +63,36 @@ export class Panel {
     this.showSkipped(now.skipped);
   }
 
+  /**
+   * Show what one asks of a map first; instead of the figures of its growth.
+   * @param {{described: [string, string][], duration_s: number, verdict: string} | null} facts
+   */
+  showFacts(facts) {
+    this.facts.hidden = facts === null;
+    this.root.classList.toggle("ended", facts !== null);
+    const rows = facts ? [...facts.described.slice(0, -1), ["recorded time", duration(facts.duration_s)],
+      facts.described.at(-1)] : [];
+    this.facts.replaceChildren(...rows.map(([name, text]) => {
+      const [row, term, value] = ["div", "dt", "dd"].map((tag) => document.createElement(tag));
+      term.textContent = name;
+      value.textContent = text;
+      if (name === "verdict") value.dataset.verdict = facts.verdict;
+      row.append(term, value);
+      return row;
+    }));
+  }
+
+  /** @param {number} numViolated @param {number} numRejected closures */
+  showSuspects(numViolated, numRejected) {
+    for (const [name, number] of [["violated", numViolated], ["rejected", numRejected]]) {
+      setText(byId(`read-${name}`), count(number));
+      byId(`read-${name}`).parentElement.hidden = number === 0;
+    }
+  }
+
   showProgress({ state, time_s: time, duration_s: whole }) {
     const progress = byId("progress");
-    progress.hidden = !whole || state === "finished" || state === "failed";
+    progress.hidden = !whole || ["finished", "stopped", "failed"].includes(state);
     if (!progress.hidden) {
       progress.firstElementChild.style.width = `${Math.min(100, (100 * time) / whole)}%`;
     }

@@ -30,6 +30,9 @@ export const Type = Object.freeze({
   SUBMAP_PREVIEW: 18,
   ANSWER: 19,
   QUALITY: 20,
+  FACTS: 21,
+  CLOSURES: 22,
+  BEFORE: 23,
 });
 
 /** Kinds of constraints. @enum {number} */
@@ -104,10 +107,12 @@ const READERS = {
   [Type.CONSTRAINTS]: readConstraints,
   [Type.SCAN]: readScan,
   [Type.NODE_SCAN]: readScan,
+  [Type.BEFORE]: readBefore,
   [Type.PICTURE]: (buffer, at, length) => ({ png: new Uint8Array(buffer, at, length) }),
 };
 for (const type of [Type.HELLO, Type.READINGS, Type.PLAYBACK, Type.LATEST_CLOSURE, Type.COMPLETE,
-  Type.CLOSURE, Type.PROBLEM, Type.PONG, Type.ANSWER, Type.QUALITY]) {
+  Type.CLOSURE, Type.PROBLEM, Type.PONG, Type.ANSWER, Type.QUALITY, Type.FACTS,
+  Type.CLOSURES]) {
   READERS[type] = (buffer, at, length) => ({
     content: JSON.parse(text.decode(new Uint8Array(buffer, at, length))),
   });
@@ -147,6 +152,16 @@ function readConstraints(buffer, at) {
     b: new Uint32Array(buffer, start + 4 * n, n),
     poses: new Float32Array(buffer, start + 8 * n, 3 * n),
     kinds: new Uint8Array(buffer, start + 20 * n, n),
+  };
+}
+
+/** Poses are copied, since they are kept. */
+function readBefore(buffer, at) {
+  const [numSubmaps, numNodes] = new Uint32Array(buffer, at, 2);
+  const end = at + 8 + 24 * numSubmaps;
+  return {
+    submaps: new Float64Array(buffer.slice(at + 8, end)),
+    nodes: new Float32Array(buffer.slice(end, end + 12 * numNodes)),
   };
 }
 

@@ -18,15 +18,12 @@ const LEVELS = 256;
  * @property {Rgb} wall of what is surely occupied
  */
 
-/** Colours of the map in the dark. @type {MapColours} */
-export const DARK = { ground: [20, 23, 27], floor: [44, 50, 57], wall: [240, 236, 226] };
-
 /**
  * Return the colours of the exported map.
  * @param {Rgb[]} palette by level, the last of what is unknown
  * @returns {MapColours}
  */
-export function lightColours(palette) {
+function lightColours(palette) {
   return { ground: palette[LEVELS], floor: palette[0], wall: palette[LEVELS - 1] };
 }
 

@@ -28,6 +28,8 @@ export class Stage {
    * @param {import("./theme.js").Theme} parts.theme
    * @param {import("./layers.js").Layers} parts.layers
    * @param {import("./playback.js").PlaybackBar} parts.playback
+   * @param {import("./suspects.js").Suspects} parts.suspects
+   * @param {() => void} parts.onDrawn all has been drawn again
    * @param {import("./closure.js").ClosureCard} parts.closure
    */
   constructor(parts) {
@@ -90,6 +92,7 @@ export class Stage {
     const { renderer, motion, playback, camera } = this;
     if (renderer.resize()) renderer.invalidate();
     if (this.hasAll || this.isFirst) motion.update(this.state, now, this.view.scale);
+    if (this.suspects.update(now)) renderer.invalidate();
     if (this.hasAll && camera.placeFirst()) renderer.invalidate();
     const isPlaying = playback.advance(now);
     const isPulsing = now - this.pulseBegan < PULSE_MS;
@@ -136,7 +139,10 @@ export class Stage {
       drawGraph: (view) => this.overlays.drawGraph(view, scene),
       drawNow: (view) => this.overlays.drawNow(view, scene),
     });
-    if (isDrawn) this.drawnAt = now;
+    if (isDrawn) {
+      this.drawnAt = now;
+      this.onDrawn();
+    }
     byId("empty").hidden = renderer.submaps.previews.size > 0;
     this.numFrames++;
     if (!this.isFirst || !hasAll) return;
@@ -167,12 +173,14 @@ export class Stage {
 
   /** @returns {import("./overlays.js").Scene} */
   scene(now) {
-    const { state, motion, layers, playback } = this;
+    const { state, motion, layers, playback, suspects } = this;
+    const isOver = state.isOver && !playback.isBack;
     return {
-      state, motion, layers: layers.on, colouring: layers.colouring,
+      state, motion, layers: layers.on, colouring: layers.colouring, suspects, isOver,
+      isBefore: state.isBefore,
       numNodes: Math.min(playback.numNodes, motion.nodes.shown.length / 3),
       scan: playback.isBack ? playback.scan : state.scan,
-      closure: this.closure.details, latest: playback.isBack ? null : state.latestClosure,
+      closure: this.closure.details, latest: state.isOver ? null : state.latestClosure,
       pulse: Math.max(0, 1 - (now - this.pulseBegan) / PULSE_MS),
     };
   }

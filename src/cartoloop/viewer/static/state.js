@@ -91,6 +91,11 @@ export class MapState {
     this.latestClosure = null;
     /** Verdict on the finished map, and its places. */
     this.quality = null;
+    /** Facts of a map that grows no more. */
+    this.facts = null;
+    /** Poses before loop closure, once they were asked for; and whether they are shown. */
+    this.before = null;
+    this.isBefore = false;
     this.isComplete = false;
     this.submapPoses = new Table(Float64Array, 3);
     this.nodes = new Table(Float32Array, 3);
@@ -114,6 +119,7 @@ export class MapState {
       case Type.PLAYBACK: this.playback = message.content; break;
       case Type.LATEST_CLOSURE: this.latestClosure = message.content; break;
       case Type.QUALITY: this.quality = message.content; break;
+      case Type.FACTS: this.facts = message.content; break;
       case Type.SCAN: this.scan = message; break;
       case Type.COMPLETE: this.isComplete = true; break;
       case Type.SUBMAP_POSES: return this.setRows("submapPoses", message, message.poses);
@@ -123,6 +129,30 @@ export class MapState {
       default:
     }
     return false;
+  }
+
+  /** Whether the map grows no more. */
+  get isOver() {
+    return ["finished", "stopped", "failed"].includes(this.readings?.state);
+  }
+
+  /** Poses of submaps and nodes that are to be shown. */
+  get shownPoses() {
+    if (this.isBefore && this.before) return this.before;
+    return { submaps: this.submapPoses.rows, nodes: this.nodes.rows };
+  }
+
+  /** Show the poses before loop closure, or those of the map. */
+  showBefore(isBefore) {
+    this.isBefore = isBefore;
+    this.graphVersion++;
+  }
+
+  /** Whether both ends of a constraint are known. */
+  knowsEnds(row) {
+    const { a, b, kinds } = this.constraints;
+    const begins = kinds.numbers[row] === Kind.NODES ? this.nodes : this.submapPoses;
+    return a.numbers[row] < begins.length && b.numbers[row] < this.nodes.length;
   }
 
   setRows(name, { type, first, revision }, rows) {

@@ -4,11 +4,11 @@
  * @module
  */
 import { store, stored } from "./dom.js";
-import { DARK, lightColours } from "./shades.js";
 
 const KEY = "cartoloop.theme";
 
 /** @typedef {[number, number, number]} Rgb */
+/** @typedef {import("./shades.js").MapColours} MapColours */
 
 /**
  * Colours over the map, after Okabe and Ito: distinguishable with any colour vision.
@@ -18,13 +18,15 @@ const INKS = {
   light: {
     trajectory: [0, 114, 178], scan: [213, 94, 0], node: [0, 114, 178], robot: [0, 90, 150],
     halo: [255, 255, 255], closure: [213, 94, 0], intra: [86, 150, 190], nodes: [0, 158, 115],
-    rejected: [204, 121, 167], window: [94, 98, 104], matched: [0, 114, 178], found: [213, 94, 0],
+    rejected: [170, 60, 140], violated: [200, 40, 20], start: [0, 121, 90], end: [27, 31, 37],
+    grid: [48, 52, 58], window: [94, 98, 104], matched: [0, 114, 178], found: [213, 94, 0],
     doubtful: [230, 159, 0], wrong: [204, 51, 119],
   },
   dark: {
     trajectory: [86, 180, 233], scan: [240, 150, 60], node: [86, 180, 233], robot: [86, 180, 233],
     halo: [20, 23, 27], closure: [240, 128, 60], intra: [90, 140, 175], nodes: [40, 190, 145],
-    rejected: [220, 150, 190], window: [170, 175, 182], matched: [86, 180, 233],
+    rejected: [230, 150, 210], violated: [255, 110, 80], start: [76, 201, 160], end: [244, 240, 230],
+    grid: [236, 235, 231], window: [170, 175, 182], matched: [86, 180, 233],
     found: [240, 128, 60], doubtful: [240, 180, 40], wrong: [240, 90, 150],
   },
 };
@@ -45,7 +47,8 @@ export class Theme {
     /** @type {"light" | "dark" | null} null: as the system has it */
     this.chosen = stored(KEY, null);
     if (!(this.chosen in INKS)) this.chosen = null;
-    this.palette = null;
+    /** Colours of the map by theme, as HELLO has them. @type {Record<string, MapColours> | null} */
+    this.colours = null;
     this.apply();
   }
 
@@ -58,10 +61,12 @@ export class Theme {
     return INKS[this.name];
   }
 
-  /** Colours of the map. */
+  /** Colours of the map; before any has come there is only ground. @returns {MapColours} */
   get map() {
-    if (this.name === "dark" || !this.palette) return DARK;
-    return lightColours(this.palette);
+    if (this.colours) return this.colours[this.name];
+    const hex = getComputedStyle(document.documentElement).getPropertyValue("--ground");
+    const ground = [1, 3, 5].map((at) => Number.parseInt(hex.trim().slice(at, at + 2), 16));
+    return { ground, floor: ground, wall: ground };
   }
 
   /** Go over to the other one. */

@@ -9,6 +9,13 @@ const PAN_PX = 60;
 const ZOOM = 1.3;
 const TURN_RAD = Math.PI / 24;
 
+/** Whether a key is for the field that has the focus: boxes and choices take only some. */
+function isForField({ target, key }) {
+  const field = target instanceof Element ? target.closest("input, select") : null;
+  if (field === null) return false;
+  return !["checkbox", "radio"].includes(field.type) || key === " " || key.startsWith("Arrow");
+}
+
 /** A part of the page that a button opens. */
 class Popover {
   constructor(button, root) {
@@ -37,13 +44,17 @@ class Popover {
  * @property {() => void} onZoom zoomed or turned: what is looked at stays the same
  * @property {() => void} fit
  * @property {() => void} toggleFollow
- * @property {() => void} toggleTape
+ * @property {() => void} toggleMeasures
+ * @property {() => void} finishMeasure
+ * @property {() => void} toggleTable
+ * @property {() => void} toggleGrid
+ * @property {() => void} toggleBefore
  * @property {() => void} togglePlay
  * @property {() => void} toggleTheme
  * @property {() => void} saveView
  * @property {() => void} saveMap
  * @property {() => void} openLatest the card of the newest closure
- * @property {() => void} putAway close a card, put the tape away
+ * @property {() => void} putAway close a card, stop measuring
  */
 
 /** Wires buttons and keys. */
@@ -59,7 +70,8 @@ export class Tools {
     const buttons = {
       "zoom-in": () => this.zoom(ZOOM), "zoom-out": () => this.zoom(1 / ZOOM),
       fit: actions.fit, north: () => this.turnUpright(), follow: actions.toggleFollow,
-      tape: actions.toggleTape, theme: actions.toggleTheme, "help-button": () => help.showModal(),
+      tape: actions.toggleMeasures, "closures-button": actions.toggleTable,
+      before: actions.toggleBefore, theme: actions.toggleTheme, "help-button": () => help.showModal(),
       "help-close": () => help.close(), "save-view": () => this.saved(actions.saveView),
       "save-map": () => this.saved(actions.saveMap),
     };
@@ -102,8 +114,8 @@ export class Tools {
 
   /** @param {KeyboardEvent} event */
   key(event) {
-    const isTyping = event.target instanceof Element && event.target.closest("input, select, dialog");
-    if (event.ctrlKey || event.metaKey || (isTyping && event.key !== "Escape")) return;
+    if (event.ctrlKey || event.metaKey || (event.key !== "Escape" && isForField(event))) return;
+    if (byId("help").open) return; // the browser closes it
     const isButton = event.target instanceof HTMLButtonElement;
     if (isButton && (event.key === " " || event.key === "Enter")) return;
     const action = this.actionOf(event.key, event.shiftKey ? 3 : 1);
@@ -128,7 +140,11 @@ export class Tools {
       case "n": case "N": return () => this.turnUpright();
       case "c": case "C": return actions.openLatest;
       case "f": case "F": return actions.toggleFollow;
-      case "m": case "M": return actions.toggleTape;
+      case "m": case "M": return actions.toggleMeasures;
+      case "Enter": return actions.finishMeasure;
+      case "t": case "T": return actions.toggleTable;
+      case "g": case "G": return actions.toggleGrid;
+      case "b": case "B": return actions.toggleBefore;
       case "l": case "L": return () => this.layers.toggle();
       case "s": case "S": return () => this.save.toggle();
       case "d": case "D": return actions.toggleTheme;

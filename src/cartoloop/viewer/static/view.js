@@ -10,6 +10,9 @@ const MAX_SCALE = 2000;
 /** Nothing is magnified more than that to fill the screen. */
 const MAX_FIT_SCALE = 120;
 
+/** Whatever covers the screen, something is made to fit in so much of it [px]. */
+const LEAST_FREE_PX = 40;
+
 /** @typedef {{left: number, bottom: number, right: number, top: number}} Bounds [m, map] */
 /** @typedef {{top: number, right: number, bottom: number, left: number}} Insets [px] */
 
@@ -25,6 +28,8 @@ export class View {
     this.rotation = 0;
     this.width = 1;
     this.height = 1;
+    /** Hands zoom out no farther [pixels a metre]. */
+    this.minScale = MIN_SCALE;
     /** Pixels of the device for each CSS pixel. */
     this.ratio = 1;
   }
@@ -63,7 +68,8 @@ export class View {
   /** Zoom and turn, what is under a point of the screen staying where it is. */
   change(px, py, factor, turn = 0) {
     const [x, y] = this.toMap(px, py);
-    this.scale = Math.min(Math.max(this.scale * factor, MIN_SCALE), MAX_SCALE);
+    const least = Math.min(this.minScale, this.scale);
+    this.scale = Math.min(Math.max(this.scale * factor, least), MAX_SCALE);
     this.rotation += turn;
     this.pin(x, y, px, py);
   }
@@ -90,8 +96,8 @@ export class View {
 
   /** Return the scale at which something fills the screen, beside what covers it. */
   fittingScale(bounds, insets) {
-    const width = this.width - insets.left - insets.right;
-    const height = this.height - insets.top - insets.bottom;
+    const width = Math.max(this.width - insets.left - insets.right, LEAST_FREE_PX);
+    const height = Math.max(this.height - insets.top - insets.bottom, LEAST_FREE_PX);
     const cos = Math.abs(Math.cos(this.rotation));
     const sin = Math.abs(Math.sin(this.rotation));
     const [w, h] = [bounds.right - bounds.left, bounds.top - bounds.bottom];

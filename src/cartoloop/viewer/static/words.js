@@ -43,6 +43,11 @@ export function milliseconds(value) {
   return value < 1000 ? `${value.toFixed(value < 10 ? 1 : 0)} ms` : `${(value / 1000).toFixed(1)} s`;
 }
 
+/** Return a share of one in percent. */
+export function percent(value) {
+  return value === null || value === undefined ? NOTHING : `${Math.round(100 * value)}%`;
+}
+
 /** Return a share of one in hundredths. */
 export function score(value) {
   return value === null || value === undefined ? NOTHING : value.toFixed(2);

@@ -104,8 +104,8 @@ export class MapLayer {
     this.hasPreview = false;
     /** Whether these were coarse, as they moved. */
     this.isCoarse = false;
-    /** @type {import("../shades.js").MapColours} */
-    this.colours = { ground: [238, 237, 233], floor: [255, 255, 255], wall: [33, 37, 43] };
+    /** Set before anything is drawn. @type {import("../shades.js").MapColours} */
+    this.colours = null;
   }
 
   /** How large a cell is on the screen [device px]. */

@@ -184,16 +184,18 @@ export class Renderer {
   }
 
   /**
-   * Return where the map is.
+   * Return where the map is: what is known as a whole, not where single rays went astray.
    * @param {ArrayLike<number>} poses tf_map_submap
    * @returns {import("../view.js").Bounds | null}
    */
   bounds(poses) {
     const [xs, ys] = [[], []];
-    for (const [id, { x, y, rows, cols, resolution }] of this.submaps.previews) {
-      if (3 * id + 2 >= poses.length) continue;
-      for (const col of [0, cols - 1]) {
-        for (const row of [0, rows - 1]) {
+    const known = [...this.submaps.previews].filter(([id]) => 3 * id + 2 < poses.length);
+    const dense = known.filter(([, preview]) => preview.dense);
+    for (const [id, { x, y, resolution, ...all }] of dense.length > 0 ? dense : known) {
+      const { row: low = 0, col: left = 0, rows, cols } = all.dense ?? all;
+      for (const col of [left, left + cols - 1]) {
+        for (const row of [low, low + rows - 1]) {
           const at = transform(poseAt(poses, id), x + col * resolution, y + row * resolution);
           xs.push(at[0]);
           ys.push(at[1]);

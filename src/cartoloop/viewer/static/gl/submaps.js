@@ -42,6 +42,8 @@ const MAX_CELL_BYTES = 160e6;
  * @property {number} x centre of pixel (0, 0) [m, submap frame]
  * @property {number} y
  * @property {number} resolution edge of a pixel [m]
+ * @property {Box | null} dense the part of it that is known as a whole, without rays that stray
+ *   through windows; null if there is none
  * @property {boolean} isOwn whether the page has made it of the cells, as the submap grows
  */
 
@@ -184,7 +186,7 @@ export class Submaps {
     return isSo;
   }
 
-  takePreview({ submap, preview, rows, cols, x, y, resolution }, isOwn) {
+  takePreview({ submap, preview, rows, cols, x, y, resolution, dense }, isOwn) {
     const { gl } = this;
     // That of the finished submap may overtake what a worker makes of it as it was before.
     if (isOwn && this.previews.get(submap)?.isOwn === false) return;
@@ -194,21 +196,21 @@ export class Submaps {
     const texture = createTexture(gl, gl.RGBA8, cols, rows, {
       levels: Math.min(mipLevels(cols, rows), PREVIEW_LEVELS), min: gl.LINEAR_MIPMAP_NEAREST, mag: gl.LINEAR,
     });
-    this.previews.set(submap, { texture, rows, cols, x, y, resolution, isOwn });
+    this.previews.set(submap, { texture, rows, cols, x, y, resolution, isOwn, dense });
     this.fillPreview(texture, preview, { row: 0, col: 0, rows, cols });
     this.onChange(null);
   }
 
   /** The preview of a submap that grows, which the page makes itself. */
-  takeOwnPreview({ submap, rows, cols, x, y, resolution, preview }) {
+  takeOwnPreview({ submap, rows, cols, x, y, resolution, preview, dense }) {
     const shift = ((SHRINK - 1) / 2) * resolution;
     this.takePreview({
-      submap, preview, rows: Math.ceil(rows / SHRINK), cols: Math.ceil(cols / SHRINK),
+      submap, preview, dense, rows: Math.ceil(rows / SHRINK), cols: Math.ceil(cols / SHRINK),
       x: x + shift, y: y + shift, resolution: SHRINK * resolution,
     }, true);
   }
 
-  takeWhole({ cells, spans, preview, ...head }) {
+  takeWhole({ cells, spans, preview, dense, ...head }) {
     const { gl } = this;
     if (this.isTooLarge(head)) return;
     const before = this.all.get(head.submap);
@@ -219,7 +221,7 @@ export class Submaps {
       return;
     }
     const submap = { ...head, waiting: cells, cells: null, spans, isInflating: false, used: this.uses };
-    if (preview) this.takeOwnPreview({ ...head, preview });
+    if (preview) this.takeOwnPreview({ ...head, preview, dense });
     this.all.set(head.submap, submap);
     this.upload(submap);
     gl.deleteTexture(before?.cells ?? null);

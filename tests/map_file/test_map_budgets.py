@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Maps of a few bytes that stand for millions of cells or submaps are refused at once."""
+
+from __future__ import annotations
+
+import sqlite3
+import zlib
+from contextlib import closing
+
+import pytest
+
+from cartoloop.errors import InputError
+from cartoloop.map_output.save import save
+from cartoloop.result import load_map
+from tests.map_output.small_result import small_result
+
+NOTHING = zlib.compress(b"")
+
+
+def _submaps(count, rows, cols, cells):
+    def change(database):
+        values = ((i, rows, cols, cells) for i in range(1, count + 1))
+        database.executemany("INSERT INTO submaps VALUES (?,0,0,0,?,?,0,0,0.05,?)", values)
+
+    return change
+
+
+def _endless(database):
+    database.execute("DROP TABLE trajectory")
+    database.execute(
+        "CREATE VIEW trajectory AS WITH RECURSIVE s(n) AS (SELECT 0 UNION ALL SELECT n+1 FROM s) "
+        "SELECT n, n, 0, 0, 0, 0, 0, 0 FROM s"
+    )
+
+
+def _nested(database):
+    database.execute("UPDATE about SET value = ? WHERE key = 'report'", ("[" * 100_000,))
+
+
+@pytest.mark.parametrize(
+    ("change", "reported"),
+    [
+        (_submaps(5000, 0, 0, NOTHING), "submaps cannot stand in"),
+        (_submaps(30, 2**10, 2**11, zlib.compress(bytes(2**21))), "cells cannot stand in"),
+        (_endless, "no plain table"),
+        (_nested, "is damaged"),
+    ],
+)
+def test_a_map_that_stands_for_too_much_is_refused(tmp_path, change, reported):
+    save(small_result(), tmp_path)
+    path = tmp_path / "map.cartoloop"
+    with closing(sqlite3.connect(path)) as database:
+        change(database)
+        database.commit()
+    with pytest.raises(InputError, match=reported) as caught:
+        load_map(path)
+    assert "\n" not in str(caught.value)
