@@ -15,7 +15,7 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
@@ -30,6 +30,7 @@ from cartoloop.live.sockets import MAX_CLIENTS, TcpSource, WebSocketSource
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
 from cartoloop.simulation import ring, simulate
+from cartoloop.stop_request import StopRequest
 
 STANDS_S = 1800.0
 """Time between two drives [s]."""
@@ -68,13 +69,16 @@ class _Tcp:
 
 class _WebSocket:
     def __init__(self, address: tuple[str, int]) -> None:
-        self._connection = connect("ws://{}:{}".format(*address), compression=None)
+        self._context = ExitStack()
+        self._connection = self._context.enter_context(
+            connect("ws://{}:{}".format(*address), compression=None)
+        )
 
     def send(self, data: bytes) -> None:
         self._connection.send(data)
 
     def close(self) -> None:
-        self._connection.close()
+        self._context.close()
 
 
 SOURCES: dict[str, tuple[type[TcpSource | WebSocketSource], Callable[[tuple[str, int]], _Sender]]]
@@ -152,12 +156,22 @@ class _Robot(LiveObserver):
             "clock jump": self._clock_jump,
             "full disk": self._full_disk,
         }
-        self.thread = Thread(target=self._drive, name="robot", daemon=True)
+        self.thread = Thread(target=self._run, name="robot", daemon=True)
+        self.stop = StopRequest()
+        self.failure: Exception | None = None
 
     def say(self, line: str) -> None:
         """Begin to send once the source listens."""
         if line.startswith("listening"):
             self.thread.start()
+
+    def _run(self) -> None:
+        try:
+            self._drive()
+        except Exception as failure:  # noqa: BLE001 - raised where the robot was started
+            self.failure, self.stop.made = failure, True
+        finally:
+            _limit_files(resource.RLIM_INFINITY)
 
     def _drive(self) -> None:
         sender = self._connect(self._source.address)
@@ -172,7 +186,6 @@ class _Robot(LiveObserver):
             self.result.sent += isinstance(event, LaserScan)
             if time_s >= _SETTLED * self._end_s and not self.result.settled_mb:
                 self.result.settled_mb = _held_mb()
-        _limit_files(resource.RLIM_INFINITY)
         self.result.end_mb = _held_mb()
         sender.send(b'{"type": "end"}\n')
         sender.close()
@@ -232,8 +245,20 @@ def soak(kind: str, hours: float, num_faults: int, out: Path, seed: int = 0) -> 
     start = time.perf_counter()
     source = SOURCES[kind][0]("127.0.0.1", 0)
     robot = _Robot(source, kind, hours, num_faults, seed)
-    result = map_live(source, None, out, LiveOptions(waits=True), observer=robot, overwrite=True)
-    robot.thread.join()
+    try:
+        result = map_live(
+            source,
+            None,
+            out,
+            LiveOptions(waits=True),
+            observer=robot,
+            stop=robot.stop,
+            overwrite=True,
+        )
+    finally:
+        robot.thread.join()
+        if robot.failure is not None:
+            raise robot.failure
     robot.result.mapped = result.report.input.scans
     robot.result.skipped = dict(result.report.skipped)
     robot.result.wall_s = time.perf_counter() - start
