@@ -63,6 +63,8 @@ class Result(MapData):
     def save(self, out: str | PathLike[str]) -> None:
         """Write map, trajectories, graph, configuration and report into the folder `out`.
 
+        They replace a map that is there, of whatever recording, all at once.
+
         Raises
         ------
         OutputError

@@ -56,6 +56,13 @@ def test_of_earlier_versions_the_name_decides(tmp_path):
         run(tmp_path, name="your.log").check()
 
 
+def test_a_map_that_a_program_made_is_refused(tmp_path):
+    saved(tmp_path, "", name="")
+
+    with pytest.raises(OutputError, match=r"holds another map \(of a program\)"):
+        run(tmp_path).check()
+
+
 def test_files_of_other_programs_are_refused(tmp_path):
     (tmp_path / "map.pgm").write_text("a drawing")
     (tmp_path / "notes.txt").write_text("no file of a map")
@@ -101,10 +108,10 @@ def test_a_live_map_without_a_report_is_known(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"[]", b"\xff", json.dumps({"input": 3}).encode()])
-def test_a_damaged_report_does_not_hinder(tmp_path, content):
+def test_a_damaged_report_protects_its_folder(tmp_path, content):
     (tmp_path / "report.json").write_bytes(content)
 
-    with pytest.raises(OutputError, match="files that would be replaced"):
+    with pytest.raises(OutputError, match="--overwrite"):
         run(tmp_path).check()
 
 

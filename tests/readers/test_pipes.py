@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import signal
 import subprocess
 import sys
 from threading import Thread
@@ -16,6 +17,7 @@ from cartoloop.errors import InputError
 from cartoloop.readers.spool import regular_file
 from cartoloop.sensor.events import LaserScan
 from cartoloop.simulation import carry, ring, simulate
+from tests.limits import LIMIT_S, wait_until
 
 NUM_SCANS = 40
 
@@ -67,6 +69,23 @@ def test_standard_input_is_examined_whole(recordings, name):
 
     assert f"{NUM_SCANS} scans" in done.stdout.decode()
     assert done.stdout.startswith(b"standard input")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_copy_is_removed_when_the_program_is_ended(tmp_path, number):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "cartoloop", "doctor", "-"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=os.environ | {"TMPDIR": str(tmp_path)},
+    )
+    wait_until(lambda: list(tmp_path.glob("cartoloop-*/standard input")))
+    process.send_signal(number)
+
+    assert process.wait(LIMIT_S) > 0
+    process.stdin.close()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_pipe_that_brings_nothing_is_an_error(pipe):

@@ -26,6 +26,7 @@ from cartoloop.cli.lost_output import forget_lost_output, loss_of_output
 from cartoloop.cli.map_command import MapOptions, map_command
 from cartoloop.cli.quality_command import QualityOptions, quality_command
 from cartoloop.cli.simulate_command import SimulateOptions, simulate_command
+from cartoloop.cli.stop_signals import end_orderly
 from cartoloop.cli.view_command import ViewCommandOptions, view_command
 from cartoloop.errors import CartoloopError, ConfigError, Interrupted
 from cartoloop.plain_text import one_line
@@ -124,6 +125,7 @@ def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
 def main() -> None:
     """Run the command line of this process."""
     forget_lost_output()
+    end_orderly()
     status = run(sys.argv[1:])
     sys.stdout.flush()
     loss = loss_of_output()

@@ -21,6 +21,27 @@ class SignalStop(StopRequest):
             raise KeyboardInterrupt
 
 
+def end_orderly() -> None:
+    """Let SIGTERM and SIGHUP end this process as its last line does: temporary files are removed.
+
+    While something is mapped, `stop_signals` gives them another meaning.
+    """
+    for number in _endings():
+        signal.signal(number, _end)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    raise SystemExit(128 + number)
+
+
+def _endings() -> list[signal.Signals]:
+    """Return the signals that end a process from outside; without SIGHUP where it is ignored."""
+    numbers = [signal.SIGTERM]
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
+    return numbers
+
+
 @contextmanager
 def stop_signals() -> Iterator[SignalStop]:
     """Yield the request that SIGINT, SIGTERM and SIGHUP make while the body runs.
@@ -28,9 +49,7 @@ def stop_signals() -> Iterator[SignalStop]:
     A terminal that is closed, as by a dropped connection, sends SIGHUP; nohup has it ignored.
     """
     request = SignalStop()
-    numbers = [signal.SIGINT, signal.SIGTERM]
-    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        numbers.append(signal.SIGHUP)
+    numbers = [signal.SIGINT, *_endings()]
     before = [signal.signal(number, request.handle) for number in numbers]
     try:
         yield request

@@ -35,12 +35,15 @@ class SavedMap:
     Attributes
     ----------
     files : those of a map that are there.
+    has_report : whether a report is among them, by itself or in the map file; if not, the files may
+        be of another program, and nothing else is known.
     name : of the recording, or "".
     fingerprint : of the recording; "" where it is not known.
     finished : whether the run came to its end; true where that is not known.
     """
 
     files: tuple[str, ...]
+    has_report: bool = False
     name: str = ""
     fingerprint: str = ""
     finished: bool = True
@@ -92,8 +95,8 @@ class RunFolder:
         saved = saved_map(self.path)
         if saved is None or self._may_replace(saved):
             return
-        what = f"another map (of {saved.name})"
-        if not saved.name:
+        what = f"another map (of {saved.name or 'a program'})"
+        if not saved.has_report:
             what = f"files that would be replaced ({', '.join(saved.files)})"
         raise OutputError(
             f"{self.path}: holds {what}; choose another output folder, or allow it with --overwrite"
@@ -155,6 +158,7 @@ def saved_map(folder: Path) -> SavedMap | None:
     recording = report.get("input")
     return SavedMap(
         files,
+        has_report=True,
         name=str(recording.get("name", "")) if isinstance(recording, Mapping) else "",
         fingerprint=str(report.get("fingerprint", "")),
         finished=bool(report.get("finished", True)),

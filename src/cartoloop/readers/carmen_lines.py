@@ -42,15 +42,14 @@ IGNORED_TAGS = frozenset(
     b"SIMULATOR_TRUEPOS SIMULATOR_OBJECTS ARM PANTILT SCANMARK POSITION_LASERMSG0 VISION"
     b" WIFI".split()
 )
+_MAX_COUNT_DIGITS = 9
+"""More digits are no count, and thousands of them take long to become a number."""
+
 _FLASER_TAGS = (b"FLASER", b"RLASER")
 _STAMP_TOKENS = 3  # ipc_timestamp ipc_hostname logger_timestamp
 _HEADER_TOKENS = 7  # type start fov step max accuracy remission
 # laser pose, robot pose, tv, rv, two safety distances, and then maybe the turn axis
 _ROBOTLASER_TAILS = (10, 11)
-
-
-_MAX_COUNT_DIGITS = 9
-"""More digits are no count, and thousands of them take long to become a number."""
 
 
 class ScanLine(NamedTuple):
