@@ -45,7 +45,7 @@ class Outcome(NamedTuple):
 
     Attributes
     ----------
-    number, target : which input of which kind.
+    number, target : of the input, and its kind.
     what : "begun", "fine", "stated", or the kind of failure.
     details : of a failure.
     arguments : what it was called with; the first is mostly the path of the input.
