@@ -33,7 +33,7 @@ test: check boundscheck
 
 # Warnings of new libraries about old ones are no faults.
 test-lowest: .venv-lowest/.installed
-	.venv-lowest/bin/python -m pytest -q -n 2 --dist loadfile -W default -p no:cacheprovider \
+	CI=1 .venv-lowest/bin/python -m pytest -q -n 2 --dist loadfile -W default -p no:cacheprovider \
 		-m "not slow and not browser and not data" $(LOWEST_TESTS)
 
 quick: .venv/.installed-dev

@@ -380,6 +380,26 @@ def bench_fuzz(
         raise typer.Exit(1)
 
 
+@app.command("soak")
+def bench_soak(
+    hours: Annotated[float, typer.Option(min=0.01, help="Length of the robot's day [h].")] = 8.0,
+    faults: Annotated[int, typer.Option(min=0, help="Number of faults.")] = 500,
+    sources: Annotated[str, typer.Option(help="Sources: tcp, ws.")] = "tcp,ws",
+    seed: Annotated[int, typer.Option(help="Of the faults.")] = 0,
+    out: OutOption = Path("bench-results/soak"),
+) -> None:
+    """Map a robot for hours, in compressed time, while connections, clocks and disk fail."""
+    from bench.soak import soak
+
+    failed = False
+    for kind in _names(sources):
+        result = soak(kind, hours, faults, out / kind, seed)
+        typer.echo(f"source         {kind}\n{result.table()}\n")
+        failed = failed or result.unaccounted != 0
+    if failed:
+        raise typer.Exit(1)
+
+
 def _data_folder(given: Path | None) -> Path:
     return given or Path(os.environ.get("CARTOLOOP_DATA", "../shared/data"))
 

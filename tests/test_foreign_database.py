@@ -34,6 +34,13 @@ def test_computed_tables_are_refused(tmp_path, statement):
         open_database(path, ["t"])
 
 
+def test_definitions_that_are_no_text_are_refused(tmp_path):
+    path = _database(tmp_path / "a.db", "CREATE TABLE t (a, bbbb)")
+    path.write_bytes(path.read_bytes().replace(b"bbbb", b"bb\xc2b"))
+    with pytest.raises(sqlite3.DatabaseError):
+        open_database(path, ["t"])
+
+
 def test_plain_tables_are_read_and_not_written(tmp_path):
     path = _database(tmp_path / "a?b#c.db", "CREATE TABLE t (a)", "INSERT INTO t VALUES (1)")
     with closing(open_database(path, ["t", "none"])) as database:

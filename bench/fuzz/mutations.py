@@ -40,7 +40,7 @@ def mutated(random: Random, data: bytes, other: bytes = b"") -> bytes:
 
     Parameters
     ----------
-    other : another input of the same kind, of which parts are taken over.
+    other : another input of the same kind; parts of it are taken over.
     """
     changed = bytearray(data)
     for _ in range(random.choice((1, 1, 1, 2, 3, 8))):
@@ -53,7 +53,7 @@ def _place(random: Random, data: bytearray) -> int:
 
 
 def _flip(random: Random, data: bytearray, _: bytes) -> None:
-    for _ in range(random.choice((1, 1, 4, 32))):
+    for _bit in range(random.choice((1, 1, 4, 32))):
         if data:
             data[random.randrange(len(data))] ^= 1 << random.randrange(8)
 
@@ -141,8 +141,8 @@ def _change_table(random: Random, database: sqlite3.Connection, table: str) -> N
         f"SELECT {column} FROM {table} WHERE {where}"
     ).fetchone()) and isinstance(row[0], str | bytes):  # fmt: skip
         raw = row[0].encode() if isinstance(row[0], str) else row[0]
-        value = mutated(random, raw)
-        shown = value.decode("utf-8", "replace") if isinstance(row[0], str) else value
+        changed = mutated(random, raw)
+        shown = changed.decode("utf-8", "replace") if isinstance(row[0], str) else changed
         database.execute(f"UPDATE {table} SET {column} = ? WHERE {where}", (shown,))
     else:
         value = random.choice(VALUES)

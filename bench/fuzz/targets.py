@@ -24,6 +24,7 @@ from cartoloop.live.sequencer import Sequencer
 from cartoloop.live.source import LineReceiver
 from cartoloop.live.web_socket import WebSocketReceiver
 from cartoloop.mapper import Mapper
+from cartoloop.plain_text import one_line
 from cartoloop.readers import open_log
 from cartoloop.readers.ros.urdf import read_urdf
 from cartoloop.readers.ros.zstd import zstd
@@ -289,7 +290,7 @@ def _run_command(arguments: list[str]) -> None:
 
 
 def _require_plain(line: str) -> None:
-    if not line.isprintable():
+    if line != one_line(line):
         raise AssertionError(f"a line with control characters: {line!r}")
 
 

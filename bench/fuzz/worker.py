@@ -25,6 +25,7 @@ from typing import NamedTuple
 from bench.fuzz.seeds import Seeds
 from bench.fuzz.targets import TARGETS, Target
 from cartoloop.errors import CartoloopError
+from cartoloop.plain_text import one_line
 
 LIMIT_S = 10.0
 """Longest time for an input [s]."""
@@ -44,7 +45,7 @@ class Outcome(NamedTuple):
 
     Attributes
     ----------
-    number, target : which input of which kind.
+    number, target : of the input, and its kind.
     what : "begun", "fine", "stated", or the kind of failure.
     details : of a failure.
     arguments : what it was called with; the first is mostly the path of the input.
@@ -72,7 +73,8 @@ def outcome_of(target: Target, arguments: list[str]) -> tuple[str, str]:
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
     except CartoloopError as error:
-        return ("stated", "") if str(error).isprintable() else ("unprintable", repr(str(error)))
+        text = str(error)
+        return ("stated", "") if text == one_line(text) else ("unprintable", repr(text))
     except TooLongError:
         return "too long", traceback.format_exc()
     except BaseException as error:

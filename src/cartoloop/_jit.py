@@ -231,7 +231,7 @@ class _KernelCache(caching.FunctionCache):
         base: Any = super()
         base.__init__(function)
         numbas: Any = self._cache_file
-        self._cache_file: Any = _CheckedFiles(
+        self._cache_file: Any = cast(Any, _CheckedFiles)(
             numbas._cache_path, self._kernel_name, numbas._source_stamp
         )
 

@@ -67,6 +67,10 @@ def _limit(database: sqlite3.Connection, num_bytes: int) -> None:
 
 def _require_plain(database: sqlite3.Connection, table: str) -> None:
     query = "SELECT type, sql FROM sqlite_master WHERE name = ? COLLATE NOCASE"
-    for kind, sql in database.execute(query, (table,)).fetchall():
+    try:
+        found = database.execute(query, (table,)).fetchall()
+    except UnicodeDecodeError:
+        raise sqlite3.DatabaseError(f"the definition of {table} is no text") from None
+    for kind, sql in found:
         if kind != "table" or _COMPUTED.search(str(sql)):
             raise sqlite3.DatabaseError(f"{table} is no plain table")

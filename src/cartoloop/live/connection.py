@@ -43,7 +43,7 @@ class Receiver(Protocol):
 class PlainReceiver:
     """Newline-delimited messages without a protocol around them."""
 
-    answers_pings = False
+    answers_pings: ClassVar[bool] = False
     is_over = False
 
     def __init__(self, lines: LineReceiver) -> None:

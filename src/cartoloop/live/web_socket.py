@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from websockets.frames import Frame, Opcode
 from websockets.http11 import Request
 from websockets.protocol import State
@@ -24,7 +26,7 @@ class WebSocketReceiver:
     lines : receives the content of the messages; the end of a message is that of a line.
     """
 
-    answers_pings = True
+    answers_pings: ClassVar[bool] = True
 
     def __init__(self, lines: LineReceiver) -> None:
         self._lines = lines

@@ -77,11 +77,19 @@ def spending(budget: Budget) -> Iterator[None]:
 class _Stream(Protocol):
     """A decompressor of the standard library's kind."""
 
-    eof: bool
-    needs_input: bool
-    unused_data: bytes
+    @property
+    def eof(self) -> bool:
+        """Whether the stream is complete."""
 
-    def decompress(self, data: bytes, max_length: int) -> bytes:
+    @property
+    def needs_input(self) -> bool:
+        """Whether more can only come of further data."""
+
+    @property
+    def unused_data(self) -> bytes:
+        """What follows the stream."""
+
+    def decompress(self, data: bytes, max_length: int = -1) -> bytes:
         """Return the next bytes, at most `max_length`."""
 
 
@@ -207,8 +215,8 @@ def limit_library() -> None:
     for table in (ros1.decompressors, storage_mcap.DECOMPRESSORS):
         for name in _STREAMS.keys() & table.keys():
             table[name] = _unpacks(name)
-    limited: Any = SimpleNamespace(decompress=_unpacks("zstd"), open=_open_zstd)
-    ros2.zstd = limited
+    reader: Any = ros2
+    reader.zstd = SimpleNamespace(decompress=_unpacks("zstd"), open=_open_zstd)
 
 
 def _unpacks(compression: str) -> Callable[..., bytes]:
