@@ -5,9 +5,12 @@ from __future__ import annotations
 
 from collections import Counter
 
+import numpy as np
 import pytest
 
 from cartoloop import Config, Mapper
+from cartoloop.global_slam.pose_graph import ConstraintKind
+from cartoloop.viewer.closure_details import closure_details
 from cartoloop.viewer.feed import Feed, whole
 from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.playback import Playback
@@ -125,3 +128,29 @@ def test_playback_is_sent(state):
 
     assert not page.playback["can_pause"]
     assert page.playback["can_scrub"]
+
+
+@pytest.mark.parametrize("failures", [1, 100])
+def test_a_record_that_changes_while_read_ends_no_view(
+    state, updates_and_result, monkeypatch, failures
+):
+    _, result = updates_and_result
+    raised = []
+
+    def details(*args):
+        if len(raised) < failures:
+            raised.append(args)
+            raise ValueError("operands could not be broadcast together")  # as NumPy says it
+        return closure_details(*args)
+
+    monkeypatch.setattr("cartoloop.viewer.live_state.closure_details", details)
+
+    state.apply(whole(result))
+
+    row = int(np.flatnonzero(result.graph.kinds == ConstraintKind.LOOP_CLOSURE)[0])
+    assert raised
+    if failures == 1:
+        assert state.closure(row)["constraint"] == row
+    else:
+        with pytest.raises(LookupError, match="try again"):
+            state.closure(row)

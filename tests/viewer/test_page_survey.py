@@ -66,6 +66,16 @@ def test_escape_closes_the_help_and_nothing_else(page):
     assert page.page.is_visible("#measures")
 
 
+def test_keys_work_after_a_choice_was_clicked(page):
+    page.page.keyboard.press("m")
+    page.page.check("[name=measure][value=area]")
+    page.page.keyboard.press("g")
+    page.page.locator("#grid-step").wait_for()
+    page.page.keyboard.press("g")
+    page.page.keyboard.press("m")
+    assert page.page.is_hidden("#measures")
+
+
 def test_facts_of_the_map_stand_in_the_panel(page, result):
     rows = page.page.locator("#facts div")
     names, values = (rows.locator(tag).all_text_contents() for tag in ("dt", "dd"))
@@ -113,6 +123,19 @@ def test_on_a_phone_the_map_is_in_the_middle(chromium, server, result):
         assert abs(page.to_screen(*middle)[1] - 422.0) < 80.0
         left, right = (page.to_screen(x, 0.0)[0] for x in (extent.left, extent.right))
         assert right - left > 0.85 * 390
+
+
+def test_on_a_phone_a_card_is_before_the_table(chromium, server):
+    with opened(chromium, server.url, (390, 844), has_touch=True, is_mobile=True) as page:
+        page.settle()
+        page.page.click("#panel-toggle")
+        page.page.click("#closures-button")
+        page.page.locator("#closures-rows tr[data-row]").first.click()
+        page.settle("s.closure !== null")
+        assert page.page.is_hidden("#closures")
+        page.page.click("#closure-close")
+        page.page.click("#closures-close")
+        assert page.page.is_hidden("#closures")
 
 
 def test_zooming_out_ends_while_the_map_can_be_seen(page, result):

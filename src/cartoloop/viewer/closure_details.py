@@ -123,7 +123,7 @@ def _from_record(closures: Closures, row: int) -> dict[str, Any]:
 
 
 class _Other(NamedTuple):
-    """A node of the submap itself, and how much of what it saw the closure's node saw as well."""
+    """A node of the submap itself, and the share of the closure's returns that it saw as well."""
 
     node: int
     tf_submap_node: list[float]
@@ -146,16 +146,18 @@ def _most_alike(
     own = own[(rows.index_b[own] < len(node_points)) & (rows.index_b[own] != node)]
     if len(own) == 0 or node >= len(node_points):
         return None
-    seen = _near(_cells(transform_points(tf_submap_node, node_points[node])))
-    best: _Other | None = None
+    cells = _cells(transform_points(tf_submap_node, node_points[node]))
+    seen = _near(cells)
+    most, best = -1.0, None
     for row in own.tolist():
         other = int(rows.index_b[row])
         pose = rows.relative_poses[row].tolist()
         points = transform_points(Pose(*pose), node_points[other])
         shared = int(np.count_nonzero(np.isin(_cells(points), seen)))
-        overlap = shared / max(len(points), len(node_points[node]), 1)
-        if best is None or overlap > best.overlap:
-            best = _Other(other, pose, round(overlap, 3))
+        alike = shared / max(len(points), len(cells), 1)
+        if alike > most:
+            overlap = float(np.isin(cells, _near(_cells(points))).mean()) if len(cells) else 0.0
+            most, best = alike, _Other(other, pose, round(overlap, 3))
     return best
 
 

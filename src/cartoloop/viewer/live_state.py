@@ -7,6 +7,7 @@ Only the viewer's thread accesses it.
 from __future__ import annotations
 
 import secrets
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Literal
@@ -37,6 +38,9 @@ from cartoloop.viewer.subscriptions import Key, Subscription, Subscriptions, key
 
 if TYPE_CHECKING:
     from cartoloop.viewer.playback import Playback
+
+_READS = 3
+"""How often something is read of the record of closures while it changes."""
 
 Mode = Literal["recording", "live", "finished"]
 
@@ -157,10 +161,17 @@ class LiveState:
         self._show_json(MessageType.FACTS, {"described": facts.described()} | asdict(facts))
 
     def closures(self) -> dict[str, Any]:
-        """Return what the record holds of all loop closures."""
-        if self.last is None:
+        """Return what the record holds of all loop closures.
+
+        Raises
+        ------
+        LookupError
+            There is none yet, or the mapping thread is changing it.
+        """
+        last = self.last
+        if last is None:
             raise LookupError("there is no map yet")
-        return closure_list(self._constraints.rows, self.last.closures)
+        return _read(lambda: closure_list(self._constraints.rows, last.closures))
 
     def before(self) -> bytes:
         """Return the message of the poses before loop closure.
@@ -180,17 +191,20 @@ class LiveState:
         Raises
         ------
         LookupError
-            There is no such closure.
+            There is no such closure, or the mapping thread is changing the record.
         """
-        if self.last is None:
+        last = self.last
+        if last is None:
             raise LookupError("there is no map yet")
-        return closure_details(
-            constraint,
-            self._constraints.rows,
-            self._poses.values,
-            self._nodes.values,
-            self.last.node_points,
-            self.last.closures,
+        return _read(
+            lambda: closure_details(
+                constraint,
+                self._constraints.rows,
+                self._poses.values,
+                self._nodes.values,
+                last.node_points,
+                last.closures,
+            )
         )
 
     def node_scan(self, node: int) -> bytes:
@@ -291,6 +305,22 @@ _LATEST = (
     MessageType.SCAN,
 )
 """Parts that are one message each: only the latest counts."""
+
+
+def _read(details: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Return what is read from the mapper's own record of closures, which grows meanwhile.
+
+    Raises
+    ------
+    LookupError
+        There is no such thing, or columns of different lengths were seen again and again.
+    """
+    for _ in range(_READS):
+        try:
+            return details()
+        except ValueError:  # NumPy's: one column had grown, another one not yet
+            continue
+    raise LookupError("the record of closures is changing; try again")
 
 
 def _hello_content(name: str, config: SubmapConfig, log_odds: list[float]) -> dict[str, Any]:

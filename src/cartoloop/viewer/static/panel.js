@@ -49,7 +49,7 @@ export class Panel {
       submaps: count(now.submaps),
       constraints: count(now.constraints),
       backlog: isOver ? NOTHING : count(now.backlog),
-      adjustment: adjustment(now.adjustment),
+      adjustment: isOver ? NOTHING : adjustment(now.adjustment),
       uncertain: length(now.uncertain_m),
       memory: now.memory_mb && !isOver ? `${count(now.memory_mb)} MB` : NOTHING,
       skipped: sum(now.skipped) > 0 ? count(sum(now.skipped)) : NOTHING,
