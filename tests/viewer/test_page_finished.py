@@ -51,6 +51,10 @@ def test_it_loads_without_a_complaint_under_its_own_policy(chromium, server, res
         assert page.page.text_content("#name") == "ring"
         scans = int(page.page.text_content("#read-scans").split("/")[0].replace(",", ""))
         assert scans == result.report.input.scans
+        for key in ("t", "Escape", "m", "Escape", "g", "b", "c"):
+            page.page.keyboard.press(key)
+        page.page.locator("#before-note").wait_for()
+        page.page.locator("#closure").wait_for()
 
 
 def test_all_submaps_appear(page, result):
