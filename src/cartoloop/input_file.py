@@ -22,6 +22,9 @@ from cartoloop.errors import CartoloopError, InputError
 FIRST_BYTE_S = 10.0
 """Time for someone to write to a pipe or a device [s]."""
 
+BLOCKED_S = 2.0
+"""Time for a device or a file of the system to give something [s]: nobody has to start it."""
+
 SILENT_S = 60.0
 """Longest pause of a writer [s]."""
 
@@ -51,7 +54,7 @@ class _PatientFile(io.RawIOBase):
         return self._descriptor
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
-        deadline = time.monotonic() + FIRST_BYTE_S
+        deadline = time.monotonic() + (FIRST_BYTE_S if self._is_pipe else BLOCKED_S)
         has_writer = False
         while True:
             try:

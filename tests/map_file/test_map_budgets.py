@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 import zlib
 from contextlib import closing
@@ -37,6 +38,13 @@ def _nested(database):
     database.execute("UPDATE about SET value = ? WHERE key = 'report'", ("[" * 100_000,))
 
 
+def _scans_of_text(database):
+    [report] = database.execute("SELECT value FROM about WHERE key = 'report'").fetchone()
+    report = json.loads(report)
+    report["input"]["scans"] = "many"
+    database.execute("UPDATE about SET value = ? WHERE key = 'report'", (json.dumps(report),))
+
+
 @pytest.mark.parametrize(
     ("change", "reported"),
     [
@@ -44,6 +52,7 @@ def _nested(database):
         (_submaps(30, 2**10, 2**11, zlib.compress(bytes(2**21))), "cells cannot stand in"),
         (_endless, "no plain table"),
         (_nested, "is damaged"),
+        (_scans_of_text, "the number of scans is 'many'"),
     ],
 )
 def test_a_map_that_stands_for_too_much_is_refused(tmp_path, change, reported):

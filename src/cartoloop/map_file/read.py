@@ -222,8 +222,11 @@ def _unpacked(packed: bytes, size: int) -> bytes:
 
 def _report(saved: dict[str, Any]) -> Report:
     quality = Quality.from_dict(saved["quality"]) if "quality" in saved else Quality()
+    summary = InputSummary(**saved["input"])
+    if not (isinstance(summary.scans, int) and 0 <= summary.scans < 2**32):
+        raise ValueError(f"the number of scans is {summary.scans!r}")
     return Report(
-        input=InputSummary(**saved["input"]),
+        input=summary,
         nodes=saved["nodes"],
         submaps=saved["submaps"],
         constraints=ConstraintSummary(**saved["constraints"]),

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from cartoloop.errors import InputError
 from cartoloop.foreign_database import open_database
+from cartoloop.input_file import open_input
 from cartoloop.readers.ros.container import (
     BagFinding,
     ChainedContainer,
@@ -41,7 +42,7 @@ def is_recording(path: Path) -> bool:
     try:
         if not path.is_file():
             return False  # a pipe, whose first bytes must not be lost
-        with path.open("rb") as file:
+        with open_input(path) as file:
             head = file.read(16)
     except OSError:
         return False  # reading it as text reports the reason
@@ -224,7 +225,7 @@ def _magic(path: Path) -> bytes:
     try:
         if not path.is_file():
             return b""
-        with path.open("rb") as file:
+        with open_input(path) as file:
             head = file.read(16)
     except OSError as error:
         reason = error.strerror or str(error)
