@@ -110,7 +110,8 @@ class WallStep:
         ):
             return None
         ratio, direction = _open_direction(last.outline)
-        if ratio > config.max_ratio or time <= last.time:
+        max_ratio = config.max_odometry_ratio if by_odometry else config.max_ratio
+        if ratio > max_ratio or time <= last.time:
             return None
         tf_sensor_local = inverse(compose(last.pose, last.tf_tracking_sensor))
         at_match = transform_points(compose(tf_sensor_local, pose), returns)
