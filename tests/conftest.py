@@ -7,6 +7,7 @@ Hypothesis tries the same examples in every run of the CI, so that a change is j
 from __future__ import annotations
 
 import os
+import signal
 
 import pytest
 from hypothesis import settings
@@ -21,6 +22,12 @@ if os.environ.get("NUMBA_DISABLE_JIT") == "1":
     settings.load_profile("few")  # kernels take a hundred times as long
 elif os.environ.get("CI"):
     settings.load_profile("ci")
+
+
+def pytest_configure():
+    """Handle the signals that a background shell or nohup ignores, which programs would inherit."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def pytest_collection_modifyitems(items):

@@ -107,5 +107,5 @@ def test_a_failure_is_left_to_the_pass_that_maps(late, monkeypatch, failure):
 def test_a_stop_before_the_first_scan_ends_the_run(late):
     stop = StopRequest()
     stop.made = True
-    with pytest.raises(Interrupted, match="stopped after 0 scans"):
+    with pytest.raises(Interrupted, match="stopped before the first scan: nothing was saved"):
         cartoloop.map_recording(late, stop=stop)

@@ -190,9 +190,9 @@ def _origin(path: Path, values: dict[str, str | list[str]]) -> Pose:
 
 def _read_occupancy(image: Path, mode: str, negate: bool, named_by: Path) -> NDArray[np.float32]:
     """Return the occupancy of an image's pixels, row 0 at the bottom."""
-    if not image.is_file():
-        raise InputError(f"{image}: no such image; {named_by} names it")
     try:
+        if not image.is_file():
+            raise InputError(f"{image}: no such image; {named_by} names it")
         shade, opaque = _read_shades(image, with_alpha=mode == "trinary")
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         reason = " ".join(str(error).split())
