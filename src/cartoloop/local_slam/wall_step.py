@@ -48,6 +48,41 @@ class _LastScan(NamedTuple):
     outline: _Outline
 
 
+class _Comparison(NamedTuple):
+    """How well a scan fits one before, for each step along the open direction.
+
+    Attributes
+    ----------
+    steps : float64, (k,), ascending [m].
+    costs : float64, (k,).
+    matched_step, matched_cost : of the pose as matched.
+    along : float64, (2,), unit vector of the direction, local frame.
+    """
+
+    steps: FloatArray
+    costs: FloatArray
+    matched_step: float
+    matched_cost: float
+    along: FloatArray
+
+    @property
+    def best(self) -> int:
+        """Index of the step that fits best."""
+        return int(np.argmin(self.costs))
+
+    @property
+    def apart(self) -> float:
+        """How much further than the matched step it is [m]."""
+        return float(self.steps[self.best]) - self.matched_step
+
+    def correction(self, step: float) -> float:
+        """Return the same between the steps, which are `step` apart [m]."""
+        before, here, after = self.costs[self.best - 1 : self.best + 2].tolist()
+        bend = before - 2.0 * here + after
+        between = 0.5 * step * (before - after) / bend if bend > 0.0 else 0.0
+        return self.apart + between
+
+
 class WallStep:
     """Compares each scan of a scanner with one before.
 
@@ -109,48 +144,41 @@ class WallStep:
             or 0.0 < time - self._moved_at < config.max_standstill
         ):
             return None
-        ratio, direction = _open_direction(last.outline)
-        max_ratio = config.max_odometry_ratio if by_odometry else config.max_ratio
-        if ratio > max_ratio or time <= last.time:
+        found = _compare(last, time, pose, returns, by_odometry, config)
+        if found is None:
             return None
-        tf_sensor_local = inverse(compose(last.pose, last.tf_tracking_sensor))
-        at_match = transform_points(compose(tf_sensor_local, pose), returns)
-        axis = np.array((math.cos(direction), math.sin(direction)))
-        direction -= tf_sensor_local.theta
-        axis_in_local = np.array((math.cos(direction), math.sin(direction)))
-        moved = float(axis_in_local @ (pose.x - last.pose.x, pose.y - last.pose.y))
-        steps = _steps_to_try(time - last.time, config)
-        costs = _costs(last.outline, at_match, axis, np.append(steps - moved, 0.0), config)
-        best = int(np.argmin(costs[:-1]))
         self._evidence *= config.evidence_memory
         turn = abs(wrap_angle(pose.theta - last.pose.theta))
-        if turn > math.radians(config.max_turn_deg) or not _is_sharp(costs[:-1], best, config):
+        if turn > math.radians(config.max_turn_deg) or not _is_sharp(found, config):
             return None
-        side = (steps[best] - moved) * axis_in_local
+        if not self._is_proven(found, len(returns), by_odometry):
+            return None
+        x, y = (found.correction(config.step) * found.along).tolist()
+        return Pose(pose.x + x, pose.y + y, pose.theta)
+
+    def _is_proven(self, found: _Comparison, num_returns: int, by_odometry: bool) -> bool:
+        """Add up the evidence for another step; return whether it is enough."""
+        config, best, apart = self._config, found.costs[found.best], found.apart
+        side = apart * found.along
         if float(side @ self._side) < 0.0:
             self._evidence = 0.0
         self._side = side
-        evidence, apart = float(costs[-1] - costs[best]), abs(float(steps[best]) - moved)
         # Clutter and jitter of the stamps make all steps fit badly, that of the odometry not most.
         if by_odometry and (
-            apart < config.min_odometry_error
+            abs(apart) < config.min_odometry_error
             or (
-                costs[best] > config.close_fit * len(returns)
-                and costs[-1] < config.odometry_cost_ratio * costs[best]
+                best > config.close_fit * num_returns
+                and found.matched_cost < config.odometry_cost_ratio * best
             )
         ):
             self._evidence = 0.0
-            return None
-        if apart < _NEIGHBOUR * config.step:
+            return False
+        evidence = found.matched_cost - float(best)
+        if abs(apart) < _NEIGHBOUR * config.step:
             evidence = max(evidence - config.evidence_of_noise, 0.0)
         self._evidence += evidence
-        if self._evidence < (config.min_odometry_evidence if by_odometry else config.min_evidence):
-            return None
-        before, here, after = costs[best - 1 : best + 2].tolist()
-        bend = before - 2.0 * here + after
-        between = 0.5 * config.step * (before - after) / bend if bend > 0.0 else 0.0
-        x, y = ((steps[best] - moved + between) * axis_in_local).tolist()
-        return Pose(pose.x + x, pose.y + y, pose.theta)
+        least = config.min_odometry_evidence if by_odometry else config.min_evidence
+        return self._evidence >= least
 
     def _is_comparable(
         self, last: _LastScan, pose: Pose, returns: FloatArray, by_odometry: bool
@@ -171,6 +199,30 @@ class WallStep:
             > 0.5 * math.radians(config.max_turn_deg)
             or not 0.0 <= time - last.time < config.max_odometry_duration
         )
+
+
+def _compare(
+    last: _LastScan,
+    time: float,
+    pose: Pose,
+    returns: FloatArray,
+    by_odometry: bool,
+    config: WallStepConfig,
+) -> _Comparison | None:
+    """Compare a scan with one before; None where lines determine all directions well."""
+    ratio, direction = _open_direction(last.outline)
+    max_ratio = config.max_odometry_ratio if by_odometry else config.max_ratio
+    if ratio > max_ratio or time <= last.time:
+        return None
+    tf_sensor_local = inverse(compose(last.pose, last.tf_tracking_sensor))
+    at_match = transform_points(compose(tf_sensor_local, pose), returns)
+    axis = np.array((math.cos(direction), math.sin(direction)))
+    direction -= tf_sensor_local.theta
+    along = np.array((math.cos(direction), math.sin(direction)))
+    moved = float(along @ (pose.x - last.pose.x, pose.y - last.pose.y))
+    steps = _steps_to_try(time - last.time, config)
+    costs = _costs(last.outline, at_match, axis, np.append(steps - moved, 0.0), config)
+    return _Comparison(steps, costs[:-1], moved, float(costs[-1]), along)
 
 
 def _steps_to_try(duration: float, config: WallStepConfig) -> FloatArray:
@@ -197,8 +249,9 @@ def _open_direction(outline: _Outline) -> tuple[float, float]:
     return ratio, 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
 
 
-def _is_sharp(costs: FloatArray, best: int, config: WallStepConfig) -> bool:
+def _is_sharp(found: _Comparison, config: WallStepConfig) -> bool:
     """Return whether steps on both sides fit worse: a slope alone is a wrong heading."""
+    costs, best = found.costs, found.best
     reach = round(config.max_distance / config.step)
     if not reach <= best < len(costs) - reach:
         return False
