@@ -271,7 +271,7 @@ class WallStepConfig(Section):
     """The step along bare walls, from one scan to the next: without odometry, or against it."""
 
     max_ratio: float = Field(
-        0.3,
+        0.7,
         ge=0,
         le=1,
         description="lines across over lines along the walls of a scan, below which the step is "
@@ -303,9 +303,6 @@ class WallStepConfig(Section):
     min_num_returns: int = Field(50, ge=2, description="scans with fewer are not compared")
     max_gap_deg: float = Field(3.0, gt=0, description="between neighbouring returns [deg]")
     position_sigma: float = Field(0.02, gt=0, description="of the step that was found [m]")
-    max_odometry_ratio: float = Field(
-        0.7, ge=0, le=1, description="with odometry: the same as max_ratio"
-    )
     min_odometry_evidence: float = Field(
         40.0, gt=0, description="with odometry: the same as min_evidence"
     )

@@ -144,7 +144,7 @@ class WallStep:
             or 0.0 < time - self._moved_at < config.max_standstill
         ):
             return None
-        found = _compare(last, time, pose, returns, by_odometry, config)
+        found = _compare(last, time, pose, returns, config)
         if found is None:
             return None
         self._evidence *= config.evidence_memory
@@ -206,13 +206,11 @@ def _compare(
     time: float,
     pose: Pose,
     returns: FloatArray,
-    by_odometry: bool,
     config: WallStepConfig,
 ) -> _Comparison | None:
     """Compare a scan with one before; None where lines determine all directions well."""
     ratio, direction = _open_direction(last.outline)
-    max_ratio = config.max_odometry_ratio if by_odometry else config.max_ratio
-    if ratio > max_ratio or time <= last.time:
+    if ratio > config.max_ratio or time <= last.time:
         return None
     tf_sensor_local = inverse(compose(last.pose, last.tf_tracking_sensor))
     at_match = transform_points(compose(tf_sensor_local, pose), returns)
