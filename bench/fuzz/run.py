@@ -166,11 +166,12 @@ def _run_processes(
         )
         assert process.stdout is not None
         begun: Outcome | None = None
+        has_progressed = False
         for outcome in _outcomes(process.stdout):
             if outcome.what == "begun":
                 begun = outcome
                 continue
-            begun, first = None, outcome.number + 1
+            begun, first, has_progressed = None, outcome.number + 1, True
             yield outcome
         if process.poll() is None:
             time.sleep(0.5)  # it closes its output before it ends
@@ -181,7 +182,7 @@ def _run_processes(
             first = begun.number + 1
             what = f"ended the process ({status})" if status != -9 else "did not end"
             yield begun._replace(what=what, seconds=LIMIT_S)
-        elif first < last and status != 0:
+        elif first < last and not has_progressed:
             said = Path(log.name).read_text(encoding="utf-8", errors="replace")[-2000:]
             raise RuntimeError(f"the process of input {first} fails ({status}): {said}")
 

@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 from random import Random
 
 import pytest
 
 from bench.fuzz import run as fuzz_run
+from bench.fuzz import worker
 from bench.fuzz.mutations import NUMBERS, mutate_arguments, mutated
 from bench.fuzz.run import FuzzOptions, Results, run_all
 from bench.fuzz.targets import TARGETS
@@ -41,12 +44,26 @@ def test_changed_command_lines_stay_in_their_folder():
         (MemoryError(), "MemoryError"),
     ],
 )
-def test_an_outcome_is_stated_or_a_failure(raised, what):
+def test_an_outcome_is_stated_or_a_failure(raised, what, monkeypatch):
+    monkeypatch.setattr(worker, "most_held_mb", lambda: 100.0)
+
     def use(_):
         if raised is not None:
             raise raised
 
     assert outcome_of(TARGETS[0]._replace(use=use), [])[0] == what
+
+
+def test_too_much_memory_is_a_failure(monkeypatch):
+    monkeypatch.setattr(worker, "LIMIT_MB", 1)
+    assert outcome_of(TARGETS[0]._replace(use=lambda _: None), [])[0] == "too large"
+
+
+def test_memory_of_the_parent_does_not_count():
+    ballast = bytearray(b"1") * (300 << 20)
+    script = "from bench.fuzz.worker import most_held_mb; print(most_held_mb())"
+    held = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
+    assert float(held.stdout) < len(ballast) >> 20
 
 
 def _outcome(number, what, seconds=0.1):
