@@ -117,6 +117,17 @@ def test_older_files_are_of_finished_runs_if_examined(file, verdict, finished):
     assert load_map(file).report.finished is finished
 
 
+def test_parameters_of_another_version_are_left_out(result, file):
+    with closing(sqlite3.connect(file)) as database, database:
+        [saved] = database.execute("SELECT value FROM about WHERE key = 'config'").fetchone()
+        config = json.loads(saved)
+        config["a section of tomorrow"] = {"a": 1}
+        config["local_slam"]["submaps"]["a_parameter_of_tomorrow"] = 2.5
+        database.execute("UPDATE about SET value = ? WHERE key = 'config'", [json.dumps(config)])
+
+    assert load_map(file).config == result.config
+
+
 def test_points_are_kept_to_a_millimetre_near_the_robot(result, file):
     near, far = load_map(file).node_points
 

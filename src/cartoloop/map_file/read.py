@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
 from cartoloop.arguments import as_path
 from cartoloop.arrays import FloatArray
@@ -147,14 +148,30 @@ def _poses(rows: Sequence[Row], num_columns: int = 3) -> FloatArray:
 
 
 def _config(saved: str) -> Config:
-    """Return the configuration; of a file of version 2, with the present names of its keys."""
+    """Return the configuration, with the present names of its keys.
+
+    Parameters that only the program that wrote the file has are left out: they have no effect here.
+    """
     content = json.loads(saved)
     sections = content if isinstance(content, dict) else {}
     search = sections.get("global_slam", {}).get("constraint_search", {})
     for old, new in _RENAMED.items():
         if old in search:
             search[new] = search.pop(old)
-    return Config.model_validate(content)
+    return Config.model_validate(_known(content, Config))
+
+
+def _known(content: Any, section: type[BaseModel]) -> Any:  # noqa: ANN401 - values of JSON
+    """Return the content of a section without what it does not have."""
+    if not isinstance(content, dict):
+        return content
+    known = {}
+    for name, field in section.model_fields.items():
+        if name in content:
+            kind: Any = field.annotation
+            is_section = isinstance(kind, type) and issubclass(kind, BaseModel)
+            known[name] = _known(content[name], kind) if is_section else content[name]
+    return known
 
 
 _RENAMED = {
