@@ -25,7 +25,9 @@ def random_graph(num_vertices, num_edges, seed):
     order = np.argsort(ends, kind="stable")
     firsts = np.searchsorted(ends[order], np.arange(num_vertices + 1))
     neighbours = pairs[:, ::-1].T.ravel()[order]
-    graph = coo_array((lengths, pairs.T), shape=(num_vertices, num_vertices)).tocsr()
+    # int32: the indices that old versions of dijkstra take
+    rows, columns = pairs.T.astype(np.int32)
+    graph = coo_array((lengths, (rows, columns)), shape=(num_vertices, num_vertices)).tocsr()
     return graph, (firsts, neighbours, np.tile(lengths, 2)[order])
 
 
