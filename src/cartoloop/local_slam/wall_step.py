@@ -23,8 +23,8 @@ from cartoloop.kernels.outline_shift import outline_costs
 from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
 
 _STRIDE = 3
-"""Of the steps that are tried against odometry, one in so many is tried first: most often none of
-them fits better than the matched one, since the wheels do not slip."""
+"""Of the steps that are tried against odometry, every third is tried first: most often none of them
+fits better than the matched one, since the wheels do not slip."""
 
 _NEIGHBOUR = 1.5
 """Steps that differ by less than this many are neighbours: noise decides between them."""
