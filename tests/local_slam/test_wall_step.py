@@ -102,6 +102,21 @@ def test_wheels_that_slip_are_contradicted(said):
     assert pose.x == pytest.approx(1.4, abs=0.1)
 
 
+def test_evidence_against_wheels_ends_where_they_are_right():
+    rng, wall_step, step = np.random.default_rng(0), WallStep(CONFIG), 0.08
+    x, pose, due = 0.0, IDENTITY, []
+    for k in range(12):
+        slips = 2 <= k < 5
+        x += 3 * step if slips else step
+        pose = Pose(pose.x + step, 0.0, 0.0)
+        returns = corridor_scan(x, rng, CUPBOARDS)
+        pose = wall_step.better_pose(0.1 * k, pose, returns, by_odometry=True) or pose
+        wall_step.add(0.1 * k, pose, IDENTITY, returns)
+        due.append(wall_step._is_due)
+    assert pose.x > 12 * step + 0.1  # the slip was noticed
+    assert not all(due[-4:])
+
+
 @pytest.mark.parametrize("error", [0.0, 0.01])
 def test_small_errors_are_left_to_odometry(error):
     places = 0.2 * np.arange(10)

@@ -150,6 +150,8 @@ class WallStep:
             return None
         found = _compare(last, time, pose, returns, config, stride=_STRIDE if by_odometry else 1)
         if found is None:
+            if by_odometry:
+                self._evidence = 0.0
             return None
         self._evidence *= config.evidence_memory
         turn = abs(wrap_angle(pose.theta - last.pose.theta))
