@@ -2,6 +2,7 @@
 """Steps along bare walls, from one scan to the next."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -102,19 +103,27 @@ def test_wheels_that_slip_are_contradicted(said):
     assert pose.x == pytest.approx(1.4, abs=0.1)
 
 
+class Silent:
+    """A random generator without noise."""
+
+    def normal(self, *_):
+        return 0.0
+
+
 def test_evidence_against_wheels_ends_where_they_are_right():
-    rng, wall_step, step = np.random.default_rng(0), WallStep(CONFIG), 0.08
-    x, pose, due = 0.0, IDENTITY, []
-    for k in range(12):
-        slips = 2 <= k < 5
-        x += 3 * step if slips else step
-        pose = Pose(pose.x + step, 0.0, 0.0)
-        returns = corridor_scan(x, rng, CUPBOARDS)
-        pose = wall_step.better_pose(0.1 * k, pose, returns, by_odometry=True) or pose
-        wall_step.add(0.1 * k, pose, IDENTITY, returns)
-        due.append(wall_step._is_due)
-    assert pose.x > 12 * step + 0.1  # the slip was noticed
-    assert not all(due[-4:])
+    wall_step, scan = WallStep(CONFIG), partial(corridor_scan, rng=Silent(), cupboards=CUPBOARDS)
+    wall_step.add(0.0, IDENTITY, IDENTITY, scan(0.0))
+    slipping = Pose(0.05, 0.0, 0.0), scan(0.25)
+    pose = wall_step.better_pose(0.4, *slipping, by_odometry=True)
+    assert pose.x == pytest.approx(0.25, abs=0.03)
+
+    at_rest, seen = Pose(0.25, 0.0, 0.0), scan(0.25)
+    for time in (0.4, 0.8):
+        wall_step.add(time, at_rest, IDENTITY, seen)
+        assert wall_step.better_pose(time + 0.4, at_rest, seen, by_odometry=True) is None
+    # soon after, and near: not compared unless wheels are suspected, so that nothing is found
+    slipped = scan(0.45)
+    assert wall_step.better_pose(0.9, at_rest, slipped, by_odometry=True) is None
 
 
 @pytest.mark.parametrize("error", [0.0, 0.01])
