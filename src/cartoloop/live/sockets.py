@@ -11,6 +11,7 @@ import ipaddress
 import selectors
 import socket
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from threading import Event
@@ -85,7 +86,7 @@ def listen(host: str, port: int) -> socket.socket:
     return listening
 
 
-class _Listener:
+class _Listener(ABC):
     """A listening socket for robots.
 
     A new connection takes the place of one that never sent a message, or of the one that is silent
@@ -143,9 +144,9 @@ class _Listener:
                 self._send(client)
                 self._close(client)
 
+    @abstractmethod
     def _receiver(self, lines: LineReceiver) -> Receiver:
         """Return the protocol of a new connection."""
-        raise NotImplementedError
 
     def _accept(self, listening: socket.socket) -> None:
         now = self._clock()
