@@ -19,6 +19,7 @@ from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.trajectory import optimized_trajectory, path_length
 from cartoloop.growing_array import GrowingArray
+from cartoloop.journal.tape import NO_TAPES, Tapes
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult, SensorCalibration
 from cartoloop.quality.examine import examine
 from cartoloop.report import (
@@ -64,6 +65,7 @@ class Mapper:
         dropped when too many are pending. Odometry may be late. The result depends on timing.
     calibration : what is known about the sensors before, as `calibration` of another mapper; by
         default nothing. It is estimated again while mapping.
+    tapes : of a run with a journal, which takes outcomes from there or puts them there.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class Mapper:
         *,
         live: bool = False,
         calibration: SensorCalibration | None = None,
+        tapes: Tapes = NO_TAPES,
     ) -> None:
         if config is not None:
             require_type(config, Config, "Mapper: config", "a cartoloop.Config")
@@ -83,8 +86,11 @@ class Mapper:
             config.global_slam.constraint_search.adaptive_voxel_filter,
             self._timer,
             calibration,
+            tapes,
         )
-        self._global_slam = GlobalSlam(config.global_slam, self._timer, wait_for_searches=not live)
+        self._global_slam = GlobalSlam(
+            config.global_slam, self._timer, tapes.graph, wait_for_searches=not live
+        )
         self._back_end = BackgroundGlobalSlam(self._global_slam) if live else None
         self._stamps = GrowingArray((), np.float64)
         self._local_poses = GrowingArray((3,), np.float64)

@@ -17,6 +17,12 @@ from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.constraint_search import ConstraintSearch
+from cartoloop.global_slam.graph_records import (
+    PoseNotes,
+    matches_record,
+    recorded_submap,
+    submap_record,
+)
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
@@ -30,7 +36,9 @@ from cartoloop.global_slam.pose_graph import (
     ConstraintKind,
     PoseGraph,
 )
-from cartoloop.global_slam.wide_search import WideSearch
+from cartoloop.global_slam.wide_search import WideSearch, put_requests
+from cartoloop.journal.frames import Kind
+from cartoloop.journal.tape import NO_TAPE, Tape
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
 from cartoloop.sensor.scan_points import NodePoints, ScanPoints
@@ -64,6 +72,7 @@ class GlobalSlam:
     ----------
     config : its parameters.
     timer : takes its times.
+    tape : outcomes are taken from there, or put there.
     wait_for_searches : whether an adjustment waits for the searches that were started before it,
         so that the result is always the same. Otherwise what is found joins when it is found, and
         requests beyond ``max_live_backlog`` are dropped.
@@ -78,8 +87,15 @@ class GlobalSlam:
     """
 
     def __init__(
-        self, config: GlobalSlamConfig, timer: StageTimer, *, wait_for_searches: bool = True
+        self,
+        config: GlobalSlamConfig,
+        timer: StageTimer,
+        tape: Tape = NO_TAPE,
+        *,
+        wait_for_searches: bool = True,
     ) -> None:
+        self._tape = tape
+        self._poses = PoseNotes(tape)
         self._config = config
         self._timer = timer
         self._waits_while_mapping = wait_for_searches
@@ -96,12 +112,13 @@ class GlobalSlam:
             self._node_points,
             config.num_threads,
             max_backlog=None if wait_for_searches else config.max_live_backlog,
+            tape=tape,
         )
         self.num_put_off = 0
         self.adjustments: list[AdjustmentRun] = []
         self._pairs = PairSelection(config.constraint_search)
         self._wide = WideSearch(
-            config.constraint_search, self.closures, self._finished, self.search
+            config.constraint_search, self.closures, self._finished, self.search, tape
         )
         self._submap_nodes: list[set[int]] = []
         self._tf_local_last_submap = IDENTITY
@@ -207,6 +224,10 @@ class GlobalSlam:
         )
 
     def _finish(self, submap: Submap) -> FinishedSubmap:
+        if (recorded := self._tape.take(Kind.SUBMAP)) is not None:
+            finished = FinishedSubmap(submap.index, *recorded_submap(recorded))
+            self._finished.append(finished)
+            return finished
         with self._timer.measure("finish submap"):
             grid = submap.grid.finish()
             own = np.flatnonzero(
@@ -216,6 +237,8 @@ class GlobalSlam:
             points = self.node_points.take(self.graph.index_b[own])
             own_score = mean_score(grid, points, self.graph.relative_poses[own])
             finished = FinishedSubmap(submap.index, grid, own_score)
+        if self._tape.is_kept:
+            self._tape.put(Kind.SUBMAP, submap_record(submap.index, grid, own_score))
         self._finished.append(finished)
         return finished
 
@@ -259,7 +282,8 @@ class GlobalSlam:
 
     def _submit(self, requests: Requests) -> None:
         if len(requests.submap):
-            self.search.submit(self.closures.request(requests, self.graph.num_nodes))
+            num_nodes = self.graph.num_nodes
+            self.search.submit(put_requests(self._tape, self.closures, requests, num_nodes))
 
     def _close_loops(self, max_num_iterations: int, *, wait: bool) -> None:
         """Take in the loop closures that searches found, and adjust all poses."""
@@ -277,6 +301,8 @@ class GlobalSlam:
             self._timer.record("search", duration)
         is_new = False
         while (found := self._wide.decide(self._pairs, self.graph)) is not None:
+            if self._tape.take(Kind.BELIEVED) is None and self._tape.is_kept:
+                self._tape.put(Kind.BELIEVED, matches_record(found))
             self._add_closures(found, are_trusted=True)
             with self._timer.measure("adjust"):
                 self._adjust(max_num_iterations)
@@ -328,6 +354,7 @@ class GlobalSlam:
         )
         newest = Pose(*self.graph.submap_poses[-1].tolist())
         self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
+        self._poses.note(self.graph.submap_poses)
         closures, is_violated = self._violated_closures()
         self._distrust_strained(closures)
         holds = ~is_violated | self.graph.is_trusted[closures]

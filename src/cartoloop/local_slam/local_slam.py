@@ -20,6 +20,14 @@ from cartoloop.config import (
     SensorConfig,
 )
 from cartoloop.errors import InputError
+from cartoloop.journal.frames import Kind
+from cartoloop.journal.tape import NO_TAPES, Tapes, unfit
+from cartoloop.local_slam.match_records import (
+    match_record,
+    recorded_match,
+    recorded_wall_step,
+    wall_record,
+)
 from cartoloop.local_slam.odometry_calibration import OdometryParameters
 from cartoloop.local_slam.odometry_trust import Evidence
 from cartoloop.local_slam.pose_extrapolator import (
@@ -28,7 +36,12 @@ from cartoloop.local_slam.pose_extrapolator import (
     Prediction,
     isotropic_information,
 )
-from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher, degenerate_direction
+from cartoloop.local_slam.scan_matcher import (
+    MatchedScan,
+    ScanMatcher,
+    degenerate_direction,
+    matched_scan,
+)
 from cartoloop.local_slam.scanner_clocks import ScannerClocks
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.runtime.stage_timer import StageTimer
@@ -39,6 +52,7 @@ from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
 from cartoloop.sensor.sweep_motion import SweepMotion
 from cartoloop.sensor.wall_normals import normal_ratio
 from cartoloop.submaps.node import Node
+from cartoloop.submaps.node_records import node_record, scan_record
 from cartoloop.submaps.submap import ActiveSubmaps, Submap
 
 MAX_RECENT = 64
@@ -162,6 +176,7 @@ class LocalSlam:
     node_filter : voxel filter of the points that a node keeps for loop closure.
     timer : measures the stages.
     known : what is known about the sensors before; by default nothing.
+    tapes : of the run; matches are taken from there, or put there.
     """
 
     def __init__(
@@ -171,13 +186,15 @@ class LocalSlam:
         node_filter: AdaptiveVoxelFilterConfig,
         timer: StageTimer,
         known: SensorCalibration | None = None,
+        tapes: Tapes = NO_TAPES,
     ) -> None:
         self._config = config
+        self._tape = tapes.local
         self._node_filter = node_filter
         self._timer = timer
         self._range_filter = RangeFilter(sensor)
         self._scanners: dict[str, _Scanner] = {}
-        self._active = ActiveSubmaps(config.submaps)
+        self._active = ActiveSubmaps(config.submaps, tapes.finished_submaps)
         self._clocks = ScannerClocks(known.scanner_offsets if known else None)
         self._num_nodes = 0
         self.extrapolator = PoseExtrapolator(config, known.odometry if known else None)
@@ -256,6 +273,7 @@ class LocalSlam:
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))
             scanner.is_in_map = True
+        self._put_scan(scan.stamp, pose)
         fit = match.match if match else None
         return LocalSlamResult(pose, match is not None, node, filtered.data.returns, fit)
 
@@ -288,8 +306,15 @@ class LocalSlam:
         self, filtered: FilteredScan, prediction: Prediction, matcher: ScanMatcher
     ) -> MatchedScan:
         """Return the match of a scan to the older active submap, which exists."""
+        submap = self._active.submaps[0]
+        if (recorded := self._tape.take(Kind.MATCH)) is not None:
+            match, matcher.memory = recorded_match(recorded)
+            return matched_scan(submap, match)
         with self._timer.measure("match"):
-            return matcher.match(self._active.submaps[0], filtered.points, prediction)
+            matched = matcher.match(submap, filtered.points, prediction)
+        if self._tape.is_replayable:
+            self._tape.put(Kind.MATCH, match_record(matched.match, matcher.memory))
+        return matched
 
     def _deskew_again(
         self,
@@ -341,14 +366,9 @@ class LocalSlam:
 
         Also returns whether it was repeated.
         """
-        with self._timer.measure("match"):
-            pose = scanner.wall_step.better_pose(
-                time,
-                match.tf_local_tracking,
-                filtered.data.returns,
-                by_odometry=prediction.by_odometry,
-                stands=prediction.by_odometry and prediction.stands,
-            )
+        pose = self._step_along_walls(
+            scanner.wall_step, time, match.tf_local_tracking, filtered.data.returns, prediction
+        )
         if pose is None:
             return match, False
         information = isotropic_information(
@@ -357,6 +377,41 @@ class LocalSlam:
         # what the scans say of the step is as good as odometry
         prediction = Prediction(pose, True, information, lambda: (pose, pose))
         return self._match(filtered, prediction, scanner.matcher), True
+
+    def _step_along_walls(
+        self,
+        wall_step: WallStep,
+        time: float,
+        pose: Pose,
+        returns: FloatArray,
+        prediction: Prediction,
+    ) -> Pose | None:
+        """Return a better pose along bare walls; see `WallStep.better_pose`."""
+        if (recorded := self._tape.take(Kind.WALL_STEP)) is not None:
+            better, wall_step.memory = recorded_wall_step(recorded)
+            return better
+        with self._timer.measure("match"):
+            better = wall_step.better_pose(
+                time,
+                pose,
+                returns,
+                by_odometry=prediction.by_odometry,
+                stands=prediction.by_odometry and prediction.stands,
+            )
+        if self._tape.is_replayable:
+            self._tape.put(Kind.WALL_STEP, wall_record(better, wall_step.memory))
+        return better
+
+    def _put_scan(self, stamp: float, pose: Pose) -> None:
+        """Put down a mapped scan, or check that it is the same as recorded."""
+        if not self._tape.is_kept:
+            return
+        record = scan_record(stamp, pose)
+        recorded = self._tape.take(Kind.SCAN)
+        if recorded is None:
+            self._tape.put(Kind.SCAN, record)
+        elif recorded != record:
+            raise unfit(f"the scan with stamp {stamp:.6f} has another pose")
 
     def _information(self, match: MatchedScan | None) -> FloatArray:
         """Return the information matrix of a scan's pose in the older active submap."""
@@ -402,4 +457,6 @@ class LocalSlam:
                 insertion.finished,
             )
         self._num_nodes += 1
+        if self._tape.take(Kind.NODE) is None and self._tape.is_kept:
+            self._tape.put(Kind.NODE, node_record(node, data.tf_tracking_sensor))
         return node

@@ -36,11 +36,11 @@ from cartoloop.map_file.tables import numbers_of
 from cartoloop.plain_text import plain_values
 from cartoloop.quality.verdict import Quality
 from cartoloop.report import ConstraintSummary, InputSummary, Report
+from cartoloop.sensor.packed_points import unpack_points
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 Row = tuple[Any, ...]
 
-_MAX_UNIT = 1e300  # of points [m]: times 2^15 still a number
 _TABLES = [
     "about",
     "submaps",
@@ -54,7 +54,6 @@ _TABLES = [
 ]
 _FREE_CELLS, _CELLS_PER_BYTE = 2**24, 100  # of all submaps: a map is compressed to a twentieth
 _FREE_SUBMAPS, _BYTES_PER_SUBMAP = 1000, 200  # of the file: a submap takes thousands
-_MAX_CELLS = 2**27  # of one submap: a square of 500 m; more is no submap but a damaged file
 
 
 def read_map(path: str | PathLike[str]) -> MapData:
@@ -85,7 +84,7 @@ def read_map(path: str | PathLike[str]) -> MapData:
             config=_config(about["config"]),
             report=_report(report),
             closures=closures,
-            node_points=[_points(*row[5:]) for row in nodes],
+            node_points=[unpack_points(*row[5:]) for row in nodes],
         )
 
 
@@ -214,27 +213,8 @@ def _grids(rows: Sequence[Row], num_bytes: int) -> list[FinishedGrid]:
 
 def _grid(row: Row) -> FinishedGrid:
     num_rows, num_cols, origin_x, origin_y, resolution, packed = row[4:]
-    if not (0 <= num_rows * num_cols <= _MAX_CELLS and num_rows >= 0):
-        raise ValueError(f"submap {row[0]} is {num_rows} by {num_cols} cells")
-    cells = _unpacked(packed, num_rows * num_cols)
-    array = np.frombuffer(cells, dtype=np.uint8).reshape(num_rows, num_cols)
-    return FinishedGrid(array, float(origin_x), float(origin_y), float(resolution))
-
-
-def _points(num_points: int, unit: float, numbers_of_unit: bytes) -> FloatArray:
-    if not 0.0 <= float(unit) <= _MAX_UNIT:
-        raise ValueError(f"points are in units of {unit} m")
-    numbers = np.frombuffer(numbers_of_unit, dtype="<i2")
-    return numbers.reshape(2, num_points).T * float(unit)
-
-
-def _unpacked(packed: bytes, size: int) -> bytes:
-    """Return the content of a zlib stream, which must be of this size: no more is ever made."""
-    stream = zlib.decompressobj()
-    content = stream.decompress(packed, size + 1)
-    if len(content) != size:
-        raise ValueError("a compressed field is too short or too long")
-    return content
+    place = float(origin_x), float(origin_y), float(resolution)
+    return FinishedGrid.of_packed(packed, (num_rows, num_cols), *place)
 
 
 def _report(saved: dict[str, Any]) -> Report:
