@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import Event, Lock, Thread
 
 from cartoloop.errors import OutputError
-from cartoloop.journal.frames import PREAMBLE, frame_bytes, record_bytes
+from cartoloop.journal.frames import PREAMBLE, Kind, frame_bytes, record_bytes
 
 try:
     import fcntl
@@ -40,7 +40,8 @@ class JournalWriter:
     Parameters
     ----------
     path : the file.
-    size : of the part of it that is kept [bytes]; 0: the file is new.
+    header : payload of the first record of a new file; None: the file is continued.
+    size : of the part of it that is kept then [bytes].
     on_failure : called with one line when the file cannot be written, in any thread; it is tried
         again. Called again only when something was written in between.
 
@@ -50,13 +51,22 @@ class JournalWriter:
         Another process writes the same journal.
     """
 
-    def __init__(self, path: Path, size: int, on_failure: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        on_failure: Callable[[str], None],
+        *,
+        header: bytes | None = None,
+        size: int = 0,
+    ) -> None:
         self._path = path
         self._on_failure = on_failure
         self._lock = Lock()
         self._waiting: list[bytes] = []
         self._num_waiting = 0
-        self._unwritten = bytearray(b"" if size else PREAMBLE)
+        self._unwritten = bytearray()
+        if header is not None:
+            self._unwritten += PREAMBLE + frame_bytes([record_bytes(Kind.HEADER, header)])
         self._size = size
         self._descriptor: int | None = None
         self._has_failed = False
@@ -65,7 +75,7 @@ class JournalWriter:
         self._end = Event()
         self._writing = Lock()
         self.num_written = 0
-        if size:
+        if header is None:
             self._descriptor = _locked(path)
             os.ftruncate(self._descriptor, size)
         else:
@@ -123,15 +133,13 @@ class JournalWriter:
             try:
                 if self._is_gone():
                     self._begin_again()
-                if self._unwritten:
-                    self._append()
+                elif self._unwritten and self._descriptor is not None:
+                    self._append(self._descriptor)
             except OSError as error:
                 self._note_failure(error)
 
-    def _append(self) -> None:
+    def _append(self, descriptor: int) -> None:
         """Write at the end of the last whole frame: what a failure left there is replaced."""
-        descriptor = self._descriptor
-        assert descriptor is not None
         view = memoryview(bytes(self._unwritten))
         os.lseek(descriptor, self._size, os.SEEK_SET)
         while view:
@@ -182,6 +190,7 @@ class JournalWriter:
                     old.seek(0)
                     shutil.copyfileobj(old, new)
                 os.ftruncate(descriptor, self._size)
+            self._append(descriptor)
             beside.replace(self._path)
         except BaseException:
             os.close(descriptor)

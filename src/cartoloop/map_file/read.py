@@ -14,11 +14,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel
 
 from cartoloop.arguments import as_path
 from cartoloop.arrays import FloatArray
-from cartoloop.config import Config
 from cartoloop.errors import InputError
 from cartoloop.foreign_database import open_database
 from cartoloop.global_slam.closures import Closures
@@ -27,6 +25,7 @@ from cartoloop.map_data import MapData
 from cartoloop.map_file.closure_tables import constraints_and_closures
 from cartoloop.map_file.closure_tables_v2 import constraints_and_closures_v2
 from cartoloop.map_file.file_set import repair_file_set
+from cartoloop.map_file.saved_config import config_of_json
 from cartoloop.map_file.schema import (
     APPLICATION_ID,
     FILE_NAME,
@@ -81,7 +80,7 @@ def read_map(path: str | PathLike[str]) -> MapData:
             graph=graph,
             node_scan_index=_scan_index(nodes, len(trajectory)),
             submap_grids=_grids(_rows(database, "submaps"), file.stat().st_size),
-            config=_config(about["config"]),
+            config=config_of_json(about["config"]),
             report=_report(report),
             closures=closures,
             node_points=[unpack_points(*row[5:]) for row in nodes],
@@ -144,41 +143,6 @@ def _poses(rows: Sequence[Row], num_columns: int = 3) -> FloatArray:
     if not np.isfinite(array).all():
         raise ValueError("a pose is not finite")
     return array
-
-
-def _config(saved: str) -> Config:
-    """Return the configuration, with the present names of its keys.
-
-    Parameters that only the program that wrote the file has are left out: they have no effect here.
-    """
-    content = json.loads(saved)
-    sections = content if isinstance(content, dict) else {}
-    search = sections.get("global_slam", {}).get("constraint_search", {})
-    for old, new in _RENAMED.items():
-        if old in search:
-            search[new] = search.pop(old)
-    return Config.model_validate(_known(content, Config))
-
-
-def _known(content: Any, section: type[BaseModel]) -> Any:  # noqa: ANN401 - values of JSON
-    """Return the content of a section without what it does not have."""
-    if not isinstance(content, dict):
-        return content
-    known = {}
-    for name, field in section.model_fields.items():
-        if name in content:
-            kind: Any = field.annotation
-            is_section = isinstance(kind, type) and issubclass(kind, BaseModel)
-            known[name] = _known(content[name], kind) if is_section else content[name]
-    return known
-
-
-_RENAMED = {
-    "bound_length": "well_constrained_length",
-    "every_nth_bound_node": "every_nth_well_constrained_node",
-    "max_searches_of_bound_pair": "max_searches_of_well_constrained_pair",
-}
-"""Keys of ``global_slam.constraint_search``, before and now."""
 
 
 def _graph(database: sqlite3.Connection) -> tuple[PoseGraph, Closures]:
