@@ -97,8 +97,12 @@ def frame_bytes(records: Iterable[bytes]) -> bytes:
     return _FRAME.pack(len(content), zlib.crc32(content)) + content
 
 
-def read_content(path: Path) -> Content:
+def read_content(path: Path, max_frames: int | None = None) -> Content:
     """Return the content of a journal up to the last whole frame.
+
+    Parameters
+    ----------
+    max_frames : number of frames to read; None: all.
 
     Raises
     ------
@@ -117,13 +121,13 @@ def read_content(path: Path) -> Content:
             f"{path}: is of version {version}, this program knows {FORMAT_VERSION}; use the "
             "program that wrote it, or map the recording again"
         )
-    return _content(memoryview(data))
+    return _content(memoryview(data), max_frames)
 
 
-def _content(data: memoryview) -> Content:
+def _content(data: memoryview, max_frames: int | None) -> Content:
     records: list[Record] = []
-    place = len(PREAMBLE)
-    while place + _FRAME.size <= len(data):
+    place, num_frames = len(PREAMBLE), 0
+    while num_frames != max_frames and place + _FRAME.size <= len(data):
         length, checksum = _FRAME.unpack_from(data, place)
         content = data[place + _FRAME.size : place + _FRAME.size + length]
         if len(content) != length or zlib.crc32(content) != checksum:
@@ -133,6 +137,7 @@ def _content(data: memoryview) -> Content:
             break
         records += found
         place += _FRAME.size + length
+        num_frames += 1
     return Content(records, place)
 
 

@@ -41,7 +41,8 @@ class JournalWriter:
     ----------
     path : the file.
     header : payload of the first record of a new file; None: the file is continued.
-    size : of the part of it that is kept then [bytes].
+    kept_size : returns the size of the part of it that is kept then [bytes]; called when no other
+        process can write it.
     on_failure : called with one line when the file cannot be written, in any thread; it is tried
         again. Called again only when something was written in between.
 
@@ -57,7 +58,7 @@ class JournalWriter:
         on_failure: Callable[[str], None],
         *,
         header: bytes | None = None,
-        size: int = 0,
+        kept_size: Callable[[], int] | None = None,
     ) -> None:
         self._path = path
         self._on_failure = on_failure
@@ -67,7 +68,7 @@ class JournalWriter:
         self._unwritten = bytearray()
         if header is not None:
             self._unwritten += PREAMBLE + frame_bytes([record_bytes(Kind.HEADER, header)])
-        self._size = size
+        self._size = 0
         self._descriptor: int | None = None
         self._has_failed = False
         self._is_full = False
@@ -75,9 +76,9 @@ class JournalWriter:
         self._end = Event()
         self._writing = Lock()
         self.num_written = 0
-        if header is None:
+        if kept_size is not None:
             self._descriptor = _locked(path)
-            os.ftruncate(self._descriptor, size)
+            self._size = self._kept(self._descriptor, kept_size)
         else:
             _refuse_if_locked(path)
             self._write()
@@ -118,6 +119,16 @@ class JournalWriter:
         self.close()
         with suppress(OSError):
             self._path.unlink(missing_ok=True)
+
+    def _kept(self, descriptor: int, kept_size: Callable[[], int]) -> int:
+        """Cut off what is not whole at the end of a file; return its size then."""
+        try:
+            size = kept_size()
+            os.ftruncate(descriptor, size)
+        except BaseException:
+            os.close(descriptor)
+            raise
+        return size
 
     def _repeat(self, task: Callable[[], None], period_s: float) -> None:
         while not self._end.wait(period_s):
@@ -233,7 +244,7 @@ def is_locked(path: Path) -> bool:
 
 def _refuse_if_locked(path: Path) -> None:
     if is_locked(path):
-        raise _in_use(path)
+        raise in_use(path)
 
 
 def _locked(path: Path) -> int:
@@ -258,12 +269,13 @@ def _lock(descriptor: int, path: Path) -> None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise _in_use(path) from None
+        raise in_use(path) from None
     except OSError:  # a file system without locks
         pass
 
 
-def _in_use(path: Path) -> OutputError:
+def in_use(path: Path) -> OutputError:
+    """Return the error of a journal that another process writes."""
     return OutputError(
         f"{path.parent}: another run writes there; wait for its end, or choose another output "
         "folder"

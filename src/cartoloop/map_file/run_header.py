@@ -101,15 +101,19 @@ class RunHeader:
         )
 
 
-def read_journal(path: Path) -> tuple[RunHeader, Content]:
+def read_journal(path: Path, *, whole: bool = True) -> tuple[RunHeader, Content]:
     """Return the header of a journal, and its other records.
+
+    Parameters
+    ----------
+    whole : whether the records are wanted; otherwise some or none of them are read.
 
     Raises
     ------
     InputError
         It cannot be read, is none, is damaged at its beginning, or is of a newer program.
     """
-    content = read_content(path)
+    content = read_content(path, None if whole else 1)
     try:
         first = content.records[0]
         if first.kind != Kind.HEADER:
