@@ -65,6 +65,18 @@ def index_of_submap(payload: memoryview) -> int:
     return index
 
 
+def cells_of_submap(payload: memoryview) -> int:
+    """Return how many cells the submap of a record has.
+
+    Raises
+    ------
+    struct.error
+        The payload is too short.
+    """
+    _, _, num_rows, num_cols, *_ = _SUBMAP.unpack_from(payload)
+    return int(num_rows) * int(num_cols)
+
+
 def submap_record(index: int, grid: FinishedGrid, own_score: float) -> bytes:
     """Return a finished submap and the mean score of its own scans as a payload."""
     place = (grid.origin_x, grid.origin_y, grid.resolution)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -441,6 +442,11 @@ class LocalSlam:
         elif recorded != record:
             raise unfit(f"the scan with stamp {stamp:.6f} has another pose")
 
+    def _put_calibration(self) -> None:
+        """Put down what is known about the sensors, once for each submap."""
+        if self._tape.take(Kind.CALIBRATION) is None and self._tape.is_kept:
+            self._tape.put(Kind.CALIBRATION, json.dumps(self.calibration.to_dict()).encode())
+
     def _information(self, match: MatchedScan | None) -> FloatArray:
         """Return the information matrix of a scan's pose in the older active submap."""
         if match is not None:
@@ -487,4 +493,6 @@ class LocalSlam:
         self._num_nodes += 1
         if self._tape.take(Kind.NODE) is None and self._tape.is_kept:
             self._tape.put(Kind.NODE, node_record(node, data.tf_tracking_sensor))
+        if insertion.finished is not None:
+            self._put_calibration()
         return node

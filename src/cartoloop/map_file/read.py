@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import sqlite3
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from os import PathLike
@@ -21,10 +20,13 @@ from cartoloop.errors import InputError
 from cartoloop.foreign_database import open_database
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.journal.frames import FILE_NAME as JOURNAL
 from cartoloop.map_data import MapData
 from cartoloop.map_file.closure_tables import constraints_and_closures
 from cartoloop.map_file.closure_tables_v2 import constraints_and_closures_v2
+from cartoloop.map_file.damage import damage_reported, require_cells_to_fit
 from cartoloop.map_file.file_set import repair_file_set
+from cartoloop.map_file.journal_map import read_journal_map
 from cartoloop.map_file.saved_config import config_of_json
 from cartoloop.map_file.schema import (
     APPLICATION_ID,
@@ -53,12 +55,14 @@ _TABLES = [
     "trajectory",
     "sessions",
 ]
-_FREE_CELLS, _CELLS_PER_BYTE = 2**24, 100  # of all submaps: a map is compressed to a twentieth
 _FREE_SUBMAPS, _BYTES_PER_SUBMAP = 1000, 200  # of the file: a submap takes thousands
 
 
 def read_map(path: str | PathLike[str]) -> MapData:
     """Return the content of a map database, given the file or its folder.
+
+    A folder without one may hold the journal of a run that was interrupted: then it is the map
+    that the run had so far.
 
     Raises
     ------
@@ -68,8 +72,13 @@ def read_map(path: str | PathLike[str]) -> MapData:
     file = as_path(path, "map")
     if file.is_dir():
         repair_file_set(file)
-        file /= FILE_NAME
-    with _opened(file) as database, _damage_reported(file):
+        journal = file / JOURNAL
+        file = (
+            journal if journal.is_file() and not (file / FILE_NAME).is_file() else file / FILE_NAME
+        )
+    if file.name == JOURNAL:
+        return read_journal_map(file)
+    with _opened(file) as database, damage_reported(file):
         about: dict[str, str] = dict(_rows(database, "about"))
         graph, closures = _graph(database)
         nodes = _rows(database, "nodes")
@@ -118,21 +127,6 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
         yield database
 
 
-@contextmanager
-def _damage_reported(file: Path) -> Iterator[None]:
-    """Turn the errors that damaged content leads to into one for the user."""
-    try:
-        yield
-    except (
-        sqlite3.Error, zlib.error, ValueError, TypeError, KeyError, IndexError, OverflowError,
-        AttributeError, RecursionError,
-    ) as error:  # fmt: skip
-        what = " ".join(str(error).split())
-        raise InputError(
-            f"{file}: is damaged ({type(error).__name__}: {what}); map the recording again"
-        ) from error
-
-
 def _rows(database: sqlite3.Connection, table: str) -> list[Row]:
     """Return a table's rows by their keys, which must count from 0 where they are numbers."""
     rows: list[Row] = database.execute(f"SELECT * FROM {table} ORDER BY 1").fetchall()
@@ -173,8 +167,7 @@ def _grids(rows: Sequence[Row], num_bytes: int) -> list[FinishedGrid]:
     if len(rows) > _FREE_SUBMAPS + num_bytes // _BYTES_PER_SUBMAP:
         raise ValueError(f"{len(rows)} submaps cannot stand in {num_bytes} bytes")
     num_cells = sum(max(int(row[4]), 0) * max(int(row[5]), 0) for row in rows)
-    if num_cells > _FREE_CELLS + _CELLS_PER_BYTE * num_bytes:
-        raise ValueError(f"{num_cells} cells cannot stand in {num_bytes} bytes")
+    require_cells_to_fit(num_cells, num_bytes)
     return [_grid(row) for row in rows]
 
 
