@@ -226,8 +226,9 @@ def resume_journal(run: InterruptedRun, on_failure: Callable[[str], None]) -> Ru
 
 def options_document(options: ReadOptions | None) -> dict[str, Any]:
     """Return how a recording is read as values of JSON, with the hash of the robot description."""
-    if options is None:
-        return {}
+    from cartoloop.readers.read_options import ReadOptions
+
+    options = options or ReadOptions()
     document: Mapping[str, Any] = asdict(options)
     found = {key: _plain(value) for key, value in document.items()}
     if options.urdf is not None:
