@@ -334,6 +334,37 @@ def bench_kills(
         raise typer.Exit(1)
 
 
+@app.command("resume")
+def bench_resume(
+    data: DataOption = None,
+    out: OutOption = Path("bench-results"),
+    runs: Annotated[int, typer.Option(min=1, help="Number of runs that are killed.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the moments.")] = 0,
+    quick: Annotated[bool, typer.Option("--quick", help="Runs of a short drive alone.")] = False,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Kill runs at random moments, open what is left, resume them, and compare the bytes.
+
+    With --strict it also fails if a file does not open, or if a resumed run ends in other bytes.
+    """
+    from bench import resume as benchmark
+
+    before = _earlier(against, "resume")
+    folder = None if quick else _data_folder(data)
+    record = benchmark.run(
+        runs,
+        seed=seed,
+        data=folder,
+        is_quick=quick,
+        progress=lambda line: typer.echo(line, err=True),
+    )
+    _print_table(record)
+    _conclude(record, out, before, strict)
+    if strict and any(row.figures["faults"].value for row in record.rows):
+        raise typer.Exit(1)
+
+
 @app.command("page")
 def bench_page(
     records: Annotated[

@@ -89,7 +89,7 @@ class PacedSource:
     name = "replay"
 
     def __init__(self, events: Sequence[SensorEvent], pace: float) -> None:
-        self._lines = [_line(event) for event in events]
+        self._lines = [line_of(event) for event in events]
         self._due = [(event.time - events[0].time) / pace for event in events]
 
     def open(self) -> str:
@@ -217,7 +217,7 @@ def _of_duration(events: Iterator[SensorEvent], seconds: float) -> Iterator[Sens
         yield event
 
 
-def _line(event: SensorEvent) -> bytes:
+def line_of(event: SensorEvent) -> bytes:
     """Return an event as a robot would send it."""
     content: dict[str, object]
     if isinstance(event, LaserScan):
