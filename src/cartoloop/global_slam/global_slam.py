@@ -214,7 +214,7 @@ class GlobalSlam:
                 self._pairs.begin_session()
                 self._wide.begin_session()
             own = (int(submaps.first[node]), int(submaps.last[node]))
-            self._pairs.add(tuple(pose), len(self.node_points[node]), own)
+            self._pairs.add((pose[0], pose[1]), len(self.node_points[node]), own)
             self._wide.restore_node(Pose(*pose), self.node_points)
         own_nodes = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
         self._submap_nodes = [set() for _ in range(graph.num_submaps)]
