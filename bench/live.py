@@ -89,6 +89,6 @@ def _row(same: Sequence[PaceResult]) -> Row:
             "searches": Figure.of_samples([run.searched for run in same], "", None),
             "put off": Figure.of_samples([run.put_off for run in same], ""),
             "dropped": Figure.of_samples([run.dropped for run in same], ""),
-            "saves": Figure.of_samples([run.saves for run in same], "", None),
+            "journal_bytes": Figure.of_samples([run.journal_bytes for run in same], "B", None),
         },
     )

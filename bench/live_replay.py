@@ -21,7 +21,6 @@ from threading import Event
 import numpy as np
 
 from cartoloop.config import Config
-from cartoloop.live.autosave import Autosave
 from cartoloop.live.inbox import Arrival, Inbox
 from cartoloop.live.messages import EndMessage, parse_message
 from cartoloop.live.notices import Notices
@@ -29,9 +28,10 @@ from cartoloop.live.sequencer import Sequencer
 from cartoloop.live.session import AddedScan, LiveSession
 from cartoloop.live.source import Put
 from cartoloop.live.warm_up import get_ready
-from cartoloop.map_output.output_folder import RunFolder
+from cartoloop.map_file.run_header import RunHeader
 from cartoloop.mapper import Mapper
 from cartoloop.readers import open_log
+from cartoloop.run_journal import RunJournal, begin_journal
 from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
 
 CONFIG = Config()
@@ -54,7 +54,8 @@ class PaceResult:
     cpu_s : the same, including the work after the pose and between scans [s].
     joined_after : of each closure, periods of adjustment from the request of its search until it
         was added to the graph.
-    nodes, closures, adjustments, saves : number added meanwhile.
+    nodes, closures, adjustments : number added meanwhile.
+    journal_bytes : written meanwhile.
     searched : number of searches.
     put_off : searches that had started but not ended when the graph was adjusted.
     dropped : searches dropped.
@@ -70,7 +71,7 @@ class PaceResult:
     nodes: int
     closures: int
     adjustments: int
-    saves: int
+    journal_bytes: int
     searched: int
     put_off: int
     dropped: int
@@ -130,23 +131,24 @@ def replay(path: Path, num_first: int, paces: Sequence[tuple[float, float]]) -> 
     """
     events = iter(open_log(path))
     get_ready()
-    mapper = Mapper(CONFIG, live=True)
     results = []
     notices = Notices(lambda line: print(line, file=sys.stderr))
     sequencer = Sequencer(notices)
     with tempfile.TemporaryDirectory(prefix="cartoloop-live-") as folder:
-        autosave = Autosave(mapper, RunFolder(Path(folder), path.name, ""), notices)
+        header = RunHeader("live", path.name, "", CONFIG)
+        journal = begin_journal(Path(folder), header, notices.say)
+        mapper = Mapper(CONFIG, live=True, tapes=journal.tapes)
         for event in islice(events, num_first):
             mapper.add(event)
         _catch_up(mapper)
         # The session holds scans back until it knows the sensors: their latency is not measured.
         start = list(_of_duration(events, SETTLING_S))
-        _at_pace(start, 1.0, mapper, sequencer, notices, autosave)
+        _at_pace(start, 1.0, mapper, sequencer, notices, journal)
         for pace, seconds in paces:
             part = list(_of_duration(events, pace * seconds))
-            results.append(_at_pace(part, pace, mapper, sequencer, notices, autosave))
+            results.append(_at_pace(part, pace, mapper, sequencer, notices, journal))
         mapper.close()
-        autosave.close()
+        journal.close()
     return results
 
 
@@ -156,7 +158,7 @@ def _at_pace(
     mapper: Mapper,
     sequencer: Sequencer,
     notices: Notices,
-    autosave: Autosave,
+    journal: RunJournal,
 ) -> PaceResult:
     latencies: list[float] = []
     pose_cpu_s: list[float] = []
@@ -166,16 +168,15 @@ def _at_pace(
     def after_scan(scan: AddedScan) -> None:
         latencies.append(scan.latency)
         pose_cpu_s.append(time.thread_time() - inbox.cpu_s)
-        autosave.after_scan()
         cpu_times.append(time.thread_time())
 
     session = LiveSession(
         PacedSource(events, pace), mapper, inbox, sequencer, notices, after_scan=after_scan
     )
-    before, num_found = _counts(mapper, autosave), mapper.global_slam.closures.num_found
+    before, num_found = _counts(mapper, journal), mapper.global_slam.closures.num_found
     session.run(lambda: False)
     _catch_up(mapper)
-    after = _counts(mapper, autosave)
+    after = _counts(mapper, journal)
     num_scans = sum(isinstance(event, LaserScan) for event in events)
     added = [now - then for now, then in zip(after, before, strict=True)]
     cpu_s = np.diff(cpu_times).tolist()
@@ -184,13 +185,13 @@ def _at_pace(
     return PaceResult(pace, num_scans, len(latencies), latencies, pose_cpu_s, cpu_s, joined, *added)
 
 
-def _counts(mapper: Mapper, autosave: Autosave) -> tuple[int, ...]:
+def _counts(mapper: Mapper, journal: RunJournal) -> tuple[int, ...]:
     slam = mapper.global_slam
     return (
         mapper.num_nodes,
         slam.closures.num_found,
         len(slam.adjustments),
-        autosave.num_saves,
+        journal.num_written,
         slam.closures.num_searched,
         slam.num_put_off,
         slam.closures.num_dropped,

@@ -112,6 +112,16 @@ def config_hash(config: Config) -> str:
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 
+def changed_keys(config: Config, other: Config) -> list[str]:
+    """Return the keys of the parameters that differ and matter to the result."""
+    values, others = _flatten(config.model_dump()), _flatten(other.model_dump())
+    return [
+        key
+        for key, value in values.items()
+        if value != others[key] and key not in MACHINE_PARAMETERS
+    ]
+
+
 def _flatten(tree: Mapping[str, object], prefix: str = "") -> dict[str, object]:
     flat: dict[str, object] = {}
     for key, value in tree.items():

@@ -7,11 +7,15 @@ out wrong by degrees. A recording, unlike a live robot, can be asked for it firs
 
 from __future__ import annotations
 
+import json
 import logging
 from typing import TYPE_CHECKING
 
 from cartoloop.config import Config
+from cartoloop.journal.frames import Kind
+from cartoloop.journal.tape import Tape
 from cartoloop.local_slam.clock_offset import FIRST_ESTIMATE
+from cartoloop.local_slam.local_slam import SensorCalibration
 from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import Odometry
 from cartoloop.stop_request import StopRequest
@@ -19,7 +23,6 @@ from cartoloop.stop_request import StopRequest
 _logger = logging.getLogger(__name__)
 
 if TYPE_CHECKING:
-    from cartoloop.local_slam.local_slam import SensorCalibration
     from cartoloop.local_slam.odometry_calibration import OdometryParameters
     from cartoloop.readers import Log
 
@@ -82,6 +85,22 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
     if found.odometry.knows_rotation or any(found.scanner_offsets.values()):
         return found
     return None
+
+
+def recorded_calibration(
+    log: Log, config: Config, stop: StopRequest, tape: Tape
+) -> SensorCalibration | None:
+    """Return :func:`calibrate`, taken from a tape if it is there; otherwise it is put there."""
+    recorded = tape.take(Kind.CALIBRATION)
+    if recorded is not None:
+        found = json.loads(bytes(recorded))
+        return None if found is None else SensorCalibration.from_dict(found)
+    calibration = calibrate(log, config, stop)
+    # A pass that was stopped says less than a whole one.
+    if tape.is_kept and not stop.made:
+        content = None if calibration is None else calibration.to_dict()
+        tape.put(Kind.CALIBRATION, json.dumps(content).encode())
+    return calibration
 
 
 def _is_settled(model: OdometryParameters) -> bool:

@@ -20,6 +20,7 @@ from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.trajectory import path_length
 from cartoloop.growing_array import GrowingArray
+from cartoloop.journal.tape import NO_TAPES, Tapes
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult, SensorCalibration
 from cartoloop.map_data import MapData
 from cartoloop.map_sessions import earlier_maps, whole_trajectory, with_parts
@@ -74,6 +75,7 @@ class Mapper:
         map that is given does not change.
     onto_pose : where the robot is in that map at the first scan, to a metre or two and 20 degrees;
         then it is only searched for there.
+    tapes : of a run with a journal, which takes outcomes from there or puts them there.
 
     Raises
     ------
@@ -91,6 +93,7 @@ class Mapper:
         calibration: SensorCalibration | None = None,
         onto: MapData | str | PathLike[str] | None = None,
         onto_pose: Pose | None = None,
+        tapes: Tapes = NO_TAPES,
     ) -> None:
         if config is not None:
             require_type(config, Config, "Mapper: config", "a cartoloop.Config")
@@ -104,12 +107,14 @@ class Mapper:
             config.global_slam.constraint_search.adaptive_voxel_filter,
             self._timer,
             calibration,
+            tapes,
             first_node=len(earlier.node_scan_index),
             first_submap=earlier.num_submaps,
         )
         self._global_slam = GlobalSlam(
             config.global_slam,
             self._timer,
+            tapes.graph,
             wait_for_searches=not live,
             mapped=earlier.mapped,
             check_geometry=geometry_check(config),

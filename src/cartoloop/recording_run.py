@@ -9,19 +9,30 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cartoloop.arguments import as_path, require_type, shown
 from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig
 from cartoloop.errors import InputError, Interrupted, UsageError
+from cartoloop.journal.tape import NO_TAPES
+from cartoloop.map_file.run_header import RunHeader
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.run_end import Outcome, Saved, completed, save_outcome, timed
+from cartoloop.run_journal import (
+    InterruptedRun,
+    RunJournal,
+    begin_journal,
+    interrupted_run,
+    nothing_to_resume,
+    options_document,
+    resume_journal,
+)
 from cartoloop.session import named
 from cartoloop.stop_request import StopRequest
 
@@ -42,6 +53,15 @@ class RunObserver:
 
     def started(self, num_scans: int) -> None:
         """The recording was opened and has `num_scans` scans."""
+
+    def resumed(self, num_scans: int) -> None:
+        """The first `num_scans` scans were mapped before: their matches are known."""
+
+    def already_finished(self, folder: Path) -> None:
+        """There is nothing to resume: `folder` holds the finished map."""
+
+    def journal_failed(self, problem: str) -> None:
+        """The journal cannot be written, in one line; mapping goes on. May be of any thread."""
 
     def before_event(self, mapper: Mapper, event: SensorEvent) -> None:
         """`event` is added next."""
@@ -72,6 +92,7 @@ def map_recording(
     observer: RunObserver | None = None,
     stop: StopRequest | None = None,
     overwrite: bool = False,
+    resume: bool = False,
 ) -> Result:
     """Map a recording and save the map; the report has name, times and skipped lines.
 
@@ -86,60 +107,177 @@ def map_recording(
     observer : is informed of the progress.
     stop : by which another thread or a signal handler can stop the run. Ctrl-C stops it anyway.
     overwrite : whether the map of another recording in `out` may be replaced.
+    resume : whether to go on with the run in `out` that was interrupted: killed, stopped or failed.
+        What is not given then (config, options, layers) is as that run had it. The result is the
+        same as that of a run without interruption. A finished map in `out` is returned as it is.
 
     Raises
     ------
     InputError
         The recording cannot be read, has no scan that can be mapped, or only a part of it could
-        be read or mapped. What was mapped until then is saved.
+        be read or mapped. What was mapped until then is saved. Or it cannot resume the run in
+        `out`, which is of another recording, or had other parameters.
     OutputError
-        The folder `out` cannot be written, or holds the map of another recording; where possible,
-        raised before mapping starts.
+        The folder `out` cannot be written, or holds the map of another recording, or another run
+        writes there, or there is nothing to resume; where possible, raised before mapping starts.
     Interrupted
         The run was stopped; what was mapped until then is saved, unless it was stopped again.
     """
     from cartoloop.map_output.picture import DEFAULT_LAYERS, known_layers
 
-    loaded = _loaded(config)
     layers = None if layers is None else known_layers(layers)
     out = None if out is None else as_path(out, "map_recording: out")
     observer, stop = observer or RunObserver(), stop or StopRequest()
+    run = _interrupted(out) if resume else None
+    if run is None:
+        loaded = _loaded(config)
+    else:
+        loaded, options = _as_before(run, None if config is None else _loaded(config), options)
+        layers = known_layers(run.header.layers) if layers is None else layers
+        overwrite = overwrite or run.header.overwrite
+    drawn = DEFAULT_LAYERS if layers is None else layers
     log = _opened(recording, options, out, overwrite)
     start = time.perf_counter()
-    folder = None
+    folder, journal = None, None
     if out is not None:
         folder = RunFolder(Path(out), log.name, log.fingerprint, overwrite)
+        if resume and run is None:
+            return _finished_map(folder, observer)
         folder.check()
         prepare_folder(folder.path)
+        journal = _journal(folder, run, loaded, options_document(options), drawn, observer)
     try:
-        outcome = _mapped(log, loaded, observer, stop)
+        outcome = _mapped(log, loaded, observer, stop, journal)
         if not outcome.is_complete and outcome.failure is None and not len(outcome.result.stamps):
             raise Interrupted("stopped before the first scan: nothing was saved")
+        if journal is not None and not outcome.is_complete:
+            _keep_journal(journal, outcome)
         outcome = replace(outcome, result=_reported(outcome.result, log, start))
         observer.mapped(outcome.result, outcome.failure)
         saved = Saved(outcome, None, "")
         if folder is not None:
-            drawn = DEFAULT_LAYERS if layers is None else layers
             saved = save_outcome(
                 outcome, folder, drawn, loaded.origins, observer.saving, start, stop
             )
     except KeyboardInterrupt as interrupt:
-        raise Interrupted("stopped at once: nothing was saved") from interrupt
+        raise Interrupted(f"stopped at once: nothing was saved{_hint(journal)}") from interrupt
+    finally:
+        if journal is not None:
+            journal.close()
+    if journal is not None and outcome.is_complete:
+        journal.remove()
     # A stop during saving is reported too, so that no further step follows.
     outcome = replace(saved.outcome, is_complete=outcome.is_complete and not stop.made)
     observer.saved(outcome.result, outcome.failure)
-    _raise_if_incomplete(replace(saved, outcome=outcome), log)
+    _raise_if_incomplete(replace(saved, outcome=outcome), log, _hint(journal))
     return outcome.result
 
 
-def _mapped(log: Log, loaded: LoadedConfig, observer: RunObserver, stop: StopRequest) -> Outcome:
+def _interrupted(out: str | PathLike[str] | None) -> InterruptedRun | None:
+    if out is None:
+        raise UsageError("map_recording: resume needs out, the folder of the interrupted run")
+    return interrupted_run(Path(out))
+
+
+def _journal(
+    folder: RunFolder,
+    run: InterruptedRun | None,
+    loaded: LoadedConfig,
+    options: Mapping[str, Any],
+    layers: Collection[Layer],
+    observer: RunObserver,
+) -> RunJournal:
+    """Return the journal of a run, which may be that of an interrupted one."""
+    if run is not None:
+        run.check_recording(folder.name, folder.fingerprint)
+        return resume_journal(run, observer.journal_failed)
+    header = RunHeader(
+        "map",
+        folder.name,
+        folder.fingerprint,
+        loaded.config,
+        loaded.origins,
+        options,
+        tuple(layers),
+        folder.overwrite,
+    )
+    return begin_journal(folder.path, header, observer.journal_failed)
+
+
+def _as_before(
+    run: InterruptedRun, loaded: LoadedConfig | None, options: ReadOptions | None
+) -> tuple[LoadedConfig, ReadOptions]:
+    """Return configuration and reading options of a run to be resumed; check what is given.
+
+    How many threads search is not checked: the result does not depend on it.
+    """
+    config = run.loaded
+    if loaded is not None:
+        run.check_config(loaded)
+        config = LoadedConfig(loaded.config, config.origins)
+    before = run.read_options
+    if options is not None:
+        run.check_options(options)
+    return config, before
+
+
+def _finished_map(folder: RunFolder, observer: RunObserver) -> Result:
+    """Return the finished map in a folder without an interrupted run.
+
+    Raises
+    ------
+    OutputError
+        There is none of this recording.
+    """
+    from cartoloop.result import load_map
+
+    if not folder.is_finished():
+        raise nothing_to_resume(folder.path)
+    observer.already_finished(folder.path)
+    return load_map(folder.path)
+
+
+def _keep_journal(journal: RunJournal, outcome: Outcome) -> None:
+    """Close the journal of a run that ended early.
+
+    Raises
+    ------
+    Exception
+        The run had not come as far as before it was resumed: less than that is not saved.
+    """
+    is_behind = journal.tapes.is_replayed
+    journal.close()
+    if not is_behind:
+        return
+    if outcome.failure is not None:
+        raise outcome.failure
+    raise Interrupted(
+        f"stopped before the run had come as far as before: nothing was saved{_hint(journal)}"
+    )
+
+
+def _hint(journal: RunJournal | None) -> str:
+    """Return how to go on with a run that has a journal, as a clause."""
+    return "" if journal is None else f"; --resume {journal.path.parent} goes on with it"
+
+
+def _mapped(
+    log: Log,
+    loaded: LoadedConfig,
+    observer: RunObserver,
+    stop: StopRequest,
+    journal: RunJournal | None,
+) -> Outcome:
     # Loads the kernels: part of the measured time.
-    from cartoloop.first_pass import calibrate
+    from cartoloop.first_pass import recorded_calibration
     from cartoloop.mapper import Mapper
 
     observer.started(log.num_scans)
-    calibration = calibrate(log, loaded.config, stop)
-    return run(log, Mapper(loaded.config, calibration=calibration), observer, stop)
+    tapes = NO_TAPES if journal is None else journal.tapes
+    if journal is not None and journal.num_recorded_scans:
+        observer.resumed(journal.num_recorded_scans)
+    calibration = recorded_calibration(log, loaded.config, stop, tapes.local)
+    return run(log, Mapper(loaded.config, calibration=calibration, tapes=tapes), observer, stop)
 
 
 def _reported(result: Result, log: Log, start: float) -> Result:
@@ -260,8 +398,13 @@ def _is_mostly_lost(result: Result, log: Log) -> bool:
     return num_mapped < MIN_SHARE_OF_SCANS * (num_mapped + num_lost)
 
 
-def _raise_if_incomplete(saved: Saved, log: Log) -> None:
-    """Raise the error of a run that did not map the whole recording."""
+def _raise_if_incomplete(saved: Saved, log: Log, hint: str) -> None:
+    """Raise the error of a run that did not map the whole recording.
+
+    Parameters
+    ----------
+    hint : how to go on with it, as a clause.
+    """
     outcome, where = saved.outcome, saved.where
     result = outcome.result
     report = result.report
@@ -269,7 +412,7 @@ def _raise_if_incomplete(saved: Saved, log: Log) -> None:
         raise outcome.failure
     if not outcome.is_complete:
         kept = f"; the map of these is{where}" if where else "; their map was not saved"
-        raise Interrupted(f"stopped after {len(result.stamps)} scans{kept}")
+        raise Interrupted(f"stopped after {len(result.stamps)} scans{kept}{hint}")
     if _is_mostly_lost(result, log):
         num_lost = _lost_scans(result, log)
         raise InputError(

@@ -14,6 +14,7 @@ from cartoloop.live.live_run import LiveObserver, LiveOptions, map_live
 from cartoloop.live.messages import EndMessage, parse_message
 from cartoloop.map_output.save import save
 from cartoloop.report import InputSummary
+from cartoloop.result import load_map
 from tests.map_output.small_result import FILES, small_result
 
 
@@ -92,17 +93,17 @@ def test_a_folder_with_a_map_is_refused(kept):
         map_live(Sender(lines(4.0)), None, kept)
 
 
-def test_a_finished_map_is_replaced_only_at_the_end(kept, monkeypatch):
+def test_a_finished_map_is_replaced_only_at_the_end(kept):
     before = contents(kept)
 
     class Watcher(Recorder):
-        """Waits for the map to be saved while mapping."""
+        """Keeps what the folder holds before the map is saved."""
 
         def mapped(self, result, failure):
-            self.while_mapping = contents(kept), set(contents(kept / "stopped"))
+            now = contents(kept)
+            self.has_journal = bool(now.pop("journal.cartoloop", b""))
+            self.while_mapping = now
 
-    monkeypatch.setattr("cartoloop.live.autosave.MIN_PERIOD_S", 0.0)
-    monkeypatch.setattr("cartoloop.live.autosave.Autosave.__init__.__defaults__", (0.0,))
     watcher = Watcher()
     map_live(
         Sender(lines(4.0)),
@@ -113,7 +114,8 @@ def test_a_finished_map_is_replaced_only_at_the_end(kept, monkeypatch):
         overwrite=True,
     )
 
-    assert watcher.while_mapping == (before, {"map.cartoloop"})
+    assert watcher.while_mapping == before
+    assert watcher.has_journal
     assert {path.name for path in kept.iterdir()} == FILES
     assert json.loads((kept / "report.json").read_text())["input"]["name"] == "sender"
 
@@ -137,3 +139,27 @@ def test_a_drive_without_scans_replaces_nothing(kept):
 
     assert contents(kept) == before
     assert not (kept / "stopped").exists()
+
+
+def test_a_drive_that_is_killed_opens_as_a_map(tmp_path):
+    class Killed(Recorder):
+        """Keeps the journal as it is before the map is saved."""
+
+        def mapped(self, result, failure):
+            self.result = result
+            (tmp_path / "killed").mkdir()
+            journal = (tmp_path / "out" / "journal.cartoloop").read_bytes()
+            (tmp_path / "killed" / "journal.cartoloop").write_bytes(journal)
+
+    killed = Killed()
+    map_live(Sender(lines(60.0)), None, tmp_path / "out", LiveOptions(waits=True), observer=killed)
+
+    opened = load_map(tmp_path / "killed")
+    whole = killed.result
+    assert 0 < len(opened.stamps) <= len(whole.stamps)
+    assert opened.local_trajectory.tolist() == whole.local_trajectory[: len(opened.stamps)].tolist()
+    assert not opened.report.finished
+    assert opened.report.input.name == "sender"
+    with pytest.raises(OutputError, match=r"holds an interrupted run \(of sender\)"):
+        map_live(Sender(lines(4.0)), None, tmp_path / "killed")
+    assert not (tmp_path / "out" / "journal.cartoloop").exists()

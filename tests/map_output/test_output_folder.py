@@ -11,7 +11,7 @@ import pytest
 
 from cartoloop.errors import OutputError
 from cartoloop.map_file.schema import FILE_NAME
-from cartoloop.map_output.growing_map import save_growing_map
+from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.output_folder import RunFolder, saved_map
 from cartoloop.map_output.save import save
 from cartoloop.report import InputSummary, Report
@@ -99,7 +99,7 @@ def test_a_map_that_came_meanwhile_is_kept(tmp_path):
 
 def test_a_live_map_without_a_report_is_known(tmp_path):
     report = Report(input=InputSummary("robot"), fingerprint=OTHER)
-    save_growing_map(replace(small_result(), report=report), tmp_path)
+    (tmp_path / FILE_NAME).write_bytes(map_bytes(replace(small_result(), report=report)))
 
     found = saved_map(tmp_path)
 

@@ -41,10 +41,10 @@ def explain_command(options: ExplainOptions) -> None:
 
     import json
 
+    from cartoloop.cli.opened_map import open_map
     from cartoloop.map_output.explanation import Explainer
-    from cartoloop.result import load_map
 
-    explainer = Explainer(load_map(options.out))
+    explainer = Explainer(open_map(options.out))
     if closure is not None:
         explanations = [explainer.row(closure)]
     elif pair is not None:

@@ -84,11 +84,11 @@ def export_command(options: ExportOptions) -> None:
     crop = None if options.crop == AUTO else _crop(options.crop)
 
     from cartoloop.cli.mapping import compilation_notice
+    from cartoloop.cli.opened_map import open_map
     from cartoloop.map_output.export import Drawing, angle_to_axes, export_map, surveyed_part
-    from cartoloop.result import load_map
 
     degrees = _degrees(options.rotate)
-    result = load_map(options.source)
+    result = open_map(options.source)
     with compilation_notice():
         turn = angle_to_axes(result) if degrees is None else math.radians(degrees)
         if options.crop == AUTO:

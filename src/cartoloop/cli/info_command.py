@@ -31,10 +31,10 @@ def info_command(options: InfoOptions) -> None:
     import json
 
     from cartoloop.cli.mapping import compilation_notice
+    from cartoloop.cli.opened_map import open_map
     from cartoloop.map_output.map_facts import map_facts
-    from cartoloop.result import load_map
 
-    result = load_map(options.out)
+    result = open_map(options.out)
     with compilation_notice():
         facts = map_facts(result)
     stamps = result.stamps.tolist()

@@ -4,14 +4,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cartoloop.cli.options import ConfigOptions, PictureOptions, ReadingOptions
 from cartoloop.cli.view_command import ViewOptions, wait_for_stop
 from cartoloop.readers.formats import format_names
+
+if TYPE_CHECKING:
+    from cartoloop.config_file import LoadedConfig
+    from cartoloop.map_output.output_folder import RunFolder
+    from cartoloop.map_output.picture import Layer
+    from cartoloop.readers.read_options import ReadOptions
 
 _LOG_HELP = (
     "Recording; several are parts of one, in order. Its format is recognised by its content: "
@@ -41,22 +48,57 @@ class MapOptions(ViewOptions, ReadingOptions, ConfigOptions, PictureOptions):
             "x-map for x.bag, in the working directory.",
         ),
     ] = None
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            "--resume",
+            metavar="OUT",
+            help="Go on with the interrupted run in this folder, with the options that it had.",
+        ),
+    ] = None
+
+    @property
+    def folder(self) -> Path:
+        """The folder for the map.
+
+        Raises
+        ------
+        typer.BadParameter
+            Two are given.
+        """
+        if self.resume is None:
+            return self.out or default_folder(self.logs[0])
+        if self.out is not None and self.out != self.resume:
+            raise typer.BadParameter(
+                "names the folder of the map already; leave -o out", param_hint="--resume"
+            )
+        return self.resume
 
 
 def map_command(options: MapOptions) -> None:
     """Map a recording: a text log, a ROS 1 bag or a ROS 2 recording."""
-    layers = options.layers
+    layers: tuple[Layer, ...] | None = options.layers
     options.require_view()
     read_options = options.read_options()
     loaded = options.load()
-    out = options.out or default_folder(options.logs[0])
+    out = options.folder
 
     from cartoloop.readers import open_logs
     from cartoloop.readers.spool import regular_files
     from cartoloop.recording_run import folder_of
 
     files = regular_files(options.logs)
-    folder_of(out, files, overwrite=options.overwrite).check()
+    folder = folder_of(out, files, overwrite=options.overwrite)
+    if options.resume is None:
+        folder.check()
+        _note_interrupted(folder)
+    else:
+        before = _as_before(options, loaded, read_options, folder)
+        if before is None:
+            typer.echo(f"{out} holds the finished map of this recording: nothing to resume")
+            return
+        loaded, read_options = before
+        layers = None if options.draw == PictureOptions.draw else layers
 
     from cartoloop.cli.mapping import compilation_notice, map_log, require_good
 
@@ -65,13 +107,22 @@ def map_command(options: MapOptions) -> None:
     typer.echo(log.description)
     if options.out is None:
         typer.echo(f"output         {out}")
+    run = partial(
+        map_log,
+        log,
+        loaded,
+        out,
+        layers,
+        options=read_options,
+        overwrite=options.overwrite,
+        resume=options.resume is not None,
+    )
     if not options.view:
-        result = map_log(log, loaded, out, layers, overwrite=options.overwrite)
-        require_good(result.report, options.strict)
+        require_good(run().report, options.strict)
         return
     view = options.open_view(log.name, loaded.config, log.num_scans, log.duration)
     try:
-        result = map_log(log, loaded, out, layers, view, overwrite=options.overwrite)
+        result = run(view=view)
         if view.failure is not None:
             typer.echo(f"warning: the view failed: {view.failure}", err=True)
         else:
@@ -79,6 +130,47 @@ def map_command(options: MapOptions) -> None:
     finally:
         view.close()
     require_good(result.report, options.strict)
+
+
+def _as_before(
+    options: MapOptions, loaded: LoadedConfig, read_options: ReadOptions, folder: RunFolder
+) -> tuple[LoadedConfig, ReadOptions] | None:
+    """Return configuration and reading options of the interrupted run; None if it is finished.
+
+    Raises
+    ------
+    CartoloopError
+        There is none, it is of another recording, or it had other options than are given.
+    """
+    from cartoloop.config_file import LoadedConfig
+    from cartoloop.readers.read_options import ReadOptions
+    from cartoloop.run_journal import interrupted_run, nothing_to_resume
+
+    run = interrupted_run(folder.path)
+    if run is None:
+        if folder.is_finished():
+            return None
+        raise nothing_to_resume(folder.path)
+    run.check_recording(folder.name, folder.fingerprint)
+    if options.settings or options.config:
+        run.check_config(loaded)
+    if read_options != ReadOptions():
+        run.check_options(read_options)
+    config = run.header.config
+    if options.threads is not None:
+        slam = config.global_slam.model_copy(update={"num_threads": options.threads})
+        config = config.model_copy(update={"global_slam": slam})
+    return LoadedConfig(config, dict(run.header.origins)), run.read_options
+
+
+def _note_interrupted(folder: RunFolder) -> None:
+    """Say that there is a run to be resumed, which a new one replaces."""
+    if folder.has_journal:
+        typer.echo(
+            f"{folder.path} holds an interrupted run, which this one replaces; --resume "
+            f"{folder.path} would go on with it",
+            err=True,
+        )
 
 
 def default_folder(recording: Path) -> Path:

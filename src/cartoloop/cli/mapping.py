@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
     from cartoloop.map_output.picture import Layer
     from cartoloop.mapper import Mapper
-    from cartoloop.readers import Log
+    from cartoloop.readers import Log, ReadOptions
     from cartoloop.report import Report
     from cartoloop.result import Result
     from cartoloop.sensor.events import SensorEvent
@@ -43,10 +43,12 @@ def map_log(
     log: Log,
     loaded: LoadedConfig,
     out: Path,
-    layers: Collection[Layer],
+    layers: Collection[Layer] | None,
     view: LiveView | None = None,
     *,
+    options: ReadOptions | None = None,
     overwrite: bool = False,
+    resume: bool = False,
 ) -> Result:
     """Map a recording, save the map and print the summary; see `recording_run.map_recording`."""
     set_malloc_thresholds()
@@ -63,7 +65,9 @@ def map_log(
             layers=layers,
             observer=display,
             stop=stop,
+            options=options,
             overwrite=overwrite,
+            resume=resume,
         )
 
 
@@ -102,6 +106,15 @@ class _Display(RunObserver):
     def started(self, num_scans: int) -> None:
         typer.echo(f"mapping {num_scans} scans", err=True)
         self._progress = self._bar.enter_context(progress(num_scans, paused_s=self._paused_s))
+
+    def resumed(self, num_scans: int) -> None:
+        typer.echo(f"resuming: {num_scans} scans were mapped before", err=True)
+
+    def already_finished(self, folder: Path) -> None:
+        typer.echo(f"{folder} holds the finished map of this recording: nothing to resume")
+
+    def journal_failed(self, problem: str) -> None:
+        typer.echo(f"warning: {problem}", err=True)
 
     def before_event(self, mapper: Mapper, event: SensorEvent) -> None:
         if self._view is not None:

@@ -33,9 +33,9 @@ def quality_command(options: QualityOptions) -> None:
     from dataclasses import asdict
 
     from cartoloop.cli.mapping import compilation_notice, require_good
-    from cartoloop.result import load_map
+    from cartoloop.cli.opened_map import open_map
 
-    result = load_map(options.out)
+    result = open_map(options.out)
     with compilation_notice():
         report = result.examined().report
     if options.as_json:

@@ -128,11 +128,11 @@ class ViewCommandOptions:
 
 def view_command(options: ViewCommandOptions) -> None:
     """Show a finished map in a browser."""
-    from cartoloop.result import load_map
+    from cartoloop.cli.opened_map import open_map
     from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT
     from cartoloop.viewer.view import serve_result
 
-    result = load_map(options.out)
+    result = open_map(options.out)
     name = result.report.input.name or options.out.name
     host, port = options.view_host or DEFAULT_HOST, options.view_port or DEFAULT_PORT
     server = serve_result(result, name, host, port)

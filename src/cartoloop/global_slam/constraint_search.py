@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from time import perf_counter
 from typing import TypeVar
 
@@ -17,7 +18,10 @@ from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.closure_search import NO_MATCHES, FinishedSubmap, SearchOutcome, search
 from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.closures import Closures
+from cartoloop.global_slam.graph_records import outcomes_record, recorded_outcomes, rows_record
 from cartoloop.growing_array import GrowingArray
+from cartoloop.journal.frames import Kind
+from cartoloop.journal.tape import NO_TAPE, Tape
 from cartoloop.sensor.scan_points import NodePoints
 
 Item = TypeVar("Item")
@@ -28,6 +32,29 @@ MAX_THREADS = 4
 
 PRECOMPUTED_BYTES = 32 * 2**20
 """Size of the cache of precomputed grids [bytes]."""
+
+
+@dataclass(slots=True, eq=False)
+class _Task:
+    """Requests in one submap.
+
+    Attributes
+    ----------
+    submap : where to search.
+    rows : of the record.
+    requests : of these rows.
+    future : what came of it and how long it took [s]; None: not started.
+    """
+
+    submap: FinishedSubmap
+    rows: RowArray
+    requests: Requests
+    future: Future[tuple[SearchOutcome, float]] | None = None
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the search has ended."""
+        return self.future is not None and self.future.done()
 
 
 class ConstraintSearch:
@@ -44,6 +71,7 @@ class ConstraintSearch:
     num_threads : how many threads search; 0: as many as there are processors, at most 4;
         one less with a bound.
     max_backlog : with more searches than this waiting, new ones are dropped; None: never.
+    tape : outcomes are taken from there, or put there.
 
     Attributes
     ----------
@@ -58,7 +86,9 @@ class ConstraintSearch:
         node_points: NodePoints,
         num_threads: int,
         max_backlog: int | None = None,
+        tape: Tape = NO_TAPE,
     ) -> None:
+        self._tape = tape
         self._config = config
         self._closures = closures
         self._submaps = submaps
@@ -69,7 +99,7 @@ class ConstraintSearch:
         num_threads = num_threads or min(max(num_processors, 1), MAX_THREADS)
         self._threads = ThreadPoolExecutor(num_threads, thread_name_prefix="loop-closure")
         self._waiting = GrowingArray((), np.int32)
-        self._pending: list[tuple[Future[tuple[SearchOutcome, float]], int]] = []
+        self._pending: list[_Task] = []
         self._kept: dict[int, FinishedSubmap] = {}
         self._num_deferrals: dict[int, int] = {}
         self.durations: list[float] = []
@@ -82,13 +112,13 @@ class ConstraintSearch:
     @property
     def num_running(self) -> int:
         """Number of searches that were started and are not done; for any thread."""
-        return sum(size for future, size in self._pending if not future.done())
+        return sum(len(task.rows) for task in self._pending if not task.is_done)
 
     def submit(self, rows: RowArray) -> None:
         """Add requests, ascending rows of the record; :meth:`start` starts their search."""
         if self._max_backlog is not None:
             room = max(0, self._max_backlog - self.backlog)
-            self._closures.note_dropped(rows[room:])
+            self._note_dropped(rows[room:])
             rows = rows[:room]
         self._waiting.extend(rows)
 
@@ -115,8 +145,9 @@ class ConstraintSearch:
                     rows[first : first + config.search_batch_size], config.search_stride
                 )
                 requests = self._closures.requests(batch)
-                future = self._threads.submit(self._run, submap, batch, requests)
-                self._pending.append((future, len(batch)))
+                self._pending.append(_Task(submap, batch, requests))
+        if not self._tape.is_replayed:
+            self._launch()
 
     def _defer(self, waiting: dict[int, RowArray]) -> None:
         """Take out the submaps that may wait: to precompute their grids takes longer."""
@@ -138,20 +169,42 @@ class ConstraintSearch:
         wait : for all searches that were started; otherwise unfinished ones are left for the next
             call.
         """
-        pending, self._pending = self._pending, []
-        if not wait:
-            started, pending = pending, [task for task in pending if task[0].done()]
-            self._pending = [task for task in started if task not in pending]
-        outcomes = []
-        for future, _ in pending:
-            outcome, duration = future.result()
-            outcomes.append(outcome)
-            self.durations.append(duration)
+        if (recorded := self._tape.take(Kind.SEARCHED)) is not None:
+            places, outcomes = recorded_outcomes(recorded)
+        else:
+            self._launch()
+            places, outcomes = self._outcomes(wait=wait)
+            if self._tape.is_kept and (outcomes or self._tape.is_replayable):
+                self._tape.put(Kind.SEARCHED, outcomes_record(places, outcomes))
+        taken = frozenset(places)
+        self._pending = [task for i, task in enumerate(self._pending) if i not in taken]
         self._note(outcomes)
         found = [NO_MATCHES, *(each.matches for each in outcomes if len(each.matches.row))]
         together = SearchMatches._make(map(np.concatenate, zip(*found, strict=True)))
         order = np.argsort(together.row, kind="stable")
         return SearchMatches._make(column[order] for column in together)
+
+    def _outcomes(self, *, wait: bool) -> tuple[list[int], list[SearchOutcome]]:
+        """Return what searches came to, and their places among those that are running."""
+        places, outcomes = [], []
+        for place, task in enumerate(self._pending):
+            if task.future is not None and (wait or task.is_done):
+                outcome, duration = task.future.result()
+                places.append(place)
+                outcomes.append(outcome)
+                self.durations.append(duration)
+        return places, outcomes
+
+    def _launch(self) -> None:
+        """Start the searches that were not, since their outcomes might have been on the tape."""
+        for task in self._pending:
+            if task.future is None:
+                task.future = self._threads.submit(self._run, task)
+
+    def _note_dropped(self, rows: RowArray) -> None:
+        self._closures.note_dropped(rows)
+        if self._tape.is_kept and len(rows):
+            self._tape.put(Kind.DROPPED, rows_record(rows))
 
     def _note(self, outcomes: Sequence[SearchOutcome]) -> None:
         """Note in the record what was searched, and what was not."""
@@ -201,12 +254,11 @@ class ConstraintSearch:
         if room >= 0:
             self._kept[submap.index] = submap
 
-    def _run(
-        self, submap: FinishedSubmap, rows: RowArray, requests: Requests
-    ) -> tuple[SearchOutcome, float]:
+    def _run(self, task: _Task) -> tuple[SearchOutcome, float]:
         """Return what one task found, and the time that it took [s]."""
         start = perf_counter()
-        outcome = search(submap, rows, requests, self._node_points.view, self._config)
+        submap, points = task.submap, self._node_points.view
+        outcome = search(submap, task.rows, task.requests, points, self._config)
         if submap.index not in self._kept:
             submap.release()
         return outcome, perf_counter() - start

@@ -17,13 +17,21 @@ from cartoloop.global_slam.graph_adjustment import (
     GraphAdjustment,
     violated_closures,
 )
+from cartoloop.global_slam.graph_records import (
+    PoseNotes,
+    matches_record,
+    recorded_submap,
+    submap_record,
+)
 from cartoloop.global_slam.joining import NUM_ROUNDS, CheckGeometry, OnePose
 from cartoloop.global_slam.loading import load
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.part_joins import PartJoins
 from cartoloop.global_slam.pose_graph import ClosureConstraints, ConstraintKind
 from cartoloop.global_slam.sessions import MappedSessions, NodeSubmaps
-from cartoloop.global_slam.wide_search import WideSearch
+from cartoloop.global_slam.wide_search import WideSearch, put_requests
+from cartoloop.journal.frames import Kind
+from cartoloop.journal.tape import NO_TAPE, Tape
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
 from cartoloop.sensor.scan_points import NodePoints, ScanPoints
@@ -39,6 +47,7 @@ class GlobalSlam:
     ----------
     config : its parameters.
     timer : takes its times.
+    tape : outcomes are taken from there, or put there.
     wait_for_searches : whether an adjustment waits for the searches that were started before it,
         so that the result is always the same. Otherwise what is found joins when it is found, and
         requests beyond ``max_live_backlog`` are dropped.
@@ -60,11 +69,14 @@ class GlobalSlam:
         self,
         config: GlobalSlamConfig,
         timer: StageTimer,
+        tape: Tape = NO_TAPE,
         *,
         wait_for_searches: bool = True,
         mapped: Sequence[MappedSessions] = (),
         check_geometry: CheckGeometry | None = None,
     ) -> None:
+        self._tape = tape
+        self._poses = PoseNotes(tape)
         self._config = config
         self._timer = timer
         self._waits_while_mapping = wait_for_searches
@@ -79,11 +91,12 @@ class GlobalSlam:
             self._node_points,
             config.num_threads,
             max_backlog=None if wait_for_searches else config.max_live_backlog,
+            tape=tape,
         )
         self.num_put_off = 0
         self._pairs = PairSelection(config.constraint_search)
         self._wide = WideSearch(
-            config.constraint_search, self.closures, self._finished, self.search
+            config.constraint_search, self.closures, self._finished, self.search, tape
         )
         self.joins = PartJoins(
             config,
@@ -252,8 +265,15 @@ class GlobalSlam:
         )
 
     def _finish(self, submap: Submap) -> FinishedSubmap:
+        if (recorded := self._tape.take(Kind.SUBMAP)) is not None:
+            finished = FinishedSubmap(submap.index, *recorded_submap(recorded))
+            self._finished.append(finished)
+            return finished
         with self._timer.measure("finish submap"):
             finished = self._finished_submap(submap.index, submap.grid.finish())
+        if self._tape.is_kept:
+            record = submap_record(submap.index, finished.grid, finished.own_score)
+            self._tape.put(Kind.SUBMAP, record)
         self._finished.append(finished)
         return finished
 
@@ -315,7 +335,8 @@ class GlobalSlam:
 
     def _submit(self, requests: Requests) -> None:
         if len(requests.submap):
-            self.search.submit(self.closures.request(requests, self.graph.num_nodes))
+            num_nodes = self.graph.num_nodes
+            self.search.submit(put_requests(self._tape, self.closures, requests, num_nodes))
 
     def _close_loops(self, max_num_iterations: int, *, wait: bool) -> None:
         """Take in the loop closures that searches found, and adjust all poses."""
@@ -333,6 +354,8 @@ class GlobalSlam:
             self._timer.record("search", duration)
         is_new = False
         while (found := self._wide.decide(self._pairs, self.graph)) is not None:
+            if self._tape.take(Kind.BELIEVED) is None and self._tape.is_kept:
+                self._tape.put(Kind.BELIEVED, matches_record(found))
             self._add_closures(found, are_trusted=True)
             with self._timer.measure("adjust"):
                 self._adjust(max_num_iterations)
@@ -381,6 +404,7 @@ class GlobalSlam:
         holding = self._adjustment.run(max_num_iterations)
         newest = Pose(*self.graph.submap_poses[-1].tolist())
         self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
+        self._poses.note(self.graph.submap_poses)
         self._pairs.note_adjusted(self.graph, holding)
 
     def _remove_contradicted(self, max_num_iterations: int) -> None:

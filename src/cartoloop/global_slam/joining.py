@@ -25,11 +25,12 @@ from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.composite_scans import CompositeScans
 from cartoloop.global_slam.constraint_search import ConstraintSearch
+from cartoloop.global_slam.graph_records import WideOutcome
 from cartoloop.global_slam.hypotheses import Candidate, best_place
 from cartoloop.global_slam.placing import Claim, Placement, placement, why_not_believed
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
-from cartoloop.global_slam.wide_search import Outcome, find_scans
+from cartoloop.global_slam.wide_search import find_scans
 from cartoloop.sensor.pose import Pose, compose_all, relative_all
 from cartoloop.sensor.scan_points import ScanPoints
 
@@ -128,7 +129,7 @@ class Joining:
         self._scans = scans
         self._sessions = sessions
         self._waiting: dict[int, list[int]] = {}
-        self._running: list[Future[Outcome]] = []
+        self._running: list[Future[tuple[WideOutcome, float]]] = []
         self._searched: set[tuple[int, int]] = set()
         self._candidates: dict[int, list[Candidate]] = {}
         self._num_searches = 0
@@ -196,9 +197,9 @@ class Joining:
         left, durations = [], []
         for future in self._running:
             if wait or future.done():
-                outcome = future.result()
+                outcome, duration = future.result()
                 self._note(outcome, graph)
-                durations.append(outcome.duration)
+                durations.append(duration)
             else:
                 left.append(future)
         self._running = left
@@ -293,7 +294,7 @@ class Joining:
             angular,
         )
 
-    def _note(self, outcome: Outcome, graph: PoseGraph) -> None:
+    def _note(self, outcome: WideOutcome, graph: PoseGraph) -> None:
         """Note the matches of a search: only they get a row in the record."""
         if not outcome.candidates:
             return

@@ -9,11 +9,11 @@ the pose adjustment trusts: a robust loss would keep a few of them from moving a
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass
 from functools import partial
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,9 +24,17 @@ from cartoloop.global_slam.closure_search import FinishedSubmap, refine_all
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.composite_scans import CompositeScans
 from cartoloop.global_slam.constraint_search import ConstraintSearch
+from cartoloop.global_slam.graph_records import (
+    WideOutcome,
+    recorded_wide_outcomes,
+    requests_record,
+    wide_record,
+)
 from cartoloop.global_slam.hypotheses import Candidate, Hypothesis, best_place, consistent_set
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.journal.frames import Kind
+from cartoloop.journal.tape import NO_TAPE, Tape
 from cartoloop.scan_matching.branch_and_bound import RunnerUp
 from cartoloop.scan_matching.least_squares import match_informations
 from cartoloop.sensor.pose import Pose, compose_all, wrap_angles
@@ -34,21 +42,20 @@ from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.node import Node
 
 
-class Outcome(NamedTuple):
-    """What the search of composite scans in one submap came to.
+@dataclass(slots=True, eq=False)
+class _Task:
+    """The search of composite scans in one submap.
 
     Attributes
     ----------
-    rows : that were searched.
-    min_score : the threshold.
-    candidates : where it was reached.
-    duration : of the search [s].
+    find : returns what it comes to, and how long it took [s].
+    submap : where to search.
+    future : of the result; None: not started.
     """
 
-    rows: RowArray
-    min_score: float
-    candidates: list[Candidate]
-    duration: float
+    find: Callable[[FinishedSubmap], tuple[WideOutcome, float]]
+    submap: FinishedSubmap
+    future: Future[tuple[WideOutcome, float]] | None = None
 
 
 class WideSearch:
@@ -60,6 +67,7 @@ class WideSearch:
     closures : the record; requests and what became of them are noted in it.
     submaps : the finished submaps by their index; the owner adds to it.
     search : runs the searches in its background threads.
+    tape : outcomes are taken from there, or put there.
     """
 
     def __init__(
@@ -68,7 +76,9 @@ class WideSearch:
         closures: Closures,
         submaps: Sequence[FinishedSubmap],
         search: ConstraintSearch,
+        tape: Tape = NO_TAPE,
     ) -> None:
+        self._tape = tape
         self._all = config
         self._config = config.wide_search
         self._closures = closures
@@ -76,7 +86,7 @@ class WideSearch:
         self._search = search
         self._scans = CompositeScans(self._config)
         self._waiting: dict[int, list[tuple[int, int]]] = {}
-        self._running: list[Future[Outcome]] = []
+        self._running: list[_Task] = []
         self._candidates: dict[int, list[Candidate]] = {}
         self._has_news = False
 
@@ -111,7 +121,7 @@ class WideSearch:
         if len(self._scans.points[scan]) < self._all.min_num_points or len(new) == 0:
             return
         requests = found.take(new)
-        rows = self._closures.request(requests, graph.num_nodes)
+        rows = put_requests(self._tape, self._closures, requests, graph.num_nodes)
         for submap, row in zip(requests.submap.tolist(), rows.tolist(), strict=True):
             self._waiting.setdefault(submap, []).append((scan, row))
 
@@ -130,8 +140,10 @@ class WideSearch:
                 requests=requests,
                 least=(self._config.min_score, self._config.min_score_ratio),
             )
-            self._running.append(self._search.run(task, self._submaps[submap]))
+            self._running.append(_Task(task, self._submaps[submap]))
         self._waiting = {}
+        if not self._tape.is_replayed:
+            self._launch()
 
     def collect(self, *, wait: bool) -> list[float]:
         """Note what the searches found; return the time that each of them took [s].
@@ -140,16 +152,31 @@ class WideSearch:
         ----------
         wait : for all that were started; otherwise unfinished ones are left for the next call.
         """
-        left, durations = [], []
-        for future in self._running:
-            if wait or future.done():
-                outcome = future.result()
-                self._note(outcome)
-                durations.append(outcome.duration)
-            else:
-                left.append(future)
-        self._running = left
+        durations: list[float] = []
+        if (recorded := self._tape.take(Kind.WIDE_SEARCHED)) is not None:
+            places, outcomes = recorded_wide_outcomes(recorded)
+        else:
+            self._launch()
+            places, outcomes = [], []
+            for place, task in enumerate(self._running):
+                if task.future is not None and (wait or task.future.done()):
+                    outcome, duration = task.future.result()
+                    places.append(place)
+                    outcomes.append(outcome)
+                    durations.append(duration)
+            if self._tape.is_kept and (outcomes or self._tape.is_replayable):
+                self._tape.put(Kind.WIDE_SEARCHED, wide_record(places, outcomes))
+        taken = frozenset(places)
+        self._running = [task for i, task in enumerate(self._running) if i not in taken]
+        for outcome in outcomes:
+            self._note(outcome)
         return durations
+
+    def _launch(self) -> None:
+        """Start the searches that were not, since their outcomes might have been on the tape."""
+        for each in self._running:
+            if each.future is None:
+                each.future = self._search.run(each.find, each.submap)
 
     def decide(self, pairs: PairSelection, graph: PoseGraph) -> SearchMatches | None:
         """Return closures of the best set of hypotheses that agree, None if there is none.
@@ -192,7 +219,7 @@ class WideSearch:
                 )
         return distinct
 
-    def _note(self, outcome: Outcome) -> None:
+    def _note(self, outcome: WideOutcome) -> None:
         self._closures.note_searched(outcome.rows, outcome.min_score)
         for candidate in outcome.candidates:
             self._candidates.setdefault(candidate.scan, []).append(candidate)
@@ -209,8 +236,8 @@ def find_scans(
     points: ScanPoints,
     requests: Requests,
     least: tuple[float, float],
-) -> Outcome:
-    """Return where composite scans fit in one submap.
+) -> tuple[WideOutcome, float]:
+    """Return where composite scans fit in one submap, and how long that took [s].
 
     Parameters
     ----------
@@ -247,7 +274,7 @@ def find_scans(
         for i, match in enumerate(found.matches)
         if match is not None
     ]
-    return Outcome(rows, min_score, candidates, perf_counter() - start)
+    return WideOutcome(rows, min_score, candidates), perf_counter() - start
 
 
 def refined(
@@ -288,6 +315,13 @@ def _refined(
         moved_m=np.hypot(moved[:, 0], moved[:, 1]),
         moved_rad=np.abs(wrap_angles(moved[:, 2])),
     )
+
+
+def put_requests(tape: Tape, closures: Closures, requests: Requests, num_nodes: int) -> RowArray:
+    """Add requests to the record, and put them down; return their rows."""
+    if tape.take(Kind.REQUESTS) is None and tape.is_kept:
+        tape.put(Kind.REQUESTS, requests_record(requests, num_nodes))
+    return closures.request(requests, num_nodes)
 
 
 def _together(matches: Sequence[SearchMatches]) -> SearchMatches:

@@ -13,7 +13,6 @@ from typing import BinaryIO
 from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig
 from cartoloop.errors import InputError, Interrupted
-from cartoloop.live.autosave import Autosave
 from cartoloop.live.inbox import Inbox
 from cartoloop.live.notices import Notices
 from cartoloop.live.poses import PoseWriter
@@ -21,13 +20,14 @@ from cartoloop.live.sequencer import Sequencer
 from cartoloop.live.session import AddedScan, LiveSession
 from cartoloop.live.source import Source
 from cartoloop.live.warm_up import get_ready
-from cartoloop.map_file.file_set import remove_file_set
+from cartoloop.map_file.run_header import RunHeader
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer
 from cartoloop.mapper import Mapper
 from cartoloop.recording_run import RunObserver, finish
 from cartoloop.result import Result
 from cartoloop.run_end import Outcome, Saved, completed, save_outcome, timed
+from cartoloop.run_journal import RunJournal, begin_journal
 from cartoloop.sensor.pose import Pose
 from cartoloop.session import named
 from cartoloop.stop_request import StopRequest
@@ -80,8 +80,8 @@ def map_live(
     ----------
     source : of messages; opened here.
     config : by default the defaults.
-    out : folder to save in, also while mapping. A finished map in it is only replaced when the run
-        comes to its end; until then, the map of this one is saved in a folder inside.
+    out : folder to save in. While mapping, a journal is written there, which opens as a map. A
+        finished map in it is only replaced when the run comes to its end.
     options : how messages are treated.
     layers : drawn over the picture of the map.
     observer : is informed of the progress.
@@ -107,66 +107,73 @@ def map_live(
     folder.check()
     prepare_folder(out)
     notices = Notices(observer.say)
-    files: _Files | None = None
+    journal = _journal(folder, loaded, layers, notices)
     try:
         get_ready()
-        mapper = Mapper(loaded.config, live=True)
+        mapper = Mapper(loaded.config, live=True, tapes=journal.tapes)
         try:
-            files = _Files(mapper, folder, notices, options.poses)
+            files = _Files(notices, options.poses)
             session = _session(source, mapper, notices, options, files, observer)
             observer.say(f"{source.open()} (Ctrl-C ends)")
             failure = _map_until_end(session, mapper, stop)
         except BaseException:
             mapper.close()
+            if mapper.num_scans == 0:
+                journal.remove()
             raise
         outcome = _reported(_finish(mapper, observer, stop, failure), folder, notices, start)
         files.close()
         observer.mapped(outcome.result, outcome.failure)
         saved = save_outcome(outcome, folder, layers, loaded.origins, observer.saving, start, stop)
-        files.remove_superseded(saved)
+        journal.remove()
     except KeyboardInterrupt as interrupt:
-        raise Interrupted(_given_up(files)) from interrupt
+        raise Interrupted(_given_up(journal)) from interrupt
+    finally:
+        journal.close()
     observer.saved(saved.outcome.result, outcome.failure)
     _raise_if_incomplete(saved, source.name)
     return saved.outcome.result
 
 
+def _journal(
+    folder: RunFolder, loaded: LoadedConfig, layers: Collection[Layer], notices: Notices
+) -> RunJournal:
+    """Return the journal of a new run in a folder."""
+
+    def note(problem: str) -> None:
+        notices.note("the journal is not written", problem)
+
+    header = RunHeader(
+        "live",
+        folder.name,
+        folder.fingerprint,
+        loaded.config,
+        loaded.origins,
+        layers=tuple(layers),
+        overwrite=folder.overwrite,
+    )
+    return begin_journal(folder.path, header, note)
+
+
 class _Files:
-    """The files that are written while mapping.
+    """What is written while mapping besides the journal.
 
     Parameters
     ----------
-    mapper : whose map is saved.
-    folder : of the run.
     notices : of failures to write.
     poses : stream for poses, or None.
     """
 
-    def __init__(
-        self, mapper: Mapper, folder: RunFolder, notices: Notices, poses: BinaryIO | None
-    ) -> None:
-        self._autosave = Autosave(mapper, folder, notices)
+    def __init__(self, notices: Notices, poses: BinaryIO | None) -> None:
         self._poses = None if poses is None else PoseWriter(poses, notices)
 
     def after_scan(self, scan: AddedScan) -> None:
-        """Write the pose of a scan, and the map if it is time to."""
+        """Write the pose of a scan."""
         if self._poses is not None:
             self._poses.put(scan.stamp, scan.tf_local_tracking, scan.tf_map_tracking, scan.latency)
-        self._autosave.after_scan()
-
-    @property
-    def place(self) -> Path | None:
-        """Folder in which the map was saved while mapping, or None."""
-        return self._autosave.place
-
-    def remove_superseded(self, saved: Saved) -> None:
-        """Remove what was saved while mapping if the whole map was saved elsewhere."""
-        if self.place is not None and self.place != saved.place:
-            remove_file_set(self.place)
 
     def close(self) -> None:
         """Wait until all is written; only after the mapper was closed."""
-        self._autosave.close()
         if self._poses is not None:
             self._poses.close()
 
@@ -228,11 +235,11 @@ def _reported(outcome: Outcome, folder: RunFolder, notices: Notices, start: floa
     return replace(outcome, result=replace(result, report=timed(report, start), sessions=sessions))
 
 
-def _given_up(files: _Files | None) -> str:
+def _given_up(journal: RunJournal) -> str:
     """Return what is left when the user does not wait for the map to be saved."""
-    if files is None or files.place is None:
+    if not journal.path.is_file():
         return "stopped at once: nothing was saved"
-    return f"stopped at once: only the map as it was saved while mapping is in {files.place}"
+    return f"stopped at once: the map is in {journal.path} alone, which `cartoloop view` opens"
 
 
 def _raise_if_incomplete(saved: Saved, name: str) -> None:

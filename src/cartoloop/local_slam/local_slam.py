@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -20,6 +21,14 @@ from cartoloop.config import (
     SensorConfig,
 )
 from cartoloop.errors import InputError
+from cartoloop.journal.frames import Kind
+from cartoloop.journal.tape import NO_TAPES, Tapes, unfit
+from cartoloop.local_slam.match_records import (
+    match_record,
+    recorded_match,
+    recorded_wall_step,
+    wall_record,
+)
 from cartoloop.local_slam.odometry_calibration import OdometryParameters
 from cartoloop.local_slam.odometry_trust import Evidence
 from cartoloop.local_slam.pose_extrapolator import (
@@ -28,7 +37,12 @@ from cartoloop.local_slam.pose_extrapolator import (
     Prediction,
     isotropic_information,
 )
-from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher, degenerate_direction
+from cartoloop.local_slam.scan_matcher import (
+    MatchedScan,
+    ScanMatcher,
+    degenerate_direction,
+    matched_scan,
+)
 from cartoloop.local_slam.scanner_clocks import ScannerClocks
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.runtime.stage_timer import StageTimer
@@ -39,6 +53,7 @@ from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
 from cartoloop.sensor.sweep_motion import SweepMotion
 from cartoloop.sensor.wall_normals import normal_ratio
 from cartoloop.submaps.node import Node
+from cartoloop.submaps.node_records import node_record, scan_record
 from cartoloop.submaps.submap import ActiveSubmaps, Submap
 
 MAX_RECENT = 64
@@ -191,6 +206,7 @@ class LocalSlam:
     timer : measures the stages.
     known : what is known about the sensors before; by default nothing.
     first_node, first_submap : indices of the first ones: those of earlier sessions come before.
+    tapes : of the run; matches are taken from there, or put there.
     """
 
     def __init__(
@@ -200,16 +216,18 @@ class LocalSlam:
         node_filter: AdaptiveVoxelFilterConfig,
         timer: StageTimer,
         known: SensorCalibration | None = None,
+        tapes: Tapes = NO_TAPES,
         *,
         first_node: int = 0,
         first_submap: int = 0,
     ) -> None:
         self._config = config
+        self._tape = tapes.local
         self._node_filter = node_filter
         self._timer = timer
         self._range_filter = RangeFilter(sensor)
         self._scanners: dict[str, _Scanner] = {}
-        self._active = ActiveSubmaps(config.submaps, first_submap)
+        self._active = ActiveSubmaps(config.submaps, first_submap, tapes.finished_submaps)
         self._clocks = ScannerClocks(known.scanner_offsets if known else None)
         self._next_node = first_node
         self.extrapolator = PoseExtrapolator(config, known.odometry if known else None)
@@ -288,6 +306,7 @@ class LocalSlam:
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))
             scanner.is_in_map = True
+        self._put_scan(scan.stamp, pose)
         fit = match.match if match else None
         return LocalSlamResult(pose, match is not None, node, filtered.data.returns, fit)
 
@@ -320,8 +339,15 @@ class LocalSlam:
         self, filtered: FilteredScan, prediction: Prediction, matcher: ScanMatcher
     ) -> MatchedScan:
         """Return the match of a scan to the older active submap, which exists."""
+        submap = self._active.submaps[0]
+        if (recorded := self._tape.take(Kind.MATCH)) is not None:
+            match, matcher.memory = recorded_match(recorded)
+            return matched_scan(submap, match)
         with self._timer.measure("match"):
-            return matcher.match(self._active.submaps[0], filtered.points, prediction)
+            matched = matcher.match(submap, filtered.points, prediction)
+        if self._tape.is_replayable:
+            self._tape.put(Kind.MATCH, match_record(matched.match, matcher.memory))
+        return matched
 
     def _deskew_again(
         self,
@@ -373,14 +399,9 @@ class LocalSlam:
 
         Also returns whether it was repeated.
         """
-        with self._timer.measure("match"):
-            pose = scanner.wall_step.better_pose(
-                time,
-                match.tf_local_tracking,
-                filtered.data.returns,
-                by_odometry=prediction.by_odometry,
-                stands=prediction.by_odometry and prediction.stands,
-            )
+        pose = self._step_along_walls(
+            scanner.wall_step, time, match.tf_local_tracking, filtered.data.returns, prediction
+        )
         if pose is None:
             return match, False
         information = isotropic_information(
@@ -389,6 +410,46 @@ class LocalSlam:
         # what the scans say of the step is as good as odometry
         prediction = Prediction(pose, True, information, lambda: (pose, pose))
         return self._match(filtered, prediction, scanner.matcher), True
+
+    def _step_along_walls(
+        self,
+        wall_step: WallStep,
+        time: float,
+        pose: Pose,
+        returns: FloatArray,
+        prediction: Prediction,
+    ) -> Pose | None:
+        """Return a better pose along bare walls; see `WallStep.better_pose`."""
+        if (recorded := self._tape.take(Kind.WALL_STEP)) is not None:
+            better, wall_step.memory = recorded_wall_step(recorded)
+            return better
+        with self._timer.measure("match"):
+            better = wall_step.better_pose(
+                time,
+                pose,
+                returns,
+                by_odometry=prediction.by_odometry,
+                stands=prediction.by_odometry and prediction.stands,
+            )
+        if self._tape.is_replayable:
+            self._tape.put(Kind.WALL_STEP, wall_record(better, wall_step.memory))
+        return better
+
+    def _put_scan(self, stamp: float, pose: Pose) -> None:
+        """Put down a mapped scan, or check that it is the same as recorded."""
+        if not self._tape.is_kept:
+            return
+        record = scan_record(stamp, pose)
+        recorded = self._tape.take(Kind.SCAN)
+        if recorded is None:
+            self._tape.put(Kind.SCAN, record)
+        elif recorded != record:
+            raise unfit(f"the scan with stamp {stamp:.6f} has another pose")
+
+    def _put_calibration(self) -> None:
+        """Put down what is known about the sensors, once for each submap."""
+        if self._tape.take(Kind.CALIBRATION) is None and self._tape.is_kept:
+            self._tape.put(Kind.CALIBRATION, json.dumps(self.calibration.to_dict()).encode())
 
     def _information(self, match: MatchedScan | None) -> FloatArray:
         """Return the information matrix of a scan's pose in the older active submap."""
@@ -434,4 +495,8 @@ class LocalSlam:
                 insertion.finished,
             )
         self._next_node += 1
+        if self._tape.take(Kind.NODE) is None and self._tape.is_kept:
+            self._tape.put(Kind.NODE, node_record(node, data.tf_tracking_sensor))
+        if insertion.finished is not None:
+            self._put_calibration()
         return node

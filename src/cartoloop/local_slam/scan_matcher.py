@@ -10,6 +10,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import CorrelativeMatcherConfig, LocalSlamConfig, PredictionConfig
+from cartoloop.local_slam.match_records import MatcherMemory
 from cartoloop.local_slam.pose_extrapolator import Prediction, isotropic_information
 from cartoloop.scan_matching import correlative, least_squares
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
@@ -62,6 +63,15 @@ class ScanMatcher:
         self.num_correlative = 0
         self.num_lost = 0
 
+    @property
+    def memory(self) -> MatcherMemory:
+        """What it remembers from scan to scan."""
+        return MatcherMemory(self._typical_residual, self.num_correlative, self.num_lost)
+
+    @memory.setter
+    def memory(self, memory: MatcherMemory) -> None:
+        self._typical_residual, self.num_correlative, self.num_lost = memory
+
     def match(self, submap: Submap, points: FloatArray, prediction: Prediction) -> MatchedScan:
         """Return where in the submap the scan fits best.
 
@@ -99,7 +109,7 @@ class ScanMatcher:
                 self._pixel_information(prediction, submap.grid.resolution),
             )
             best = best._replace(tf_submap_scan=pose)
-        return MatchedScan(compose(submap.tf_local_submap, best.tf_submap_scan), best)
+        return matched_scan(submap, best)
 
     def _may_correct(
         self,
@@ -229,6 +239,11 @@ class ScanMatcher:
             return 0.0
         noise = 1.0 / (self._prediction.pixel_noise * resolution) ** 2
         return noise if prediction.information[0] >= noise else math.inf
+
+
+def matched_scan(submap: Submap, match: LeastSquaresMatch) -> MatchedScan:
+    """Return a match to a submap with the scan's pose."""
+    return MatchedScan(compose(submap.tf_local_submap, match.tf_submap_scan), match)
 
 
 def values_at(grid: ProbabilityGrid, points: FloatArray, tf_submap_scan: Pose) -> FloatArray:

@@ -20,6 +20,7 @@ import numpy as np
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.config import WallStepConfig
 from cartoloop.kernels.outline_shift import outline_costs
+from cartoloop.local_slam.match_records import WallMemory
 from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
 
 _STRIDE = 3
@@ -103,6 +104,17 @@ class WallStep:
         self._evidence, self._side = 0.0, np.zeros(2)
         self._is_due = True
         self._moved_at = -math.inf
+
+    @property
+    def memory(self) -> WallMemory:
+        """What it remembers from scan to scan, besides the scan."""
+        side_x, side_y = self._side.tolist()
+        return WallMemory(self._evidence, side_x, side_y, self._is_due, self._moved_at)
+
+    @memory.setter
+    def memory(self, memory: WallMemory) -> None:
+        self._evidence, side_x, side_y, self._is_due, self._moved_at = memory
+        self._side = np.array((side_x, side_y))
 
     def add(self, time: float, pose: Pose, tf_tracking_sensor: Pose, returns: FloatArray) -> None:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""

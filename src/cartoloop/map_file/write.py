@@ -19,6 +19,7 @@ from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.map_file.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES
 from cartoloop.map_file.sessions import session_rows
+from cartoloop.sensor.packed_points import pack_points
 from cartoloop.version import __version__
 
 if TYPE_CHECKING:
@@ -30,10 +31,6 @@ if TYPE_CHECKING:
 
 Row = tuple[Any, ...]
 
-POINT_UNIT = 0.001
-"""Points are kept to a millimetre, or where they lie further than 32 m, as finely as they fit."""
-
-_MAX_INT16 = 32767
 _ROWS_AT_A_TIME = 500
 
 
@@ -77,17 +74,6 @@ def report_without_times(report: Report) -> dict[str, Any]:
         "fingerprint": report.fingerprint,
         "extra": report.extra,
     }
-
-
-def pack_points(points: NDArray[np.floating]) -> tuple[float, bytes]:
-    """Return the unit [m] of points (n, 2) and their whole numbers of it.
-
-    They are not compressed: noise does not compress.
-    """
-    furthest = float(np.abs(points).max(initial=0.0))
-    unit = max(POINT_UNIT, furthest / _MAX_INT16)
-    numbers = np.rint(points.T / unit).astype("<i2")
-    return unit, numbers.tobytes()
 
 
 def _insert(database: sqlite3.Connection, table: str, rows: Iterator[Row]) -> None:

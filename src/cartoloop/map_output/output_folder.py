@@ -17,8 +17,11 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from cartoloop.errors import OutputError
+from cartoloop.errors import InputError, OutputError
+from cartoloop.journal.frames import FILE_NAME as JOURNAL
+from cartoloop.journal.writer import in_use, is_locked
 from cartoloop.map_file.file_set import FILES, repair_file_set
+from cartoloop.map_file.run_header import read_journal
 from cartoloop.map_file.schema import FILE_NAME
 
 STOPPED = "stopped"
@@ -92,6 +95,7 @@ class RunFolder:
                     f"{self.path / name}: is a folder where a file is to be written; choose "
                     "another output folder"
                 )
+        self._check_journal()
         saved = saved_map(self.path)
         if saved is None or self._may_replace(saved):
             return
@@ -101,6 +105,40 @@ class RunFolder:
         raise OutputError(
             f"{self.path}: holds {what}; choose another output folder, or allow it with --overwrite"
         )
+
+    def is_finished(self) -> bool:
+        """Return whether the folder holds the finished map of the recording."""
+        saved = saved_map(self.path)
+        return saved is not None and saved.finished and saved.is_of(self.name, self.fingerprint)
+
+    @property
+    def has_journal(self) -> bool:
+        """Whether the folder holds an interrupted run."""
+        return (self.path / JOURNAL).is_file()
+
+    def _check_journal(self) -> None:
+        """Check that no interrupted run of another recording is lost.
+
+        Raises
+        ------
+        OutputError
+            One would be, or the folder is in use.
+        """
+        path = self.path / JOURNAL
+        if is_locked(path):
+            raise in_use(path)
+        if not path.is_file() or self.overwrite:
+            return
+        try:
+            header = read_journal(path, whole=False)[0]
+        except InputError as error:
+            raise OutputError(f"{error}, or allow it with --overwrite") from error
+        run = SavedMap((JOURNAL,), True, header.name, header.fingerprint)
+        if not run.is_of(self.name, self.fingerprint):
+            raise OutputError(
+                f"{self.path}: holds an interrupted run (of {header.name}); choose another output "
+                "folder, or allow it with --overwrite"
+            )
 
     def place(self, *, finished: bool) -> Path:
         """Return the folder to save a map in, which may be one inside; it exists.

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 
 import numpy as np
@@ -21,6 +22,9 @@ MAX_STEPS = 254.0
 
 PROBABILITY_STEP = (MAX_PROBABILITY - MIN_PROBABILITY) / MAX_STEPS
 """Difference between neighbouring cell values."""
+
+MAX_CELLS = 2**27
+"""Of one submap: a square of 500 m at 0.05 m; more is no submap but a damaged file."""
 
 _MEMORY = ReusedMemory(max_idle_bytes=8 << 20)
 """Memory of probabilities: that of two large grids."""
@@ -47,6 +51,36 @@ class FinishedGrid:
         self.origin_x = origin_x
         self.origin_y = origin_y
         self.resolution = resolution
+
+    @classmethod
+    def of_packed(
+        cls,
+        packed: bytes,
+        shape: tuple[int, int],
+        origin_x: float,
+        origin_y: float,
+        resolution: float,
+    ) -> FinishedGrid:
+        """Return the grid of cells that are compressed already, as :attr:`packed` yields them.
+
+        Raises
+        ------
+        ValueError, zlib.error
+            They are damaged, or have another shape; no more memory is ever taken than that needs.
+        """
+        size = shape[0] * shape[1]
+        if min(shape) < 0 or size > MAX_CELLS:
+            raise ValueError(f"a submap is {shape[0]} by {shape[1]} cells")
+        if not (math.isfinite(origin_x + origin_y) and 0.0 < resolution < math.inf):
+            raise ValueError(
+                f"a submap lies at {origin_x}, {origin_y}, with cells of {resolution} m"
+            )
+        if len(zlib.decompressobj().decompress(packed, size + 1)) != size:
+            raise ValueError("a compressed field is too short or too long")
+        grid = cls.__new__(cls)
+        grid._packed, grid.shape = packed, shape
+        grid.origin_x, grid.origin_y, grid.resolution = origin_x, origin_y, resolution
+        return grid
 
     @property
     def size(self) -> int:

@@ -4,12 +4,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import SubmapConfig
 from cartoloop.sensor.pose import Pose
-from cartoloop.submaps.probability_grid import ProbabilityGrid, insert_cells, scan_cells
+from cartoloop.submaps.probability_grid import (
+    ProbabilityGrid,
+    ScanCells,
+    insert_cells,
+    scan_cells,
+)
 
 
 @dataclass(slots=True)
@@ -56,12 +62,17 @@ class ActiveSubmaps:
 
     Parameters
     ----------
-    config : parameters.
+    config : when they start and finish, and how cells change.
     first_index : index of the first submap.
+    known : indices of submaps whose finished grids are known already, since an interrupted run is
+        resumed: they are not filled again.
     """
 
-    def __init__(self, config: SubmapConfig, first_index: int = 0) -> None:
+    def __init__(
+        self, config: SubmapConfig, first_index: int = 0, known: Collection[int] = ()
+    ) -> None:
         self._config = config
+        self._known = known
         self._submaps: list[Submap] = []
         self._next_index = first_index
         self._last_position: tuple[float, float] | None = None
@@ -85,7 +96,7 @@ class ActiveSubmaps:
         config = self._config
         if not self._submaps or self._is_half_full(self._submaps[-1]):
             self._start_submap(tf_local_sensor)
-        cells = scan_cells(tf_local_sensor, returns_local, misses_local, config.resolution)
+        cells: ScanCells | None = None
         step = 0.0
         if self._last_position is not None:
             x, y = self._last_position
@@ -93,7 +104,12 @@ class ActiveSubmaps:
         self._last_position = (tf_local_sensor.x, tf_local_sensor.y)
         for submap in self._submaps:
             submap.travelled += step if submap.num_scans else 0.0
-            insert_cells(submap.grid, cells, config, self._lattice_origin(submap))
+            if submap.index not in self._known:
+                if cells is None:
+                    cells = scan_cells(
+                        tf_local_sensor, returns_local, misses_local, config.resolution
+                    )
+                insert_cells(submap.grid, cells, config, self._lattice_origin(submap))
             submap.num_scans += 1
         inserted = tuple(self._submaps)
         finished = None

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What local SLAM computes for a scan, as records of a journal: matches and wall steps.
+
+With each goes what the matcher or the comparison remembers after it, so that whoever takes the
+record instead of computing it is in the same state.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch
+from cartoloop.sensor.pose import Pose
+
+
+class MatcherMemory(NamedTuple):
+    """What a scan matcher remembers from scan to scan.
+
+    Attributes
+    ----------
+    typical_residual : of a match.
+    num_correlative : number of scans for which the correlative matcher ran.
+    num_lost : number of scans that were searched in the wider window.
+    """
+
+    typical_residual: float
+    num_correlative: int
+    num_lost: int
+
+
+class WallMemory(NamedTuple):
+    """What the comparison along walls remembers from scan to scan, besides the scan.
+
+    Attributes
+    ----------
+    evidence : for another step, so far.
+    side_x, side_y : to which side it was.
+    is_due : whether the next scan that is added takes the place of the last.
+    moved_at : when the odometry last moved [s].
+    """
+
+    evidence: float
+    side_x: float
+    side_y: float
+    is_due: bool
+    moved_at: float
+
+
+_MATCH = struct.Struct("<3d9d2dId2I")
+_WALL = struct.Struct("<?3d3d?d")
+_NOWHERE = (0.0, 0.0, 0.0)
+
+
+def match_record(match: LeastSquaresMatch, memory: MatcherMemory) -> bytes:
+    """Return a match and the memory of the matcher after it as a payload."""
+    information = match.information.ravel().tolist()
+    return _MATCH.pack(
+        *match.tf_submap_scan, *information, match.residual, match.cost, match.iterations, *memory
+    )
+
+
+def recorded_match(payload: memoryview) -> tuple[LeastSquaresMatch, MatcherMemory]:
+    """Return what :func:`match_record` was given.
+
+    Raises
+    ------
+    struct.error
+        The payload has another length.
+    """
+    values = _MATCH.unpack(payload)
+    information = np.array(values[3:12]).reshape(3, 3)
+    match = LeastSquaresMatch(Pose(*values[:3]), information, *values[12:15])
+    return match, MatcherMemory(*values[15:])
+
+
+def wall_record(pose: Pose | None, memory: WallMemory) -> bytes:
+    """Return a better pose, if there is one, and the memory after the comparison as a payload."""
+    evidence, side_x, side_y, is_due, moved_at = memory
+    place = _NOWHERE if pose is None else pose
+    return _WALL.pack(pose is not None, *place, evidence, side_x, side_y, is_due, moved_at)
+
+
+def recorded_wall_step(payload: memoryview) -> tuple[Pose | None, WallMemory]:
+    """Return what :func:`wall_record` was given.
+
+    Raises
+    ------
+    struct.error
+        The payload has another length.
+    """
+    is_better, x, y, theta, *memory = _WALL.unpack(payload)
+    return Pose(x, y, theta) if is_better else None, WallMemory(*memory)

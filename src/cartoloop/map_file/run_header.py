@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a journal says about its run: by which program, of what, with which parameters."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Literal
+
+from cartoloop.config import Config
+from cartoloop.errors import InputError
+from cartoloop.journal.frames import Content, Kind, read_content
+from cartoloop.map_file.saved_config import config_of_json
+from cartoloop.version import __version__
+
+RunKind = Literal["map", "live"]
+
+
+def environment() -> dict[str, str]:
+    """Return the versions of what the last digits of a result depend on."""
+    found = {"machine": platform.machine()}
+    for name in ("numpy", "numba"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = ""
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class RunHeader:
+    """A run that has a journal.
+
+    Attributes
+    ----------
+    kind : of a recording, or live.
+    name, fingerprint : of the recording; see `Report`.
+    config : all parameters.
+    origins : by key of the configuration, where its value comes from.
+    options : how the recording is read, as JSON has it.
+    layers : drawn over the picture of the map.
+    overwrite : whether the map of another recording may be replaced.
+    program : version that made the journal.
+    environment : versions of what it relies on.
+    """
+
+    kind: RunKind
+    name: str
+    fingerprint: str
+    config: Config
+    origins: Mapping[str, str] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    layers: tuple[str, ...] = ()
+    overwrite: bool = False
+    program: str = __version__
+    environment: Mapping[str, str] = field(default_factory=environment)
+
+    def to_json(self) -> bytes:
+        """Return the header as the payload of a record."""
+        content = {
+            "kind": self.kind,
+            "name": self.name,
+            "fingerprint": self.fingerprint,
+            "config": self.config.model_dump(mode="json"),
+            "origins": dict(self.origins),
+            "options": dict(self.options),
+            "layers": list(self.layers),
+            "overwrite": self.overwrite,
+            "program": self.program,
+            "environment": dict(self.environment),
+        }
+        return json.dumps(content).encode()
+
+    @classmethod
+    def from_json(cls, payload: memoryview) -> RunHeader:
+        """Return the header in the payload of a record.
+
+        Raises
+        ------
+        ValueError, TypeError, KeyError, AttributeError
+            It is damaged.
+        """
+        content = json.loads(bytes(payload))
+        if content["kind"] not in ("map", "live"):
+            raise ValueError(f"the run is of kind {content['kind']!r}")
+        return cls(
+            kind=content["kind"],
+            name=str(content["name"]),
+            fingerprint=str(content["fingerprint"]),
+            config=config_of_json(json.dumps(content["config"])),
+            origins={str(key): str(value) for key, value in content["origins"].items()},
+            options=dict(content["options"]),
+            layers=tuple(map(str, content["layers"])),
+            overwrite=bool(content["overwrite"]),
+            program=str(content["program"]),
+            environment={str(key): str(value) for key, value in content["environment"].items()},
+        )
+
+
+def read_journal(path: Path, *, whole: bool = True) -> tuple[RunHeader, Content]:
+    """Return the header of a journal, and its other records.
+
+    Parameters
+    ----------
+    whole : whether the records are wanted; otherwise some or none of them are read.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, is none, is damaged at its beginning, or is of a newer program.
+    """
+    content = read_content(path, None if whole else 1)
+    try:
+        first = content.records[0]
+        if first.kind != Kind.HEADER:
+            raise ValueError("it does not begin with its header")
+        header = RunHeader.from_json(first.payload)
+    except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError) as error:
+        what = " ".join(str(error).split())
+        raise InputError(
+            f"{path}: is damaged ({type(error).__name__}: {what}); remove it, and map the "
+            "recording again"
+        ) from error
+    return header, Content(content.records[1:], content.size)
