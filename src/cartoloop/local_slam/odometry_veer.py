@@ -110,14 +110,20 @@ def estimate_veer(
     times = scans.times - time_offset
     is_covered = (times >= odometry_times[0]) & (times <= odometry_times[-1])
     is_used = scans.is_usable[1:] & is_covered[:-1] & is_covered[1:]
-    columns = (odometry_poses[:, 0], odometry_poses[:, 1], np.unwrap(odometry_poses[:, 2]))
-    readings = np.column_stack([np.interp(times, odometry_times, column) for column in columns])
+    poses = (odometry_poses[:, 0], odometry_poses[:, 1], np.unwrap(odometry_poses[:, 2]))
+    readings = np.column_stack([np.interp(times, odometry_times, column) for column in poses])
     reported = relative_all(readings[:-1], readings[1:])
     turns = relative_all(scans.poses[:-1], scans.poses[1:])[:, 2]
     path, middle = reported[:, 0], readings[:-1, 2] + 0.5 * reported[:, 2]
-    terms = (reported[:, 2], path, path * np.cos(middle), path * np.sin(middle))
+    columns = (
+        turns - reported[:, 2],
+        reported[:, 2],
+        path,
+        path * np.cos(middle),
+        path * np.sin(middle),
+    )
     lengths = np.hypot(reported[:, 0], reported[:, 1])
-    stretches = _stretches(np.column_stack((turns - reported[:, 2], *terms)), lengths, is_used)
+    stretches = _stretches(np.column_stack(columns), lengths, is_used)
     if len(stretches) < MIN_STRETCHES:
         return NO_VEER
     turned, terms = stretches[:, 0], stretches[:, 1:]
@@ -163,7 +169,7 @@ def _fit(turned: FloatArray, terms: FloatArray) -> FloatArray:
     sigmas = np.full(terms.shape[1], VEER_PRIOR)
     sigmas[0] = SCALE_PRIOR
     prior = np.diag(sigmas**-2)
-    solution = np.zeros(terms.shape[1])
+    solution: FloatArray = np.zeros(terms.shape[1])
     scale = float(np.mean(turned**2)) + MIN_ERROR_RAD**2
     for _ in range(SCALE_ROUNDS):
         squares = (turned - terms @ solution) ** 2 + MIN_ERROR_RAD**2
