@@ -199,10 +199,11 @@ class OdometryCalibration:
             every = list(self._series.values())
             for one in every:
                 one.cut(max(self._window, VEER_WINDOW))
-            odometry = track.arrays()
-            veer = estimate_veer(latest(every, VEER_WINDOW), *odometry, self.model.time_offset)
-            scans = latest(every, self._window)
-            known = replace(self.model, veer=veer)
+            odometry, before = track.arrays(), self.model
+            veer = estimate_veer(
+                latest(every, VEER_WINDOW), *odometry, before.time_offset, before.veer
+            )
+            scans, known = latest(every, self._window), replace(before, veer=veer)
             self.model = estimate(scans.times, scans.poses, *odometry, known, scans.is_usable)
 
 

@@ -40,6 +40,13 @@ VEER_PRIOR, SCALE_PRIOR = 0.05, 0.2
 """Standard deviations of the priors of zero of each coefficient of the veer [rad/m], and of the
 error of the turns' scale: what headings do not determine remains near zero."""
 
+KNOWN_PRIOR = 0.005
+"""The same of a change of a veer that was accepted before [rad/m]: it weighs as much as a few
+stretches, and keeps what was learnt at headings that the latest scans do not have."""
+
+MAX_VEER = 0.3
+"""Largest plausible sum of the coefficients [rad/m]; odometry beyond is broken."""
+
 
 class Veer(NamedTuple):
     """Turn on each metre of reported path that the odometry does not report [rad/m].
@@ -90,23 +97,25 @@ def estimate_veer(
     odometry_times: FloatArray,
     odometry_poses: FloatArray,
     time_offset: float = 0.0,
+    previous: Veer = NO_VEER,
 ) -> Veer:
-    """Return the veer that explains the turns of matched scans, or none.
+    """Return the veer that explains the turns of matched scans; none or `previous` if it does not.
 
     Parameters
     ----------
     scans : as matched.
     odometry_times, odometry_poses : float64, shapes (k,), (k, 3), times increasing.
     time_offset : a reading is this much newer than the scan of the same stamp [s].
+    previous : the veer that was accepted before.
 
     Notes
     -----
     A constant, and a constant with a sine of the heading, are accepted if they predict each part of
     the drive from the other parts better than no veer does. Errors of the odometry that are random,
-    however large, or that belong to one place, do not.
+    however large, or that belong to one place, do not. What was accepted before needs no margin.
     """
     if len(odometry_times) < 2:
-        return NO_VEER
+        return previous
     times = scans.times - time_offset
     is_covered = (times >= odometry_times[0]) & (times <= odometry_times[-1])
     is_used = scans.is_usable[1:] & is_covered[:-1] & is_covered[1:]
@@ -125,17 +134,20 @@ def estimate_veer(
     lengths = np.hypot(reported[:, 0], reported[:, 1])
     stretches = _stretches(np.column_stack(columns), lengths, is_used)
     if len(stretches) < MIN_STRETCHES:
-        return NO_VEER
+        return previous
     turned, terms = stretches[:, 0], stretches[:, 1:]
-    count, best = 1, log_likelihood(_prediction_errors(turned, terms[:, :1]))
+    before = np.array((0.0, *previous))
+    count, best = 1, log_likelihood(_prediction_errors(turned, terms[:, :1], before[:1]))
     for more in (2, 4):
-        likelihood = log_likelihood(_prediction_errors(turned, terms[:, :more]))
-        if likelihood > best + MIN_LOG_ODDS:
+        likelihood = log_likelihood(_prediction_errors(turned, terms[:, :more], before[:more]))
+        margin = 0.0 if before[more - 1] else MIN_LOG_ODDS
+        if likelihood > best + margin:
             count, best = more, likelihood
     if count == 1:
         return NO_VEER
-    scale, *rates = _fit(turned, terms[:, :count]).tolist()
-    return Veer(*(rate / (1.0 + scale) for rate in rates))
+    scale, *rates = _fit(turned, terms[:, :count], before[:count]).tolist()
+    veer = Veer(*(rate / (1.0 + scale) for rate in rates))
+    return veer if sum(map(abs, veer)) <= MAX_VEER else NO_VEER
 
 
 def _stretches(columns: FloatArray, lengths: FloatArray, is_used: BoolArray) -> FloatArray:
@@ -154,27 +166,35 @@ def _stretches(columns: FloatArray, lengths: FloatArray, is_used: BoolArray) -> 
     return whole
 
 
-def _prediction_errors(turned: FloatArray, terms: FloatArray) -> FloatArray:
+def _prediction_errors(turned: FloatArray, terms: FloatArray, before: FloatArray) -> FloatArray:
     """Return the error of each stretch, predicted from the parts of the drive that it is not in."""
     part = np.arange(len(turned)) * NUM_PARTS // len(turned)
     errors = np.empty_like(turned)
     for number in range(NUM_PARTS):
         held = part == number
-        errors[held] = turned[held] - terms[held] @ _fit(turned[~held], terms[~held])
+        solution = _fit(turned[~held], terms[~held], before)
+        errors[held] = turned[held] - terms[held] @ solution
     return errors
 
 
-def _fit(turned: FloatArray, terms: FloatArray) -> FloatArray:
-    """Return the most likely coefficients: errors have Student's distribution of unknown scale."""
-    sigmas = np.full(terms.shape[1], VEER_PRIOR)
+def _fit(turned: FloatArray, terms: FloatArray, before: FloatArray) -> FloatArray:
+    """Return the most likely coefficients: errors have Student's distribution of unknown scale.
+
+    Parameters
+    ----------
+    turned, terms : shapes (n,), (n, k): to be explained, and by what; the first column is a scale.
+    before : shape (k,), the coefficients that were accepted before; 0 for none.
+    """
+    sigmas = np.where(before == 0.0, VEER_PRIOR, KNOWN_PRIOR)
     sigmas[0] = SCALE_PRIOR
-    prior = np.diag(sigmas**-2)
-    solution: FloatArray = np.zeros(terms.shape[1])
-    scale = float(np.mean(turned**2)) + MIN_ERROR_RAD**2
+    prior: FloatArray = np.diag(sigmas**-2)
+    solution = before
+    scale = float(np.mean((turned - terms @ before) ** 2)) + MIN_ERROR_RAD**2
     for _ in range(SCALE_ROUNDS):
         squares = (turned - terms @ solution) ** 2 + MIN_ERROR_RAD**2
         weights = (FREEDOM + 1.0) / (FREEDOM + squares / scale)
         scale = float((weights * squares).mean())
         normal = (terms.T * weights) @ terms + scale * prior
-        solution = np.linalg.solve(normal, terms.T @ (weights * turned))
+        right = terms.T @ (weights * turned) + scale * (prior @ before)
+        solution = np.asarray(np.linalg.solve(normal, right), dtype=np.float64)
     return solution
