@@ -69,6 +69,7 @@ class OdometryParameters:
     num_turns : number of turning steps that it was estimated from.
     translation_error : the same of the distance [m]; NaN before the first estimate.
     veer : turn on each metre that is not reported.
+    num_stretches : number of metres that it was estimated from.
     """
 
     time_offset: float = 0.0
@@ -81,6 +82,7 @@ class OdometryParameters:
     translation_error: float = math.nan
     num_turns: int = 0
     veer: Veer = NO_VEER
+    num_stretches: int = 0
 
     @property
     def is_known(self) -> bool:
@@ -200,10 +202,11 @@ class OdometryCalibration:
             for one in every:
                 one.cut(max(self._window, VEER_WINDOW))
             odometry, before = track.arrays(), self.model
-            veer = estimate_veer(
+            veer, num_stretches = estimate_veer(
                 latest(every, VEER_WINDOW), *odometry, before.time_offset, before.veer
             )
-            scans, known = latest(every, self._window), replace(before, veer=veer)
+            known = replace(before, veer=veer, num_stretches=num_stretches)
+            scans = latest(every, self._window)
             self.model = estimate(scans.times, scans.poses, *odometry, known, scans.is_usable)
 
 
@@ -259,6 +262,7 @@ def estimate(
     return replace(
         model,
         veer=previous.veer,
+        num_stretches=previous.num_stretches,
         num_turns=int(np.count_nonzero(turning)),
         rotation_error=float(np.median(errors[:, 2])) if knows_rotation else math.nan,
         translation_error=float(np.median(np.hypot(errors[:, 0], errors[:, 1]))),

@@ -98,15 +98,15 @@ def estimate_veer(
     odometry_poses: FloatArray,
     time_offset: float = 0.0,
     previous: Veer = NO_VEER,
-) -> Veer:
-    """Return the veer that explains the turns of matched scans; none or `previous` if it does not.
+) -> tuple[Veer, int]:
+    """Return the veer that explains the turns of matched scans, and the number of stretches.
 
     Parameters
     ----------
     scans : as matched.
     odometry_times, odometry_poses : float64, shapes (k,), (k, 3), times increasing.
     time_offset : a reading is this much newer than the scan of the same stamp [s].
-    previous : the veer that was accepted before.
+    previous : the veer that was accepted before, which remains until there are enough stretches.
 
     Notes
     -----
@@ -115,7 +115,7 @@ def estimate_veer(
     however large, or that belong to one place, do not. What was accepted before needs no margin.
     """
     if len(odometry_times) < 2:
-        return previous
+        return previous, 0
     times = scans.times - time_offset
     is_covered = (times >= odometry_times[0]) & (times <= odometry_times[-1])
     is_used = scans.is_usable[1:] & is_covered[:-1] & is_covered[1:]
@@ -133,8 +133,9 @@ def estimate_veer(
     )
     lengths = np.hypot(reported[:, 0], reported[:, 1])
     stretches = _stretches(np.column_stack(columns), lengths, is_used)
-    if len(stretches) < MIN_STRETCHES:
-        return previous
+    number = len(stretches)
+    if number < MIN_STRETCHES:
+        return previous, number
     turned, terms = stretches[:, 0], stretches[:, 1:]
     before = np.array((0.0, *previous))
     count, best = 1, log_likelihood(_prediction_errors(turned, terms[:, :1], before[:1]))
@@ -144,10 +145,10 @@ def estimate_veer(
         if likelihood > best + margin:
             count, best = more, likelihood
     if count == 1:
-        return NO_VEER
+        return NO_VEER, number
     scale, *rates = _fit(turned, terms[:, :count], before[:count]).tolist()
     veer = Veer(*(rate / (1.0 + scale) for rate in rates))
-    return veer if sum(map(abs, veer)) <= MAX_VEER else NO_VEER
+    return veer if sum(map(abs, veer)) <= MAX_VEER else NO_VEER, number
 
 
 def _stretches(columns: FloatArray, lengths: FloatArray, is_used: BoolArray) -> FloatArray:
