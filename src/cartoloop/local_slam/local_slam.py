@@ -7,7 +7,7 @@ import json
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -95,10 +95,7 @@ class SensorCalibration(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as values of JSON, None for what is not known."""
-        odometry = {
-            name: None if math.isnan(value) else value
-            for name, value in asdict(self.odometry).items()
-        }
+        odometry = self.odometry.to_dict()
         return {"odometry": odometry, "scanner_offsets": dict(self.scanner_offsets)}
 
     @classmethod
@@ -110,14 +107,9 @@ class SensorCalibration(NamedTuple):
         ValueError, TypeError, AttributeError
             They are of something else.
         """
-        odometry = {
-            name: math.nan if value is None else float(value)
-            for name, value in content.get("odometry", {}).items()
-        }
-        odometry["num_turns"] = int(odometry.get("num_turns", 0))
         offsets = content.get("scanner_offsets", {})
         return cls(
-            OdometryParameters(**odometry),  # type: ignore[arg-type]
+            OdometryParameters.from_dict(content.get("odometry", {})),
             {str(name): float(offset) for name, offset in offsets.items()},
         )
 
