@@ -13,14 +13,15 @@ shows that wheels slip. It is less exact than wheels that do not, and leaves sma
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.arrays import FloatArray
 from cartoloop.config import WallStepConfig
-from cartoloop.kernels.outline_shift import outline_costs
-from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
+from cartoloop.kernels.outline_shift import open_direction, step_costs, trace_outline
+from cartoloop.sensor.pose import Pose, compose, inverse, wrap_angle
 
 _STRIDE = 3
 """Of the steps that are tried against odometry, every third is tried first: most often none of them
@@ -31,18 +32,16 @@ _NEIGHBOUR = 1.5
 
 
 class _Outline(NamedTuple):
-    """A scan as lines between neighbouring beams, in the frame of its scanner.
+    """A scan in the frame of its scanner; lines connect the ends of neighbouring beams.
 
     Attributes
     ----------
     bearings : float64, (n,), ascending [rad].
     points : float64, (n, 2), ends of the beams [m].
-    is_line : bool, (n - 1,), whether two ends are of neighbouring beams.
     """
 
     bearings: FloatArray
     points: FloatArray
-    is_line: BoolArray
 
 
 class _LastScan(NamedTuple):
@@ -108,7 +107,7 @@ class WallStep:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
         if self._last is not None and not self._is_due:
             return
-        outline = _outline_of(returns, tf_tracking_sensor, self._config)
+        outline = _outline_of(returns, tf_tracking_sensor)
         self._last = _LastScan(time, pose, tf_tracking_sensor, outline)
 
     def better_pose(
@@ -148,14 +147,17 @@ class WallStep:
             or 0.0 < time - self._moved_at < config.max_standstill
         ):
             return None
+        turn = abs(wrap_angle(pose.theta - last.pose.theta))
+        turns_too_far = turn > math.radians(config.max_turn_deg)
+        if turns_too_far and self._evidence == 0.0:
+            return None  # The comparison would only reduce the evidence.
         found = _compare(last, time, pose, returns, config, stride=_STRIDE if by_odometry else 1)
         if found is None:
             if by_odometry:
                 self._evidence = 0.0
             return None
         self._evidence *= config.evidence_memory
-        turn = abs(wrap_angle(pose.theta - last.pose.theta))
-        if turn > math.radians(config.max_turn_deg) or not _is_sharp(found, config):
+        if turns_too_far or not _is_sharp(found, config):
             return None
         if not self._is_proven(found, len(returns), by_odometry):
             return None
@@ -219,46 +221,37 @@ def _compare(
 
     With a stride above 1, also None where no step of that grid fits better than the matched one.
     """
-    ratio, direction = _open_direction(last.outline)
+    outline, max_gap = last.outline, math.radians(config.max_gap_deg)
+    ratio, direction = open_direction(*outline, max_gap)
     if ratio > config.max_ratio or time <= last.time:
         return None
     tf_sensor_local = inverse(compose(last.pose, last.tf_tracking_sensor))
-    at_match = transform_points(compose(tf_sensor_local, pose), returns)
-    axis = np.array((math.cos(direction), math.sin(direction)))
+    axis = math.cos(direction), math.sin(direction)
     direction -= tf_sensor_local.theta
     along = np.array((math.cos(direction), math.sin(direction)))
     moved = float(along @ (pose.x - last.pose.x, pose.y - last.pose.y))
-    steps = _steps_to_try(time - last.time, config)
-    if stride > 1:
-        some = _costs(last.outline, at_match, axis, np.append(steps[::stride] - moved, 0.0), config)
-        if some[:-1].min() >= some[-1]:
-            return None
-    costs = _costs(last.outline, at_match, axis, np.append(steps - moved, 0.0), config)
-    return _Comparison(steps, costs[:-1], moved, float(costs[-1]), along)
+    reach = min(config.max_speed * (time - last.time), config.max_step) + config.max_distance
+    steps = _steps_to_try(math.ceil(reach / config.step), config.step)
+    costs = np.empty(len(steps))
+    matched_cost, is_complete = step_costs(
+        *outline,
+        max_gap,
+        returns,
+        compose(tf_sensor_local, pose)[:],
+        axis,
+        moved,
+        steps,
+        stride,
+        (config.sigma, config.max_distance, config.outside_cost),
+        costs,
+    )
+    return _Comparison(steps, costs, moved, matched_cost, along) if is_complete else None
 
 
-def _steps_to_try(duration: float, config: WallStepConfig) -> FloatArray:
+@lru_cache(maxsize=256)
+def _steps_to_try(count: int, step: float) -> FloatArray:
     """Return steps [m], ascending: all that the robot can make, and a margin to judge them by."""
-    reach = min(config.max_speed * duration, config.max_step) + config.max_distance
-    count = math.ceil(reach / config.step)
-    return config.step * np.arange(-count, count + 1, dtype=np.float64)
-
-
-def _open_direction(outline: _Outline) -> tuple[float, float]:
-    """Return how far lines determine a scan along the open direction, and that direction [rad].
-
-    That is the ratio of the eigenvalues of the sum of their normals' squares: 0 between bare walls.
-    A line counts by its length, up to a metre: short ones are noise.
-    """
-    ends = np.diff(outline.points, axis=0)[outline.is_line]
-    length = np.hypot(ends[:, 0], ends[:, 1])
-    weight = np.minimum(length, 1.0) / np.maximum(length, np.finfo(float).tiny) ** 2
-    xx = float((weight * ends[:, 1] ** 2).sum())
-    yy = float((weight * ends[:, 0] ** 2).sum())
-    xy = -float((weight * ends[:, 0] * ends[:, 1]).sum())
-    mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
-    ratio = (mean - half) / (mean + half) if mean > 0.0 else 1.0
-    return ratio, 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+    return step * np.arange(-count, count + 1, dtype=np.float64)
 
 
 def _is_sharp(found: _Comparison, config: WallStepConfig) -> bool:
@@ -271,32 +264,9 @@ def _is_sharp(found: _Comparison, config: WallStepConfig) -> bool:
     return bool(rise >= config.min_rise)
 
 
-def _outline_of(returns: FloatArray, tf_tracking_sensor: Pose, config: WallStepConfig) -> _Outline:
-    points = transform_points(inverse(tf_tracking_sensor), returns)
-    bearings = np.arctan2(points[:, 1], points[:, 0])
-    order = np.argsort(bearings, kind="stable")
-    bearings, points = bearings[order], points[order]
-    is_line = np.diff(bearings) < math.radians(config.max_gap_deg)
-    return _Outline(bearings, points, is_line)
-
-
-def _costs(
-    outline: _Outline,
-    points: FloatArray,
-    along: FloatArray,
-    shifts: FloatArray,
-    config: WallStepConfig,
-) -> FloatArray:
-    """Return the cost of each shift of a scan, see :func:`outline_costs`."""
-    costs = np.empty(len(shifts))
-    outline_costs(
-        *outline,
-        points,
-        along,
-        shifts,
-        config.sigma,
-        config.max_distance,
-        config.outside_cost,
-        costs,
-    )
-    return costs
+def _outline_of(returns: FloatArray, tf_tracking_sensor: Pose) -> _Outline:
+    bearings, points = np.empty(len(returns)), np.empty((len(returns), 2))
+    if not trace_outline(returns, inverse(tf_tracking_sensor)[:], bearings, points):
+        order = np.argsort(bearings, kind="stable")
+        bearings, points = bearings[order], points[order]
+    return _Outline(bearings, points)
