@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from cartoloop._jit import inlined_kernel, kernel
-from cartoloop.arrays import FloatArray
+from cartoloop.arrays import FloatArray, IntArray
 
 _SHORTEST_M = 1e-300
 """Two ends at the same place make a line of this length [m], so that nothing is divided by zero."""
@@ -56,7 +57,7 @@ def open_direction(bearings: FloatArray, ends: FloatArray, max_gap: float) -> tu
 
     Parameters
     ----------
-    bearings, ends, max_gap : the outline, see :func:`step_costs`.
+    bearings, ends, max_gap : the outline, see :func:`best_step`.
     """
     xx, yy, xy = 0.0, 0.0, 0.0
     for line in range(bearings.shape[0] - 1):
@@ -74,7 +75,7 @@ def open_direction(bearings: FloatArray, ends: FloatArray, max_gap: float) -> tu
 
 
 @kernel
-def step_costs(
+def best_step(
     bearings: FloatArray,
     ends: FloatArray,
     max_gap: float,
@@ -84,10 +85,11 @@ def step_costs(
     moved: float,
     steps: FloatArray,
     stride: int,
+    reach: int,
     fit: tuple[float, float, float],
     out_costs: FloatArray,
-) -> tuple[float, bool]:
-    """Write the cost of each step: half the sum of squared distances from the lines, in sigmas.
+) -> tuple[float, int]:
+    """Find the step that costs least: half the sum of squared distances from the lines, in sigmas.
 
     Parameters
     ----------
@@ -99,64 +101,111 @@ def step_costs(
     tf_sensor_points : x, y [m] and theta [rad], as matched, of the other scan in the scanner frame.
     along : unit vector of the steps, scanner frame.
     moved : the step as matched [m].
-    steps : float64, shape (k,) [m].
+    steps : float64, shape (k,), ascending [m].
     stride : above 1, every such step is tried first, and none else if none of them costs less than
         the matched one.
+    reach : distance of the outer two of `out_costs` from the best step, as a number of steps.
     fit : standard deviation of a distance [m]; larger distances than the second [m] cost as much as
         that one; share of this cost for points in whose direction there is no line.
-    out_costs : float64, shape (k,).
+    out_costs : float64, shape (5,): of the steps by -reach, -1, 0, 1 and reach from the best one;
+        NaN where there is none.
 
     Returns
     -------
-    the cost of the matched step, and whether the costs of all steps were written.
+    the cost of the matched step, and the index of the best, of equal ones the first; -1 if, with a
+    stride, none was tried that costs less than the matched one.
 
     Notes
     -----
     As a point is shifted, its direction changes little, so that its line is found from the last.
+    Costs only grow from point to point: a step is given up once it costs more than another.
     """
-    num_points, num_lines = points.shape[0], bearings.shape[0] - 1
+    places, lines = _placed(points, tf_sensor_points)
     directions = _line_directions(bearings, ends, max_gap)
+    scan = _Scan(ends, directions, bearings, places, lines)
+    matched = _cost_at(scan, 0.0, along, fit, math.inf)
+    best, least = -1, matched if stride > 1 else math.inf
+    for step in range(0, steps.shape[0], stride):
+        cost = _cost_at(scan, steps[step] - moved, along, fit, least)
+        if cost < least:
+            best, least = step, cost
+    if best < 0:
+        return matched, best
+    for step in range(steps.shape[0]):
+        if step % stride == 0:
+            continue
+        cost = _cost_at(scan, steps[step] - moved, along, fit, least)
+        if cost < least or (cost == least and step < best):
+            best, least = step, cost
+    for k in range(5):
+        step = best + (-reach, -1, 0, 1, reach)[k]
+        out_costs[k] = math.nan
+        if 0 <= step < steps.shape[0]:
+            out_costs[k] = _cost_at(scan, steps[step] - moved, along, fit, math.inf)
+    return matched, best
+
+
+class _Scan(NamedTuple):
+    """An outline, and another scan at the matched pose.
+
+    Attributes
+    ----------
+    ends, directions : float64, (n, 2), (n - 1, 2), the outline's points and lines.
+    bearings : float64, (n,).
+    places : float64, (m, 2), the points of the scan.
+    lines : int64, (m,), in whose direction each was seen last.
+    """
+
+    ends: FloatArray
+    directions: FloatArray
+    bearings: FloatArray
+    places: FloatArray
+    lines: IntArray
+
+
+@kernel
+def _placed(
+    points: FloatArray, tf_sensor_points: tuple[float, float, float]
+) -> tuple[FloatArray, IntArray]:
+    """Return points in the scanner frame, and that the line of none of them is known."""
+    places = np.empty((points.shape[0], 2))
+    lines = np.empty(points.shape[0], dtype=np.int64)
     sensor_x, sensor_y, theta = tf_sensor_points
     cos, sin = math.cos(theta), math.sin(theta)
-    places = np.empty((num_points, 2))
-    lines = np.empty(num_points, dtype=np.int64)
+    for k in range(points.shape[0]):
+        places[k, 0] = sensor_x + cos * points[k, 0] - sin * points[k, 1]
+        places[k, 1] = sensor_y + sin * points[k, 0] + cos * points[k, 1]
+        lines[k] = -1
+    return places, lines
+
+
+@kernel
+def _cost_at(
+    scan: _Scan,
+    shift: float,
+    along: tuple[float, float],
+    fit: tuple[float, float, float],
+    bound: float,
+) -> float:
+    """Return the cost of a shift of a scan, or a part of it that is above a bound."""
     sigma, max_distance, outside_share = fit
     limit = 0.5 * (max_distance / sigma) ** 2
-    matched = 0.0
-    for k in range(num_points):
-        x = sensor_x + cos * points[k, 0] - sin * points[k, 1]
-        y = sensor_y + sin * points[k, 0] + cos * points[k, 1]
-        places[k, 0], places[k, 1] = x, y
-        lines[k] = line = _line_towards(bearings, ends, x, y, -1)
-        matched += _cost(ends, directions, num_lines, line, x, y, sigma, limit, outside_share)
-    if stride > 1:
-        is_better = False
-        for step in range(0, steps.shape[0], stride):
-            shift, cost = steps[step] - moved, 0.0
-            for k in range(num_points):
-                x = places[k, 0] + shift * along[0]
-                y = places[k, 1] + shift * along[1]
-                lines[k] = line = _line_towards(bearings, ends, x, y, lines[k])
-                cost += _cost(ends, directions, num_lines, line, x, y, sigma, limit, outside_share)
-                if cost >= matched:  # it can only grow
-                    break
-            if cost < matched:
-                is_better = True
-                break
-        if not is_better:
-            return matched, False
-    out_costs[:] = 0.0
-    for k in range(num_points):
-        line = lines[k]
-        for step in range(steps.shape[0]):
-            shift = steps[step] - moved
-            x = places[k, 0] + shift * along[0]
-            y = places[k, 1] + shift * along[1]
-            line = _line_towards(bearings, ends, x, y, line)
-            out_costs[step] += _cost(
-                ends, directions, num_lines, line, x, y, sigma, limit, outside_share
-            )
-    return matched, True
+    shift_x, shift_y = shift * along[0], shift * along[1]
+    num_lines = scan.directions.shape[0]
+    cost = 0.0
+    for k in range(scan.places.shape[0]):
+        x, y = scan.places[k, 0] + shift_x, scan.places[k, 1] + shift_y
+        line = _line_towards(scan.bearings, scan.ends, x, y, scan.lines[k])
+        scan.lines[k] = line
+        if line < 0 or line >= num_lines or math.isnan(scan.directions[line, 0]):
+            cost += outside_share * limit
+        else:
+            across = (x - scan.ends[line, 0]) * scan.directions[line, 1]
+            distance = across - (y - scan.ends[line, 1]) * scan.directions[line, 0]
+            cost += min(0.5 * (distance / sigma) ** 2, limit)
+        if cost > bound:
+            break
+    return cost
 
 
 @kernel
@@ -170,25 +219,6 @@ def _line_directions(bearings: FloatArray, ends: FloatArray, max_gap: float) -> 
             length = max(math.hypot(x, y), _SHORTEST_M)
             directions[line, 0], directions[line, 1] = x / length, y / length
     return directions
-
-
-@inlined_kernel
-def _cost(
-    ends: FloatArray,
-    directions: FloatArray,
-    num_lines: int,
-    line: int,
-    x: float,
-    y: float,
-    sigma: float,
-    limit: float,
-    outside_share: float,
-) -> float:
-    """Return the cost of a point in whose direction a line may be."""
-    if line < 0 or line >= num_lines or math.isnan(directions[line, 0]):
-        return outside_share * limit
-    distance = (x - ends[line, 0]) * directions[line, 1] - (y - ends[line, 1]) * directions[line, 0]
-    return min(0.5 * (distance / sigma) ** 2, limit)
 
 
 @inlined_kernel

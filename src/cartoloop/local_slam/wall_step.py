@@ -20,7 +20,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import WallStepConfig
-from cartoloop.kernels.outline_shift import open_direction, step_costs, trace_outline
+from cartoloop.kernels.outline_shift import best_step, open_direction, trace_outline
 from cartoloop.sensor.pose import Pose, compose, inverse, wrap_angle
 
 _STRIDE = 3
@@ -52,35 +52,30 @@ class _LastScan(NamedTuple):
 
 
 class _Comparison(NamedTuple):
-    """How well a scan fits one before, for each step along the open direction.
+    """The step along the open direction by which a scan fits one before best.
 
     Attributes
     ----------
-    steps : float64, (k,), ascending [m].
-    costs : float64, (k,).
-    matched_step, matched_cost : of the pose as matched.
+    apart : how much further it is than the matched step [m].
+    costs : of the steps by `max_distance` shorter, next to it, it, next to it, by `max_distance`
+        longer; NaN where that was not tried.
+    matched_cost : of the pose as matched.
     along : float64, (2,), unit vector of the direction, local frame.
     """
 
-    steps: FloatArray
-    costs: FloatArray
-    matched_step: float
+    apart: float
+    costs: tuple[float, ...]
     matched_cost: float
     along: FloatArray
 
     @property
-    def best(self) -> int:
-        """Index of the step that fits best."""
-        return int(np.argmin(self.costs))
-
-    @property
-    def apart(self) -> float:
-        """How much further than the matched step it is [m]."""
-        return float(self.steps[self.best]) - self.matched_step
+    def cost(self) -> float:
+        """Cost of the step."""
+        return self.costs[2]
 
     def correction(self, step: float) -> float:
-        """Return the same between the steps, which are `step` apart [m]."""
-        before, here, after = self.costs[self.best - 1 : self.best + 2].tolist()
+        """Return `apart` between the steps that were tried, which are `step` apart [m]."""
+        _, before, here, after, _ = self.costs
         bend = before - 2.0 * here + after
         between = 0.5 * step * (before - after) / bend if bend > 0.0 else 0.0
         return self.apart + between
@@ -166,7 +161,7 @@ class WallStep:
 
     def _is_proven(self, found: _Comparison, num_returns: int, by_odometry: bool) -> bool:
         """Add up the evidence for another step; return whether it is enough."""
-        config, best, apart = self._config, found.costs[found.best], found.apart
+        config, best, apart = self._config, found.cost, found.apart
         side = apart * found.along
         if float(side @ self._side) < 0.0:
             self._evidence = 0.0
@@ -181,7 +176,7 @@ class WallStep:
         ):
             self._evidence = 0.0
             return False
-        evidence = found.matched_cost - float(best)
+        evidence = found.matched_cost - best
         if abs(apart) < _NEIGHBOUR * config.step:
             evidence = max(evidence - config.evidence_of_noise, 0.0)
         self._evidence += evidence
@@ -232,8 +227,8 @@ def _compare(
     moved = float(along @ (pose.x - last.pose.x, pose.y - last.pose.y))
     reach = min(config.max_speed * (time - last.time), config.max_step) + config.max_distance
     steps = _steps_to_try(math.ceil(reach / config.step), config.step)
-    costs = np.empty(len(steps))
-    matched_cost, is_complete = step_costs(
+    costs = np.empty(5)
+    matched_cost, best = best_step(
         *outline,
         max_gap,
         returns,
@@ -242,10 +237,13 @@ def _compare(
         moved,
         steps,
         stride,
+        round(config.max_distance / config.step),
         (config.sigma, config.max_distance, config.outside_cost),
         costs,
     )
-    return _Comparison(steps, costs, moved, matched_cost, along) if is_complete else None
+    if best < 0:
+        return None
+    return _Comparison(float(steps[best]) - moved, tuple(costs.tolist()), matched_cost, along)
 
 
 @lru_cache(maxsize=256)
@@ -256,12 +254,9 @@ def _steps_to_try(count: int, step: float) -> FloatArray:
 
 def _is_sharp(found: _Comparison, config: WallStepConfig) -> bool:
     """Return whether steps on both sides fit worse: a slope alone is a wrong heading."""
-    costs, best = found.costs, found.best
-    reach = round(config.max_distance / config.step)
-    if not reach <= best < len(costs) - reach:
-        return False
-    rise = min(costs[best - reach], costs[best + reach]) - costs[best]
-    return bool(rise >= config.min_rise)
+    shorter, *_, longer = found.costs
+    # Neither is true of a cost that is NaN, next to the end of the steps.
+    return shorter - found.cost >= config.min_rise and longer - found.cost >= config.min_rise
 
 
 def _outline_of(returns: FloatArray, tf_tracking_sensor: Pose) -> _Outline:
