@@ -161,7 +161,7 @@ def best_shifts(
     """
     for i in range(firsts.shape[0]):
         group = points[firsts[i] : ends[i]]
-        centre_x, centre_y = group[:, 0].mean(), group[:, 1].mean()
+        centre_x, centre_y = _centre(group)
         out_shifts[i, :] = 0.0
         rows = np.empty(group.shape[0], dtype=np.int64)
         cols = np.empty(group.shape[0], dtype=np.int64)
@@ -175,6 +175,17 @@ def best_shifts(
                 cols[j] = np.int64(np.floor((turned_x - grid.origin_x) / grid.resolution))
                 rows[j] = np.int64(np.floor((turned_y - grid.origin_y) / grid.resolution))
             _try_shifts(grid, wall, window, rows, cols, angle, out_shifts[i])
+
+
+@kernel
+def _centre(points: FloatArray) -> tuple[float, float]:
+    """Return the mean of points."""
+    # By hand: the mean of NumPy makes a kernel slow to load from the cache.
+    x, y = 0.0, 0.0
+    for j in range(points.shape[0]):
+        x += points[j, 0]
+        y += points[j, 1]
+    return x / points.shape[0], y / points.shape[0]
 
 
 @kernel
