@@ -141,6 +141,7 @@ def poses_stream(name: str | None) -> Iterator[BinaryIO | None]:
     if name is None:
         yield None
         return
+    file: BinaryIO
     try:
         # Not sys.stdout, which forgets what is lost: the loss of poses is reported.
         if name == "-":
