@@ -30,7 +30,7 @@ class Account:
         self.num_sent = 0
         self._stamps = np.zeros(most)
         self._came = np.zeros(most, dtype=np.bool_)
-        self._next = 0
+        self._next, self._newest = 0, -1
         self._cuts: list[tuple[int, int]] = []
         self._first = 0
 
@@ -44,6 +44,7 @@ class Account:
     def connected(self) -> None:
         """Note that what follows is sent on another connection."""
         self._first = self.num_sent
+        self._newest = self.num_sent - 1
 
     def cut(self) -> None:
         """Note that the connection was cut by force."""
@@ -58,7 +59,12 @@ class Account:
                 raise ValueError(f"a scan of the time {stamp} was never sent")
             number = int(found[0])
         self._came[number] = True
-        self._next = number + 1
+        self._next, self._newest = number + 1, max(number, self._newest)
+
+    @property
+    def num_ahead(self) -> int:
+        """Number of scans sent on this connection after the last that came."""
+        return self.num_sent - 1 - self._newest
 
     @property
     def num_came(self) -> int:

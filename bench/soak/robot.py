@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import resource
 import socket
+import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,6 +27,15 @@ from cartoloop.stop_request import StopRequest
 
 SETTLED = 0.25
 """Share of the day after which memory is compared with that at the end: all is built up by then."""
+
+
+MAX_AHEAD = 100
+"""Scans on their way at a time: those that a mapper may be behind a robot."""
+
+_TICK_S = 1e-3
+
+_LIMIT_S = 600.0
+"""Time for scans to come: long after that, they never will [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +95,7 @@ class Robot(LiveObserver):
         self._random = Random(seed)
         self._numbers = np.random.default_rng(seed)
         self._shift_s = 0.0
+        self._flooded = 0
         self._silent: list[socket.socket] = []
         self._possible: dict[str, Callable[[Sender], Sender]] = {
             "drop": self._drop,
@@ -131,6 +142,7 @@ class Robot(LiveObserver):
                 self.faults[kind] += 1
             stamp = time_s + self._shift_s
             if isinstance(event, LaserScan):
+                self._wait_until(lambda: self.account.num_ahead < MAX_AHEAD)
                 stamp = self.account.stamp(stamp)
             sender.send(line(event, stamp))
         sender.send(b'{"type": "end"}\n')
@@ -145,6 +157,9 @@ class Robot(LiveObserver):
 
     def _reset(self, sender: Sender) -> Sender:
         """Reset the connection, and connect again."""
+        # What came before the scans on their way is not lost: no flood, no message damaged.
+        sent = self.account.num_sent - self._flooded
+        self._wait_until(lambda: self.account.num_ahead < max(sent, 1))
         self.account.cut()
         sender.cut()
         return self._connect_again()
@@ -156,7 +171,15 @@ class Robot(LiveObserver):
     def _flood(self, sender: Sender) -> Sender:
         sender.send(b'{"type": "battery", "volts": 24.1}\n' * 2000)
         self.bad_lines += 2000
+        self._flooded = self.account.num_sent
         return sender
+
+    def _wait_until(self, is_true: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + _LIMIT_S
+        while not is_true() and not self.stop.made:
+            if time.monotonic() > deadline:
+                raise TimeoutError("scans that were sent do not come")
+            time.sleep(_TICK_S)
 
     def _garbage(self, sender: Sender) -> Sender:
         other = self._connect(self._address())
