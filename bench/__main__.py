@@ -384,7 +384,7 @@ def bench_fuzz(
 def bench_soak(
     hours: Annotated[float, typer.Option(min=0.01, help="Length of the robot's day [h].")] = 8.0,
     faults: Annotated[int, typer.Option(min=0, help="Number of faults.")] = 500,
-    sources: Annotated[str, typer.Option(help="Sources: tcp, ws.")] = "tcp,ws",
+    sources: Annotated[str, typer.Option(help="Sources: tcp, ws, dds.")] = "tcp,ws",
     seed: Annotated[int, typer.Option(help="Of the faults.")] = 0,
     drives_again: Annotated[
         bool,

@@ -4,11 +4,9 @@
 from __future__ import annotations
 
 import resource
-import socket
 import time
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -18,7 +16,7 @@ import numpy as np
 
 from bench.soak.account import Account
 from bench.soak.day import PERIOD_S, day
-from bench.soak.senders import Connect, Sender, line
+from bench.soak.senders import Network, Sender, Silent
 from cartoloop.live.live_run import LiveObserver
 from cartoloop.live.sockets import MAX_CLIENTS
 from cartoloop.mapper import Mapper
@@ -29,8 +27,8 @@ SETTLED = 0.25
 """Share of the day after which memory is compared with that at the end: all is built up by then."""
 
 
-MAX_AHEAD = 100
-"""Scans on their way at a time: those that a mapper may be behind a robot."""
+_FLOOD = 2000
+"""Messages of a flood."""
 
 _TICK_S = 1e-3
 
@@ -58,8 +56,7 @@ class Robot(LiveObserver):
 
     Parameters
     ----------
-    address : returns where the source listens, once it does.
-    connect : returns a connection to it.
+    network : connects it to the source.
     hours, num_faults : length of the day, and the faults spread over it evenly.
     drives_again : whether it goes on driving after its first stop.
     seed : of the faults.
@@ -75,8 +72,7 @@ class Robot(LiveObserver):
 
     def __init__(
         self,
-        address: Callable[[], tuple[str, int]],
-        connect: Connect,
+        network: Network,
         hours: float,
         num_faults: int,
         seed: int,
@@ -90,13 +86,12 @@ class Robot(LiveObserver):
         self.faults: Counter[str] = Counter()
         self.bad_lines = 0
         self.settled, self.end = Held(), Held()
-        self._address = address
-        self._connect = connect
+        self._network = network
         self._random = Random(seed)
         self._numbers = np.random.default_rng(seed)
         self._shift_s = 0.0
         self._flooded = 0
-        self._silent: list[socket.socket] = []
+        self._silent: list[Silent] = []
         self._possible: dict[str, Callable[[Sender], Sender]] = {
             "drop": self._drop,
             "reset": self._reset,
@@ -111,8 +106,8 @@ class Robot(LiveObserver):
         self.failure: Exception | None = None
 
     def say(self, line: str) -> None:
-        """Begin to send once the source listens."""
-        if line.startswith("listening"):
+        """Begin to send once the source is open."""
+        if line.endswith("(Ctrl-C ends)") and not self.thread.ident:
             self.thread.start()
 
     def changed(self, mapper: Mapper) -> None:
@@ -132,7 +127,7 @@ class Robot(LiveObserver):
             _limit_files(resource.RLIM_INFINITY)
 
     def _send_all(self) -> None:
-        sender = self._connect(self._address())
+        sender = self._network.connect()
         next_fault = self._fault_period_s
         for time_s, event in day(self._end_s, self._numbers, drives_again=self._drives_again):
             while time_s >= next_fault:
@@ -142,11 +137,10 @@ class Robot(LiveObserver):
                 self.faults[kind] += 1
             stamp = time_s + self._shift_s
             if isinstance(event, LaserScan):
-                self._wait_until(lambda: self.account.num_ahead < MAX_AHEAD)
+                self._wait_until(lambda: self.account.num_ahead < self._network.max_ahead)
                 stamp = self.account.stamp(stamp)
-            sender.send(line(event, stamp))
-        sender.send(b'{"type": "end"}\n')
-        sender.close()
+            sender.send(event, stamp)
+        sender.end()
         for connection in self._silent:
             connection.close()
 
@@ -166,11 +160,10 @@ class Robot(LiveObserver):
 
     def _connect_again(self) -> Sender:
         self.account.connected()
-        return self._connect(self._address())
+        return self._network.connect()
 
     def _flood(self, sender: Sender) -> Sender:
-        sender.send(b'{"type": "battery", "volts": 24.1}\n' * 2000)
-        self.bad_lines += 2000
+        self.bad_lines += sender.flood(_FLOOD)
         self._flooded = self.account.num_sent
         return sender
 
@@ -182,17 +175,15 @@ class Robot(LiveObserver):
             time.sleep(_TICK_S)
 
     def _garbage(self, sender: Sender) -> Sender:
-        other = self._connect(self._address())
-        with suppress(OSError):
-            other.send(self._random.randbytes(5000).replace(b"\n", b" ") + b"\n")
-            self.bad_lines += 1
+        other = self._network.connect()
+        self.bad_lines += other.send_garbage(self._random.randbytes(5000))
         other.close()
         return sender
 
     def _half_open(self, sender: Sender) -> Sender:
         while len(self._silent) >= MAX_CLIENTS:
             self._silent.pop(0).close()
-        self._silent.append(socket.create_connection(self._address()))
+        self._silent.append(self._network.connect_silent())
         return sender
 
     def _clock_jump(self, sender: Sender) -> Sender:

@@ -16,14 +16,30 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from bench.soak.robot import Held, Robot
-from bench.soak.senders import SOURCES, Watched
+from bench.soak.senders import Network, Watched
+from bench.soak.socket_senders import tcp_network, web_socket_network
 from cartoloop.config import Config
 from cartoloop.live.live_run import LiveOptions, map_live
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
+
+
+def _dds_network() -> Network:
+    from bench.soak.dds_sender import DdsNetwork
+
+    return DdsNetwork()
+
+
+NETWORKS: dict[str, Callable[[], Network]] = {
+    "tcp": tcp_network,
+    "ws": web_socket_network,
+    "dds": _dds_network,
+}
+"""Kinds of sources."""
 
 _NO_NODES_WHILE_STANDING = {"motion_filter": {"max_time_seconds": 1e9}}
 
@@ -103,7 +119,7 @@ def soak(
 
     Parameters
     ----------
-    kind : of source, of `SOURCES`.
+    kind : of source, of `NETWORKS`.
     hours : length of the day.
     num_faults : spread over it evenly.
     out : folder of the map.
@@ -113,18 +129,15 @@ def soak(
     set_malloc_thresholds()
     relax_gc()
     start = time.perf_counter()
-    make_source, connect = SOURCES[kind]
-    source = make_source("127.0.0.1", 0)
-    robot = Robot(
-        lambda: source.address, connect, hours, num_faults, seed, drives_again=drives_again
-    )
+    network = NETWORKS[kind]()
+    robot = Robot(network, hours, num_faults, seed, drives_again=drives_again)
     config = Config() if drives_again else Config(local_slam=_NO_NODES_WHILE_STANDING)
     try:
         result = map_live(
-            Watched(source, robot.account.came),
+            Watched(network.source, robot.account.came),
             config,
             out,
-            LiveOptions(waits=True),
+            LiveOptions(waits=True, end_after=network.end_after),
             observer=robot,
             stop=robot.stop,
             overwrite=True,

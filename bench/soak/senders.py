@@ -1,120 +1,70 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sources, and the connections of a robot to them: lines of JSON over TCP or WebSocket."""
+"""How a robot is connected to a source: what the soak needs of each kind of connection."""
 
 from __future__ import annotations
 
-import json
-import socket
-import struct
 from collections.abc import Callable
-from contextlib import ExitStack
 from threading import Event
 from typing import Protocol
 
-import numpy as np
-from websockets.sync.client import connect
-
 from cartoloop.live.messages import LiveMessage
 from cartoloop.live.notices import Notices
-from cartoloop.live.sockets import TcpSource, WebSocketSource
 from cartoloop.live.source import Put, Source
-from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
-
-UNFINISHED = b'{"type": "scan", "ranges": [1.0, 2.'
-"""The beginning of a message."""
+from cartoloop.sensor.events import LaserScan, SensorEvent
 
 
 class Sender(Protocol):
     """A connection of the robot."""
 
-    def send(self, data: bytes) -> None:
-        """Send lines."""
+    def send(self, event: SensorEvent, stamp: float) -> None:
+        """Send a message with a stamp [s]."""
 
-    def close(self) -> None:
-        """Close the connection when all was read; what comes later cannot overtake it then."""
+    def flood(self, count: int) -> int:
+        """Send messages of an unknown kind; return how many of them must be counted."""
 
-    def break_off(self) -> int:
-        """Close it in the middle of a message; return the number of messages that are damaged."""
-
-    def cut(self) -> None:
-        """Reset it at once (RST): what is on its way is lost."""
-
-
-Connect = Callable[[tuple[str, int]], Sender]
-"""Returns a connection to an address."""
-
-
-class TcpSender:
-    """Lines over TCP."""
-
-    def __init__(self, address: tuple[str, int]) -> None:
-        self._socket = socket.create_connection(address)
-
-    def send(self, data: bytes) -> None:
-        """Send lines."""
-        self._socket.sendall(data)
-
-    def close(self) -> None:
-        """Close the connection when all was read."""
-        self._socket.shutdown(socket.SHUT_WR)
-        while self._socket.recv(1000):
-            pass
-        self._socket.close()
+    def send_garbage(self, data: bytes) -> int:
+        """Send a message that is nonsense; return the number of messages to be counted."""
 
     def break_off(self) -> int:
-        """Close it in the middle of a message."""
-        self.send(UNFINISHED)
-        self.close()
-        return 1
+        """Close it in the middle of a message; return the number of messages to be counted."""
 
     def cut(self) -> None:
-        """Reset the connection in the middle of a message."""
-        self.send(UNFINISHED)
-        _reset_on_close(self._socket)
-        self._socket.close()
-
-
-class WebSocketSender:
-    """Lines over WebSocket.
-
-    The source is held up while its queue is full, as ``--no-drop`` wants it, and answers neither
-    pings nor the end of the connection until it has read what came before: it is waited for.
-    """
-
-    def __init__(self, address: tuple[str, int]) -> None:
-        self._context = ExitStack()
-        self._connection = self._context.enter_context(
-            connect(
-                "ws://{}:{}".format(*address),
-                compression=None,
-                open_timeout=None,
-                ping_interval=None,
-                close_timeout=None,
-            )
-        )
-
-    def send(self, data: bytes) -> None:
-        """Send lines."""
-        self._connection.send(data)
+        """End it by force: what is on its way may be lost."""
 
     def close(self) -> None:
-        """Close the connection when all was read."""
-        self._context.close()
+        """Close it when all was read; what comes later cannot overtake it then."""
 
-    def break_off(self) -> int:
-        """Close it: a message of a WebSocket is whole or nothing."""
-        self.close()
-        return 0
-
-    def cut(self) -> None:
-        """Reset the connection."""
-        _reset_on_close(self._connection.socket)
-        self._connection.close_socket()
-        self._context.close()
+    def end(self) -> None:
+        """Announce the end of the day, and close it."""
 
 
-SOURCES: dict[str, tuple[type[TcpSource | WebSocketSource], Connect]]
-SOURCES = {"tcp": (TcpSource, TcpSender), "ws": (WebSocketSource, WebSocketSender)}
+class Silent(Protocol):
+    """A connection that never sends anything."""
+
+    def close(self) -> None:
+        """Close it."""
+
+
+class Network(Protocol):
+    """A source, and how to connect to it."""
+
+    @property
+    def max_ahead(self) -> int:
+        """Scans that may be on their way at a time."""
+
+    @property
+    def end_after(self) -> float | None:
+        """Time without messages that ends the day [s]; None where a message does."""
+
+    @property
+    def source(self) -> Source:
+        """The source."""
+
+    def connect(self) -> Sender:
+        """Return a connection, once the source is open."""
+
+    def connect_silent(self) -> Silent:
+        """Return a connection that never sends anything."""
 
 
 class Watched:
@@ -148,26 +98,3 @@ class Watched:
             put(message)
 
         self._source.run(report, notices, stop)
-
-
-def line(event: SensorEvent, stamp: float) -> bytes:
-    """Return a message, rounded as robots send them."""
-    if isinstance(event, Odometry):
-        x, y, theta = event.tf_odom_tracking
-        content: dict[str, object] = {"type": "odometry", "x": x, "y": y, "theta": theta}
-    else:
-        assert isinstance(event, LaserScan)
-        geometry = event.geometry
-        content = {
-            "type": "scan",
-            "angle_min": geometry.angle_min,
-            "angle_increment": geometry.angle_increment,
-            "range_max": 30.0,
-            "ranges": np.round(event.ranges, 3).tolist(),
-        }
-    return json.dumps({**content, "stamp": stamp}).encode() + b"\n"
-
-
-def _reset_on_close(connection: socket.socket) -> None:
-    """Let the end of a connection be a reset, without what was not sent yet."""
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))

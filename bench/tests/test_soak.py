@@ -6,12 +6,11 @@ from __future__ import annotations
 import pytest
 
 from bench.soak.account import Account
-from bench.soak.run import soak
-from bench.soak.senders import SOURCES
+from bench.soak.run import NETWORKS, soak
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", SOURCES)
+@pytest.mark.parametrize("kind", NETWORKS)
 def test_every_scan_of_a_bad_day_is_mapped_or_counted(kind, tmp_path):
     result = soak(kind, hours=0.1, num_faults=40, out=tmp_path)
     assert sum(result.faults.values()) in (39, 40)
