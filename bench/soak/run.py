@@ -79,7 +79,7 @@ class SoakResult:
 
     @property
     def unaccounted(self) -> int:
-        """Number of scans and bad lines of which nobody knows what became of them."""
+        """Number of scans and bad lines that were neither mapped, counted nor lost."""
         return self.missing + abs(self.uncounted)
 
     @property

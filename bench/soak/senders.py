@@ -68,7 +68,7 @@ class Network(Protocol):
 
 
 class Watched:
-    """A source of which each scan is reported when it comes.
+    """A source that also reports each scan when it comes.
 
     Parameters
     ----------
