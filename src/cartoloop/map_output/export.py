@@ -20,6 +20,7 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.errors import ConfigError
 from cartoloop.map_data import MapData
+from cartoloop.map_file.file_set import replaced_files
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
 from cartoloop.map_output.map_facts import Extent, map_facts
@@ -73,6 +74,8 @@ def export_map(
 ) -> list[Path]:
     """Draw a map again and write it; return the files written.
 
+    Several files replace those of an earlier export as one.
+
     Parameters
     ----------
     result : the map, as `cartoloop.load_map` returns it.
@@ -107,13 +110,17 @@ def export_map(
             )
     turned_map = turned(result, drawing.turn)
     stem = None if single is None else path.stem
-    written: list[Path] = []
-    for name, content in _files(turned_map, drawing, [single] if single else formats, stem):
-        if not written:  # nothing is created for a map that cannot be drawn
-            folder = prepare_folder(path if single is None else path.parent)
+    # All of it first: nothing is created for a map that cannot be drawn.
+    files = dict(_files(turned_map, drawing, [single] if single else formats, stem))
+    folder = prepare_folder(path if single is None else path.parent)
+    if len(files) == 1:
+        [(name, content)] = files.items()
         write_file(folder / name, content)
-        written.append(folder / name)
-    return written
+    elif files:
+        with replaced_files(folder) as beside:
+            for name, content in files.items():
+                write_file(beside / name, content)
+    return [folder / name for name in files]
 
 
 def turned(result: AnyMap, angle: float) -> AnyMap:
