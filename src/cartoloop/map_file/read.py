@@ -26,6 +26,7 @@ from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.map_data import MapData
 from cartoloop.map_file.closure_tables import constraints_and_closures
 from cartoloop.map_file.closure_tables_v2 import constraints_and_closures_v2
+from cartoloop.map_file.edit_table import read_edits
 from cartoloop.map_file.file_set import repair_file_set
 from cartoloop.map_file.schema import (
     APPLICATION_ID,
@@ -51,6 +52,7 @@ _TABLES = [
     "statuses",
     "reasons",
     "trajectory",
+    "edits",
 ]
 _FREE_CELLS, _CELLS_PER_BYTE = 2**24, 100  # of all submaps: a map is compressed to a twentieth
 _FREE_SUBMAPS, _BYTES_PER_SUBMAP = 1000, 200  # of the file: a submap takes thousands
@@ -58,18 +60,16 @@ _MAX_CELLS = 2**27  # of one submap: a square of 500 m; more is no submap but a 
 
 
 def read_map(path: str | PathLike[str]) -> MapData:
-    """Return the content of a map database, given the file or its folder.
+    """Return the map as mapped, and its edits, given a map database or its folder.
 
     Raises
     ------
     InputError
         It is not there, is no map database, is damaged, or was written by a newer program.
     """
-    file = as_path(path, "map")
-    if file.is_dir():
-        repair_file_set(file)
-        file /= FILE_NAME
-    with _opened(file) as database, _damage_reported(file):
+    file = map_file_of(path)
+    repair_file_set(file.parent)
+    with _opened(file) as database, damage_reported(file):
         about: dict[str, str] = dict(_rows(database, "about"))
         graph, closures = _graph(database)
         nodes = _rows(database, "nodes")
@@ -86,7 +86,15 @@ def read_map(path: str | PathLike[str]) -> MapData:
             report=_report(report),
             closures=closures,
             node_points=[_points(*row[5:]) for row in nodes],
+            edits=read_edits(database),
+            edited_quality=_edited_quality(about),
         )
+
+
+def map_file_of(path: str | PathLike[str]) -> Path:
+    """Return the map database, given itself or its folder."""
+    file = as_path(path, "map")
+    return file / FILE_NAME if file.is_dir() else file
 
 
 @contextmanager
@@ -118,7 +126,7 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
 
 
 @contextmanager
-def _damage_reported(file: Path) -> Iterator[None]:
+def damage_reported(file: Path) -> Iterator[None]:
     """Turn the errors that damaged content leads to into one for the user."""
     try:
         yield
@@ -235,6 +243,11 @@ def _unpacked(packed: bytes, size: int) -> bytes:
     if len(content) != size:
         raise ValueError("a compressed field is too short or too long")
     return content
+
+
+def _edited_quality(about: dict[str, str]) -> Quality | None:
+    saved = about.get("edited_quality")
+    return None if saved is None else Quality.from_dict(plain_values(json.loads(saved)))
 
 
 def _report(saved: dict[str, Any]) -> Report:
