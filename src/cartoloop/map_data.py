@@ -18,6 +18,7 @@ from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality.verdict import Quality
 from cartoloop.report import Report
+from cartoloop.session import Session, parts_of
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 
@@ -57,6 +58,7 @@ class MapData:
     original : the map as mapped, where edits have changed this one; it has the same `edits`.
     edited_quality : of a map as mapped that has edits, the verdict on it with them; None where that
         was not examined.
+    sessions : the drives that it is made of, in order, at least one.
     """
 
     stamps: NDArray[np.float64]
@@ -72,3 +74,22 @@ class MapData:
     edits: tuple[Edit, ...] = ()
     original: MapData | None = None
     edited_quality: Quality | None = None
+    sessions: tuple[Session, ...] = (Session(),)
+
+    @property
+    def submap_parts(self) -> NDArray[np.int64]:
+        """Number of the connected part that each submap belongs to, int64 (m,)."""
+        firsts = [session.first_submap for session in self.sessions]
+        return parts_of(self.sessions, firsts, self.graph.num_submaps)
+
+    @property
+    def node_parts(self) -> NDArray[np.int64]:
+        """Number of the connected part that each node belongs to, int64 (k,)."""
+        firsts = [session.first_node for session in self.sessions]
+        return parts_of(self.sessions, firsts, self.graph.num_nodes)
+
+    @property
+    def scan_parts(self) -> NDArray[np.int64]:
+        """Number of the connected part that each scan belongs to, int64 (n,)."""
+        firsts = [session.first_scan for session in self.sessions]
+        return parts_of(self.sessions, firsts, len(self.stamps))

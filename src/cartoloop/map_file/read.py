@@ -33,6 +33,7 @@ from cartoloop.map_file.schema import (
     FILE_NAME,
     READABLE_VERSIONS,
 )
+from cartoloop.map_file.sessions import sessions_of
 from cartoloop.map_file.tables import numbers_of
 from cartoloop.plain_text import plain_values
 from cartoloop.quality.verdict import Quality
@@ -53,6 +54,7 @@ _TABLES = [
     "reasons",
     "trajectory",
     "edits",
+    "sessions",
 ]
 _FREE_CELLS, _CELLS_PER_BYTE = 2**24, 100  # of all submaps: a map is compressed to a twentieth
 _FREE_SUBMAPS, _BYTES_PER_SUBMAP = 1000, 200  # of the file: a submap takes thousands
@@ -88,6 +90,7 @@ def read_map(path: str | PathLike[str]) -> MapData:
             node_points=[_points(*row[5:]) for row in nodes],
             edits=read_edits(database),
             edited_quality=_edited_quality(about),
+            sessions=sessions_of(database, _report(report), trajectory[:, 1], graph),
         )
 
 

@@ -15,10 +15,13 @@ SCHEMA_VERSION = 5
 """``user_version`` in the header of the file; increased when older readers would fail.
 
 Version 2 had no tables of closures: all constraints stood in one table, with their score. Version 3
-had fewer statuses and reasons. Version 4 had no edits.
+had fewer statuses and reasons. Version 4 had no sessions: it is one; and no edits.
 """
 
 READABLE_VERSIONS = (2, 3, 4, SCHEMA_VERSION)
+
+SESSIONS_VERSION = 5
+"""The first version with a table of sessions."""
 
 TABLES = """
 -- name of the recording; config: JSON; report: JSON, report.json without what differs from run to
@@ -83,4 +86,12 @@ CREATE TABLE trajectory (
 CREATE TABLE edits (
   edit INTEGER PRIMARY KEY, kind TEXT NOT NULL, arguments TEXT NOT NULL,
   is_undone INTEGER NOT NULL);
+
+-- The drives that the map is made of, in order: contiguous ranges of scans, nodes and submaps, each
+-- with a local frame of its own. part: connected part; poses of different parts are in different
+-- frames, those of part 0 in the map frame. stamp: of the first scan [s]; calibration: JSON, what
+-- was learnt about the sensors
+CREATE TABLE sessions (
+  session INTEGER PRIMARY KEY, name TEXT, recording TEXT, fingerprint TEXT, first_scan INTEGER,
+  first_node INTEGER, first_submap INTEGER, part INTEGER, stamp REAL, calibration TEXT);
 """
