@@ -54,11 +54,11 @@ class MapData:
     report : what happened.
     closures : the record of all pairs of submap and node that were searched or matched.
     node_points : of each node the returns that searches match [m], tracking frame.
+    sessions : the drives that it is made of, in order, at least one.
     edits : all edits of the map, in order, those undone among them.
     original : the map as mapped, where edits have changed this one; it has the same `edits`.
     edited_quality : of a map as mapped that has edits, the verdict on it with them; None where that
         was not examined.
-    sessions : the drives that it is made of, in order, at least one.
     """
 
     stamps: NDArray[np.float64]
@@ -71,10 +71,10 @@ class MapData:
     report: Report
     closures: Closures = field(default_factory=Closures)
     node_points: Sequence[NDArray[np.float64]] = ()
+    sessions: tuple[Session, ...] = (Session(),)
     edits: tuple[Edit, ...] = ()
     original: MapData | None = None
     edited_quality: Quality | None = None
-    sessions: tuple[Session, ...] = (Session(),)
 
     @property
     def submap_parts(self) -> NDArray[np.int64]:

@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
-from cartoloop.global_slam.trajectory import optimized_trajectory, path_length
+from cartoloop.global_slam.trajectory import path_length
 from cartoloop.map_data import Edit, MapData
 from cartoloop.map_editing.arguments import (
     Add,
@@ -21,6 +21,8 @@ from cartoloop.map_editing.arguments import (
     ForgetArea,
     ForgetTime,
     Pin,
+    Rename,
+    Split,
     checked,
 )
 from cartoloop.map_editing.descriptions import described
@@ -34,10 +36,11 @@ from cartoloop.map_editing.removal import (
     without_nodes,
 )
 from cartoloop.map_editing.rigid_fit import PointFit
+from cartoloop.map_editing.sessions import sessions_left, trajectory_of
 from cartoloop.map_editing.working_map import WorkingMap
 from cartoloop.quality.verdict import Quality
 from cartoloop.report import Report, summarize_constraints
-from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.pose import IDENTITY, Pose
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 AnyMap = TypeVar("AnyMap", bound=MapData)
@@ -52,12 +55,14 @@ class Applied(Generic[AnyMap]):
     map : the edited map; the map as mapped itself where no edit is in force.
     kept : which scans, nodes and submaps of the map as mapped its own are, in their order.
     tf_map_original : by how much the map as a whole was moved.
+    session_begins : of each session of the map its first scan in the map as mapped.
     fits : of control points, by the number of the edit.
     """
 
     map: AnyMap
     kept: Kept
     tf_map_original: Pose
+    session_begins: tuple[int, ...]
     fits: dict[int, PointFit] = field(default_factory=dict)
 
 
@@ -74,10 +79,11 @@ def apply_edits(original: AnyMap, quality: Quality | None = None) -> Applied[Any
     ValueError, IndexError
         The arguments of an edit are damaged.
     """
+    begins = tuple(session.first_scan for session in original.sessions)
     arguments = [checked(edit, original) for edit in original.edits]
     in_force = [number for number, edit in enumerate(original.edits) if not edit.is_undone]
     if not in_force:
-        return Applied(original, _all_of(original), Pose(0.0, 0.0, 0.0))
+        return Applied(original, _all_of(original), IDENTITY, begins)
     working, fits = WorkingMap(original), {}
     for number in in_force:
         fit = apply_one(working, arguments[number])
@@ -109,6 +115,10 @@ def apply_one(working: WorkingMap, arguments: Arguments) -> PointFit | None:
             working.forget_time(arguments.from_stamp, arguments.to_stamp)
         case ForgetArea():
             working.forget_area(arguments)
+        case Split():
+            working.split(arguments.scan, arguments.name)
+        case Rename():
+            working.rename(arguments.scan, arguments.name)
     return None
 
 
@@ -120,13 +130,13 @@ def _finished(
 ) -> Applied[AnyMap]:
     """Return the map that the edits have made, without what is forgotten."""
     kept = kept_of(working.graph, original.node_scan_index, working.is_forgotten)
-    trajectory = optimized_trajectory(
-        original.local_trajectory, original.node_scan_index, working.graph.node_poses
-    )
-    graph, closures = working.graph, working.closures
+    graph, closures, sessions = working.graph, working.closures, working.sessions
+    begins = tuple(session.first_scan for session in sessions)
+    trajectory = trajectory_of(original, graph.node_poses)
     if working.is_forgotten.any():
         closures, rows = closures_left(closures, kept, graph)
         graph = graph_left(graph, kept, rows)
+        sessions, begins = sessions_left(sessions, kept, original.stamps[kept.scans])
     places = np.full(len(original.stamps), -1, dtype=np.int64)
     places[kept.scans] = np.arange(len(kept.scans))
     changed = replace(
@@ -139,10 +149,12 @@ def _finished(
         node_scan_index=places[original.node_scan_index[kept.nodes]],
         submap_grids=_grids(original, working, kept),
         node_points=_points(original, working, kept.nodes),
+        sessions=sessions,
         original=original,
     )
     report = _report(changed, original.edits, quality)
-    return Applied(replace(changed, report=report), kept, working.tf_map_original, fits)
+    changed = replace(changed, report=report)
+    return Applied(changed, kept, working.tf_map_original, begins, fits)
 
 
 def _report(edited: MapData, edits: Sequence[Edit], quality: Quality | None) -> Report:

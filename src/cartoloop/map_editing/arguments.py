@@ -12,6 +12,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from cartoloop.map_data import Edit, MapData
+from cartoloop.plain_text import one_line
 
 MAX_NUMBERS = 10_000
 """Closures or control points in one edit, at most."""
@@ -132,6 +133,32 @@ class ForgetArea(Arguments):
     size: tuple[Annotated[float, Field(gt=0, le=1e6)], Annotated[float, Field(gt=0, le=1e6)]]
 
 
+class Split(Arguments):
+    """A session is split before a scan.
+
+    Attributes
+    ----------
+    scan : first of the second session.
+    name : of that.
+    """
+
+    scan: Annotated[int, Field(ge=1, lt=2**31)]
+    name: str = Field(min_length=1, max_length=MAX_NAME)
+
+
+class Rename(Arguments):
+    """A session gets another name.
+
+    Attributes
+    ----------
+    scan : its first.
+    name : the new one.
+    """
+
+    scan: Index
+    name: str = Field(min_length=1, max_length=MAX_NAME)
+
+
 KINDS: dict[str, type[Arguments]] = {
     "drop": Drop,
     "add": Add,
@@ -140,6 +167,8 @@ KINDS: dict[str, type[Arguments]] = {
     "align": Align,
     "forget_time": ForgetTime,
     "forget_area": ForgetArea,
+    "split": Split,
+    "rename": Rename,
 }
 """Arguments by the kind of an edit."""
 
@@ -172,6 +201,11 @@ def checked(edit: Edit, original: MapData) -> Arguments:
     for submap, node in arguments.pairs_of():
         if submap >= graph.num_submaps or node >= graph.num_nodes:
             raise ValueError(f"{edit.kind}: there is no submap {submap} or node {node}")
+    if isinstance(arguments, Split | Rename):
+        if arguments.scan >= max(len(original.stamps), 1):
+            raise ValueError(f"{edit.kind}: there is no scan {arguments.scan}")
+        if one_line(arguments.name) != arguments.name:
+            raise ValueError(f"{edit.kind}: a name holds control characters")
     return arguments
 
 

@@ -37,4 +37,8 @@ def described(edit: Edit) -> str:
         case "forget_area":
             width, height = given["size"]
             what = f"forget an area of {width:.2f} m by {height:.2f} m"
+        case "split":
+            what = f"split a session before scan {given['scan']}: {given['name']}"
+        case "rename":
+            what = f"call the session that begins with scan {given['scan']} {given['name']}"
     return what

@@ -17,6 +17,7 @@ from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.map_data import Edit
 from cartoloop.map_editing.apply import AnyMap, apply_edits
 from cartoloop.map_editing.arguments import (
+    MAX_NAME,
     MAX_NUMBERS,
     Align,
     Arguments,
@@ -25,6 +26,8 @@ from cartoloop.map_editing.arguments import (
     ForgetArea,
     ForgetTime,
     Pin,
+    Rename,
+    Split,
     SurveyedPoint,
     made,
 )
@@ -35,8 +38,10 @@ from cartoloop.map_editing.edited_folder import EditedFolder
 from cartoloop.map_editing.matching import WINDOW_DEG, WINDOW_M, matched
 from cartoloop.map_file.edit_table import MAX_EDITS
 from cartoloop.map_output.export import angle_to_axes
+from cartoloop.plain_text import one_line
 from cartoloop.quality.examine import examine
 from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
+from cartoloop.session import MAIN_PART, ranges
 
 _MAX_COORDINATE = 1e6
 """Largest number of a pose or place [m]."""
@@ -212,12 +217,14 @@ class Editor(Generic[AnyMap]):
         The first pin moves the whole map, further ones bend it.
         """
         self._require(node, self.map.graph.num_nodes, "node")
+        self._require_joined(int(self.map.node_parts[node]), f"node {node}")
         pose = self.map.graph.node_poses[node].tolist() if at is None else at
         return self._do(Pin(node=self._original_node(node), pose=self._as_mapped(pose)))
 
     def pin_submap(self, submap: int, at: Sequence[float] | None = None) -> Change:
         """Hold a submap where it is, or at a pose x, y [m], theta [rad] in the map."""
         self._require(submap, self.map.graph.num_submaps, "submap")
+        self._require_joined(int(self.map.submap_parts[submap]), f"submap {submap}")
         pose = self.map.graph.submap_poses[submap].tolist() if at is None else at
         return self._do(Pin(submap=self._original_submap(submap), pose=self._as_mapped(pose)))
 
@@ -237,10 +244,11 @@ class Editor(Generic[AnyMap]):
             )
         if not (np.isfinite(table).all() and np.abs(table).max() <= _MAX_COORDINATE):
             raise UsageError("points: a coordinate is not finite, or beyond 1,000 km")
-        poses = self.map.graph.node_poses
+        poses, nodes = self.map.graph.node_poses, np.flatnonzero(self.map.node_parts == MAIN_PART)
         bound = []
         for x, y, to_x, to_y in table.tolist():
-            node = int(np.argmin(np.hypot(poses[:, 0] - x, poses[:, 1] - y)))
+            apart = np.hypot(poses[nodes, 0] - x, poses[nodes, 1] - y)
+            node = int(nodes[np.argmin(apart)])
             to_node = inverse(Pose(*poses[node].tolist()))
             place = transform_points(to_node, np.array([(x, y)]))[0].tolist()
             bound.append(
@@ -286,6 +294,33 @@ class Editor(Generic[AnyMap]):
             raise UsageError("the area is empty: give two opposite corners")
         corner = self._as_mapped((left, bottom, 0.0))
         return self._do(ForgetArea(corner=corner, size=(right - left, top - bottom)))
+
+    def split_session(self, session: int, at: float, name: str | None = None) -> Change:
+        """Split a session before the first scan with the stamp `at` or a later one.
+
+        Parameters
+        ----------
+        session : its number.
+        at : stamp [s].
+        name : of the second part; None: that of the first, and the stamp.
+        """
+        self._require(session, len(self.map.sessions), "session")
+        stamp, one = as_number(at, "at"), self.map.sessions[session]
+        firsts = [other.first_scan for other in self.map.sessions]
+        scans = ranges(firsts, len(self.map.stamps))[session]
+        later = np.flatnonzero(self.map.stamps[scans] >= stamp)
+        if len(later) == 0 or later[0] == 0:
+            stamps = self.map.stamps[scans]
+            span = f"{stamps[0]:.3f} to {stamps[-1]:.3f}" if len(stamps) else "nothing"
+            raise InputError(f"session {session} is of {span}: give a stamp within it")
+        scan = int(self._applied.kept.scans[scans][later[0]])
+        second = name if name is not None else f"{one.name or session} from {stamp:.3f}"
+        return self._do(Split(scan=scan, name=_name(second)))
+
+    def rename_session(self, session: int, name: str) -> Change:
+        """Give a session another name."""
+        self._require(session, len(self.map.sessions), "session")
+        return self._do(Rename(scan=self._applied.session_begins[session], name=_name(name)))
 
     def undo(self, edit: int | None = None) -> Change:
         """Undo an edit; None: the last that is not undone."""
@@ -359,6 +394,13 @@ class Editor(Generic[AnyMap]):
         return int(self._applied.kept.submaps[submap])
 
     @staticmethod
+    def _require_joined(part: int, what: str) -> None:
+        if part != MAIN_PART:
+            raise InputError(
+                f"{what}: is in part {part}, which is apart from the map; add a closure first"
+            )
+
+    @staticmethod
     def _require(index: int, count: int, what: str) -> None:
         if not 0 <= _index(index, what) < count:
             there = f"the map has {what}s 0 to {count - 1}" if count else f"the map has no {what}s"
@@ -378,6 +420,12 @@ def _index(value: object, what: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise UsageError(f"{what} is {shown(value)}: give a whole number")
     return int(value)
+
+
+def _name(value: object) -> str:
+    if not isinstance(value, str) or not 1 <= len(value) <= MAX_NAME or one_line(value) != value:
+        raise UsageError(f"the name is {shown(value)}: give 1 to {MAX_NAME} plain characters")
+    return value
 
 
 def _pose(value: object, what: str) -> Pose:

@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import NO_ROW, ConstraintKind, PoseGraph
-from cartoloop.map_editing.working_map import Rectangle
+from cartoloop.map_editing.rectangle import Rectangle
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 

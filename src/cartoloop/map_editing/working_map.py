@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,35 +16,14 @@ from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
 from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.map_data import MapData
 from cartoloop.map_editing.arguments import Add, ForgetArea
+from cartoloop.map_editing.rectangle import Rectangle
 from cartoloop.map_editing.rigid_fit import PointFit, fit_points
+from cartoloop.map_editing.sessions import joined, main_part, renamed, split
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, compose_all, inverse, relative_all
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.session import MAIN_PART
 
 _SYMMETRIC = np.array(((0, 1, 2), (1, 3, 4), (2, 4, 5)))
-
-
-class Rectangle(NamedTuple):
-    """A rectangle in some frame.
-
-    Attributes
-    ----------
-    corner : pose of its lower left corner, x along its lower side.
-    width, height : [m].
-    """
-
-    corner: Pose
-    width: float
-    height: float
-
-    def contains(self, points: FloatArray) -> BoolArray:
-        """Return which points, shape (n, 2), of that frame are inside."""
-        cos, sin = np.cos(self.corner.theta), np.sin(self.corner.theta)
-        dx, dy = points[:, 0] - self.corner.x, points[:, 1] - self.corner.y
-        along, across = cos * dx + sin * dy, cos * dy - sin * dx
-        inside: BoolArray = (
-            (along >= 0.0) & (along <= self.width) & (across >= 0.0) & (across <= self.height)
-        )
-        return inside
 
 
 class WorkingMap:
@@ -58,7 +37,8 @@ class WorkingMap:
     ----------
     graph, closures : copies of those of the map, changed by the edits; poses are those of the last
         adjustment. Nothing is removed from them but constraints.
-    tf_map_original : by how much the map as a whole was moved.
+    sessions : those of the map.
+    tf_map_original : by how much the map as a whole was moved: all of it that is connected.
     is_forgotten : which scans are left out, shape (num_scans,).
     areas : of each submap the rectangles, in its frame, whose cells become unknown.
     is_erased : which points of all nodes are left out; None for none of them.
@@ -68,6 +48,7 @@ class WorkingMap:
         self._original = original
         self.graph = original.graph.copy()
         self.closures = original.closures.copy()
+        self.sessions = original.sessions
         self.tf_map_original = IDENTITY
         self.is_forgotten: BoolArray = np.zeros(len(original.stamps), dtype=bool)
         self.areas: dict[int, list[Rectangle]] = {}
@@ -97,6 +78,7 @@ class WorkingMap:
         row = self.closures.find(closure.submap, closure.node)
         if row is not None and np.any(self.graph.closure_rows == row):
             return
+        self._join_parts(closure)
         information = np.array(closure.information)[_SYMMETRIC]
         match = FinalMatches(
             submap=np.array([closure.submap]),
@@ -142,11 +124,34 @@ class WorkingMap:
         graph.hold_only(*self._held)
 
     def move(self, tf_new_old: Pose) -> None:
-        """Move the whole map."""
-        graph, by = self.graph, np.array(tf_new_old)
-        graph.submap_poses[:] = compose_all(by, graph.submap_poses)
-        graph.node_poses[:] = compose_all(by, graph.node_poses)
+        """Move the whole map, but for parts that are apart."""
+        self._move_part(MAIN_PART, tf_new_old)
         self.tf_map_original = compose(tf_new_old, self.tf_map_original)
+
+    def _move_part(self, part: int, tf_new_old: Pose) -> None:
+        graph, by = self.graph, np.array(tf_new_old)
+        placed = replace(self._original, sessions=self.sessions)
+        submaps, nodes = placed.submap_parts == part, placed.node_parts == part
+        graph.submap_poses[submaps] = compose_all(by, graph.submap_poses[submaps])
+        graph.node_poses[nodes] = compose_all(by, graph.node_poses[nodes])
+
+    def _join_parts(self, closure: Add) -> None:
+        """Move a part to where a closure sees it from another, and make them one."""
+        placed = replace(self._original, sessions=self.sessions)
+        of_submap = int(placed.submap_parts[closure.submap])
+        of_node = int(placed.node_parts[closure.node])
+        if of_submap == of_node:
+            return
+        self.adjust()
+        node = Pose(*self.graph.node_poses[closure.node].tolist())
+        submap = Pose(*self.graph.submap_poses[closure.submap].tolist())
+        seen = compose(submap, Pose(*closure.tf_submap_node))
+        if of_submap < of_node:
+            self._move_part(of_node, compose(seen, inverse(node)))
+        else:
+            self._move_part(of_submap, compose(node, inverse(seen)))
+        low, high = sorted((of_submap, of_node))
+        self.sessions = joined(self.sessions, high, low)
 
     def turn_to(self, angle: float) -> None:
         """Turn the map about its origin until it is turned by `angle` [rad] from as mapped."""
@@ -180,8 +185,9 @@ class WorkingMap:
         self.adjust()
         corner = np.array(compose(self.tf_map_original, Pose(*area.corner)))
         graph = self.graph
-        of_submaps = relative_all(graph.submap_poses, corner)
-        for submap, corner_seen in enumerate(of_submaps.tolist()):
+        submaps, nodes = main_part(self._original, self.sessions)
+        of_submaps = relative_all(graph.submap_poses[submaps], corner)
+        for submap, corner_seen in zip(submaps.tolist(), of_submaps.tolist(), strict=True):
             rectangle = Rectangle(Pose(*corner_seen), *area.size)
             self.areas.setdefault(submap, []).append(rectangle)
         points = self.points
@@ -189,9 +195,21 @@ class WorkingMap:
             return
         seen = np.column_stack((points.points, np.zeros(len(points.points))))
         poses = np.repeat(graph.node_poses, points.counts, axis=0)
-        placed = compose_all(poses, seen)[:, :2]
-        inside = Rectangle(Pose(*corner.tolist()), *area.size).contains(placed)
+        inside = Rectangle(Pose(*corner.tolist()), *area.size).contains(
+            compose_all(poses, seen)[:, :2]
+        )
+        is_placed = np.zeros(graph.num_nodes, dtype=bool)
+        is_placed[nodes] = True
+        inside &= np.repeat(is_placed, points.counts)
         self.is_erased = inside if self.is_erased is None else self.is_erased | inside
+
+    def split(self, scan: int, name: str) -> None:
+        """Split a session before a scan."""
+        self.sessions = split(self._original, self.sessions, scan, name)
+
+    def rename(self, scan: int, name: str) -> None:
+        """Give the session that begins with a scan another name."""
+        self.sessions = renamed(self.sessions, scan, name)
 
     def adjust(self) -> None:
         """Adjust the poses, if the constraints or what is held have changed since."""
