@@ -18,6 +18,7 @@ from cartoloop.global_slam.pose_graph import (
 from cartoloop.map_editing.apply import AnyMap, Applied
 from cartoloop.map_editing.rigid_fit import PointFit
 from cartoloop.sensor.pose import wrap_angles
+from cartoloop.sensor.scan_points import ScanPoints
 
 _SHOWN_POINTS = 20
 """Control points whose residuals are printed."""
@@ -33,7 +34,8 @@ class Change:
     what : the edit in words.
     moved_m, moved_rad : by how much poses of nodes moved, at most.
     mean_moved_m : the same in the mean [m].
-    scans, nodes, submaps, closures : how many more of them the map has, less where negative.
+    scans, nodes, submaps, closures, returns : how many more of them the map has, less where
+        negative; `returns` are those of nodes.
     contradicted : loop closures in the graph that the other constraints contradict now, by more
         than 0.2 m or 1 degree.
     fit : of control points.
@@ -48,6 +50,7 @@ class Change:
     nodes: int
     submaps: int
     closures: int
+    returns: int
     contradicted: int
     fit: PointFit | None = None
 
@@ -55,15 +58,18 @@ class Change:
     def text(self) -> str:
         """The change for people, some lines."""
         lines = [f"edit {self.number}: {self.what}"]
-        lines.append(
-            f"  poses moved by at most {self.moved_m:.3f} m, {math.degrees(self.moved_rad):.2f} "
-            f"deg; {self.mean_moved_m:.3f} m in the mean"
-        )
+        moved = "no pose moved"
+        if self.moved_m > 0.0 or self.moved_rad > 0.0:
+            degrees = math.degrees(self.moved_rad)
+            moved = f"poses moved by at most {self.moved_m:.3f} m, {degrees:.2f} deg; "
+            moved += f"{self.mean_moved_m:.3f} m in the mean"
+        lines.append(f"  {moved}")
         counts = {
             "scans": self.scans,
             "nodes": self.nodes,
             "submaps": self.submaps,
             "loop closures": self.closures,
+            "returns of nodes": self.returns,
         }
         changed = [f"{count:+d} {name}" for name, count in counts.items() if count]
         if changed:
@@ -103,6 +109,7 @@ def change_of(
         nodes=new.num_nodes - old.num_nodes,
         submaps=new.num_submaps - old.num_submaps,
         closures=new.num_loop_closures - old.num_loop_closures,
+        returns=_num_returns(after) - _num_returns(before),
         contradicted=num_contradicted(new),
         fit=fit,
     )
@@ -113,6 +120,11 @@ def num_contradicted(graph: PoseGraph) -> int:
     closures = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)
     metres, radians = constraint_residuals(graph, closures)
     return int(np.count_nonzero((metres > TRUE_TRANSLATION_M) | (radians > TRUE_ROTATION_RAD)))
+
+
+def _num_returns(applied: Applied[AnyMap]) -> int:
+    points = applied.map.node_points
+    return int(points.counts.sum()) if isinstance(points, ScanPoints) else sum(map(len, points))
 
 
 def _fit_lines(fit: PointFit) -> list[str]:

@@ -35,11 +35,11 @@ from cartoloop.map_editing.change import Change, change_of
 from cartoloop.map_editing.closure_list import ClosureRow, closure_rows
 from cartoloop.map_editing.descriptions import described
 from cartoloop.map_editing.edited_folder import EditedFolder
+from cartoloop.map_editing.examination import examined
 from cartoloop.map_editing.matching import WINDOW_DEG, WINDOW_M, matched
 from cartoloop.map_file.edit_table import MAX_EDITS
 from cartoloop.map_output.export import angle_to_axes
 from cartoloop.plain_text import one_line
-from cartoloop.quality.examine import examine
 from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
 from cartoloop.session import MAIN_PART, ranges
 
@@ -349,7 +349,7 @@ class Editor(Generic[AnyMap]):
             return
         if self._folder is None:
             raise UsageError("Editor.save: it was given no folder; save its map")
-        self._applied = replace(self._applied, map=_examined(self._applied.map))
+        self._applied = examined(self._applied)
         self._folder.write(self._applied.map)
         self._is_changed = False
 
@@ -405,15 +405,6 @@ class Editor(Generic[AnyMap]):
         if not 0 <= _index(index, what) < count:
             there = f"the map has {what}s 0 to {count - 1}" if count else f"the map has no {what}s"
             raise InputError(f"{what} {index}: {there}")
-
-
-def _examined(edited: AnyMap) -> AnyMap:
-    """Return an edited map with a new verdict; that on a map as mapped stands."""
-    if edited.original is None:
-        return edited
-    report = edited.report
-    quality = examine(edited, edited.config.quality, report.extra.get("odometry"))
-    return replace(edited, report=replace(report, quality=quality))
 
 
 def _index(value: object, what: str) -> int:

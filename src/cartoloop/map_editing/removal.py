@@ -7,14 +7,17 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import NO_ROW, ConstraintKind, PoseGraph
 from cartoloop.map_editing.rectangle import Rectangle
+from cartoloop.sensor.pose import transform_points
 from cartoloop.submaps.finished_grid import FinishedGrid
+
+_BLOCK = 4
+"""Edge of a block of cells that is forgotten or kept as a whole."""
 
 
 class Kept(NamedTuple):
@@ -119,25 +122,23 @@ def graph_left(graph: PoseGraph, kept: Kept, closure_rows: IntArray) -> PoseGrap
 
 def without_areas(grid: FinishedGrid, areas: Sequence[Rectangle]) -> FinishedGrid:
     """Return a grid whose cells in rectangles, in its frame, were never observed."""
-    rows, cols = grid.shape
-    corners = np.array([(0, 0), (0, cols), (rows, 0), (rows, cols)])
-    centre, radius = _positions(grid, corners.mean(axis=0)[np.newaxis])[0], _radius(grid)
-    near = [area for area in areas if _distance(area, centre) <= radius]
-    if not near or grid.size == 0:
+    boxes = [(area, box) for area in areas if (box := _box(grid, area)) is not None]
+    if not boxes:
         return grid
     cells = grid.cells.copy()
-    seen = np.argwhere(cells)
-    positions = _positions(grid, seen)
-    inside = np.zeros(len(seen), dtype=bool)
-    for area in near:
-        inside |= area.contains(positions)
-    return _cleared(grid, cells, seen[inside])
+    for area, (rows, cols) in boxes:
+        part = cells[rows, cols]
+        x = grid.origin_x + np.arange(cols.start, cols.stop) * grid.resolution
+        y = grid.origin_y + np.arange(rows.start, rows.stop) * grid.resolution
+        positions = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        part[area.contains(positions).reshape(part.shape)] = 0
+    return FinishedGrid(cells, grid.origin_x, grid.origin_y, grid.resolution)
 
 
 def without_nodes(grid: FinishedGrid, kept: FloatArray, forgotten: FloatArray) -> FinishedGrid:
     """Return a grid without the cells that lie nearer to a forgotten node than to one kept.
 
-    What single scans have added to a cell is not known any more.
+    What single scans have added to a cell is not known any more. It is decided for blocks of cells.
 
     Parameters
     ----------
@@ -145,13 +146,18 @@ def without_nodes(grid: FinishedGrid, kept: FloatArray, forgotten: FloatArray) -
     kept, forgotten : positions of the nodes that were inserted into it, shapes (n, 2), (m, 2)
         [m, submap frame]; neither is empty.
     """
-    cells = grid.cells.copy()
-    seen = np.argwhere(cells)
-    if len(seen) == 0:
+    num_rows, num_cols = grid.shape
+    if grid.size == 0:
         return grid
-    positions = _positions(grid, seen)
-    to_kept, to_forgotten = (KDTree(nodes).query(positions)[0] for nodes in (kept, forgotten))
-    return _cleared(grid, cells, seen[to_forgotten < to_kept])
+    offset = 0.5 * (_BLOCK - 1) * grid.resolution
+    x = grid.origin_x + offset + np.arange(0, num_cols, _BLOCK) * grid.resolution
+    y = grid.origin_y + offset + np.arange(0, num_rows, _BLOCK) * grid.resolution
+    blocks = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    to_kept, to_forgotten = (KDTree(nodes).query(blocks)[0] for nodes in (kept, forgotten))
+    is_lost = (to_forgotten < to_kept).reshape(len(y), len(x))
+    is_lost = np.repeat(np.repeat(is_lost, _BLOCK, axis=0), _BLOCK, axis=1)
+    cells = np.where(is_lost[:num_rows, :num_cols], np.uint8(0), grid.cells)
+    return FinishedGrid(cells, grid.origin_x, grid.origin_y, grid.resolution)
 
 
 def own_positions(graph: PoseGraph, submap: int) -> tuple[IntArray, FloatArray]:
@@ -160,31 +166,18 @@ def own_positions(graph: PoseGraph, submap: int) -> tuple[IntArray, FloatArray]:
     return graph.index_b[own], graph.relative_poses[own, :2]
 
 
-def _cleared(grid: FinishedGrid, cells: NDArray[np.uint8], which: IntArray) -> FinishedGrid:
-    if len(which) == 0:
-        return grid
-    cells[which[:, 0], which[:, 1]] = 0
-    return FinishedGrid(cells, grid.origin_x, grid.origin_y, grid.resolution)
-
-
-def _positions(grid: FinishedGrid, cells: NDArray[np.integer | np.floating]) -> FloatArray:
-    """Return the centres of cells (row, column), shape (n, 2) [m, submap frame]."""
-    offset = np.array((grid.origin_x, grid.origin_y))
-    positions: FloatArray = cells[:, ::-1] * grid.resolution + offset
-    return positions
-
-
-def _radius(grid: FinishedGrid) -> float:
-    return 0.5 * grid.resolution * float(np.hypot(*grid.shape)) + grid.resolution
-
-
-def _distance(area: Rectangle, point: FloatArray) -> float:
-    """Return the distance of a point from a rectangle [m]."""
-    dx, dy = point[0] - area.corner.x, point[1] - area.corner.y
-    cos, sin = np.cos(area.corner.theta), np.sin(area.corner.theta)
-    along, across = cos * dx + sin * dy, cos * dy - sin * dx
-    outside = max(-along, along - area.width, 0.0), max(-across, across - area.height, 0.0)
-    return float(np.hypot(*outside))
+def _box(grid: FinishedGrid, area: Rectangle) -> tuple[slice, slice] | None:
+    """Return the rows and columns of a grid around a rectangle; None where it is outside."""
+    corners = np.array([(0.0, 0.0), (area.width, 0.0), (0.0, area.height), area[1:]])
+    corners = transform_points(area.corner, corners)
+    origin, shape = np.array((grid.origin_x, grid.origin_y)), np.array(grid.shape[::-1])
+    first = np.floor((corners.min(axis=0) - origin) / grid.resolution)
+    last = np.ceil((corners.max(axis=0) - origin) / grid.resolution)
+    first = np.clip(first, 0, shape).astype(np.int64)
+    end = np.clip(last + 1, 0, shape).astype(np.int64)
+    if np.any(first >= end):
+        return None
+    return slice(int(first[1]), int(end[1])), slice(int(first[0]), int(end[0]))
 
 
 def _places(kept: IntArray, size: int) -> IntArray:
