@@ -164,6 +164,7 @@ class Editor(Generic[AnyMap]):
         node: int,
         near: Sequence[float] | None = None,
         *,
+        in_submap: bool = False,
         window_m: float = WINDOW_M,
         window_deg: float = WINDOW_DEG,
     ) -> Change:
@@ -174,6 +175,7 @@ class Editor(Generic[AnyMap]):
         submap, node : the pair.
         near : x, y [m] and theta [rad] of the node in the map, with the submap where it is now;
             None: where it is now.
+        in_submap : whether `near` is in the frame of the submap instead.
         window_m, window_deg : window around it that is searched.
 
         Raises
@@ -204,6 +206,8 @@ class Editor(Generic[AnyMap]):
             pose = Pose(*self.map.graph.node_poses[node].tolist())
         else:
             pose = _pose(near, "near")
+            if in_submap:
+                pose = compose(Pose(*self.map.graph.submap_poses[submap].tolist()), pose)
         found = matched(self.map, submap, node, pose, window_m, window_deg)
         own_numbers = {
             "submap": self._original_submap(submap),
