@@ -8,7 +8,7 @@ from cartoloop.cli.commands import add_function, make_app
 from cartoloop.cli.edit_group import LIST, EditCommand, EditGroup
 
 edit_app = make_app(
-    "Edit a finished map: its loop closures, place, scans and sessions; each edit can be undone.\n\n"
+    "Edit a finished map: loop closures, place, scans, sessions; each edit can be undone.\n\n"
     "All files in the folder follow. The map as mapped is kept; numbers of closures, nodes and "
     "submaps are those of closures.csv and nodes.csv. Without a command, the edits are listed.",
     cls=EditGroup,

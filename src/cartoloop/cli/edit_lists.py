@@ -71,7 +71,7 @@ def closures_command(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the loop closures with fate and reason; 'cartoloop explain' tells more of one."""
+    """List the loop closures with fate and reason; 'cartoloop explain' explains one."""
     import json
     from dataclasses import asdict
 

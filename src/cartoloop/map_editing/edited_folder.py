@@ -78,7 +78,7 @@ class EditedFolder:
 
 
 def _state(folder: Path) -> tuple[int, int, int]:
-    """Return what tells one version of a map file from another."""
+    """Return what distinguishes one version of a map file from another."""
     try:
         status = (folder / FILE_NAME).stat()
     except OSError:

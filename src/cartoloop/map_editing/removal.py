@@ -102,7 +102,8 @@ def graph_left(graph: PoseGraph, kept: Kept, closure_rows: IntArray) -> PoseGrap
     left = PoseGraph()
     left.add_submaps(graph.submap_poses[kept.submaps])
     left.add_nodes(graph.node_poses[kept.nodes])
-    row = np.append(_places(closure_rows, int(graph.closure_rows.max(initial=0)) + 1), NO_ROW)
+    num_rows = max(int(graph.closure_rows.max(initial=0)), int(closure_rows.max(initial=0))) + 1
+    row = np.append(_places(closure_rows, num_rows), NO_ROW)  # the last is found by NO_ROW
     left.add_constraints(
         graph.kinds[is_left],
         index_a[is_left],

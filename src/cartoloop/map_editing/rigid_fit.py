@@ -12,7 +12,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.sensor.pose import Pose, transform_points
 
 MIN_SPREAD_M = 0.1
-"""Points that are closer together do not tell by how much the map is turned [m]."""
+"""Points that are closer together do not show by how much the map is turned [m]."""
 
 
 @dataclass(frozen=True, slots=True)

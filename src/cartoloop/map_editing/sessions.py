@@ -25,7 +25,7 @@ def session_of(sessions: Sequence[Session], scan: int) -> int:
 def split(
     original: MapData, sessions: Sequence[Session], scan: int, name: str
 ) -> tuple[Session, ...]:
-    """Return sessions, one of which is split before a scan, unless one begins there.
+    """Return sessions with that of a scan split before it, unless it begins there.
 
     A submap belongs to the session of the first node that was inserted into it.
     """
@@ -46,7 +46,7 @@ def split(
 
 
 def renamed(sessions: Sequence[Session], scan: int, name: str) -> tuple[Session, ...]:
-    """Return sessions, of which that which begins with a scan has another name, if there is one."""
+    """Return sessions with another name for that which begins with a scan, if there is one."""
     number = session_of(sessions, scan)
     if sessions[number].first_scan != scan:
         return tuple(sessions)
@@ -56,7 +56,7 @@ def renamed(sessions: Sequence[Session], scan: int, name: str) -> tuple[Session,
 
 
 def joined(sessions: Sequence[Session], part: int, to: int) -> tuple[Session, ...]:
-    """Return sessions, of which those of one part belong to another."""
+    """Return sessions with those of one part moved to another."""
     return tuple(
         replace(session, part=to) if session.part == part else session for session in sessions
     )
@@ -78,20 +78,22 @@ def sessions_left(
     nodes = np.searchsorted(kept.nodes, [session.first_node for session in sessions])
     submaps = np.searchsorted(kept.submaps, [session.first_submap for session in sessions])
     ends = [*scans[1:].tolist(), len(kept.scans)]
-    numbers = [number for number in range(len(sessions)) if scans[number] < ends[number]]
-    if not numbers:
-        return (Session(),), (0,)
-    left = [
-        replace(
-            sessions[number],
+    left, begins, first_submap = [], [], 0
+    for number, session in enumerate(sessions):
+        if scans[number] == ends[number]:
+            continue
+        moved = replace(
+            session,
             first_scan=int(scans[number]),
             first_node=int(nodes[number]),
-            first_submap=int(submaps[number]),
+            first_submap=first_submap,
             stamp=float(stamps[scans[number]]),
         )
-        for number in numbers
-    ]
-    return tuple(left), tuple(firsts[number] for number in numbers)
+        left.append(moved)
+        begins.append(firsts[number])
+        # What is left of the submaps of a session that is left out was made by the next one.
+        first_submap = int(submaps[number + 1]) if number + 1 < len(sessions) else 0
+    return (tuple(left), tuple(begins)) if left else ((Session(),), (0,))
 
 
 def trajectory_of(original: MapData, node_poses: FloatArray) -> FloatArray:
