@@ -11,6 +11,7 @@ import pytest
 
 from cartoloop.errors import InputError
 from cartoloop.map_file.edit_table import MAX_EDITS
+from cartoloop.map_file.write import map_bytes
 from cartoloop.result import load_map
 from tests.map_editing.edited_map import finished_map
 
@@ -29,7 +30,7 @@ POINT = {"node": 0, "place": [0.0, 0.0], "surveyed": [0.0, 0.0]}
 
 @pytest.fixture
 def folder(tmp_path):
-    finished_map().save(tmp_path)
+    (tmp_path / "map.cartoloop").write_bytes(map_bytes(finished_map()))
     return tmp_path
 
 
