@@ -22,12 +22,14 @@ if TYPE_CHECKING:
     from cartoloop.errors import InputError as InputError
     from cartoloop.errors import OutputError as OutputError
     from cartoloop.errors import UsageError as UsageError
+    from cartoloop.map_editing.editor import Editor as Editor
     from cartoloop.mapper import Mapper as Mapper
     from cartoloop.merging import merge as merge
     from cartoloop.readers import open_log as open_log
     from cartoloop.readers import read as read
     from cartoloop.recording_run import map_recording as map_recording
     from cartoloop.result import Result as Result
+    from cartoloop.result import edit as edit
     from cartoloop.result import load_map as load_map
     from cartoloop.sensor.events import CloudGeometry as CloudGeometry
     from cartoloop.sensor.events import Imu as Imu
@@ -44,6 +46,7 @@ _HOME = {
     "CloudGeometry": ("sensor.events", "CloudGeometry"),
     "Config": ("config", "Config"),
     "ConfigError": ("errors", "ConfigError"),
+    "Editor": ("map_editing.editor", "Editor"),
     "Imu": ("sensor.events", "Imu"),
     "InputError": ("errors", "InputError"),
     "LaserScan": ("sensor.events", "LaserScan"),
@@ -55,6 +58,7 @@ _HOME = {
     "Result": ("result", "Result"),
     "ScanGeometry": ("sensor.events", "ScanGeometry"),
     "UsageError": ("errors", "UsageError"),
+    "edit": ("result", "edit"),
     "load": ("result", "load_map"),
     "load_map": ("result", "load_map"),
     "map_recording": ("recording_run", "map_recording"),

@@ -19,6 +19,7 @@ from cartoloop.cli.commands import add_command, make_app
 from cartoloop.cli.config_command import config_app
 from cartoloop.cli.demo_command import DemoOptions, demo_command
 from cartoloop.cli.doctor_command import DoctorOptions, doctor_command
+from cartoloop.cli.edit_command import edit_app
 from cartoloop.cli.evaluate_command import evaluate_app
 from cartoloop.cli.explain_command import ExplainOptions, explain_command
 from cartoloop.cli.export_command import ExportOptions, export_command
@@ -118,6 +119,7 @@ add_command(
     ["cartoloop explain intel --pair 3 1200", "cartoloop explain intel --near 4.5 -2"],
     group=USE,
 )
+app.add_typer(edit_app, name="edit", rich_help_panel=USE)
 app.add_typer(evaluate_app, name="evaluate", rich_help_panel=USE)
 add_command(
     app,
@@ -160,7 +162,7 @@ def _options(
     pass
 
 
-_FILE_COMMANDS = frozenset(("demo", "map", "live", "simulate", "view"))
+_FILE_COMMANDS = frozenset(("demo", "map", "live", "simulate", "view", "edit"))
 """Commands whose result is not what they print."""
 
 _SHOWN = 200

@@ -41,6 +41,7 @@ def save(
     origins: Mapping[str, str] | None = None,
     complete_report: Callable[[Report], Report] | None = None,
     stop: StopRequest | None = None,
+    config_text: str | None = None,
 ) -> Report:
     """Write all files of a map into the folder `out`, creating it if necessary.
 
@@ -60,6 +61,7 @@ def save(
     origins : by key of the configuration, where its value comes from.
     complete_report : returns the report to write, given the one so far, when all else is written.
     stop : of the run; while the files are replaced, it is only noted.
+    config_text : content of ``config.toml``, as it was written before; None: it is made.
 
     Returns
     -------
@@ -71,17 +73,17 @@ def save(
         The folder or a file in it cannot be written, or the map is too large.
     """
     with new_file_set(prepare_folder(out), stop) as folder:
-        _write_files(result, folder, layers, origins)
+        _write_files(result, folder, layers)
+        text = _config_text(result, origins) if config_text is None else config_text
+        write_file(folder / "config.toml", text)
         report = replace(result.report, config_hash=config_hash(result.config))
         report = complete_report(report) if complete_report else report
         write_file(folder / "report.json", report.to_json())
     return report
 
 
-def _write_files(
-    result: MapData, folder: Path, layers: Collection[Layer], origins: Mapping[str, str] | None
-) -> None:
-    """Write all files except the report."""
+def _write_files(result: MapData, folder: Path, layers: Collection[Layer]) -> None:
+    """Write all files except the configuration and the report."""
     occupancy_map = compose_map(
         result.submap_grids, result.graph.submap_poses, result.config.local_slam.submaps
     )
@@ -98,9 +100,12 @@ def _write_files(
     write_file(folder / "nodes.csv", nodes_csv(result))
     write_file(folder / "closures.csv", closures_csv(result))
     write_file(folder / map_file.FILE_NAME, map_bytes(result))
+
+
+def _config_text(result: MapData, origins: Mapping[str, str] | None) -> str:
     toml = config_toml(result.config, origins, without=MACHINE_PARAMETERS)
     left_out = f"Without {', '.join(sorted(MACHINE_PARAMETERS))}: the result does not depend on it."
-    write_file(folder / "config.toml", f"{toml}\n# {left_out}\n")
+    return f"{toml}\n# {left_out}\n"
 
 
 def write_file(path: Path, content: str | bytes) -> None:
