@@ -16,6 +16,7 @@ from cartoloop.config import Config
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.report import Report
+from cartoloop.session import Session, parts_of
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 
@@ -35,6 +36,7 @@ class MapData:
     report : what happened.
     closures : the record of all pairs of submap and node that were searched or matched.
     node_points : of each node the returns that searches match [m], tracking frame.
+    sessions : the drives that it is made of, in order, at least one.
     """
 
     stamps: NDArray[np.float64]
@@ -47,3 +49,22 @@ class MapData:
     report: Report
     closures: Closures = field(default_factory=Closures)
     node_points: Sequence[NDArray[np.float64]] = ()
+    sessions: tuple[Session, ...] = (Session(),)
+
+    @property
+    def submap_parts(self) -> NDArray[np.int64]:
+        """Number of the connected part that each submap belongs to, int64 (m,)."""
+        firsts = [session.first_submap for session in self.sessions]
+        return parts_of(self.sessions, firsts, self.graph.num_submaps)
+
+    @property
+    def node_parts(self) -> NDArray[np.int64]:
+        """Number of the connected part that each node belongs to, int64 (k,)."""
+        firsts = [session.first_node for session in self.sessions]
+        return parts_of(self.sessions, firsts, self.graph.num_nodes)
+
+    @property
+    def scan_parts(self) -> NDArray[np.int64]:
+        """Number of the connected part that each scan belongs to, int64 (n,)."""
+        firsts = [session.first_scan for session in self.sessions]
+        return parts_of(self.sessions, firsts, len(self.stamps))

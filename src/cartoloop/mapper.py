@@ -42,6 +42,7 @@ from cartoloop.sensor.events import (
     SensorEvent,
 )
 from cartoloop.sensor.pose import IDENTITY, Pose, compose
+from cartoloop.session import Session
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.submap import Submap
 
@@ -307,7 +308,13 @@ class Mapper:
             self._report(graph, trajectory),
             closures=self._global_slam.closures,
             node_points=self._global_slam.node_points,
+            sessions=self._sessions(),
         )
+
+    def _sessions(self) -> tuple[Session, ...]:
+        """Return the session that is mapped."""
+        stamp = float(self._stamps.view[0]) if len(self._stamps) else math.nan
+        return (Session(stamp=stamp, calibration=self.calibration.to_dict()),)
 
     def _map_queue(self, time: float, on_pose: Callable[[], None] | None = None) -> Pose | None:
         """Map the queued scans whose sweeps ended before a time; return the last pose."""

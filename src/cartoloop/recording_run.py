@@ -22,6 +22,7 @@ from cartoloop.config_file import LoadedConfig
 from cartoloop.errors import InputError, Interrupted, UsageError
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.run_end import Outcome, Saved, completed, save_outcome, timed
+from cartoloop.session import named
 from cartoloop.stop_request import StopRequest
 
 if TYPE_CHECKING:
@@ -146,7 +147,11 @@ def _reported(result: Result, log: Log, start: float) -> Result:
     messages = [problem.message for problem in log.problems]
     report = completed(result, log.name, log.skipped, messages, fingerprint=log.fingerprint)
     finished = report.finished and report.nodes > 0 and not _is_mostly_lost(result, log)
-    return replace(result, report=timed(replace(report, finished=finished), start))
+    return replace(
+        result,
+        report=timed(replace(report, finished=finished), start),
+        sessions=named(result.sessions, log.name, log.fingerprint),
+    )
 
 
 def run(log: Log, mapper: Mapper, observer: RunObserver, stop: StopRequest) -> Outcome:

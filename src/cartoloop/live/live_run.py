@@ -29,6 +29,7 @@ from cartoloop.recording_run import RunObserver, finish
 from cartoloop.result import Result
 from cartoloop.run_end import Outcome, Saved, completed, save_outcome, timed
 from cartoloop.sensor.pose import Pose
+from cartoloop.session import named
 from cartoloop.stop_request import StopRequest
 
 
@@ -223,7 +224,8 @@ def _reported(outcome: Outcome, folder: RunFolder, notices: Notices, start: floa
     result = outcome.result
     report = completed(result, folder.name, notices.skipped, fingerprint=folder.fingerprint)
     report = replace(report, finished=report.finished and report.nodes > 0)
-    return replace(outcome, result=replace(result, report=timed(report, start)))
+    sessions = named(result.sessions, folder.name, folder.fingerprint)
+    return replace(outcome, result=replace(result, report=timed(report, start), sessions=sessions))
 
 
 def _given_up(files: _Files | None) -> str:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -77,6 +77,34 @@ class SensorCalibration(NamedTuple):
 
     odometry: OdometryParameters
     scanner_offsets: Mapping[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as values of JSON, None for what is not known."""
+        odometry = {
+            name: None if math.isnan(value) else value
+            for name, value in asdict(self.odometry).items()
+        }
+        return {"odometry": odometry, "scanner_offsets": dict(self.scanner_offsets)}
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> SensorCalibration:
+        """Return what :meth:`to_dict` made values of JSON of.
+
+        Raises
+        ------
+        ValueError, TypeError, AttributeError
+            They are of something else.
+        """
+        odometry = {
+            name: math.nan if value is None else float(value)
+            for name, value in content.get("odometry", {}).items()
+        }
+        odometry["num_turns"] = int(odometry.get("num_turns", 0))
+        offsets = content.get("scanner_offsets", {})
+        return cls(
+            OdometryParameters(**odometry),  # type: ignore[arg-type]
+            {str(name): float(offset) for name, offset in offsets.items()},
+        )
 
 
 class FilteredScan(NamedTuple):

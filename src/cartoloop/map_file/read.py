@@ -32,6 +32,7 @@ from cartoloop.map_file.schema import (
     FILE_NAME,
     READABLE_VERSIONS,
 )
+from cartoloop.map_file.sessions import sessions_of
 from cartoloop.map_file.tables import numbers_of
 from cartoloop.plain_text import plain_values
 from cartoloop.quality.verdict import Quality
@@ -51,6 +52,7 @@ _TABLES = [
     "statuses",
     "reasons",
     "trajectory",
+    "sessions",
 ]
 _FREE_CELLS, _CELLS_PER_BYTE = 2**24, 100  # of all submaps: a map is compressed to a twentieth
 _FREE_SUBMAPS, _BYTES_PER_SUBMAP = 1000, 200  # of the file: a submap takes thousands
@@ -86,6 +88,7 @@ def read_map(path: str | PathLike[str]) -> MapData:
             report=_report(report),
             closures=closures,
             node_points=[_points(*row[5:]) for row in nodes],
+            sessions=sessions_of(database, _report(report), trajectory[:, 1], graph),
         )
 
 

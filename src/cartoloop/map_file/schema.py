@@ -11,14 +11,17 @@ FILE_NAME = "map.cartoloop"
 APPLICATION_ID = 0x6361_7274
 """In the header of the file: marks the database as a map. ASCII "cart"."""
 
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 """``user_version`` in the header of the file; increased when older readers would fail.
 
 Version 2 had no tables of closures: all constraints stood in one table, with their score. Version 3
-had fewer statuses and reasons.
+had fewer statuses and reasons. Version 4 had no sessions: it is one.
 """
 
-READABLE_VERSIONS = (2, 3, SCHEMA_VERSION)
+READABLE_VERSIONS = (2, 3, 4, SCHEMA_VERSION)
+
+SESSIONS_VERSION = 5
+"""The first version with a table of sessions."""
 
 TABLES = """
 -- name of the recording; config: JSON; report: JSON, report.json without what differs from run to
@@ -75,4 +78,12 @@ CREATE TABLE reasons (reason INTEGER PRIMARY KEY, name TEXT);
 CREATE TABLE trajectory (
   scan INTEGER PRIMARY KEY, stamp REAL, x REAL, y REAL, theta REAL,
   local_x REAL, local_y REAL, local_theta REAL);
+
+-- The drives that the map is made of, in order: contiguous ranges of scans, nodes and submaps, each
+-- with a local frame of its own. part: connected part; poses of different parts are in different
+-- frames, those of part 0 in the map frame. stamp: of the first scan [s]; calibration: JSON, what
+-- was learnt about the sensors
+CREATE TABLE sessions (
+  session INTEGER PRIMARY KEY, name TEXT, recording TEXT, fingerprint TEXT, first_scan INTEGER,
+  first_node INTEGER, first_submap INTEGER, part INTEGER, stamp REAL, calibration TEXT);
 """

@@ -18,6 +18,7 @@ from cartoloop.global_slam.closure_matches import UPPER
 from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.map_file.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES
+from cartoloop.map_file.sessions import session_rows
 from cartoloop.version import __version__
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ def fill(database: sqlite3.Connection, result: MapData) -> None:
     _insert(database, "statuses", iter([(code.value, code.text) for code in Status]))
     _insert(database, "reasons", iter([(code.value, code.text) for code in Reason]))
     _insert(database, "trajectory", _trajectory(result))
+    _insert(database, "sessions", session_rows(result.sessions))
     database.commit()
 
 
