@@ -724,8 +724,8 @@ class LifelongConfig(Section):
     max_lost_wall: float = Field(
         0.5,
         ge=0,
-        description="and if at most so much wall would be lost that no later submap can take "
-        "over [m]",
+        description="and if at most so much wall lies outside the grids of later submaps, where it "
+        "cannot be copied to [m]",
     )
     min_certainty: float = Field(
         0.7,

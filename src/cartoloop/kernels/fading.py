@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Old submaps against what was seen later: what contradicts it fades, what it lacks is handed on."""
+"""Old submaps against what was seen later: what contradicts it fades, the rest is copied."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def fade_submap(
 
 
 @kernel
-def take_over(
+def copy_unknown(
     affine: FloatArray, source: ByteArray, out_source: ByteArray, out_cells: ByteArray
 ) -> int:
     """Copy the cells of a submap into the unknown cells of another, in place.

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray, IntArray
-from cartoloop.global_slam.closure_matches import MatchTable
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import NO_ROW, ConstraintKind, PoseGraph
 from cartoloop.lifelong.marginal import Links, host_submaps, touching
@@ -135,13 +134,23 @@ def _closures(
     """Return the record of the pairs that are left, and the numbers of its rows."""
     rows = Numbers(submaps.kept[closures.submap] & nodes.kept[closures.node])
     asked = np.flatnonzero(rows.kept[: closures.num_requested])
-    requests = closures.requests(asked)
+    requests = closures.requests(_narrow(asked))
     own_submap = np.where(
         submaps.kept[requests.node_submap], requests.node_submap, hosts[requests.node]
     )
     table = closures.match_table
-    matches = rows.kept[table.row]
-    found = matches[: closures.num_found]
+    matches = np.flatnonzero(rows.kept[table.row])
+    found = matches[matches < closures.num_found]
+    left = table._replace(
+        row=rows.new[table.row[matches]],
+        tf_submap_node=table.tf_submap_node[matches],
+        information=table.information[matches],
+        residual=table.residual[matches],
+        moved=table.moved[matches],
+        score=table.score[found],
+        runner_up=table.runner_up[found],
+        joined_at=_narrow(nodes.new[table.joined_at[found]]),
+    )
     restored = Closures.restored(
         (submaps.new[closures.submap[rows.kept]], nodes.new[closures.node[rows.kept]]),
         (
@@ -156,12 +165,7 @@ def _closures(
         ),
         closures.min_score[asked],
         nodes.new[closures.requested_at[asked]],
-        MatchTable(
-            rows.new[table.row[matches]],
-            *(column[matches] for column in table[1:5]),
-            *(column[found] for column in table[5:7]),
-            _narrow(nodes.new[table.joined_at[found]]),
-        ),
+        left,
     )
     return restored, rows
 

@@ -11,14 +11,14 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from cartoloop.config import LifelongConfig, SubmapConfig
-from cartoloop.kernels.fading import fade_submap, take_over
+from cartoloop.kernels.fading import fade_submap, copy_unknown
 from cartoloop.kernels.map_composition import NEUTRAL
 from cartoloop.map_output.evidence_sum import EvidenceSum, cells_covering
 from cartoloop.sensor.pose import Pose, relative
 from cartoloop.submaps.finished_grid import FinishedGrid
 
-MAX_HEIRS = 4
-"""A removed submap hands on what only it has seen to this many of the nearest later submaps."""
+MAX_RECEIVERS = 4
+"""What only a removed submap has seen is copied to this many of the nearest later submaps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class Selection:
     Attributes
     ----------
     kept : bool, shape (num_submaps,).
-    grids : of all submaps, faded, and with what they took over from those that are removed.
+    grids : of all submaps, faded, and with what was copied from those that are removed.
     num_faded : cells that faded in submaps that stay.
     """
 
@@ -44,11 +44,11 @@ def select(
     submaps: SubmapConfig,
     config: LifelongConfig,
 ) -> Selection:
-    """Return which submaps stay, and their grids.
+    """Return which submaps stay, and tother grids.
 
     Sessions are compared from the newest back, each with what later ones have seen: walls where a
     later session has seen floor fade, and so does floor where one has seen walls. A submap of
-    which almost all was seen later is removed; what was not is handed on to later submaps.
+    which almost all was seen later is removed; what was not is copied to later submaps.
 
     Parameters
     ----------
@@ -86,13 +86,9 @@ class _Selector:
         miss = math.log((1.0 - submaps.miss_probability) / submaps.miss_probability)
         self._free_below, self._wall_above = -odds, odds * max(1.0, hit / miss)
         self._later: list[int] = []
-        seen = [index for index, grid in enumerate(grids) if grid.size]
+        seen = [pair for pair in zip(grids, self._poses, strict=True) if pair[0].size]
         place = (
-            cells_covering(
-                [grids[i] for i in seen], [self._poses[i] for i in seen], submaps.resolution, 1
-            )
-            if seen
-            else (np.zeros(2, np.int64), (1, 1))
+            cells_covering(seen, submaps.resolution, 1) if seen else (np.zeros(2, np.int64), (1, 1))
         )
         self._evidence = EvidenceSum(*place, submaps)
 
@@ -121,7 +117,7 @@ class _Selector:
             faded,
             unseen,
         )
-        if covered >= self._min_covered_share * observed and self._hand_on(grid, pose, unseen):
+        if covered >= self._min_covered_share * observed and self._copy_rest(grid, pose, unseen):
             self.kept[index] = False
             return
         num_faded = int(np.count_nonzero(cells) - np.count_nonzero(faded))
@@ -129,27 +125,27 @@ class _Selector:
             self.num_faded += num_faded
             self.grids[index] = _like(grid, faded)
 
-    def _hand_on(self, grid: FinishedGrid, pose: Pose, unseen: ByteArray) -> bool:
-        """Hand cells that were not seen later on to later submaps; return whether that worked."""
-        heirs: dict[int, ByteArray] = {}
+    def _copy_rest(self, grid: FinishedGrid, pose: Pose, unseen: ByteArray) -> bool:
+        """Copy cells that were not seen later to later submaps; return whether no wall is lost."""
+        copies: dict[int, ByteArray] = {}
         additions: list[tuple[FinishedGrid, Pose]] = []
         left = unseen.copy()
-        for heir in self._nearest(pose):
+        for receiver in self._nearest(pose):
             if not left.any():
                 break
-            target, target_pose = self.grids[heir], self._poses[heir]
+            target, target_pose = self.grids[receiver], self._poses[receiver]
             cells = target.cells.copy()
             before = cells.copy()
             offset = relative(pose, target_pose)
             origin = np.array((grid.origin_x, grid.origin_y)) / grid.resolution - 0.5
             affine = _cell_to_cell(target, offset, origin, grid.resolution)
-            if take_over(affine, left.copy(), left, cells):
-                heirs[heir] = cells
+            if copy_unknown(affine, left.copy(), left, cells):
+                copies[receiver] = cells
                 additions.append((_like(target, np.where(before == 0, cells, 0)), target_pose))
         if np.count_nonzero(left > NEUTRAL) > self._max_lost_cells:
             return False
-        for heir, cells in heirs.items():
-            self.grids[heir] = _like(self.grids[heir], cells)
+        for receiver, cells in copies.items():
+            self.grids[receiver] = _like(self.grids[receiver], cells)
         for addition in additions:
             self._evidence.add(*addition)
         return True
@@ -157,11 +153,11 @@ class _Selector:
     def _nearest(self, pose: Pose) -> list[int]:
         """Return later submaps whose grids overlap, those with the nearest middles first."""
         apart = {
-            heir: _distance_to_middle(self.grids[heir], relative(self._poses[heir], pose))
-            for heir in self._later
-            if self.grids[heir].size
+            other: _distance_to_middle(self.grids[other], relative(self._poses[other], pose))
+            for other in self._later
+            if self.grids[other].size
         }
-        return sorted(apart, key=lambda heir: (apart[heir], heir))[:MAX_HEIRS]
+        return sorted(apart, key=lambda other: (apart[other], other))[:MAX_RECEIVERS]
 
 
 def _distance_to_middle(grid: FinishedGrid, place: Pose) -> float:

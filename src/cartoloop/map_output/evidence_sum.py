@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sum of the evidence of submaps in the cells of a map, which submaps are added to one by one."""
+"""The sum of the evidence of submaps in the cells of a map, one submap after the other."""
 
 from __future__ import annotations
 
@@ -61,19 +61,17 @@ class EvidenceSum:
 
 
 def cells_covering(
-    grids: Sequence[FinishedGrid], poses: Sequence[Pose], resolution: float, margin: int
+    submaps: Sequence[tuple[FinishedGrid, Pose]], resolution: float, margin: int
 ) -> tuple[IntArray, tuple[int, int]]:
     """Return the first cell, column and row, and the shape of a map that holds all submaps.
 
     Parameters
     ----------
-    grids, poses : of the submaps, at least one.
+    submaps : grids and their poses, at least one.
     resolution : edge of a cell of the map [m].
     margin : unknown cells around.
     """
-    corners = [
-        transform_points(pose, outer_corners(grid)) for grid, pose in zip(grids, poses, strict=True)
-    ]
+    corners = [transform_points(pose, outer_corners(grid)) for grid, pose in submaps]
     corner_cells = np.concatenate(corners) / resolution
     lower = np.floor(corner_cells.min(axis=0)).astype(np.int64) - margin
     upper = np.ceil(corner_cells.max(axis=0)).astype(np.int64) + margin

@@ -127,9 +127,7 @@ def compose_map(
     if not seen:
         return OccupancyMap(np.full((1, 1), UNKNOWN), 0.0, 0.0, resolution)
     if box is None:
-        lower, (num_rows, num_cols) = cells_covering(
-            *zip(*seen, strict=True), resolution, _MARGIN_CELLS
-        )
+        lower, (num_rows, num_cols) = cells_covering(seen, resolution, _MARGIN_CELLS)
     else:
         lower = np.array((box.first_col, box.first_row))
         num_cols, num_rows = box.end_col - box.first_col, box.end_row - box.first_row
