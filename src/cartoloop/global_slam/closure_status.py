@@ -81,6 +81,8 @@ class Reason(IntEnum):
     """HYPOTHESIS: it fits as well elsewhere, or too few others along the path agree with it."""
     AMBIGUOUS = 16
     """NOT_FOUND: the best candidate reached the score, but so did another place."""
+    EARLIER_PASS = 17
+    """FOUND: by the last pass over an earlier state of the map, from which mapping went on."""
 
     @property
     def text(self) -> str:

@@ -29,7 +29,7 @@ from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.scan_matching.branch_and_bound import RunnerUp
 from cartoloop.scan_matching.least_squares import match_informations
-from cartoloop.sensor.pose import compose_all, wrap_angles
+from cartoloop.sensor.pose import Pose, compose_all, wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.node import Node
 
@@ -85,9 +85,22 @@ class WideSearch:
         """Number of composite scans so far."""
         return len(self._scans)
 
+    @property
+    def scans(self) -> CompositeScans:
+        """The composite scans so far."""
+        return self._scans
+
+    def begin_session(self) -> None:
+        """Note that the next node is the first of another session."""
+        self._scans.begin_session()
+
     def add_node(self, node: Node, node_points: ScanPoints) -> int | None:
         """Note the next node; return the number of the composite scan that it completes, if any."""
         return self._scans.add_node(node.tf_local_tracking, node_points)
+
+    def restore_node(self, tf_local_node: Pose, node_points: ScanPoints) -> None:
+        """Note a node of an earlier session."""
+        self._scans.add_node(tf_local_node, node_points)
 
     def request(self, scan: int, pairs: PairSelection, graph: PoseGraph) -> None:
         """Request the search of a composite scan in the submaps where the drift may place it."""
