@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from cartoloop.errors import OutputError as OutputError
     from cartoloop.errors import UsageError as UsageError
     from cartoloop.mapper import Mapper as Mapper
+    from cartoloop.merging import merge as merge
     from cartoloop.readers import open_log as open_log
     from cartoloop.readers import read as read
     from cartoloop.recording_run import map_recording as map_recording
@@ -57,6 +58,7 @@ _HOME = {
     "load": ("result", "load_map"),
     "load_map": ("result", "load_map"),
     "map_recording": ("recording_run", "map_recording"),
+    "merge": ("merging", "merge"),
     "open_log": ("readers", "open_log"),
     "read": ("readers", "read"),
 }

@@ -113,17 +113,29 @@ def earlier_maps(
     """
     if onto is None:
         return EarlierMaps()
-    content = onto if isinstance(onto, MapData) else read_map(as_path(onto, "onto"))
-    _require_resolution(content, config or content.config)
+    content = map_of(onto, "onto")
+    require_resolution(content, config or content.config)
     return EarlierMaps([content])
 
 
-def _require_resolution(content: MapData, config: Config) -> None:
+def map_of(given: MapData | str | PathLike[str], name: str) -> MapData:
+    """Return a map, given itself or its path as the argument `name`."""
+    return given if isinstance(given, MapData) else read_map(as_path(given, name))
+
+
+def require_resolution(content: MapData, config: Config) -> None:
+    """Check that the submaps of a map and those of a configuration have the same resolution.
+
+    Raises
+    ------
+    UsageError
+        They have not.
+    """
     given = config.local_slam.submaps.resolution
     for grid in content.submap_grids:
         if grid.size and abs(grid.resolution - given) > 1e-9:
             raise UsageError(
-                f"onto: the submaps of the map have a resolution of {grid.resolution:g} m and the "
+                f"the submaps of the map have a resolution of {grid.resolution:g} m and the "
                 f"new ones {given:g} m; use --set local_slam.submaps.resolution="
                 f"{grid.resolution:g}"
             )
@@ -132,8 +144,8 @@ def _require_resolution(content: MapData, config: Config) -> None:
 def _mapped(content: MapData) -> MappedSessions:
     if len(content.node_points) < content.graph.num_nodes:
         raise UsageError(
-            "onto: the map has no returns of its nodes, so that nothing can be found in it; map "
-            "the recording again"
+            "a map that is added to has no returns of its nodes, so that nothing can be found in "
+            "it; map the recording again"
         )
     return MappedSessions(
         content.sessions,

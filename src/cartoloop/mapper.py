@@ -24,6 +24,7 @@ from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult, SensorCa
 from cartoloop.map_data import MapData
 from cartoloop.map_sessions import earlier_maps, whole_trajectory, with_parts
 from cartoloop.quality.examine import examine
+from cartoloop.quality.joins import geometry_check
 from cartoloop.report import (
     AdjustmentSummary,
     InputSummary,
@@ -107,10 +108,14 @@ class Mapper:
             first_submap=earlier.num_submaps,
         )
         self._global_slam = GlobalSlam(
-            config.global_slam, self._timer, wait_for_searches=not live, mapped=earlier.mapped
+            config.global_slam,
+            self._timer,
+            wait_for_searches=not live,
+            mapped=earlier.mapped,
+            check_geometry=geometry_check(config),
         )
         if earlier.maps:
-            self._global_slam.begin_session()
+            self._global_slam.begin_session(onto_pose)
         self._back_end = BackgroundGlobalSlam(self._global_slam) if live else None
         self._stamps = GrowingArray((), np.float64)
         self._local_poses = GrowingArray((3,), np.float64)
@@ -407,6 +412,9 @@ class Mapper:
             adjustment=AdjustmentSummary.of_runs(slam.adjustments),
             stages=self._timer.summary(),
             skipped=self._earlier.skipped(self._skipped),
-            extra=self._local_slam.summary() | slam.closures.summary() | {"sensors": sensors},
+            extra=self._local_slam.summary()
+            | slam.closures.summary()
+            | {"sensors": sensors}
+            | slam.joins.summary(),
         )
         return self._clock.timed(report) if self._clock else report

@@ -17,8 +17,10 @@ from cartoloop.global_slam.graph_adjustment import (
     GraphAdjustment,
     violated_closures,
 )
+from cartoloop.global_slam.joining import NUM_ROUNDS, CheckGeometry, OnePose
 from cartoloop.global_slam.loading import load
 from cartoloop.global_slam.pair_selection import PairSelection
+from cartoloop.global_slam.part_joins import PartJoins
 from cartoloop.global_slam.pose_graph import ClosureConstraints, ConstraintKind
 from cartoloop.global_slam.sessions import MappedSessions, NodeSubmaps
 from cartoloop.global_slam.wide_search import WideSearch
@@ -42,6 +44,7 @@ class GlobalSlam:
         requests beyond ``max_live_backlog`` are dropped.
     mapped : maps that mapping goes on from. Each is in a frame of its own; `begin_session` follows,
         if there is something to be mapped.
+    check_geometry : examines parts before they are joined; without it, nothing is joined.
 
     Attributes
     ----------
@@ -49,6 +52,7 @@ class GlobalSlam:
     closures : the record of all pairs that were requested or matched.
     search : the background search.
     sessions : where each session begins, and the connected part that it belongs to.
+    joins : finds the relative poses of parts that nothing connects.
     num_put_off : searches that were started and not done when the graph was adjusted.
     """
 
@@ -59,6 +63,7 @@ class GlobalSlam:
         *,
         wait_for_searches: bool = True,
         mapped: Sequence[MappedSessions] = (),
+        check_geometry: CheckGeometry | None = None,
     ) -> None:
         self._config = config
         self._timer = timer
@@ -79,6 +84,15 @@ class GlobalSlam:
         self._pairs = PairSelection(config.constraint_search)
         self._wide = WideSearch(
             config.constraint_search, self.closures, self._finished, self.search
+        )
+        self.joins = PartJoins(
+            config,
+            self.closures,
+            self._finished,
+            self.search,
+            self._wide.scans,
+            self.sessions,
+            check_geometry,
         )
         self._submap_nodes: list[set[int]] = []
         self._tf_local_last_submap = IDENTITY
@@ -108,12 +122,19 @@ class GlobalSlam:
         """Number of loop closures in the graph."""
         return self.graph.num_loop_closures
 
-    def begin_session(self, tf_map_local: Pose = IDENTITY) -> None:
-        """Begin the next session, not connected to the others, with its local frame there."""
-        self.sessions.begin(self.graph.num_nodes, self.graph.num_submaps)
+    def begin_session(self, tf_map_local: Pose | None = None) -> None:
+        """Begin the next session, not connected to the others.
+
+        Parameters
+        ----------
+        tf_map_local : where its local frame is in the main part, if that is about known.
+        """
+        part = self.sessions.begin(self.graph.num_nodes, self.graph.num_submaps)
         self._pairs.begin_session()
         self._wide.begin_session()
-        self._tf_map_local = tf_map_local
+        self._tf_map_local = IDENTITY
+        if tf_map_local is not None:
+            self.joins.joining.known = OnePose(part, tf_map_local)
 
     def add_node(self, node: Node) -> None:
         """Add a scan that was inserted; request searches for it; adjust when due."""
@@ -124,7 +145,10 @@ class GlobalSlam:
             return
         waits = self._waits_while_mapping
         self._request_node(node.index)
-        self._request_wide(self._wide.add_node(node, self.node_points))
+        scan = self._wide.add_node(node, self.node_points)
+        self._request_wide(scan)
+        if scan is not None and self.joins.is_needed:
+            self.joins.joining.request(scan, self.graph)
         if finished is not None:
             self._request_nodes_in(finished)
         if self.graph.num_nodes % every == 0:
@@ -136,6 +160,7 @@ class GlobalSlam:
                 self._take_in_closures(wait=False)
             self.search.start(may_defer=waits)
             self._wide.start()
+            self.joins.joining.start(self.graph)
 
     def finish(
         self, unfinished: Iterable[Submap], note: Callable[[str], None] | None = None
@@ -156,6 +181,7 @@ class GlobalSlam:
         iterations = self._config.pose_adjustment.max_num_final_iterations
         announce("closing the last loops")
         self._close_loops(iterations, wait=True)
+        self._join_parts_left(iterations, announce)
         self._search_until_nothing_new(iterations)
         passes = self._config.constraint_search.final_passes
         for number in range(1, passes + 1):
@@ -188,7 +214,7 @@ class GlobalSlam:
                 self._pairs.begin_session()
                 self._wide.begin_session()
             own = (int(submaps.first[node]), int(submaps.last[node]))
-            self._pairs.add(tuple(pose), len(self.node_points[node]), own)
+            self._pairs.add((pose[0], pose[1]), len(self.node_points[node]), own)
             self._wide.restore_node(Pose(*pose), self.node_points)
         own_nodes = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
         self._submap_nodes = [set() for _ in range(graph.num_submaps)]
@@ -277,6 +303,16 @@ class GlobalSlam:
             if self.graph.num_loop_closures == before:
                 break
 
+    def _join_parts_left(self, max_num_iterations: int, announce: Callable[[str], None]) -> None:
+        """Search the composite scans of parts in the others, until all are joined."""
+        for number in range(NUM_ROUNDS):
+            if not self.joins.is_needed:
+                break
+            announce(f"searching parts in each other, {number + 1} of {NUM_ROUNDS}")
+            if self.joins.joining.request_round(number, self.graph):
+                self.joins.joining.start(self.graph)
+                self._close_loops(max_num_iterations, wait=True)
+
     def _submit(self, requests: Requests) -> None:
         if len(requests.submap):
             self.search.submit(self.closures.request(requests, self.graph.num_nodes))
@@ -303,6 +339,23 @@ class GlobalSlam:
             is_new = True
         if is_new:
             self._request_again()
+        if self.joins.is_needed:
+            self._join_parts(max_num_iterations, wait=wait)
+
+    def _join_parts(self, max_num_iterations: int, *, wait: bool) -> None:
+        """Join the parts whose relative pose is known by now, adjust, and request what is due."""
+        with self._timer.measure("wait for searches"):
+            durations = self.joins.joining.collect(self.graph, wait=wait)
+        for duration in durations:
+            self._timer.record("search", duration)
+        with self._timer.measure("join parts"):
+            while (join := self.joins.next(self.graph, self.node_points)) is not None:
+                self._adjustment.forget_poses()
+                self._add_closures(join.found, are_trusted=True)
+                self._adjust(max_num_iterations)
+                self._request_again()
+                if not self.joins.is_needed:
+                    break
 
     def _take_in_closures(self, *, wait: bool) -> None:
         """Add the loop closures that were found to the record and to the graph."""

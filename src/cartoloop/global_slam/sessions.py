@@ -54,10 +54,9 @@ class SessionRanges:
     def __len__(self) -> int:
         return len(self.parts)
 
-    @property
-    def part_numbers(self) -> list[int]:
-        """The parts that there are, ascending."""
-        return sorted(set(self.parts))
+    def in_part(self, part: int) -> tuple[int, ...]:
+        """Return the numbers of the sessions in a part."""
+        return tuple(number for number, each in enumerate(self.parts) if each == part)
 
     def begin(self, first_node: int, first_submap: int, part: int | None = None) -> int:
         """Begin a session, by default in a part of its own; return the number of its part."""

@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import QualityConfig
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.kernels.map_agreement import AgreementLimits, CellGrid, count_agreement
@@ -97,8 +97,20 @@ def path_lengths(node_poses: FloatArray) -> FloatArray:
     return lengths
 
 
-def compared_pairs(content: MapContent, scans: ScanPoints, config: QualityConfig) -> Pairs:
+def compared_pairs(
+    content: MapContent,
+    scans: ScanPoints,
+    config: QualityConfig,
+    comparable: Callable[[int], BoolArray] | None = None,
+) -> Pairs:
     """Return the pairs of a map that overlap, with their agreement.
+
+    Parameters
+    ----------
+    content : the map.
+    scans : the returns of its nodes.
+    config : limits.
+    comparable : returns which nodes may be compared with a submap, shape (n,); None: all.
 
     Poses within a submap are those at which its scans were inserted: the node is placed by the
     nearest of them, so that a submap that is bent far away does not matter here.
@@ -112,7 +124,8 @@ def compared_pairs(content: MapContent, scans: ScanPoints, config: QualityConfig
     for submap, grid in enumerate(content.submap_grids):
         rows = own[bounds[submap] : bounds[submap + 1]]
         if grid.size and len(rows):
-            parts.append(_pairs_of(submap, grid, graph, rows, paths, scans, config))
+            chosen = None if comparable is None else comparable(submap)
+            parts.append(_pairs_of(submap, grid, graph, rows, paths, scans, config, chosen))
     if not parts:
         nothing = np.zeros(0, np.int64)
         return Pairs(nothing, nothing, nothing, np.zeros((0, 3)), np.zeros(0), nothing, nothing)
@@ -129,6 +142,7 @@ def _pairs_of(
     paths: FloatArray,
     scans: ScanPoints,
     config: QualityConfig,
+    comparable: BoolArray | None,
 ) -> Pairs:
     """Return the pairs of one submap; `own` are the constraints of its nodes, in order."""
     poses = graph.node_poses
@@ -144,6 +158,8 @@ def _pairs_of(
     )
     is_candidate &= (numbers + submap) % config.every_nth_node == 0
     is_candidate &= (numbers < first) | (numbers > last)
+    if comparable is not None:
+        is_candidate &= comparable
     nodes = np.flatnonzero(is_candidate)
     apart = np.hypot(
         poses[nodes, 0, np.newaxis] - places[:, 0], poses[nodes, 1, np.newaxis] - places[:, 1]
