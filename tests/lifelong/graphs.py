@@ -30,7 +30,9 @@ def random_graph(rng, num_submaps=6, nodes_per_submap=2, num_closures=6, noise=1
             pairs.append((1, submap, node))
     pairs.append((2, 0, graph.num_nodes - 1))
     for kind, a, b in pairs:
-        begin = graph.node_poses[a] if kind == ConstraintKind.NODE_TO_NODE else graph.submap_poses[a]
+        begin = (
+            graph.node_poses[a] if kind == ConstraintKind.NODE_TO_NODE else graph.submap_poses[a]
+        )
         seen = relative_all(begin[None], graph.node_poses[b][None])[0]
         measured = seen + rng.normal(0.0, noise, 3)
         graph.add_constraint(ConstraintKind(kind), a, b, measured, random_information(rng))

@@ -7,13 +7,14 @@ from hypothesis import strategies as st
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.lifelong.marginal import (
+    fitted_informations,
     host_submaps,
-    marginalized,
+    lost_information,
     replacements,
     touching,
 )
-from cartoloop.sensor.pose import Pose, compose, relative, relative_all
-from tests.lifelong.graphs import random_graph
+from cartoloop.sensor.pose import relative_all
+from tests.lifelong.graphs import random_graph, random_information
 from tests.reference.naive_marginal import naive_hessian, naive_schur
 
 NO_LOSS = AdjustmentOptions(robust_kinds=(), max_iterations=100, relative_tolerance=1e-14)
@@ -23,44 +24,35 @@ def _kept_nodes(graph, kept_submaps):
     return host_submaps(graph, kept_submaps) >= 0
 
 
-def _stand(graph, kept_nodes, hosts):
-    """Poses of all vertices, where nodes that stay are rigid parts of their submaps."""
-    num_submaps = graph.num_submaps
+def _dense_marginal(graph, constraints, kept):
+    """Matrix and gradient of the submaps that stay, by dense matrices."""
     poses = np.concatenate((graph.submap_poses, graph.node_poses))
-    free = [*range(num_submaps), *(num_submaps + np.flatnonzero(~kept_nodes))]
 
     def stand(changes):
-        if changes is None:
-            return 3 * len(free)
-        moved = poses.copy()
-        moved[free] += changes.reshape(-1, 3)
-        for node in np.flatnonzero(kept_nodes):
-            own = relative(Pose(*poses[hosts[node]]), Pose(*poses[num_submaps + node]))
-            moved[num_submaps + node] = compose(Pose(*moved[hosts[node]]), own)
-        return moved
+        return poses.size if changes is None else poses + changes.reshape(-1, 3)
 
-    return stand
+    axes = (3 * np.flatnonzero(kept)[:, None] + np.arange(3)).ravel()
+    return naive_schur(*naive_hessian(graph, constraints, stand), axes)
 
 
 @settings(max_examples=10, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.lists(st.booleans(), min_size=6, max_size=6))
-def test_marginals_equal_those_of_dense_matrices(seed, kept):
+@given(st.integers(0, 2**32 - 1), st.lists(st.booleans(), min_size=5, max_size=5))
+def test_what_is_lost_equals_that_of_dense_matrices(seed, kept):
     kept = np.array(kept)
     if kept.all() or not kept.any():
         return
-    graph = random_graph(np.random.default_rng(seed))
-    kept_nodes, hosts = _kept_nodes(graph, kept), host_submaps(graph, kept)
-    weights = np.ones(graph.num_constraints)
+    graph = random_graph(np.random.default_rng(seed), num_submaps=5)
+    kept_nodes = _kept_nodes(graph, kept)
 
-    marginal = marginalized(graph, kept, kept_nodes, hosts, weights)
+    lost = lost_information(graph, kept, kept_nodes, np.ones(graph.num_constraints))
 
-    gone = np.flatnonzero(touching(graph, kept, kept_nodes))
-    matrix, gradient = naive_hessian(graph, gone, _stand(graph, kept_nodes, hosts))
-    axes = (3 * marginal.submaps[:, None] + np.arange(3)).ravel()
-    expected, expected_gradient = naive_schur(matrix, gradient, axes)
-    scale = np.abs(matrix).max()
-    assert marginal.information == pytest.approx(expected, abs=2e-5 * scale)
-    assert marginal.gradient == pytest.approx(expected_gradient, abs=2e-5 * scale)
+    staying = np.flatnonzero(~touching(graph, kept, kept_nodes))
+    before, gradient = _dense_marginal(graph, range(graph.num_constraints), kept)
+    after, gradient_after = _dense_marginal(graph, staying, kept)
+    assert lost.submaps.tolist() == np.flatnonzero(kept).tolist()
+    scale = np.abs(before).max() + np.abs(after).max()
+    assert lost.information == pytest.approx(before - after, abs=1e-4 * scale)
+    assert lost.gradient == pytest.approx(gradient - gradient_after, abs=1e-4 * scale)
 
 
 def _chain(rng, num_submaps):
@@ -89,9 +81,7 @@ def _reduced(graph, kept_submaps, links):
     """The graph without what was removed, all vertices kept."""
     kept_nodes = _kept_nodes(graph, kept_submaps)
     smaller = graph.without(touching(graph, kept_submaps, kept_nodes))
-    smaller.add_constraints(
-        ConstraintKind.NODE_TO_NODE, links.node_a, links.node_b, links.tf_a_b, links.information
-    )
+    links.add_to(smaller)
     return smaller
 
 
@@ -146,6 +136,30 @@ def test_a_link_is_as_certain_as_the_path_that_it_replaces():
     links = replacements(
         graph, kept, _kept_nodes(graph, kept), np.ones(graph.num_constraints), memory=1.0
     )
-    # Two constraints of the removed submap, one after the other: half the information.
-    assert links.information[0, 0, 0] == pytest.approx(200.0, rel=0.01)
-    assert links.information[0, 1, 1] == pytest.approx(200.0, rel=0.01)
+    # Four constraints, one after the other: a quarter of the information.
+    assert links.information[0, 0, 0] == pytest.approx(100.0, rel=0.01)
+    assert links.information[0, 1, 1] == pytest.approx(100.0, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_fitted_constraints_make_pairs_as_well_known(seed):
+    rng = np.random.default_rng(seed)
+    mean = rng.uniform(-3.0, 3.0, (4, 3))
+    edges = np.array([(0, 1), (1, 2), (2, 3), (0, 2), (1, 3), (0, 3)])
+    true = np.stack([random_information(rng, 1.0) for _ in edges])
+
+    fitted = fitted_informations(mean, edges, _known(mean, edges, true), num_tree=3)
+
+    assert _known(mean, edges, fitted) == pytest.approx(_known(mean, edges, true), rel=0.1)
+
+
+def _known(mean, edges, informations):
+    """Information of the relative poses, given constraints between the same pairs."""
+    jacobians = np.zeros((len(edges), 3, mean.size))
+    for jacobian, (one, other) in zip(jacobians, edges, strict=True):
+        x, y, _ = mean[other] - mean[one]
+        jacobian[:, 3 * one : 3 * one + 3] = [(-1, 0, y), (0, -1, -x), (0, 0, -1)]
+        jacobian[:, 3 * other : 3 * other + 3] = np.eye(3)
+    jacobians = jacobians[:, :, 3:]
+    total = sum(j.T @ w @ j for j, w in zip(jacobians, informations, strict=True))
+    return np.stack([np.linalg.inv(j @ np.linalg.inv(total) @ j.T) for j in jacobians])

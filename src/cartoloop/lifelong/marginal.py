@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the constraints of removed vertices say about the vertices that stay, as few constraints.
 
-Removed nodes and submaps are marginalized out of the constraints that touch them (a Schur
-complement of the linearized problem), which leaves a dense normal distribution of the poses of the
-submaps that stay. It is approximated by constraints along the spanning tree of the best known
-relative poses, each with its marginal covariance: the closed form of nonlinear factor recovery for
-a tree (Mazuran, Burgard, Tipaldi, "Nonlinear factor recovery for long-term SLAM", 2016; the tree of
-Chow and Liu, 1968). Nodes that stay are taken as rigid parts of their submaps meanwhile.
+Vertices are marginalized out (Schur complements of the linearized problem), which leaves a dense
+normal distribution of the poses of the submaps that stay. What the removed constraints say is approximated by constraints between the pairs with the best known relative
+poses, such that these are as well known as before (after Mazuran, Burgard, Tipaldi, "Nonlinear
+factor recovery for long-term SLAM", 2016).
 """
 
 from __future__ import annotations
@@ -26,6 +24,30 @@ _LEAST_COUPLING = 1e-6
 """Blocks of a smaller norm do not connect two submaps."""
 
 
+ANCHOR_INFORMATION = np.diag((1e8, 1e8, 1e10))
+"""Of the pose of a node in its submap that stands for the submap [1/m^2, 1/rad^2]."""
+
+_NUM_NEIGHBOURS = 6
+"""Each submap that stays is constrained to at least this many others, the best known ones."""
+
+_NUM_FITTING_ROUNDS = 10
+"""Rounds of fitting the constraints to how well relative poses are known."""
+
+
+class Anchors(NamedTuple):
+    """Nodes that stand for their submaps in links.
+
+    Attributes
+    ----------
+    submap, node : int64, shape (n,).
+    tf_submap_node : float64, shape (n, 3) [m, m, rad].
+    """
+
+    submap: IntArray
+    node: IntArray
+    tf_submap_node: FloatArray
+
+
 class Links(NamedTuple):
     """Constraints between nodes.
 
@@ -34,12 +56,37 @@ class Links(NamedTuple):
     node_a, node_b : int64, shape (n,).
     tf_a_b : float64, shape (n, 3) [m, m, rad].
     information : float64, shape (n, 3, 3), frame of a.
+    anchors : a single node is loosely connected to its submap. These are held there.
     """
 
     node_a: IntArray
     node_b: IntArray
     tf_a_b: FloatArray
     information: FloatArray
+    anchors: Anchors
+
+    def numbered(self, submaps: IntArray, nodes: IntArray) -> Links:
+        """Return them with the new numbers of submaps and nodes, by the old ones."""
+        return self._replace(
+            node_a=nodes[self.node_a],
+            node_b=nodes[self.node_b],
+            anchors=self.anchors._replace(
+                submap=submaps[self.anchors.submap], node=nodes[self.anchors.node]
+            ),
+        )
+
+    def add_to(self, graph: PoseGraph) -> None:
+        """Add them to a graph that numbers nodes and submaps alike."""
+        graph.add_constraints(
+            ConstraintKind.INTRA_SUBMAP,
+            self.anchors.submap,
+            self.anchors.node,
+            self.anchors.tf_submap_node,
+            np.broadcast_to(ANCHOR_INFORMATION, (len(self.anchors.node), 3, 3)),
+        )
+        graph.add_constraints(
+            ConstraintKind.NODE_TO_NODE, self.node_a, self.node_b, self.tf_a_b, self.information
+        )
 
 
 class Marginal(NamedTuple):
@@ -84,11 +131,16 @@ def replacements(
 
     Returns
     -------
-    links between nodes that stay, numbered as in `graph`.
+    links between nodes that stay, and their anchors, numbered as in `graph`.
     """
-    hosts = host_submaps(graph, kept_submaps)
-    marginal = marginalized(graph, kept_submaps, kept_nodes, hosts, weights)
-    return _links(graph, *_tree(marginal, graph.submap_poses), memory)
+    lost = lost_information(graph, kept_submaps, kept_nodes, weights)
+    pairs, tf_a_b, information = _recovered(lost, graph.submap_poses)
+    nodes = _members(graph, np.arange(graph.num_submaps))
+    tf_submap_node = relative_all(graph.submap_poses, graph.node_poses[nodes])
+    used = np.unique(pairs)
+    anchors = Anchors(used, nodes[used], tf_submap_node[used])
+    links = _between_nodes(pairs, tf_a_b, memory * information, tf_submap_node)
+    return Links(nodes[pairs[:, 0]], nodes[pairs[:, 1]], *links, anchors)
 
 
 def host_submaps(graph: PoseGraph, kept_submaps: BoolArray) -> IntArray:
@@ -115,62 +167,69 @@ def _ends(graph: PoseGraph) -> tuple[IntArray, IntArray]:
     return graph.index_a + first_node * is_node, graph.index_b + first_node
 
 
-def marginalized(
-    graph: PoseGraph,
-    kept_submaps: BoolArray,
-    kept_nodes: BoolArray,
-    hosts: IntArray,
-    weights: FloatArray,
+def lost_information(
+    graph: PoseGraph, kept_submaps: BoolArray, kept_nodes: BoolArray, weights: FloatArray
 ) -> Marginal:
-    """Return what the constraints of removed vertices say about the submaps that stay."""
+    """Return what is known about the submaps that stay only by the constraints of removed vertices.
+
+    All nodes and the removed submaps are marginalized out of the whole graph, and the nodes that
+    stay out of the constraints that stay: the difference.
+    """
+    removed = touching(graph, kept_submaps, kept_nodes)
+    everything, everything_gradient = _reduced(
+        graph, np.arange(graph.num_constraints), kept_submaps, weights
+    )
+    staying, staying_gradient = _reduced(graph, np.flatnonzero(~removed), kept_submaps, weights)
+    return Marginal(
+        np.flatnonzero(kept_submaps),
+        everything - staying,
+        everything_gradient - staying_gradient,
+    )
+
+
+def _reduced(
+    graph: PoseGraph, chosen: IntArray, kept_submaps: BoolArray, weights: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what constraints say about the submaps that stay: matrix and gradient of their cost.
+
+    Parameters
+    ----------
+    chosen : the constraints.
+    """
     from scipy.sparse import coo_matrix, identity  # slow to import
     from scipy.sparse.linalg import splu
 
-    num_submaps = graph.num_submaps
-    chosen = np.flatnonzero(touching(graph, kept_submaps, kept_nodes))
     first, second = (ends[chosen] for ends in _ends(graph))
     poses = np.concatenate((graph.submap_poses, graph.node_poses))
-    # The vertex whose pose stands for each vertex: of nodes that stay, their submap.
-    stands = np.concatenate((np.arange(num_submaps), np.where(kept_nodes, hosts, -1)))
-    own = np.flatnonzero(stands < 0)
-    stands[own] = own
     information, residual = _in_map(graph, chosen, poses, first, second)
     information *= weights[chosen][:, None, None]
-    by_a = _lever(poses[second] - poses[first]) @ _lever(poses[first] - poses[stands[first]])
-    by_b = -_lever(poses[second] - poses[stands[second]])
-
-    is_kept = np.concatenate((kept_submaps, np.zeros(graph.num_nodes, dtype=bool)))
-    used = np.unique(np.concatenate((stands[first], stands[second])))
-    used = used[np.argsort(is_kept[used], kind="stable")]  # those to be removed first
-    place = np.full(len(poses), -1)
-    place[used] = np.arange(len(used))
-    num_removed = int(np.count_nonzero(~is_kept[used]))
-
-    jacobians = ((place[stands[first]], by_a), (place[stands[second]], by_b))
-    size = 3 * len(used)
-    gradient = np.zeros((len(used), 3))
-    rows, cols, values = [], [], []
-    for row, left in jacobians:
+    # Those to be removed first.
+    order = np.argsort(
+        np.concatenate((kept_submaps, np.zeros(graph.num_nodes, bool))), kind="stable"
+    )
+    place = np.empty(len(poses), dtype=np.int64)
+    place[order] = np.arange(len(poses))
+    gradient = np.zeros((len(poses), 3))
+    axes, entries, values = np.arange(3), [], []
+    by_second = np.broadcast_to(-np.eye(3), information.shape)
+    ends = ((place[first], _lever(poses[second] - poses[first])), (place[second], by_second))
+    for row, left in ends:
         weighted = np.swapaxes(left, 1, 2) @ information
         np.add.at(gradient, row, (weighted @ residual[:, :, None])[:, :, 0])
-        for col, right in jacobians:
-            blocks = weighted @ right
-            axes = np.arange(3)
-            rows.append(np.broadcast_to(3 * row[:, None, None] + axes[:, None], blocks.shape))
-            cols.append(np.broadcast_to(3 * col[:, None, None] + axes, blocks.shape))
-            values.append(blocks)
-    entries = (np.concatenate(rows).ravel(), np.concatenate(cols).ravel())
-    hessian = coo_matrix((np.concatenate(values).ravel(), entries), (size, size)).tocsc()
-
-    cut = 3 * num_removed
+        for col, right in ends:
+            rows = np.broadcast_to(3 * row[:, None, None] + axes[:, None], information.shape)
+            cols = np.broadcast_to(3 * col[:, None, None] + axes, information.shape)
+            entries.append(np.stack((rows.ravel(), cols.ravel())))
+            values.append((weighted @ right).ravel())
+    size, cut = 3 * len(poses), 3 * int(len(poses) - np.count_nonzero(kept_submaps))
+    everything = (np.concatenate(values), np.concatenate(entries, axis=1))
+    hessian = coo_matrix(everything, (size, size)).tocsc()
     kept, across = hessian[cut:, cut:].toarray(), hessian[:cut, cut:].toarray()
     flat = gradient.reshape(-1)
-    if cut:
-        inner = hessian[:cut, :cut] + _LEAST_INFORMATION * identity(cut, format="csc")
-        solved = splu(inner.tocsc()).solve(np.column_stack((across, flat[:cut])))
-        kept -= across.T @ solved[:, :-1]
-        flat[cut:] -= across.T @ solved[:, -1]
-    return Marginal(used[num_removed:], (kept + kept.T) / 2, flat[cut:])
+    inner = hessian[:cut, :cut] + _LEAST_INFORMATION * identity(cut, format="csc")
+    solved = splu(inner.tocsc()).solve(np.column_stack((across, flat[:cut])))
+    kept -= across.T @ solved[:, :-1]
+    return (kept + kept.T) / 2, flat[cut:] - across.T @ solved[:, -1]
 
 
 def _in_map(
@@ -213,8 +272,10 @@ def _members(graph: PoseGraph, submaps: IntArray) -> IntArray:
     return nodes
 
 
-def _tree(marginal: Marginal, submap_poses: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the relative poses that approximate a distribution best.
+def _recovered(
+    marginal: Marginal, submap_poses: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return the relative poses that approximate a distribution.
 
     Returns
     -------
@@ -227,19 +288,69 @@ def _tree(marginal: Marginal, submap_poses: FloatArray) -> tuple[IntArray, Float
     pairs, poses, informations = [np.zeros((0, 2), np.int64)], [], []
     for members in _components(blocks > _LEAST_COUPLING):
         submaps = marginal.submaps[members]
-        mean, relative_information = _relative(marginal, members, submap_poses[submaps])
-        edges = _spanning_tree(np.linalg.slogdet(relative_information)[1])
+        mean, known = _relative(marginal, members, submap_poses[submaps])
+        edges = _best_known(np.linalg.slogdet(known)[1])
         one, other = edges.T
+        fitted = fitted_informations(mean, edges, known[one, other], len(members) - 1)
         turns = np.swapaxes(_turns(mean[one, 2]), 1, 2)
         pairs.append(submaps[edges])
         poses.append(relative_all(mean[one], mean[other]))
-        informations.append(turns @ relative_information[one, other] @ np.swapaxes(turns, 1, 2))
+        informations.append(turns @ fitted @ np.swapaxes(turns, 1, 2))
     none = np.zeros((0, 3))
     return (
         np.concatenate(pairs),
         np.concatenate([none, *poses]),
         np.concatenate([none.reshape(0, 3, 3), *informations]),
     )
+
+
+def fitted_informations(
+    mean: FloatArray, edges: IntArray, known: FloatArray, num_tree: int
+) -> FloatArray:
+    """Return information matrices of constraints with which relative poses are as well known.
+
+    Parameters
+    ----------
+    mean : poses, shape (k, 3).
+    edges : pairs of them that are constrained, shape (n, 2); the first `num_tree` are a tree.
+    known : information of each relative pose, shape (n, 3, 3), map axes.
+
+    Returns
+    -------
+    float64, shape (n, 3, 3), positive semi-definite, map axes.
+
+    Notes
+    -----
+    Iterative proportional fitting: each constraint in turn gets what its relative pose lacks,
+    until all of them are as well known as they should be. For a tree, `known` is the solution.
+    """
+    count = len(mean)
+    fitted = np.zeros_like(known)
+    fitted[:num_tree] = known[:num_tree]
+    jacobians = np.zeros((len(edges), 3, 3 * count))
+    for number, (one, other) in enumerate(edges.tolist()):
+        offset = (mean[other] - mean[one])[None]
+        jacobians[number, :, 3 * one : 3 * one + 3] = -_lever(offset)[0]
+        jacobians[number, :, 3 * other : 3 * other + 3] = np.eye(3)
+    jacobians = jacobians[:, :, 3:]  # the first pose is held
+    for _ in range(_NUM_FITTING_ROUNDS):
+        total = np.einsum("nai,nab,nbj->ij", jacobians, fitted, jacobians)
+        covariance = np.linalg.inv(total + _LEAST_INFORMATION * np.eye(len(total)))
+        for number, jacobian in enumerate(jacobians):
+            across = jacobian @ covariance
+            present = across @ jacobian.T
+            lacking = known[number] - np.linalg.inv(present)
+            change = _positive(fitted[number] + lacking) - fitted[number]
+            fitted[number] += change
+            covariance -= across.T @ np.linalg.solve(np.eye(3) + change @ present, change) @ across
+    return fitted
+
+
+def _positive(information: FloatArray) -> FloatArray:
+    """Return the nearest symmetric positive semi-definite matrix, shape (3, 3)."""
+    values, vectors = np.linalg.eigh((information + information.T) / 2)
+    nearest: FloatArray = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return nearest
 
 
 def _relative(
@@ -295,6 +406,24 @@ def _components(connected: BoolArray) -> list[IntArray]:
     return found
 
 
+def _best_known(weights: FloatArray) -> IntArray:
+    """Return the pairs that are constrained: a spanning tree, then the best known of each.
+
+    Parameters
+    ----------
+    weights : of the pairs, symmetric, shape (k, k).
+    """
+    tree = _spanning_tree(weights)
+    others = weights.copy()
+    np.fill_diagonal(others, -np.inf)
+    nearest = np.argsort(-others, axis=1, kind="stable")[:, :_NUM_NEIGHBOURS]
+    best = np.column_stack((np.repeat(np.arange(len(weights)), nearest.shape[1]), nearest.ravel()))
+    best = best[best[:, 0] != best[:, 1]]
+    chosen = {(min(pair), max(pair)) for pair in best.tolist()}
+    chosen -= {(min(pair), max(pair)) for pair in tree.tolist()}
+    return np.array([*tree.tolist(), *sorted(chosen)], dtype=np.int64).reshape(-1, 2)
+
+
 def _spanning_tree(weights: FloatArray) -> IntArray:
     """Return the pairs of the spanning tree of the largest weights, shape (k - 1, 2)."""
     count = len(weights)
@@ -311,32 +440,21 @@ def _spanning_tree(weights: FloatArray) -> IntArray:
     return edges
 
 
-def _links(
-    graph: PoseGraph,
-    pairs: IntArray,
-    tf_a_b: FloatArray,
-    information: FloatArray,
-    memory: float,
-) -> Links:
-    """Return constraints between submaps as ones between nodes of these.
+def _between_nodes(
+    pairs: IntArray, tf_a_b: FloatArray, information: FloatArray, tf_submap_node: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return relative poses of submaps, and their information, as those of a node of each.
 
     Parameters
     ----------
     pairs : shape (n, 2), of submaps.
     tf_a_b, information : of these, shapes (n, 3), (n, 3, 3), frame of a.
-    memory : share of the information that is kept.
+    tf_submap_node : of all submaps, shape (m, 3).
     """
-    node_a, node_b = _members(graph, pairs[:, 0]), _members(graph, pairs[:, 1])
-    tf_node_a = relative_all(graph.node_poses[node_a], graph.submap_poses[pairs[:, 0]])
-    tf_b_node = relative_all(graph.submap_poses[pairs[:, 1]], graph.node_poses[node_b])
-    to_node = compose_all(tf_a_b, tf_b_node)
+    to_node = compose_all(tf_a_b, tf_submap_node[pairs[:, 1]])
+    tf_node_a = relative_all(tf_submap_node[pairs[:, 0]], np.zeros((len(pairs), 3)))
     # A change of tf_a_b, axes of a, moves node b by the lever of what lies beyond submap b.
     turns = _turns(tf_node_a[:, 2])
     back = np.linalg.inv(turns @ _lever(to_node - tf_a_b))
-    at_nodes = memory * np.swapaxes(back, 1, 2) @ information @ back
-    return Links(
-        node_a,
-        node_b,
-        compose_all(tf_node_a, to_node),
-        (at_nodes + np.swapaxes(at_nodes, 1, 2)) / 2,
-    )
+    at_nodes = np.swapaxes(back, 1, 2) @ information @ back
+    return compose_all(tf_node_a, to_node), (at_nodes + np.swapaxes(at_nodes, 1, 2)) / 2

@@ -110,13 +110,7 @@ def _graph(
         closure_rows=np.where(closure_rows == NO_ROW, NO_ROW, rows.new[closure_rows]),
         is_trusted=graph.is_trusted[kept],
     )
-    smaller.add_constraints(
-        ConstraintKind.NODE_TO_NODE,
-        nodes.new[links.node_a],
-        nodes.new[links.node_b],
-        links.tf_a_b,
-        links.information,
-    )
+    links.numbered(submaps.new, nodes.new).add_to(smaller)
     for submap in graph.fixed_submaps:
         if submaps.kept[submap]:
             smaller.fix_submap(int(submaps.new[submap]))

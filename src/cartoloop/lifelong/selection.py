@@ -11,7 +11,7 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from cartoloop.config import LifelongConfig, SubmapConfig
-from cartoloop.kernels.fading import fade_submap, copy_unknown
+from cartoloop.kernels.fading import copy_unknown, fade_submap
 from cartoloop.kernels.map_composition import NEUTRAL
 from cartoloop.map_output.evidence_sum import EvidenceSum, cells_covering
 from cartoloop.sensor.pose import Pose, relative
