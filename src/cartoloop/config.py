@@ -757,6 +757,40 @@ class QualityConfig(Section):
     )
 
 
+class LifelongConfig(Section):
+    """Maps of a place that is seen again and again: old submaps give way to newer ones."""
+
+    enabled: bool = Field(
+        False, description="remove what later sessions cover, and fade what they contradict"
+    )
+    min_covered_share: float = Field(
+        0.9,
+        gt=0,
+        le=1,
+        description="a submap is removed if later sessions have seen this share of its cells",
+    )
+    max_lost_wall: float = Field(
+        0.5,
+        ge=0,
+        description="and if at most so much wall lies outside the grids of later submaps, where it "
+        "cannot be copied to [m]",
+    )
+    min_certainty: float = Field(
+        0.7,
+        gt=0.5,
+        lt=1,
+        description="probability that a cell is free, or a wall, from which older evidence to "
+        "the contrary fades",
+    )
+    memory: float = Field(
+        0.8,
+        gt=0,
+        le=1,
+        description="share of the information of removed constraints that their replacements "
+        "keep: errors of matches at one place are alike",
+    )
+
+
 class Config(Section):
     """All parameters."""
 
@@ -765,3 +799,4 @@ class Config(Section):
     global_slam: GlobalSlamConfig = GlobalSlamConfig()
     map_output: MapOutputConfig = MapOutputConfig()
     quality: QualityConfig = QualityConfig()
+    lifelong: LifelongConfig = LifelongConfig()
