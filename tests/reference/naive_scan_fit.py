@@ -44,7 +44,9 @@ def _cell(point, pose, origin, resolution):
 
 def _is_blocked(cells, limits, start, end):
     length = math.dist(start, end)
-    steps = [k for k in range(int(length) + 1) if limits.clearance <= k <= length - limits.clearance]
+    steps = [
+        k for k in range(int(length) + 1) if limits.clearance <= k <= length - limits.clearance
+    ]
     for k in steps:
         col, row = (
             math.floor(a + k / length * (b - a) + 0.5) for a, b in zip(start, end, strict=True)

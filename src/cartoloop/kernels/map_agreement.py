@@ -95,9 +95,7 @@ def count_agreement(
 
 
 @kernel
-def nearest_wall(
-    cells: ByteArray, row: np.int64, col: np.int64, reach: int, wall: int
-) -> np.int64:
+def nearest_wall(cells: ByteArray, row: np.int64, col: np.int64, reach: int, wall: int) -> np.int64:
     """Return the squared distance [cells] to the nearest wall within a square, or a large one."""
     nearest = np.int64(4 * reach * reach)
     for i in range(-reach, reach + 1):
