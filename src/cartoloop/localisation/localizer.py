@@ -25,7 +25,6 @@ from cartoloop.localisation.decision import (
     Claim,
     Decision,
     decide,
-    needed_margin,
 )
 from cartoloop.localisation.doubt import Doubt
 from cartoloop.localisation.global_search import find_near, is_same_place, refine
@@ -60,12 +59,22 @@ class StartPose(NamedTuple):
 
     Attributes
     ----------
-    poses : tf_map_tracking that are tried.
+    tf_map_tracking : of the robot.
     is_certain : whether a user gave it; otherwise scans must fit as well as for a claim.
+    tf_odom_tracking : the odometry's pose then, if it has continued; None: not known.
     """
 
-    poses: tuple[Pose, ...]
+    tf_map_tracking: Pose
     is_certain: bool
+    tf_odom_tracking: Pose | None = None
+
+    def poses(self, tf_odom_tracking: Pose | None) -> list[Pose]:
+        """Return the poses to try, given the odometry's pose now."""
+        then = self.tf_odom_tracking
+        if then is None or tf_odom_tracking is None:
+            return [self.tf_map_tracking]
+        moved = compose(self.tf_map_tracking, relative(then, tf_odom_tracking))
+        return [moved, self.tf_map_tracking]
 
 
 class _Scan(NamedTuple):
@@ -127,7 +136,7 @@ class Localizer:
         self._answer: Answer | None = None
         self._start: StartPose | None = None
         if at is not None:
-            self._start = StartPose((Pose(*as_numbers(at, "Localizer: at", 3)),), True)
+            self._start = StartPose(Pose(*as_numbers(at, "Localizer: at", 3)), True)
         self._was_located = False
         self._begin()
 
@@ -183,16 +192,23 @@ class Localizer:
         """What is known about the sensors by now."""
         return self._local_slam.calibration
 
-    def start_near(self, *poses: Pose) -> None:
-        """Try these poses at the next scan, and believe one only if it fits as well as a claim."""
-        self._start = StartPose(poses, False)
+    def start_near(self, tf_map_tracking: Pose, tf_odom_tracking: Pose | None = None) -> None:
+        """Try a pose at the next scan, and believe it only if the scan fits as well as for a claim.
+
+        Parameters
+        ----------
+        tf_map_tracking : of the robot, some time ago.
+        tf_odom_tracking : the odometry's pose then. Where it has continued, the robot's motion
+            since then is known; it is also tried as if it had not moved.
+        """
+        self._start = StartPose(tf_map_tracking, False, tf_odom_tracking)
 
     def set_pose(self, tf_map_tracking: Pose | tuple[float, float, float]) -> None:
         """Begin again near a pose that a user gives, at the next scan."""
         self._calibration = self._local_slam.calibration
         self._begin()
         pose = Pose(*as_numbers(tf_map_tracking, "Localizer.set_pose: tf_map_tracking", 3))
-        self._start = StartPose((pose,), True)
+        self._start = StartPose(pose, True)
 
     def add(
         self, event: SensorEvent, on_answer: Callable[[Answer], None] | None = None
@@ -349,7 +365,7 @@ class Localizer:
         if composite is None:
             return None
         known, best = self._known, None
-        for pose in start.poses:
+        for pose in start.poses(self._odom):
             found = find_near(
                 known, composite.points, pose, START_WINDOW_M, START_WINDOW_RAD,
                 CLAIMED_SCORE * known.usual.score,

@@ -42,8 +42,8 @@ MAX_CORRECTION_SIGMAS = 5.0
 """Matches farther from the prediction than this are not used."""
 
 FULL_TRUST_AGREEMENT = 0.75
-"""Of matches with a smaller share of their returns on walls, relative to the usual one, the variance
-grows with the square of what is missing."""
+"""Of matches that agree less, relative to the usual agreement, the variance grows with the square
+of what is missing."""
 
 MIN_AGREEMENT = 0.35
 """Matches that agree less, relative to the usual agreement, are not used."""
