@@ -17,7 +17,6 @@ from cartoloop.localisation.global_search import (
     FoundPlace,
     find,
     fit_of_composite,
-    is_same_place,
     list_places,
     refine,
 )
@@ -115,14 +114,12 @@ def decide(known: KnownMap, composite: Composite, path: float) -> Decision:
         claim = _claim(known, composite, best)
         return Decision(claim, () if claim else _places(known, [best]), found.runner_up)
     listed = list_places(known, points, max(found.best.score - 2.0 * margin, least))
-    candidates = [_candidate(known, composite, place) for place in listed]
+    candidates = [_candidate(known, composite, place) for place in listed.places]
     candidates.sort(key=lambda each: -each.log_likelihood)
     if not candidates:
         return NOTHING
     best, others = candidates[0], candidates[1:]
-    if all(_refutes(best, other, margin) for other in others) and _is_complete(
-        best, found.best, listed, margin
-    ):
+    if listed.is_complete and all(_refutes(best, other, margin) for other in others):
         claim = _claim(known, composite, best)
         if claim is not None:
             return Decision(claim, (), found.runner_up)
@@ -145,19 +142,6 @@ def _refutes(best: _Candidate, other: _Candidate, margin: float) -> bool:
     behind = best.fit.agreement - other.fit.agreement
     lower = best.score - other.score
     return lower >= margin or (behind >= REFUTING_AGREEMENT and lower > -0.5 * margin)
-
-
-def _is_complete(
-    best: _Candidate, first: FoundPlace, listed: list[FoundPlace], margin: float
-) -> bool:
-    """Return whether the listed places are all that could equal the best one.
-
-    Each part of the map yields one place only, so the best of all must not hide another in the
-    same part: it is the best itself, or refuted like the others.
-    """
-    return is_same_place(best.tf_map_tracking, first.tf_map_tracking) or (
-        best.score > first.score - 0.5 * margin and len(listed) > 1
-    )
 
 
 def _claim(known: KnownMap, composite: Composite, best: _Candidate) -> Claim | None:

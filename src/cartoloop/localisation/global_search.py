@@ -13,7 +13,11 @@ from cartoloop.config import LeastSquaresMatcherConfig
 from cartoloop.localisation.known_map import Fit, KnownMap
 from cartoloop.localisation.trail import Composite
 from cartoloop.scan_matching import least_squares
-from cartoloop.scan_matching.branch_and_bound import NO_RUNNER_UP, RunnerUp
+from cartoloop.scan_matching.branch_and_bound import (
+    NO_RUNNER_UP,
+    BranchAndBoundMatch,
+    RunnerUp,
+)
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, MatchOptions
 from cartoloop.sensor.pose import Pose, compose_all, relative, wrap_angle
 from cartoloop.sensor.scan_points import ScanPoints
@@ -25,7 +29,10 @@ MAX_MARGIN = 0.1
 """Other places count down to this below the score of the best one."""
 
 TILE_M = 8.0
-"""Edge of the parts of the map in each of which the best places are listed [m]."""
+"""Edge of the parts of the map that are searched for their best places [m]."""
+
+MAX_PARTS = 2000
+"""Number of parts that are searched, at most: where scans fit everywhere, they prove nothing."""
 
 MAX_PLACES = 12
 """Number of places that are listed, the best."""
@@ -127,10 +134,24 @@ def find_near(
     return None if found is None else FoundPlace(known.to_map(found.tf_submap_scan), found.score)
 
 
-def list_places(known: KnownMap, points: FloatArray, min_score: float) -> list[FoundPlace]:
-    """Return all places of the map where scans fit, the best first.
+class Listing(NamedTuple):
+    """The places where scans fit.
 
-    The map is searched in parts, each of which yields its best place.
+    Attributes
+    ----------
+    places : the best first.
+    is_complete : whether these are all places that reach the score.
+    """
+
+    places: list[FoundPlace]
+    is_complete: bool
+
+
+def list_places(known: KnownMap, points: FloatArray, min_score: float) -> Listing:
+    """Return all places of the map where scans fit.
+
+    The map is searched in parts, each of which yields its best place; a part with another place is
+    divided, and searched again.
 
     Parameters
     ----------
@@ -138,24 +159,58 @@ def list_places(known: KnownMap, points: FloatArray, min_score: float) -> list[F
     min_score : that places must reach.
     """
     centres = _tile_centres(known)
-    count = len(centres)
-    found = known.matcher.match_all(
-        ScanPoints.of([points]).take(np.zeros(count, dtype=np.int64)),
-        centres,
-        linear_windows=np.full(count, 0.5 * TILE_M),
-        angular_windows=np.full(count, math.pi),
-        min_score=min_score,
-        groups=np.arange(count),
-        max_of_group=1,
-        runner_up=NO_RUNNER_UP,
-    )
-    matches = [match for match in found.matches if match is not None]
+    linear, angular = 0.5 * TILE_M, math.pi
+    found: list[BranchAndBoundMatch] = []
+    num_searched = 0
+    while len(centres) and num_searched + len(centres) <= MAX_PARTS:
+        num_searched += len(centres)
+        matches = _match_in(known, points, centres, linear, angular, min_score)
+        found += [match for match in matches if match is not None]
+        is_divided = np.array([match is not None and match.runner_up > 0.0 for match in matches])
+        linear, angular = 0.5 * linear, 0.5 * angular
+        centres = _divided(centres[is_divided], linear, angular)
     places: list[FoundPlace] = []
-    for match in sorted(matches, key=lambda match: -match.score):
+    for match in sorted(found, key=lambda match: -match.score):
         pose = known.to_map(match.tf_submap_scan)
         if not any(is_same_place(pose, place.tf_map_tracking) for place in places):
             places.append(FoundPlace(pose, match.score))
-    return places[:MAX_PLACES]
+    is_complete = len(centres) == 0 and len(places) <= MAX_PLACES
+    return Listing(places[:MAX_PLACES], is_complete)
+
+
+def _match_in(
+    known: KnownMap,
+    points: FloatArray,
+    centres: FloatArray,
+    linear: float,
+    angular: float,
+    min_score: float,
+) -> list[BranchAndBoundMatch | None]:
+    """Return the best match in each of many windows, with its runner-up."""
+    count = len(centres)
+    return known.matcher.match_all(
+        ScanPoints.of([points]).take(np.zeros(count, dtype=np.int64)),
+        centres,
+        linear_windows=np.full(count, linear),
+        angular_windows=np.full(count, angular),
+        min_score=min_score,
+        groups=np.arange(count),
+        max_of_group=1,
+        runner_up=RunnerUp(PLACE_DISTANCE_M, PLACE_ANGLE_RAD, 1.0),
+    ).matches
+
+
+def _divided(centres: FloatArray, linear: float, angular: float) -> FloatArray:
+    """Return the centres of the eight parts of windows, shape (8 n, 3), given their half sizes."""
+    offsets = np.array(
+        [
+            (x * linear, y * linear, theta * angular)
+            for theta in (-1, 1)
+            for y in (-1, 1)
+            for x in (-1, 1)
+        ]
+    )
+    return np.ascontiguousarray((centres[:, None] + offsets[None]).reshape(-1, 3))
 
 
 def refine(known: KnownMap, points: FloatArray, tf_map_tracking: Pose) -> LeastSquaresMatch:
