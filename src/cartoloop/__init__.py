@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from cartoloop.errors import InputError as InputError
     from cartoloop.errors import OutputError as OutputError
     from cartoloop.errors import UsageError as UsageError
+    from cartoloop.localisation.localizer import Localizer as Localizer
     from cartoloop.map_editing.editor import Editor as Editor
     from cartoloop.mapper import Mapper as Mapper
     from cartoloop.merging import merge as merge
@@ -50,6 +51,7 @@ _HOME = {
     "Imu": ("sensor.events", "Imu"),
     "InputError": ("errors", "InputError"),
     "LaserScan": ("sensor.events", "LaserScan"),
+    "Localizer": ("localisation.localizer", "Localizer"),
     "Mapper": ("mapper", "Mapper"),
     "Odometry": ("sensor.events", "Odometry"),
     "OutputError": ("errors", "OutputError"),

@@ -25,6 +25,7 @@ from cartoloop.cli.explain_command import ExplainOptions, explain_command
 from cartoloop.cli.export_command import ExportOptions, export_command
 from cartoloop.cli.info_command import InfoOptions, info_command
 from cartoloop.cli.live_command import LiveCommand, LiveCommandOptions, live_command
+from cartoloop.cli.locate_command import LocateOptions, locate_command
 from cartoloop.cli.lost_output import forget_lost_output, loss_of_output
 from cartoloop.cli.map_command import MapOptions, map_command
 from cartoloop.cli.quality_command import QualityOptions, quality_command
@@ -83,6 +84,17 @@ add_command(
     ["cartoloop view intel", "cartoloop view intel --view-host 0.0.0.0"],
     group=USE,
     cls=ViewingCommand,
+)
+add_command(
+    app,
+    "locate",
+    locate_command,
+    LocateOptions,
+    [
+        "cartoloop locate intel drive.bag --poses poses.jsonl",
+        "cartoloop locate map.yaml tcp://127.0.0.1:7000 --at 1.5 -2 90",
+    ],
+    group=USE,
 )
 add_command(
     app,

@@ -85,19 +85,17 @@ def count_agreement(
             row = np.int64(np.floor((y_submap - grid.origin_y) / resolution + 0.5))
             if not (margin <= col < num_cols - margin and margin <= row < num_rows - margin):
                 continue
-            squared = _nearest_wall(cells, row, col, margin, limits.wall)
+            squared = nearest_wall(cells, row, col, margin, limits.wall)
             if squared <= near:
                 on_wall += 1
-            elif squared > far and _is_floor(cells, row, col, limits.floor):
+            elif squared > far and is_floor(cells, row, col, limits.floor):
                 on_floor += 1
         out_counts[i, 0] = on_wall
         out_counts[i, 1] = on_floor
 
 
 @kernel
-def _nearest_wall(
-    cells: ByteArray, row: np.int64, col: np.int64, reach: int, wall: int
-) -> np.int64:
+def nearest_wall(cells: ByteArray, row: np.int64, col: np.int64, reach: int, wall: int) -> np.int64:
     """Return the squared distance [cells] to the nearest wall within a square, or a large one."""
     nearest = np.int64(4 * reach * reach)
     for i in range(-reach, reach + 1):
@@ -108,7 +106,7 @@ def _nearest_wall(
 
 
 @kernel
-def _is_floor(cells: ByteArray, row: np.int64, col: np.int64, floor: int) -> bool:
+def is_floor(cells: ByteArray, row: np.int64, col: np.int64, floor: int) -> bool:
     """Return whether a cell and those around it were observed to be free."""
     for i in range(-1, 2):
         for j in range(-1, 2):

@@ -8,9 +8,10 @@ import json
 import os
 import time
 from collections import deque
+from collections.abc import Mapping
 from pathlib import Path
 from threading import Condition, Thread
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from cartoloop.live.notices import Notices
 from cartoloop.sensor.pose import Pose
@@ -89,13 +90,18 @@ class PoseWriter:
         tf_map_tracking : in the present map: globally consistent, jumps when loops close.
         latency : from the arrival of the scan to this moment [s].
         """
-        content = {
-            "type": "pose",
-            "stamp": stamp,
-            "local": [round(value, 6) for value in tf_local_tracking],
-            "map": [round(value, 6) for value in tf_map_tracking],
-            "latency_ms": round(1e3 * latency, 3),
-        }
+        self.put_content(
+            {
+                "type": "pose",
+                "stamp": stamp,
+                "local": [round(value, 6) for value in tf_local_tracking],
+                "map": [round(value, 6) for value in tf_map_tracking],
+                "latency_ms": round(1e3 * latency, 3),
+            }
+        )
+
+    def put_content(self, content: Mapping[str, Any]) -> None:
+        """Queue a line of JSON for writing; returns at once."""
         with self._changed:
             if len(self._lines) >= MAX_WAITING:
                 self._lines.popleft()
