@@ -415,16 +415,23 @@ def bench_fuzz(
 def bench_soak(
     hours: Annotated[float, typer.Option(min=0.01, help="Length of the robot's day [h].")] = 8.0,
     faults: Annotated[int, typer.Option(min=0, help="Number of faults.")] = 500,
-    sources: Annotated[str, typer.Option(help="Sources: tcp, ws.")] = "tcp,ws",
+    sources: Annotated[str, typer.Option(help="Sources: tcp, ws, dds.")] = "tcp,ws",
     seed: Annotated[int, typer.Option(help="Of the faults.")] = 0,
+    drives_again: Annotated[
+        bool,
+        typer.Option(
+            "--drives-again/--drives-once",
+            help="Drive each half hour, or once and stand then: the map does not grow.",
+        ),
+    ] = True,
     out: OutOption = Path("bench-results/soak"),
 ) -> None:
     """Map a robot for hours, in compressed time, while connections, clocks and disk fail."""
-    from bench.soak import soak
+    from bench.soak.run import soak
 
     failed = False
     for kind in _names(sources):
-        result = soak(kind, hours, faults, out / kind, seed)
+        result = soak(kind, hours, faults, out / kind, seed, drives_again=drives_again)
         typer.echo(f"source         {kind}\n{result.table()}\n")
         failed = failed or result.unaccounted != 0
     if failed:

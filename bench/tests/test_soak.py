@@ -5,16 +5,61 @@ from __future__ import annotations
 
 import pytest
 
-from bench.soak import SOURCES, soak
+from bench.soak.account import Account
+from bench.soak.run import NETWORKS, soak
 
-pytestmark = pytest.mark.slow
 
-
-@pytest.mark.parametrize("kind", SOURCES)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", NETWORKS)
 def test_every_scan_of_a_bad_day_is_mapped_or_counted(kind, tmp_path):
     result = soak(kind, hours=0.1, num_faults=40, out=tmp_path)
     assert sum(result.faults.values()) in (39, 40)
-    assert len(result.faults) == 6
+    assert len(result.faults) == 7
     assert result.sent > 1700
+    assert result.received == result.sent - result.lost
     assert result.unaccounted == 0, result.table()
     assert (tmp_path / "map.cartoloop").exists()
+
+
+def sent(account, count):
+    return [account.stamp(0.2 * number) for number in range(count)]
+
+
+def test_scans_before_a_cut_are_lost_those_in_between_missing():
+    account = Account(most=20)
+    for stamp in sent(account, 10)[:7]:
+        if stamp > 0.5:  # the first three do not come
+            account.came(stamp)
+    account.cut()
+    account.connected()
+    for stamp in sent(account, 5):  # the clock was set back
+        account.came(stamp)
+
+    assert (account.num_sent, account.num_came) == (15, 9)
+    assert (account.num_lost, account.num_missing) == (3, 3)
+
+
+def test_scans_of_a_connection_that_was_closed_cannot_be_lost():
+    account = Account(most=10)
+    for stamp in sent(account, 5)[:4]:
+        account.came(stamp)
+    account.connected()
+
+    assert (account.num_lost, account.num_missing) == (0, 1)
+
+
+def test_scans_of_two_connections_may_overtake_each_other():
+    account = Account(most=10)
+    first = sent(account, 4)
+    account.cut()
+    account.connected()
+    second = sent(account, 2)
+    for stamp in (second[0], first[0], second[1], first[1], first[1]):
+        account.came(stamp)
+
+    assert (account.num_came, account.num_lost, account.num_missing) == (4, 2, 0)
+
+
+def test_a_scan_that_nobody_sent_is_noticed():
+    with pytest.raises(ValueError, match="never sent"):
+        Account(most=2).came(1.0)

@@ -22,11 +22,15 @@ if TYPE_CHECKING:
     from cartoloop.errors import InputError as InputError
     from cartoloop.errors import OutputError as OutputError
     from cartoloop.errors import UsageError as UsageError
+    from cartoloop.localisation.localizer import Localizer as Localizer
+    from cartoloop.map_editing.editor import Editor as Editor
     from cartoloop.mapper import Mapper as Mapper
+    from cartoloop.merging import merge as merge
     from cartoloop.readers import open_log as open_log
     from cartoloop.readers import read as read
     from cartoloop.recording_run import map_recording as map_recording
     from cartoloop.result import Result as Result
+    from cartoloop.result import edit as edit
     from cartoloop.result import load_map as load_map
     from cartoloop.sensor.events import CloudGeometry as CloudGeometry
     from cartoloop.sensor.events import Imu as Imu
@@ -43,9 +47,11 @@ _HOME = {
     "CloudGeometry": ("sensor.events", "CloudGeometry"),
     "Config": ("config", "Config"),
     "ConfigError": ("errors", "ConfigError"),
+    "Editor": ("map_editing.editor", "Editor"),
     "Imu": ("sensor.events", "Imu"),
     "InputError": ("errors", "InputError"),
     "LaserScan": ("sensor.events", "LaserScan"),
+    "Localizer": ("localisation.localizer", "Localizer"),
     "Mapper": ("mapper", "Mapper"),
     "Odometry": ("sensor.events", "Odometry"),
     "OutputError": ("errors", "OutputError"),
@@ -54,9 +60,11 @@ _HOME = {
     "Result": ("result", "Result"),
     "ScanGeometry": ("sensor.events", "ScanGeometry"),
     "UsageError": ("errors", "UsageError"),
+    "edit": ("result", "edit"),
     "load": ("result", "load_map"),
     "load_map": ("result", "load_map"),
     "map_recording": ("recording_run", "map_recording"),
+    "merge": ("merging", "merge"),
     "open_log": ("readers", "open_log"),
     "read": ("readers", "read"),
 }

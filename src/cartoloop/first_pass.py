@@ -16,6 +16,7 @@ from cartoloop.journal.frames import Kind
 from cartoloop.journal.tape import Tape
 from cartoloop.local_slam.clock_offset import FIRST_ESTIMATE
 from cartoloop.local_slam.local_slam import SensorCalibration
+from cartoloop.local_slam.odometry_veer import MIN_STRETCHES
 from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import Odometry
 from cartoloop.stop_request import StopRequest
@@ -38,13 +39,17 @@ first turns come late and are matched worst."""
 ENOUGH_TURNS = 150
 """Number of turning steps after which an offset that matters would have been found."""
 
+ENOUGH_STRETCHES = 100
+"""Number of metres after which a veer is known that was found: it shows at several headings."""
+
 
 def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration | None:
     """Return what the beginning of a recording shows about its sensors, or None.
 
     The pass ends once clock offsets were found, or the robot has turned so much that there are none
-    that matter; at the latest after `MAX_SHARE` of the scans, or `LEAST_SCANS`, or `MOST_SCANS`
-    while it has not turned. A failure ends it as well: the pass that maps will meet and report it.
+    that matter, and it has driven far enough to know its veer; at the latest after `MAX_SHARE` of
+    the scans, or `LEAST_SCANS`, or `MOST_SCANS` while it has not turned. A failure ends it as well:
+    the pass that maps will meet and report it.
 
     Parameters
     ----------
@@ -104,4 +109,9 @@ def recorded_calibration(
 
 
 def _is_settled(model: OdometryParameters) -> bool:
-    return model.knows_rotation and (bool(model.time_offset) or model.num_turns >= ENOUGH_TURNS)
+    enough = ENOUGH_STRETCHES if any(model.veer) else MIN_STRETCHES
+    return (
+        model.knows_rotation
+        and (bool(model.time_offset) or model.num_turns >= ENOUGH_TURNS)
+        and model.num_stretches >= enough
+    )

@@ -6,8 +6,9 @@ All that is written, drawn, explained or evaluated is made of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,26 @@ from numpy.typing import NDArray
 from cartoloop.config import Config
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.quality.verdict import Quality
 from cartoloop.report import Report
 from cartoloop.session import Session, parts_of
 from cartoloop.submaps.finished_grid import FinishedGrid
+
+
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """One edit of a finished map. Its number is its place among the edits of the map.
+
+    Attributes
+    ----------
+    kind : word of `map_editing.arguments.KINDS`.
+    arguments : values of JSON; submaps, nodes and poses are those of the map as mapped.
+    is_undone : whether it is only remembered.
+    """
+
+    kind: str
+    arguments: Mapping[str, Any]
+    is_undone: bool = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,6 +55,10 @@ class MapData:
     closures : the record of all pairs of submap and node that were searched or matched.
     node_points : of each node the returns that searches match [m], tracking frame.
     sessions : the drives that it is made of, in order, at least one.
+    edits : all edits of the map, in order, those undone among them.
+    original : the map as mapped, where edits have changed this one; it has the same `edits`.
+    edited_quality : of a map as mapped that has edits, the verdict on it with them; None where that
+        was not examined.
     """
 
     stamps: NDArray[np.float64]
@@ -50,6 +72,9 @@ class MapData:
     closures: Closures = field(default_factory=Closures)
     node_points: Sequence[NDArray[np.float64]] = ()
     sessions: tuple[Session, ...] = (Session(),)
+    edits: tuple[Edit, ...] = ()
+    original: MapData | None = None
+    edited_quality: Quality | None = None
 
     @property
     def submap_parts(self) -> NDArray[np.int64]:

@@ -13,6 +13,7 @@ from cartoloop.map_data import MapData
 from cartoloop.quality.verdict import Quality
 
 if TYPE_CHECKING:
+    from cartoloop.map_editing.editor import Editor
     from cartoloop.map_output.occupancy_map import OccupancyMap
 
 
@@ -55,11 +56,10 @@ class Result(MapData):
 
     @cached_property
     def _occupancy_map(self) -> OccupancyMap:
+        from cartoloop.map_output.main_part import main_submaps
         from cartoloop.map_output.occupancy_map import compose_map
 
-        return compose_map(
-            self.submap_grids, self.graph.submap_poses, self.config.local_slam.submaps
-        )
+        return compose_map(*main_submaps(self), self.config.local_slam.submaps)
 
     def save(self, out: str | PathLike[str]) -> None:
         """Write map, trajectories, graph, configuration and report into the folder `out`.
@@ -76,18 +76,49 @@ class Result(MapData):
         save(self, as_path(out, "Result.save: out"))
 
 
-def load_map(path: str | PathLike[str]) -> Result:
+def load_map(path: str | PathLike[str], *, edits: bool = True) -> Result:
     """Return the map that was saved as a map database; times are not kept in it.
 
     Parameters
     ----------
     path : the file, or the folder that ``cartoloop map`` wrote.
+    edits : whether its edits are applied; otherwise it is the map as mapped.
 
     Raises
     ------
     InputError
         It is not there, is no map database, is damaged, or was written by a newer program.
     """
-    from cartoloop.map_file.read import read_map
+    from cartoloop.map_file.damage import damage_reported
+    from cartoloop.map_file.read import map_file_of, read_map
 
-    return Result(**vars(read_map(path)))
+    original = Result(**vars(read_map(path)))
+    if not (edits and original.edits):
+        return original
+    from cartoloop.map_editing.apply import apply_edits
+
+    with damage_reported(map_file_of(path)):
+        return apply_edits(original, original.edited_quality).map
+
+
+def edit(path: str | PathLike[str]) -> Editor[Result]:
+    """Return an editor of a finished map; used with ``with``, it saves the map at the end.
+
+    >>> with cartoloop.edit("intel") as editor:
+    ...     editor.drop_closures(17)
+    ...     editor.align()
+
+    Parameters
+    ----------
+    path : the folder that ``cartoloop map`` wrote.
+
+    Raises
+    ------
+    InputError
+        There is no finished map, or it is damaged.
+    """
+    from cartoloop.map_editing.edited_folder import EditedFolder
+    from cartoloop.map_editing.editor import Editor
+
+    folder = EditedFolder.of(as_path(path, "edit: path"))
+    return Editor(load_map(folder.path, edits=False), folder)

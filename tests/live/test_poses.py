@@ -4,9 +4,15 @@
 from __future__ import annotations
 
 import json
+import os
+from threading import Timer
 
+import pytest
+
+from cartoloop.cli.main import run
+from cartoloop.live import poses
 from cartoloop.live.notices import Notices
-from cartoloop.live.poses import PoseWriter
+from cartoloop.live.poses import PoseWriter, open_poses
 from cartoloop.sensor.pose import IDENTITY
 
 
@@ -50,3 +56,49 @@ def test_poses_end_when_their_reader_leaves():
 
     assert lines == [0.0]
     assert counts == {"the reader of the poses left": 1}
+
+
+@pytest.fixture
+def pipe(tmp_path):
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("no named pipes here")
+    os.mkfifo(tmp_path / "pipe")
+    return tmp_path / "pipe"
+
+
+def test_a_pipe_that_nobody_reads_is_not_waited_for_long(pipe):
+    with pytest.raises(BrokenPipeError, match="nobody reads this pipe"):
+        open_poses(pipe, wait=0.1)
+
+
+def test_the_reader_of_a_pipe_may_come_later(pipe):
+    received = []
+    reader = Timer(0.2, lambda: received.append(pipe.read_bytes()))
+    reader.start()
+
+    with open_poses(pipe, wait=60.0) as stream:
+        writer = PoseWriter(stream, Notices(lambda _: None))
+        for stamp in range(900):  # more than a pipe holds: each line waits for the reader
+            writer.put(float(stamp), IDENTITY, IDENTITY, 0.0)
+        writer.close(timeout=60.0)
+    reader.join()
+
+    assert [json.loads(line)["stamp"] for line in received[0].splitlines()] == list(range(900))
+
+
+def test_poses_in_a_file_replace_those_of_before(tmp_path):
+    (tmp_path / "poses").write_text("those of an earlier run")
+
+    with open_poses(tmp_path / "poses") as stream:
+        stream.write(b"new")
+
+    assert (tmp_path / "poses").read_text() == "new"
+
+
+def test_a_pipe_without_a_reader_is_reported_in_a_line(pipe, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(poses, "READER_S", 0.0)
+
+    assert run(["live", "-", "-o", str(tmp_path / "out"), "--poses", str(pipe)]) == 1
+
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.endswith("pipe: cannot be written: nobody reads this pipe; start its reader first")

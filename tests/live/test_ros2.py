@@ -14,7 +14,13 @@ import pytest
 
 from cartoloop.errors import InputError
 from cartoloop.live.notices import Notices
-from cartoloop.live.ros2 import LOOPBACK_ONLY, Ros2Source
+from cartoloop.live.ros2 import (
+    DEPTH,
+    LOOPBACK_ONLY,
+    RawMessage,
+    Ros2Source,
+    sensor_messages,
+)
 from cartoloop.sensor.events import LaserScan, Odometry
 from tests.limits import LIMIT_S, wait_until
 
@@ -77,3 +83,24 @@ def test_the_domain_is_the_users_or_the_environments(monkeypatch):
 
     assert Ros2Source().name == "ros2:42"
     assert Ros2Source(7).name == "ros2:7"
+
+
+class Reader:
+    """Holds messages, and a notice of another type."""
+
+    def __init__(self, count):
+        self.samples = [*[RawMessage(b"scan")] * count, object()]
+
+    def take(self, most):
+        taken, self.samples = self.samples[:most], self.samples[most:]
+        return taken
+
+
+@pytest.mark.parametrize(("count", "reported"), [(DEPTH - 1, 0), (DEPTH, 1)])
+def test_a_reader_that_is_full_may_have_lost_messages(count, reported):
+    lines = []
+
+    messages = sensor_messages("/scan", Reader(count), Notices(lines.append))
+
+    assert len(messages) == count
+    assert len(lines) == reported

@@ -58,8 +58,10 @@ def imu(frame="imu"):
 
 
 def test_scans_are_left_out_until_the_mounting_is_known():
-    parser = RosParser(Notices(lambda line: None))
+    notices = Notices(lambda line: None)
+    parser = RosParser(notices)
     assert parser.parse("/scan", ros.LASER_SCAN, scan()) is None
+    assert notices.skipped == {"message skipped: pose of its sensor not known yet": 1}
 
     parser.add_transforms(transforms("base_link", "laser", 0.25))
     message = parser.parse("/scan", ros.LASER_SCAN, scan())

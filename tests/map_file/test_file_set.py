@@ -8,7 +8,13 @@ from pathlib import Path
 import pytest
 
 from cartoloop.errors import OutputError
-from cartoloop.map_file.file_set import FILES, new_file_set, remove_file_set, repair_file_set
+from cartoloop.map_file.file_set import (
+    FILES,
+    new_file_set,
+    remove_file_set,
+    repair_file_set,
+    replaced_files,
+)
 from cartoloop.stop_request import StopRequest
 from tests.map_output.small_result import FILES as ALL_FILES
 
@@ -140,3 +146,52 @@ def test_removing_a_map_keeps_other_files(folder):
     (folder / "notes.txt").unlink()
     remove_file_set(folder)
     assert not folder.exists()
+
+
+SOME = ("map.pgm", "map.yaml", "plan.png")
+
+
+def replace_some(folder, content="new"):
+    with replaced_files(folder) as beside:
+        for name in SOME:
+            (beside / name).write_text(content)
+
+
+def some_contents(folder):
+    return {(folder / name).read_text() for name in SOME if (folder / name).exists()}
+
+
+def test_replaced_files_leave_all_others_in_place(folder):
+    replace_some(folder)
+
+    assert some_contents(folder) == {"new"}
+    assert (folder / "trajectory.tum").read_text() == "old"
+    assert {path.name for path in folder.iterdir()} == {*FILES, *SOME, "notes.txt"}
+
+
+def test_a_kill_while_some_files_are_replaced_mixes_none(folder):
+    num_steps = 2 * len(SOME) + 3
+    for step in range(num_steps):
+        replace_some(folder, "old")
+        with pytest.MonkeyPatch.context() as patch:
+            kill_at(step, patch)
+            with pytest.raises(Killed):
+                replace_some(folder)
+        assert len(some_contents(folder)) <= 1, step
+
+        repair_file_set(folder)
+
+        assert some_contents(folder) == ({"new"} if step else {"old"})
+        assert (folder / "trajectory.tum").read_text() == "old"
+        assert all((folder / name).exists() for name in SOME)
+
+
+def test_a_folder_in_the_place_of_a_file_changes_nothing(tmp_path):
+    (tmp_path / "plan.png").mkdir()
+    (tmp_path / "map.pgm").write_text("old")
+
+    with pytest.raises(OutputError, match=r"plan\.png: cannot be written: Is a directory"):
+        replace_some(tmp_path)
+
+    assert {path.name for path in tmp_path.iterdir()} == {"plan.png", "map.pgm"}
+    assert (tmp_path / "map.pgm").read_text() == "old"

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cartoloop.errors import ConfigError
+from cartoloop.errors import ConfigError, OutputError
+from cartoloop.map_output import export
 from cartoloop.map_output.colours import LIGHT
 from cartoloop.map_output.export import (
     Drawing,
@@ -205,3 +206,29 @@ def test_a_map_is_not_mixed_with_another_drawing_of_it(tmp_path):
         export_map(small_result(), tmp_path / "map.jpg")
     with pytest.raises(ConfigError, match="no format 'svg'"):
         export_map(small_result(), tmp_path / "out", formats=["svg"])
+
+
+def test_a_failing_export_keeps_the_files_of_the_last_one(tmp_path, monkeypatch):
+    result = wall_map()
+    export_map(result, tmp_path, formats=("pgm", "tum"))
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    write = export.write_file
+
+    def full_disk(path, content):
+        if path.name == "map.yaml":
+            raise OutputError(f"{path}: cannot be written: No space left on device")
+        write(path, content)
+
+    monkeypatch.setattr(export, "write_file", full_disk)
+    with pytest.raises(OutputError):
+        export_map(result, tmp_path, Drawing(resolution=0.1), formats=("pgm", "tum"))
+
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_an_export_adds_to_the_files_of_other_formats(tmp_path):
+    export_map(wall_map(), tmp_path, formats=("tum",))
+    export_map(wall_map(), tmp_path, formats=("pgm",))
+
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"trajectory.tum", "local_trajectory.tum", "map.pgm", "map.yaml"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import pytest
 
+from cartoloop.runtime import stage_timer
 from cartoloop.runtime.stage_timer import StageTimer
 
 
@@ -50,3 +51,18 @@ def test_stages_that_never_ran_are_left_out():
     timer.measure("idle")
 
     assert timer.summary() == {}
+
+
+def test_many_calls_are_summed_up_in_bounded_memory(monkeypatch):
+    monkeypatch.setattr(stage_timer, "MAX_KEPT", 100)
+    timer = StageTimer()
+    for number in range(10_000):
+        timer.record("match", (number * 7919 % 10_000) / 1e6)  # each of them once, shuffled
+
+    summary = timer.summary()["match"]
+
+    assert len(timer.measure("match").durations) <= 100
+    assert summary.calls == 10_000
+    assert summary.total_s == pytest.approx(49.995)
+    assert summary.median_ms == pytest.approx(5.0, abs=0.5)
+    assert summary.p99_ms == pytest.approx(9.9, abs=0.2)

@@ -13,6 +13,8 @@ from cartoloop.result import load_map
 from cartoloop.simulation import ring, simulate
 from cartoloop.viewer.view import LiveView, serve_result
 from tests.limits import LIMIT_S
+from tests.viewer.page_twin import join, look
+from tests.viewer.real_page import opened
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +49,27 @@ def server(result):
     yield server
     server.close()
     assert server.failure is None
+
+
+@pytest.fixture
+def connection(server):
+    """A connection to the server of the ring."""
+    with join(server.url) as connection:
+        yield connection
+
+
+@pytest.fixture
+def page(connection):
+    """A page that has received the ring."""
+    return look(connection)
+
+
+@pytest.fixture(scope="module")
+def shared(chromium, server):
+    """The ring in a browser, opened once for all tests of a module."""
+    with opened(chromium, server.url) as page:
+        page.settle()
+        yield page
 
 
 @pytest.fixture(scope="session")

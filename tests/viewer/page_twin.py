@@ -210,3 +210,11 @@ def look(connection, page=None, until=lambda page: page.is_complete, timeout=LIM
         assert monotonic() < end, f"not seen in {timeout} s; readings: {page.readings}"
         page.receive(connection.recv(timeout=timeout))
     return page
+
+
+def ask(connection, page, **request):
+    """Send a request and return its answer."""
+    page.answers.clear()
+    connection.send(json.dumps(request))
+    look(connection, page, lambda page: page.answers)
+    return page.answers[0]

@@ -17,25 +17,7 @@ from cartoloop.map_output.picture import palette
 from cartoloop.viewer.feed import rejected_closures
 from cartoloop.viewer.protocol import REJECTED, MessageType
 from cartoloop.viewer.view import serve_result
-from tests.viewer.page_twin import join, look
-
-
-@pytest.fixture
-def connection(server):
-    with join(server.url) as connection:
-        yield connection
-
-
-@pytest.fixture
-def page(connection):
-    return look(connection)
-
-
-def ask(connection, page, **request):
-    page.answers.clear()
-    connection.send(json.dumps(request))
-    look(connection, page, lambda page: page.answers)
-    return page.answers[0]
+from tests.viewer.page_twin import ask, join, look
 
 
 def test_the_page_draws_the_exported_map(page, result):

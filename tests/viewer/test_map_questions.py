@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.pose_graph import ConstraintKind
@@ -18,25 +16,7 @@ from cartoloop.viewer.closure_details import closure_details
 from cartoloop.viewer.feed import constraints_of, poses_before, rejected_closures
 from cartoloop.viewer.protocol import MessageType
 from cartoloop.viewer.view import serve_result
-from tests.viewer.page_twin import join, look
-
-
-@pytest.fixture
-def connection(server):
-    with join(server.url) as connection:
-        yield connection
-
-
-@pytest.fixture
-def page(connection):
-    return look(connection)
-
-
-def ask(connection, page, **request):
-    page.answers.clear()
-    connection.send(json.dumps(request))
-    look(connection, page, lambda page: page.answers)
-    return page.answers[0]
+from tests.viewer.page_twin import ask, join, look
 
 
 def test_the_facts_of_a_finished_map_are_sent(page, result):

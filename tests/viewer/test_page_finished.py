@@ -23,13 +23,6 @@ WIDTH, CELL = 2.08, 0.05
 and edge of a cell of the map, which is as exact as it can be measured."""
 
 
-@pytest.fixture(scope="module")
-def shared(chromium, server):
-    with opened(chromium, server.url) as page:
-        page.settle()
-        yield page
-
-
 @pytest.fixture
 def page(shared):
     """The page as it is when it was opened."""

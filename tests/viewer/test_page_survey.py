@@ -23,13 +23,6 @@ WIDTH, CELL = 2.08, 0.05
 """Between the walls of the ring's corridors, and edge of a cell [m]."""
 
 
-@pytest.fixture(scope="module")
-def shared(chromium, server):
-    with opened(chromium, server.url) as page:
-        page.settle()
-        yield page
-
-
 @pytest.fixture
 def page(shared):
     """The page as it was opened, with nothing measured."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from cartoloop.config import SubmapConfig
-from cartoloop.map_output.occupancy_map import cell_log_odds
+from cartoloop.map_output.evidence_sum import cell_log_odds
 from cartoloop.map_output.picture import floor_and_wall
 from cartoloop.submaps.finished_grid import FinishedGrid, quantize_probabilities
 from cartoloop.viewer.previews import SHRINK, Preview, shrink

@@ -8,7 +8,7 @@ import pytest
 
 from cartoloop.config import SubmapConfig
 from cartoloop.kernels.map_composition import cell_evidence
-from cartoloop.map_output.occupancy_map import cell_log_odds
+from cartoloop.map_output.evidence_sum import cell_log_odds
 from cartoloop.submaps.finished_grid import FinishedGrid, quantize_probabilities
 from cartoloop.viewer.feed import GrowingCells
 from cartoloop.viewer.protocol import MessageType, messages

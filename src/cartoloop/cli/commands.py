@@ -95,13 +95,17 @@ def _write_groups(formatter: Any, groups: Mapping[str, Sequence[tuple[str, str]]
 
 
 def make_app(
-    help_text: str, *, name: str | None = None, add_completion: bool = False
+    help_text: str,
+    *,
+    name: str | None = None,
+    add_completion: bool = False,
+    cls: type[GroupedGroup] = GroupedGroup,
 ) -> typer.Typer:
     """Return an app of commands, whose help is plain text."""
     return typer.Typer(
         name=name,
         help=help_text,
-        cls=GroupedGroup,
+        cls=cls,
         no_args_is_help=True,
         add_completion=add_completion,
         pretty_exceptions_enable=False,

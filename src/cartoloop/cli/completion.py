@@ -28,6 +28,13 @@ def complete_formats(typed: str) -> list[str]:
     return _next_of(typed, FORMATS)
 
 
+def complete_status(typed: str) -> list[str]:
+    """Return the fates of loop closures."""
+    from cartoloop.global_slam.closure_status import Status
+
+    return _beginning_with(typed, (status.text for status in Status))
+
+
 def complete_echo(typed: str) -> list[str]:
     """Return the echoes of a scanner."""
     return _beginning_with(typed, ("first", "strongest"))

@@ -17,6 +17,7 @@ from cartoloop.cli.stop_signals import stop_signals
 from cartoloop.cli.view_command import wait_for_stop
 from cartoloop.errors import OutputError
 from cartoloop.live.live_run import LiveObserver, LiveOptions, map_live
+from cartoloop.live.poses import open_poses
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
 if TYPE_CHECKING:
@@ -135,18 +136,18 @@ def poses_stream(name: str | None) -> Iterator[BinaryIO | None]:
     Raises
     ------
     OutputError
-        The file cannot be written.
+        The file cannot be written, or nobody reads the pipe.
     """
     if name is None:
         yield None
         return
+    file: BinaryIO
     try:
-        # Not sys.stdout, which forgets what is lost: the loss of poses is reported. Unbuffered:
-        # a line that could not be written is not written later.
+        # Not sys.stdout, which forgets what is lost: the loss of poses is reported.
         if name == "-":
             file = open(sys.stdout.fileno(), "wb", buffering=0, closefd=False)  # noqa: SIM115
         else:
-            file = Path(name).open("wb", buffering=0)  # noqa: SIM115 - closed below
+            file = open_poses(Path(name))
     except OSError as error:
         raise OutputError(f"--poses {name}: cannot be written: {error.strerror}") from error
     with file:

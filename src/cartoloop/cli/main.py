@@ -19,13 +19,16 @@ from cartoloop.cli.commands import add_command, make_app
 from cartoloop.cli.config_command import config_app
 from cartoloop.cli.demo_command import DemoOptions, demo_command
 from cartoloop.cli.doctor_command import DoctorOptions, doctor_command
+from cartoloop.cli.edit_command import edit_app
 from cartoloop.cli.evaluate_command import evaluate_app
 from cartoloop.cli.explain_command import ExplainOptions, explain_command
 from cartoloop.cli.export_command import ExportOptions, export_command
 from cartoloop.cli.info_command import InfoOptions, info_command
 from cartoloop.cli.live_command import LiveCommand, LiveCommandOptions, live_command
+from cartoloop.cli.locate_command import LocateOptions, locate_command
 from cartoloop.cli.lost_output import forget_lost_output, loss_of_output
 from cartoloop.cli.map_command import MapOptions, map_command
+from cartoloop.cli.merge_command import MergeOptions, merge_command
 from cartoloop.cli.quality_command import QualityOptions, quality_command
 from cartoloop.cli.simulate_command import SimulateOptions, simulate_command
 from cartoloop.cli.stop_signals import end_orderly
@@ -57,10 +60,22 @@ add_command(
     MapOptions,
     [
         "cartoloop map intel.clf.gz -o intel --view",
+        "cartoloop map tuesday.bag --onto monday",
         "cartoloop map robot.bag --scan-topic /scan --set local_slam.submaps.resolution=0.1",
     ],
     group=MAKE,
     cls=ViewingCommand,
+)
+add_command(
+    app,
+    "merge",
+    merge_command,
+    MergeOptions,
+    [
+        "cartoloop merge monday tuesday -o week",
+        "cartoloop merge robot1 robot2 robot3 -o hall --strict",
+    ],
+    group=MAKE,
 )
 add_command(
     app,
@@ -82,6 +97,17 @@ add_command(
     ["cartoloop view intel", "cartoloop view intel --view-host 0.0.0.0"],
     group=USE,
     cls=ViewingCommand,
+)
+add_command(
+    app,
+    "locate",
+    locate_command,
+    LocateOptions,
+    [
+        "cartoloop locate intel drive.bag --poses poses.jsonl",
+        "cartoloop locate map.yaml tcp://127.0.0.1:7000 --at 1.5 -2 90",
+    ],
+    group=USE,
 )
 add_command(
     app,
@@ -118,6 +144,7 @@ add_command(
     ["cartoloop explain intel --pair 3 1200", "cartoloop explain intel --near 4.5 -2"],
     group=USE,
 )
+app.add_typer(edit_app, name="edit", rich_help_panel=USE)
 app.add_typer(evaluate_app, name="evaluate", rich_help_panel=USE)
 add_command(
     app,
@@ -160,7 +187,7 @@ def _options(
     pass
 
 
-_FILE_COMMANDS = frozenset(("demo", "map", "live", "simulate", "view"))
+_FILE_COMMANDS = frozenset(("demo", "map", "merge", "live", "simulate", "view", "edit"))
 """Commands whose result is not what they print."""
 
 _SHOWN = 200
@@ -171,7 +198,7 @@ def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
     """Run a command line, by default that of ``cartoloop``, and return its exit status.
 
     0: done, 1: failed, 2: wrong usage or configuration, 3: with --strict, the map is not good,
-    130: interrupted.
+    4: a session found no place in the map, 130: interrupted.
     """
     debug = "--debug" in arguments  # at any position
     name = program.info.name if isinstance(program.info.name, str) else None

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from cartoloop.map_output.output_folder import RunFolder
     from cartoloop.map_output.picture import Layer
     from cartoloop.readers.read_options import ReadOptions
+    from cartoloop.sensor.pose import Pose
 
 _LOG_HELP = (
     "Recording; several are parts of one, in order. Its format is recognised by its content: "
@@ -45,7 +47,25 @@ class MapOptions(ViewOptions, ReadingOptions, ConfigOptions, PictureOptions):
             "--out",
             metavar="OUT",
             help="Folder for the map; is created. By default it is named after the recording, "
-            "x-map for x.bag, in the working directory.",
+            "x-map for x.bag, in the working directory; with --onto, it is MAP.",
+        ),
+    ] = None
+    onto: Annotated[
+        Path | None,
+        typer.Option(
+            "--onto",
+            metavar="MAP",
+            help="Add the recording to a map as a session. It finds its place by search; if it "
+            "finds none, it is kept apart in the map, and the status is 4.",
+        ),
+    ] = None
+    at: Annotated[
+        str | None,
+        typer.Option(
+            "--at",
+            metavar="X,Y,DEG",
+            help="Where the robot is in MAP at first [m, m, deg], to a metre or two and 20 "
+            "degrees; with --onto.",
         ),
     ] = None
     resume: Annotated[
@@ -64,10 +84,15 @@ class MapOptions(ViewOptions, ReadingOptions, ConfigOptions, PictureOptions):
         Raises
         ------
         typer.BadParameter
-            Two are given.
+            Two are given, or a run that adds to a map is to be resumed.
         """
         if self.resume is None:
-            return self.out or default_folder(self.logs[0])
+            return self.out or self.onto or default_folder(self.logs[0])
+        if self.onto is not None:
+            raise typer.BadParameter(
+                "a run with --onto cannot be resumed; its map is as it was: map again",
+                param_hint="--resume",
+            )
         if self.out is not None and self.out != self.resume:
             raise typer.BadParameter(
                 "names the folder of the map already; leave -o out", param_hint="--resume"
@@ -81,16 +106,19 @@ def map_command(options: MapOptions) -> None:
     options.require_view()
     read_options = options.read_options()
     loaded = options.load()
+    pose = parse_start(options.at, has_map=options.onto is not None)
     out = options.folder
 
     from cartoloop.readers import open_logs
     from cartoloop.readers.spool import regular_files
-    from cartoloop.recording_run import folder_of
+    from cartoloop.recording_run import folder_of, is_same_folder
 
     files = regular_files(options.logs)
-    folder = folder_of(out, files, overwrite=options.overwrite)
+    overwrite = options.overwrite or is_same_folder(options.onto, out)
+    folder = folder_of(out, files, overwrite=overwrite)
     if options.resume is None:
-        folder.check()
+        if options.onto is None or overwrite:
+            folder.check()
         _note_interrupted(folder)
     else:
         before = _as_before(options, loaded, read_options, folder)
@@ -101,6 +129,7 @@ def map_command(options: MapOptions) -> None:
         layers = None if options.draw == PictureOptions.draw else layers
 
     from cartoloop.cli.mapping import compilation_notice, map_log, require_good
+    from cartoloop.cli.session_lines import require_joined
 
     with compilation_notice():
         log = open_logs(files, read_options)
@@ -114,11 +143,15 @@ def map_command(options: MapOptions) -> None:
         out,
         layers,
         options=read_options,
-        overwrite=options.overwrite,
+        overwrite=overwrite,
         resume=options.resume is not None,
+        onto=options.onto,
+        pose=pose,
     )
     if not options.view:
-        require_good(run().report, options.strict)
+        result = run()
+        require_joined(result)
+        require_good(result.report, options.strict)
         return
     view = options.open_view(log.name, loaded.config, log.num_scans, log.duration)
     try:
@@ -129,6 +162,7 @@ def map_command(options: MapOptions) -> None:
             wait_for_stop(f"view           {view.url}")
     finally:
         view.close()
+    require_joined(result)
     require_good(result.report, options.strict)
 
 
@@ -183,3 +217,28 @@ def default_folder(recording: Path) -> Path:
     if dot and stem and ending.lower() in _WRAPPINGS:
         name = stem
     return Path(f"{Path(name).stem.strip('.-') or 'recording'}-map")
+
+
+def parse_start(text: str | None, *, has_map: bool) -> Pose | None:
+    """Return the pose of --at.
+
+    Raises
+    ------
+    typer.BadParameter
+        It is not three numbers, or there is no map that it is in.
+    """
+    if text is None:
+        return None
+    from cartoloop.sensor.pose import Pose
+
+    if not has_map:
+        raise typer.BadParameter("is a pose in the map of --onto: give that too", param_hint="--at")
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != 3 or not all(map(math.isfinite, values)):
+        raise typer.BadParameter(
+            f"'{text}' is not X,Y,DEG, like 4.5,-2,90 (m, m, degrees)", param_hint="--at"
+        )
+    return Pose(values[0], values[1], math.radians(values[2]))

@@ -49,6 +49,15 @@ class SimulateOptions:
     seed: Annotated[
         int, typer.Option(metavar="N", min=0, help="Seed of the world and of all noise.")
     ] = 0
+    drive: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            min=1,
+            help="N-th drive through the same building, a day after the one before: another "
+            "route, furniture moved, doors closed; office only.",
+        ),
+    ] = 1
     lidar: Annotated[
         str | None,
         typer.Option(
@@ -215,7 +224,7 @@ def _recording(options: SimulateOptions) -> Recording:
         raise ConfigError("--clock-offset is that of a second scanner: add --two-scanners")
 
     file_format = log_format(options.out)
-    world = make_world(options.world, options.seed)
+    world = make_world(options.world, options.seed, options.drive)
     scanner = None if options.lidar is None else make_lidar(options.lidar)
     if options.two_scanners:
         return _with_two_scanners(options, world, scanner or world.lidar, difficulties)

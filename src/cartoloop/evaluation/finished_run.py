@@ -121,10 +121,13 @@ def read_run(folder: str | PathLike[str]) -> FinishedRun:
         own_pose=graph.relative_poses[own],
         closures={
             Stage.FOUND: _closures(closures.found, result),
-            Stage.FINAL: _closures(closures.with_status(Status.FINAL, Status.FOUND), result),
+            Stage.FINAL: _closures(closures.with_status(*_IN_GRAPH), result),
             Stage.REJECTED: _closures(closures.with_status(Status.CONTRADICTED), result),
         },
     )
+
+
+_IN_GRAPH = (Status.FINAL, Status.FOUND, Status.ADDED)
 
 
 def _closures(matched: Matched, result: Result) -> StageClosures:

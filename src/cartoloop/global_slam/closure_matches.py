@@ -191,6 +191,13 @@ class MatchColumns:
         self.runner_ups.extend(matches.runner_up)
         self.joined_at.grow(len(matches.row))[:] = num_nodes
 
+    def replace(self, number: int, match: FinalMatches) -> None:
+        """Replace a match that has no score by another, the only one of `match`."""
+        self.poses.view[number] = match.tf_submap_node[0]
+        self.informations.view[number] = match.information[0][UPPER]
+        self.residuals.view[number] = match.residual[0]
+        self.moves.view[number] = match.moved_m[0], match.moved_rad[0]
+
     def restore(self, table: MatchTable) -> None:
         """Add the matches of a table."""
         for column, values in zip(vars(self).values(), table[1:], strict=True):

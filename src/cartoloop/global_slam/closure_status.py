@@ -37,6 +37,10 @@ class Status(IntEnum):
     """Removed from the graph after the last adjustment: the other constraints contradict it."""
     HYPOTHESIS = 11
     """Matched by a wide search; not a closure, since too few others agree with it."""
+    REMOVED = 12
+    """Removed from the graph by an edit of the finished map."""
+    ADDED = 13
+    """A constraint of the finished graph, added by an edit."""
 
     @property
     def text(self) -> str:
@@ -81,6 +85,10 @@ class Reason(IntEnum):
     """HYPOTHESIS: it fits as well elsewhere, or too few others along the path agree with it."""
     AMBIGUOUS = 16
     """NOT_FOUND: the best candidate reached the score, but so did another place."""
+    EARLIER_PASS = 17
+    """FOUND: by the last pass over an earlier state of the map, from which mapping went on."""
+    EDIT = 18
+    """REMOVED, ADDED: ``cartoloop edit`` or the like."""
 
     @property
     def text(self) -> str:
@@ -97,10 +105,11 @@ _STATUS_OF_REASON = {
     Reason.RESIDUAL: Status.POOR_FIT,
     Reason.TRANSLATION: Status.MOVED_TOO_FAR,
     Reason.ROTATION: Status.MOVED_TOO_FAR,
+    Reason.EDIT: Status.ADDED,
 }
 
 STATUS_OF_REASON: CodeArray = np.zeros(len(Reason), dtype=np.int8)
-"""What each reason of the last pass leads to, :class:`Status` by :class:`Reason`."""
+"""What each reason of a match without a search leads to, :class:`Status` by :class:`Reason`."""
 
 for _reason, _status in _STATUS_OF_REASON.items():
     STATUS_OF_REASON[_reason] = _status

@@ -114,6 +114,27 @@ class Closures(ClosureColumns):
         """Note that closures were removed from the graph, because the others contradict them."""
         self.status[rows], self.reason[rows] = Status.CONTRADICTED, Reason.DISAGREES
 
+    def note_removed(self, rows: NDArray[np.integer]) -> None:
+        """Note that an edit removed closures from the graph."""
+        self.status[rows], self.reason[rows] = Status.REMOVED, Reason.EDIT
+
+    def note_added(self, match: FinalMatches) -> int:
+        """Note a closure that an edit added, and return its row.
+
+        Parameters
+        ----------
+        match : one, with the reason EDIT. It replaces what the last pass measured for its pair.
+        """
+        row = self.find(int(match.submap[0]), int(match.node[0]))
+        number = _NO_MATCH if row is None else int(self._final_match[row])
+        if row is None or number == _NO_MATCH:
+            keys = self._keys(self.submap, self.node)
+            order = np.argsort(keys, kind="stable")
+            return int(self._note_pass(match, keys[order], order)[0])
+        self._matches.replace(number, match)
+        self.status[row], self.reason[row] = Status.ADDED, Reason.EDIT
+        return row
+
     @classmethod
     def restored(
         cls,

@@ -197,6 +197,14 @@ class PoseGraph:
         if submap not in self._fixed_submaps:
             self._fixed_submaps.append(submap)
 
+    def hold_only(self, submaps: Iterable[int], nodes: Iterable[int]) -> None:
+        """Hold these where they are in every adjustment, and release all others."""
+        self._fixed_submaps, self._fixed_nodes = [], []
+        for submap in submaps:
+            self.fix_submap(submap)
+        for node in nodes:
+            self.fix_node(node)
+
     def add_constraint(
         self,
         kind: ConstraintKind,

@@ -85,19 +85,17 @@ def count_agreement(
             row = np.int64(np.floor((y_submap - grid.origin_y) / resolution + 0.5))
             if not (margin <= col < num_cols - margin and margin <= row < num_rows - margin):
                 continue
-            squared = _nearest_wall(cells, row, col, margin, limits.wall)
+            squared = nearest_wall(cells, row, col, margin, limits.wall)
             if squared <= near:
                 on_wall += 1
-            elif squared > far and _is_floor(cells, row, col, limits.floor):
+            elif squared > far and is_floor(cells, row, col, limits.floor):
                 on_floor += 1
         out_counts[i, 0] = on_wall
         out_counts[i, 1] = on_floor
 
 
 @kernel
-def _nearest_wall(
-    cells: ByteArray, row: np.int64, col: np.int64, reach: int, wall: int
-) -> np.int64:
+def nearest_wall(cells: ByteArray, row: np.int64, col: np.int64, reach: int, wall: int) -> np.int64:
     """Return the squared distance [cells] to the nearest wall within a square, or a large one."""
     nearest = np.int64(4 * reach * reach)
     for i in range(-reach, reach + 1):
@@ -108,7 +106,7 @@ def _nearest_wall(
 
 
 @kernel
-def _is_floor(cells: ByteArray, row: np.int64, col: np.int64, floor: int) -> bool:
+def is_floor(cells: ByteArray, row: np.int64, col: np.int64, floor: int) -> bool:
     """Return whether a cell and those around it were observed to be free."""
     for i in range(-1, 2):
         for j in range(-1, 2):
@@ -161,7 +159,7 @@ def best_shifts(
     """
     for i in range(firsts.shape[0]):
         group = points[firsts[i] : ends[i]]
-        centre_x, centre_y = group[:, 0].mean(), group[:, 1].mean()
+        centre_x, centre_y = _centre(group)
         out_shifts[i, :] = 0.0
         rows = np.empty(group.shape[0], dtype=np.int64)
         cols = np.empty(group.shape[0], dtype=np.int64)
@@ -175,6 +173,17 @@ def best_shifts(
                 cols[j] = np.int64(np.floor((turned_x - grid.origin_x) / grid.resolution))
                 rows[j] = np.int64(np.floor((turned_y - grid.origin_y) / grid.resolution))
             _try_shifts(grid, wall, window, rows, cols, angle, out_shifts[i])
+
+
+@kernel
+def _centre(points: FloatArray) -> tuple[float, float]:
+    """Return the mean of points."""
+    # By hand: the mean of NumPy makes a kernel slow to load from the cache.
+    x, y = 0.0, 0.0
+    for j in range(points.shape[0]):
+        x += points[j, 0]
+        y += points[j, 1]
+    return x / points.shape[0], y / points.shape[0]
 
 
 @kernel

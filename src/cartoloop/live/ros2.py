@@ -129,7 +129,7 @@ class Ros2Source:
             for raw in _messages(transforms, 100):
                 _survive(partial(parser.add_transforms, raw), notices)
             for topic, msgtype, reader in self._readers:
-                for raw in _messages(reader, DEPTH):
+                for raw in sensor_messages(topic, reader, notices):
                     _survive(partial(_hand_on, parser, topic, msgtype, raw, put), notices)
 
     def _consider(self, name: str, type_name: str, waiting: Entity, notices: Notices) -> None:
@@ -178,6 +178,17 @@ class Ros2Source:
         unread = SampleState.NotRead | ViewState.Any | InstanceState.Any
         waiting.attach(ReadCondition(reader, unread))
         return reader
+
+
+def sensor_messages(topic: str, reader: Entity, notices: Notices) -> list[bytes]:
+    """Return the messages received, and report if that are all that a reader keeps."""
+    messages = _messages(reader, DEPTH)
+    if len(messages) == DEPTH:
+        notices.note(
+            "messages of ROS 2 came faster than they were read",
+            f"{topic}: messages came faster than they were read; some may be lost",
+        )
+    return messages
 
 
 def _messages(reader: Entity, most: int) -> list[bytes]:

@@ -38,7 +38,8 @@ class RosParser:
 
     Parameters
     ----------
-    notices : receives a line for each sensor whose mounting pose is not known.
+    notices : receives a line for each sensor whose mounting pose is not known, and counts the
+        messages that are left out until then.
     """
 
     def __init__(self, notices: Notices) -> None:
@@ -80,6 +81,10 @@ class RosParser:
                 self._odometry_child = frame
             decoder = self._decoder(topic, msgtype, frame)
             if decoder is None:
+                self._notices.skip(
+                    "message skipped: pose of its sensor not known yet",
+                    f"{topic}: messages are skipped until /tf_static gives its pose on the robot",
+                )
                 return None
             return decoder.decode(raw, header.stamp / NANO, math.nan)
         except DecodeError as error:

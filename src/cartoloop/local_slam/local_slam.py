@@ -7,7 +7,7 @@ import json
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -95,10 +95,7 @@ class SensorCalibration(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as values of JSON, None for what is not known."""
-        odometry = {
-            name: None if math.isnan(value) else value
-            for name, value in asdict(self.odometry).items()
-        }
+        odometry = self.odometry.to_dict()
         return {"odometry": odometry, "scanner_offsets": dict(self.scanner_offsets)}
 
     @classmethod
@@ -110,14 +107,9 @@ class SensorCalibration(NamedTuple):
         ValueError, TypeError, AttributeError
             They are of something else.
         """
-        odometry = {
-            name: math.nan if value is None else float(value)
-            for name, value in content.get("odometry", {}).items()
-        }
-        odometry["num_turns"] = int(odometry.get("num_turns", 0))
         offsets = content.get("scanner_offsets", {})
         return cls(
-            OdometryParameters(**odometry),  # type: ignore[arg-type]
+            OdometryParameters.from_dict(content.get("odometry", {})),
             {str(name): float(offset) for name, offset in offsets.items()},
         )
 
@@ -205,6 +197,7 @@ class LocalSlam:
     node_filter : voxel filter of the points that a node keeps for loop closure.
     timer : measures the stages.
     known : what is known about the sensors before; by default nothing.
+    first_node, first_submap : indices of the first ones: those of earlier sessions come before.
     tapes : of the run; matches are taken from there, or put there.
     """
 
@@ -216,6 +209,9 @@ class LocalSlam:
         timer: StageTimer,
         known: SensorCalibration | None = None,
         tapes: Tapes = NO_TAPES,
+        *,
+        first_node: int = 0,
+        first_submap: int = 0,
     ) -> None:
         self._config = config
         self._tape = tapes.local
@@ -223,9 +219,9 @@ class LocalSlam:
         self._timer = timer
         self._range_filter = RangeFilter(sensor)
         self._scanners: dict[str, _Scanner] = {}
-        self._active = ActiveSubmaps(config.submaps, tapes.finished_submaps)
+        self._active = ActiveSubmaps(config.submaps, first_submap, tapes.finished_submaps)
         self._clocks = ScannerClocks(known.scanner_offsets if known else None)
-        self._num_nodes = 0
+        self._next_node = first_node
         self.extrapolator = PoseExtrapolator(config, known.odometry if known else None)
 
     @property
@@ -482,7 +478,7 @@ class LocalSlam:
             except InputError as error:
                 raise InputError(f"at the scan with stamp {scan.stamp:.6f}: {error}") from error
             node = Node(
-                self._num_nodes,
+                self._next_node,
                 scan.time,
                 tf_local_tracking,
                 thin(data.returns, self._node_filter),
@@ -490,7 +486,7 @@ class LocalSlam:
                 information,
                 insertion.finished,
             )
-        self._num_nodes += 1
+        self._next_node += 1
         if self._tape.take(Kind.NODE) is None and self._tape.is_kept:
             self._tape.put(Kind.NODE, node_record(node, data.tf_tracking_sensor))
         if insertion.finished is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibration of the odometry: offset of its clock, scale of rotation and distance, lever arm.
+"""Calibration of the odometry: offset of its clock, scales, veer, yaw and lever arm.
 
 Odometry stored with a scan is often newer than the scan (0.14 to 0.64 s in the Radish logs) and
 its rotation is wrong by 5 to 20%. Scanners are mounted with errors of up to a degree, so that the
@@ -11,7 +11,8 @@ repeatedly while mapping.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,11 +24,16 @@ from cartoloop.local_slam.clock_offset import (
     clock_offset,
     next_estimate,
 )
+from cartoloop.local_slam.matched_scans import ScanSeries, latest
 from cartoloop.local_slam.odometry_track import OdometryTrack
+from cartoloop.local_slam.odometry_veer import NO_VEER, Veer, estimate_veer
 from cartoloop.sensor.pose import Pose, relative_all
 
 WINDOW = 1500
 """Number of latest scans that are used: some minutes, so that a drifting clock is followed."""
+
+VEER_WINDOW = 6000
+"""The same for the veer, which does not change, and shows only after several headings."""
 
 MIN_STEPS = 25
 """Number of turning steps needed for the clock offset, and of moving steps for the rest."""
@@ -63,6 +69,8 @@ class OdometryParameters:
         has turned enough, because straight steps do not show it.
     num_turns : number of turning steps that it was estimated from.
     translation_error : the same of the distance [m]; NaN before the first estimate.
+    veer : turn on each metre that is not reported.
+    num_stretches : number of metres that it was estimated from.
     """
 
     time_offset: float = 0.0
@@ -74,6 +82,8 @@ class OdometryParameters:
     rotation_error: float = math.nan
     translation_error: float = math.nan
     num_turns: int = 0
+    veer: Veer = NO_VEER
+    num_stretches: int = 0
 
     @property
     def is_known(self) -> bool:
@@ -93,12 +103,47 @@ class OdometryParameters:
             "translation_scale": self.translation_scale,
             "yaw_rad": self.yaw,
             "lever_m": [self.lever_x, self.lever_y],
+            "veer_rad_per_m": self.veer._asdict(),
             "rotation_error_rad": self.rotation_error if self.knows_rotation else None,
             "translation_error_m": self.translation_error if self.is_known else None,
         }
 
-    def predict(self, reported: Pose) -> Pose:
-        """Return the motion of the tracking frame for a motion that the odometry reports."""
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as values of JSON, None for what is not known."""
+        values = {**asdict(self), "veer": list(self.veer)}
+        return {
+            name: None if isinstance(value, float) and math.isnan(value) else value
+            for name, value in values.items()
+        }
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> OdometryParameters:
+        """Return what :meth:`to_dict` made values of JSON of; what is missing is not known.
+
+        Raises
+        ------
+        ValueError, TypeError, AttributeError
+            They are of something else.
+        """
+        values: dict[str, Any] = {
+            name: math.nan if value is None else float(value)
+            for name, value in content.items()
+            if name not in ("veer", "num_turns", "num_stretches")
+        }
+        for name in ("num_turns", "num_stretches"):
+            values[name] = int(content.get(name, 0))
+        constant, cos, sin = content.get("veer", NO_VEER)
+        return cls(**values, veer=Veer(float(constant), float(cos), float(sin)))
+
+    def predict(self, reported: Pose, heading: float = 0.0) -> Pose:
+        """Return the motion of the tracking frame for a motion that the odometry reports.
+
+        Parameters
+        ----------
+        reported : the motion.
+        heading : of the odometry at its begin [rad].
+        """
+        reported = self.veer.corrected(reported, heading)
         theta = self.rotation_scale * reported.theta
         cos, sin = math.cos(theta) - 1.0, math.sin(theta)
         along = self.translation_scale * math.cos(self.yaw)
@@ -109,8 +154,12 @@ class OdometryParameters:
             theta,
         )
 
-    def predict_all(self, reported: FloatArray) -> FloatArray:
+    def predict_all(self, reported: FloatArray, headings: FloatArray) -> FloatArray:
         """Return :meth:`predict` of each row, shape (n, 3), equal to the last bit."""
+        return self.without_veer_all(self.veer.corrected_all(reported, headings))
+
+    def without_veer_all(self, reported: FloatArray) -> FloatArray:
+        """Return the same of reported motions that are corrected for veer, shape (n, 3)."""
         theta = self.rotation_scale * reported[:, 2]
         # numpy's sine and cosine differ from the C library's in the last digit.
         cos = np.array([math.cos(angle) for angle in theta.tolist()]) - 1.0
@@ -127,27 +176,13 @@ class OdometryParameters:
         )
 
 
-@dataclass(slots=True)
-class _Series:
-    """The scans of one scanner, and whether the step to each is used; not that to the first."""
-
-    times: list[float] = field(default_factory=list)
-    poses: list[Pose] = field(default_factory=list)
-    is_usable: list[bool] = field(default_factory=list)
-
-    def cut(self, window: int) -> None:
-        """Drop all but the latest scans."""
-        del self.times[:-window], self.poses[:-window], self.is_usable[:-window]
-        self.is_usable[0] = False
-
-
 class OdometryCalibration:
     """Collects matched scan poses and estimates the :class:`OdometryParameters` from them.
 
     Parameters
     ----------
     model : what is known before; by default nothing.
-    window : number of latest scans that are used.
+    window : number of latest scans that are used, but for the veer.
     first : number of scans before the first estimate.
     """
 
@@ -160,7 +195,7 @@ class OdometryCalibration:
         self.model = model or OdometryParameters()
         self._window = window
         self._due = first
-        self._series: dict[str, _Series] = {}
+        self._series: dict[str, ScanSeries] = {}
         self._num_scans = 0
 
     def shift(self, scanner: str, by: float) -> None:
@@ -183,7 +218,7 @@ class OdometryCalibration:
         taken between scans of one scanner, since the clocks of scanners differ.
         """
         self._num_scans += 1
-        series = self._series.setdefault(scanner, _Series())
+        series = self._series.setdefault(scanner, ScanSeries())
         series.times.append(time)
         series.poses.append(tf_local_tracking)
         series.is_usable.append(bool(series.is_usable))
@@ -191,16 +226,16 @@ class OdometryCalibration:
             series.is_usable[-num_faulty:] = [False] * min(num_faulty, len(series.is_usable))
         if self._num_scans >= self._due:
             self._due = next_estimate(self._num_scans)
-            for one in self._series.values():
-                one.cut(self._window)
             every = list(self._series.values())
-            self.model = estimate(
-                np.array([time for one in every for time in one.times]),
-                np.array([pose for one in every for pose in one.poses]),
-                *track.arrays(),
-                self.model,
-                np.array([usable for one in every for usable in one.is_usable]),
+            for one in every:
+                one.cut(max(self._window, VEER_WINDOW))
+            odometry, before = track.arrays(), self.model
+            veer, num_stretches = estimate_veer(
+                latest(every, VEER_WINDOW), *odometry, before.time_offset, before.veer
             )
+            known = replace(before, veer=veer, num_stretches=num_stretches)
+            scans = latest(every, self._window)
+            self.model = estimate(scans.times, scans.poses, *odometry, known, scans.is_usable)
 
 
 def estimate(
@@ -217,6 +252,7 @@ def estimate(
     ----------
     times, poses : float64, shapes (n,), (n, 3): matched scans.
     odometry_times, odometry_poses : float64, shapes (k,), (k, 3), times increasing.
+    previous : the model so far. Its veer is taken to be known.
     is_usable : shape (n,), whether the step to each scan is used; by default all are.
     """
     if len(odometry_times) < 2:
@@ -240,6 +276,7 @@ def estimate(
     columns = (odometry_poses[:, 0], odometry_poses[:, 1], heading)
     at_scans = np.column_stack([np.interp(times - offset, odometry_times, c) for c in columns])
     reported = relative_all(at_scans[:-1], at_scans[1:])
+    reported = previous.veer.corrected_all(reported, at_scans[:-1, 2])
     if turns_enough:
         rotation_scale = _robust_scale(reported[turning, 2], steps[turning, 2])
     moving = known & (turning | (np.hypot(reported[:, 0], reported[:, 1]) > MIN_MOVE_M))
@@ -248,10 +285,12 @@ def estimate(
     model = OdometryParameters(
         offset, rotation_scale, *_scale_yaw_and_lever(reported[moving], steps[moving])
     )
-    errors = np.abs(model.predict_all(reported[moving]) - steps[moving])
+    errors = np.abs(model.without_veer_all(reported[moving]) - steps[moving])
     knows_rotation = turns_enough or previous.knows_rotation
     return replace(
         model,
+        veer=previous.veer,
+        num_stretches=previous.num_stretches,
         num_turns=int(np.count_nonzero(turning)),
         rotation_error=float(np.median(errors[:, 2])) if knows_rotation else math.nan,
         translation_error=float(np.median(np.hypot(errors[:, 0], errors[:, 1]))),

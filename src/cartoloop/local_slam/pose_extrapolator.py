@@ -393,7 +393,7 @@ class PoseExtrapolator:
             and after is not None
             and not self._odometry.jumps_between(begin, end)
         ):
-            step = model.predict(relative(before, after))
+            step = model.predict(relative(before, after), before.theta)
         self._step_key, self._step = key, step
         return step
 

@@ -13,15 +13,16 @@ shows that wheels slip. It is less exact than wheels that do not, and leaves sma
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.arrays import FloatArray
 from cartoloop.config import WallStepConfig
-from cartoloop.kernels.outline_shift import outline_costs
+from cartoloop.kernels.outline_shift import best_step, open_direction, trace_outline
 from cartoloop.local_slam.match_records import WallMemory
-from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
+from cartoloop.sensor.pose import Pose, compose, inverse, wrap_angle
 
 _STRIDE = 3
 """Of the steps that are tried against odometry, every third is tried first: most often none of them
@@ -32,18 +33,16 @@ _NEIGHBOUR = 1.5
 
 
 class _Outline(NamedTuple):
-    """A scan as lines between neighbouring beams, in the frame of its scanner.
+    """A scan in the frame of its scanner; lines connect the ends of neighbouring beams.
 
     Attributes
     ----------
     bearings : float64, (n,), ascending [rad].
     points : float64, (n, 2), ends of the beams [m].
-    is_line : bool, (n - 1,), whether two ends are of neighbouring beams.
     """
 
     bearings: FloatArray
     points: FloatArray
-    is_line: BoolArray
 
 
 class _LastScan(NamedTuple):
@@ -54,35 +53,30 @@ class _LastScan(NamedTuple):
 
 
 class _Comparison(NamedTuple):
-    """How well a scan fits one before, for each step along the open direction.
+    """The step along the open direction by which a scan fits one before best.
 
     Attributes
     ----------
-    steps : float64, (k,), ascending [m].
-    costs : float64, (k,).
-    matched_step, matched_cost : of the pose as matched.
+    apart : how much further it is than the matched step [m].
+    costs : of the steps by `max_distance` shorter, next to it, it, next to it, by `max_distance`
+        longer; NaN where that was not tried.
+    matched_cost : of the pose as matched.
     along : float64, (2,), unit vector of the direction, local frame.
     """
 
-    steps: FloatArray
-    costs: FloatArray
-    matched_step: float
+    apart: float
+    costs: tuple[float, ...]
     matched_cost: float
     along: FloatArray
 
     @property
-    def best(self) -> int:
-        """Index of the step that fits best."""
-        return int(np.argmin(self.costs))
-
-    @property
-    def apart(self) -> float:
-        """How much further than the matched step it is [m]."""
-        return float(self.steps[self.best]) - self.matched_step
+    def cost(self) -> float:
+        """Cost of the step."""
+        return self.costs[2]
 
     def correction(self, step: float) -> float:
-        """Return the same between the steps, which are `step` apart [m]."""
-        before, here, after = self.costs[self.best - 1 : self.best + 2].tolist()
+        """Return `apart` between the steps that were tried, which are `step` apart [m]."""
+        _, before, here, after, _ = self.costs
         bend = before - 2.0 * here + after
         between = 0.5 * step * (before - after) / bend if bend > 0.0 else 0.0
         return self.apart + between
@@ -120,7 +114,7 @@ class WallStep:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
         if self._last is not None and not self._is_due:
             return
-        outline = _outline_of(returns, tf_tracking_sensor, self._config)
+        outline = _outline_of(returns, tf_tracking_sensor)
         self._last = _LastScan(time, pose, tf_tracking_sensor, outline)
 
     def better_pose(
@@ -160,14 +154,17 @@ class WallStep:
             or 0.0 < time - self._moved_at < config.max_standstill
         ):
             return None
+        turn = abs(wrap_angle(pose.theta - last.pose.theta))
+        turns_too_far = turn > math.radians(config.max_turn_deg)
+        if turns_too_far and self._evidence == 0.0:
+            return None  # The comparison would only reduce the evidence.
         found = _compare(last, time, pose, returns, config, stride=_STRIDE if by_odometry else 1)
         if found is None:
             if by_odometry:
                 self._evidence = 0.0
             return None
         self._evidence *= config.evidence_memory
-        turn = abs(wrap_angle(pose.theta - last.pose.theta))
-        if turn > math.radians(config.max_turn_deg) or not _is_sharp(found, config):
+        if turns_too_far or not _is_sharp(found, config):
             return None
         if not self._is_proven(found, len(returns), by_odometry):
             return None
@@ -176,7 +173,7 @@ class WallStep:
 
     def _is_proven(self, found: _Comparison, num_returns: int, by_odometry: bool) -> bool:
         """Add up the evidence for another step; return whether it is enough."""
-        config, best, apart = self._config, found.costs[found.best], found.apart
+        config, best, apart = self._config, found.cost, found.apart
         side = apart * found.along
         if float(side @ self._side) < 0.0:
             self._evidence = 0.0
@@ -191,7 +188,7 @@ class WallStep:
         ):
             self._evidence = 0.0
             return False
-        evidence = found.matched_cost - float(best)
+        evidence = found.matched_cost - best
         if abs(apart) < _NEIGHBOUR * config.step:
             evidence = max(evidence - config.evidence_of_noise, 0.0)
         self._evidence += evidence
@@ -231,84 +228,52 @@ def _compare(
 
     With a stride above 1, also None where no step of that grid fits better than the matched one.
     """
-    ratio, direction = _open_direction(last.outline)
+    outline, max_gap = last.outline, math.radians(config.max_gap_deg)
+    ratio, direction = open_direction(*outline, max_gap)
     if ratio > config.max_ratio or time <= last.time:
         return None
     tf_sensor_local = inverse(compose(last.pose, last.tf_tracking_sensor))
-    at_match = transform_points(compose(tf_sensor_local, pose), returns)
-    axis = np.array((math.cos(direction), math.sin(direction)))
+    axis = math.cos(direction), math.sin(direction)
     direction -= tf_sensor_local.theta
     along = np.array((math.cos(direction), math.sin(direction)))
     moved = float(along @ (pose.x - last.pose.x, pose.y - last.pose.y))
-    steps = _steps_to_try(time - last.time, config)
-    if stride > 1:
-        some = _costs(last.outline, at_match, axis, np.append(steps[::stride] - moved, 0.0), config)
-        if some[:-1].min() >= some[-1]:
-            return None
-    costs = _costs(last.outline, at_match, axis, np.append(steps - moved, 0.0), config)
-    return _Comparison(steps, costs[:-1], moved, float(costs[-1]), along)
+    reach = min(config.max_speed * (time - last.time), config.max_step) + config.max_distance
+    steps = _steps_to_try(math.ceil(reach / config.step), config.step)
+    costs = np.empty(5)
+    matched_cost, best = best_step(
+        *outline,
+        max_gap,
+        returns,
+        compose(tf_sensor_local, pose)[:],
+        axis,
+        moved,
+        steps,
+        stride,
+        round(config.max_distance / config.step),
+        (config.sigma, config.max_distance, config.outside_cost),
+        costs,
+    )
+    if best < 0:
+        return None
+    return _Comparison(float(steps[best]) - moved, tuple(costs.tolist()), matched_cost, along)
 
 
-def _steps_to_try(duration: float, config: WallStepConfig) -> FloatArray:
+@lru_cache(maxsize=256)
+def _steps_to_try(count: int, step: float) -> FloatArray:
     """Return steps [m], ascending: all that the robot can make, and a margin to judge them by."""
-    reach = min(config.max_speed * duration, config.max_step) + config.max_distance
-    count = math.ceil(reach / config.step)
-    return config.step * np.arange(-count, count + 1, dtype=np.float64)
-
-
-def _open_direction(outline: _Outline) -> tuple[float, float]:
-    """Return how far lines determine a scan along the open direction, and that direction [rad].
-
-    That is the ratio of the eigenvalues of the sum of their normals' squares: 0 between bare walls.
-    A line counts by its length, up to a metre: short ones are noise.
-    """
-    ends = np.diff(outline.points, axis=0)[outline.is_line]
-    length = np.hypot(ends[:, 0], ends[:, 1])
-    weight = np.minimum(length, 1.0) / np.maximum(length, np.finfo(float).tiny) ** 2
-    xx = float((weight * ends[:, 1] ** 2).sum())
-    yy = float((weight * ends[:, 0] ** 2).sum())
-    xy = -float((weight * ends[:, 0] * ends[:, 1]).sum())
-    mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
-    ratio = (mean - half) / (mean + half) if mean > 0.0 else 1.0
-    return ratio, 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+    return step * np.arange(-count, count + 1, dtype=np.float64)
 
 
 def _is_sharp(found: _Comparison, config: WallStepConfig) -> bool:
     """Return whether steps on both sides fit worse: a slope alone is a wrong heading."""
-    costs, best = found.costs, found.best
-    reach = round(config.max_distance / config.step)
-    if not reach <= best < len(costs) - reach:
-        return False
-    rise = min(costs[best - reach], costs[best + reach]) - costs[best]
-    return bool(rise >= config.min_rise)
+    shorter, *_, longer = found.costs
+    # Neither is true of a cost that is NaN, next to the end of the steps.
+    return shorter - found.cost >= config.min_rise and longer - found.cost >= config.min_rise
 
 
-def _outline_of(returns: FloatArray, tf_tracking_sensor: Pose, config: WallStepConfig) -> _Outline:
-    points = transform_points(inverse(tf_tracking_sensor), returns)
-    bearings = np.arctan2(points[:, 1], points[:, 0])
-    order = np.argsort(bearings, kind="stable")
-    bearings, points = bearings[order], points[order]
-    is_line = np.diff(bearings) < math.radians(config.max_gap_deg)
-    return _Outline(bearings, points, is_line)
-
-
-def _costs(
-    outline: _Outline,
-    points: FloatArray,
-    along: FloatArray,
-    shifts: FloatArray,
-    config: WallStepConfig,
-) -> FloatArray:
-    """Return the cost of each shift of a scan, see :func:`outline_costs`."""
-    costs = np.empty(len(shifts))
-    outline_costs(
-        *outline,
-        points,
-        along,
-        shifts,
-        config.sigma,
-        config.max_distance,
-        config.outside_cost,
-        costs,
-    )
-    return costs
+def _outline_of(returns: FloatArray, tf_tracking_sensor: Pose) -> _Outline:
+    bearings, points = np.empty(len(returns)), np.empty((len(returns), 2))
+    if not trace_outline(returns, inverse(tf_tracking_sensor)[:], bearings, points):
+        order = np.argsort(bearings, kind="stable")
+        bearings, points = bearings[order], points[order]
+    return _Outline(bearings, points)

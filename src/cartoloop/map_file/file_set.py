@@ -9,6 +9,7 @@ the next program that opens the folder does the rest.
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 from collections.abc import Iterator
@@ -44,6 +45,9 @@ UNFINISHED = ".unfinished"
 COMPLETE = ".complete"
 """The same folder when all of them are on the disk: the old ones are removed next."""
 
+REPLACING = ".replacing"
+"""A complete folder of files that replace those of the same names, and no others."""
+
 MOVING = ".moving"
 """The same folder when the old ones are removed: its files are moved to where they belong."""
 
@@ -64,7 +68,28 @@ def new_file_set(folder: Path, stop: StopRequest | None = None) -> Iterator[Path
     OutputError
         The file system does not allow it.
     """
-    stop = stop or StopRequest()
+    with _swapped(folder, COMPLETE, stop or StopRequest()) as beside:
+        yield beside
+
+
+@contextmanager
+def replaced_files(folder: Path) -> Iterator[Path]:
+    """Yield a folder for files that replace those of the same names in `folder` in the end.
+
+    As `new_file_set`, but all other files in `folder` stay.
+
+    Raises
+    ------
+    OutputError
+        The file system does not allow it.
+    """
+    with _swapped(folder, REPLACING, StopRequest()) as beside:
+        yield beside
+
+
+@contextmanager
+def _swapped(folder: Path, complete: str, stop: StopRequest) -> Iterator[Path]:
+    """Yield the folder of unfinished files, which is called `complete` when they are."""
     beside = folder / UNFINISHED
     try:
         with _locked(folder):
@@ -74,13 +99,14 @@ def new_file_set(folder: Path, stop: StopRequest | None = None) -> Iterator[Path
                 beside.mkdir()
                 yield beside
                 for path in beside.iterdir():
+                    _check_is_no_folder(folder / path.name)
                     _to_disk(path)
                 _to_disk(beside)
             except BaseException:
                 shutil.rmtree(beside, ignore_errors=True)
                 raise
             with stop.shielded():
-                beside.rename(folder / COMPLETE)
+                beside.rename(folder / complete)
                 complete_file_set(folder)
     except OSError as error:
         place = error.filename or folder
@@ -94,24 +120,35 @@ def repair_file_set(folder: Path) -> None:
 
     Where that is not allowed, as in a folder that can only be read, nothing happens.
     """
-    if (folder / COMPLETE).is_dir() or (folder / MOVING).is_dir():
+    if any((folder / name).is_dir() for name in (COMPLETE, REPLACING, MOVING)):
         with suppress(OSError), _locked(folder):
             complete_file_set(folder)
 
 
 def complete_file_set(folder: Path) -> None:
     """Put the files of a complete set in their places, from whatever step it was left at."""
-    complete, moving = folder / COMPLETE, folder / MOVING
-    if complete.is_dir():
-        for name in reversed(FILES):
-            (folder / name).unlink(missing_ok=True)
-        complete.rename(moving)
+    moving = folder / MOVING
+    for complete in (folder / COMPLETE, folder / REPLACING):
+        if complete.is_dir():
+            for name in reversed(FILES if complete.name == COMPLETE else _names(complete)):
+                (folder / name).unlink(missing_ok=True)
+            complete.rename(moving)
     if moving.is_dir():
-        for name in FILES:
-            if (moving / name).exists():
-                (moving / name).replace(folder / name)
+        for name in _names(moving):
+            (moving / name).replace(folder / name)
         moving.rmdir()
         _to_disk(folder)
+
+
+def _names(folder: Path) -> list[str]:
+    """Return the names of the files in a folder, each after those that it names."""
+    names = {path.name for path in folder.iterdir()}
+    return [name for name in FILES if name in names] + sorted(names.difference(FILES))
+
+
+def _check_is_no_folder(path: Path) -> None:
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
 
 
 def remove_file_set(folder: Path) -> None:

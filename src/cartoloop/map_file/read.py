@@ -25,6 +25,7 @@ from cartoloop.map_data import MapData
 from cartoloop.map_file.closure_tables import constraints_and_closures
 from cartoloop.map_file.closure_tables_v2 import constraints_and_closures_v2
 from cartoloop.map_file.damage import damage_reported, require_cells_to_fit
+from cartoloop.map_file.edit_table import read_edits
 from cartoloop.map_file.file_set import repair_file_set
 from cartoloop.map_file.journal_map import read_journal_map
 from cartoloop.map_file.saved_config import config_of_json
@@ -53,13 +54,14 @@ _TABLES = [
     "statuses",
     "reasons",
     "trajectory",
+    "edits",
     "sessions",
 ]
 _FREE_SUBMAPS, _BYTES_PER_SUBMAP = 1000, 200  # of the file: a submap takes thousands
 
 
 def read_map(path: str | PathLike[str]) -> MapData:
-    """Return the content of a map database, given the file or its folder.
+    """Return the map as mapped, and its edits, given a map database or its folder.
 
     A folder without one may hold the journal of a run that was interrupted: then it is the map
     that the run had so far.
@@ -69,13 +71,9 @@ def read_map(path: str | PathLike[str]) -> MapData:
     InputError
         It is not there, is no map database, is damaged, or was written by a newer program.
     """
-    file = as_path(path, "map")
-    if file.is_dir():
-        repair_file_set(file)
-        journal = file / JOURNAL
-        file = (
-            journal if journal.is_file() and not (file / FILE_NAME).is_file() else file / FILE_NAME
-        )
+    given = as_path(path, "map")
+    repair_file_set(given if given.is_dir() else given.parent)
+    file = map_file_of(given)
     if file.name == JOURNAL:
         return read_journal_map(file)
     with _opened(file) as database, damage_reported(file):
@@ -95,8 +93,19 @@ def read_map(path: str | PathLike[str]) -> MapData:
             report=_report(report),
             closures=closures,
             node_points=[unpack_points(*row[5:]) for row in nodes],
+            edits=read_edits(database),
+            edited_quality=_edited_quality(about),
             sessions=sessions_of(database, _report(report), trajectory[:, 1], graph),
         )
+
+
+def map_file_of(path: str | PathLike[str]) -> Path:
+    """Return the map database, given itself or its folder; a journal where there is no other."""
+    file = as_path(path, "map")
+    if not file.is_dir():
+        return file
+    database, journal = file / FILE_NAME, file / JOURNAL
+    return journal if journal.is_file() and not database.is_file() else database
 
 
 @contextmanager
@@ -175,6 +184,11 @@ def _grid(row: Row) -> FinishedGrid:
     num_rows, num_cols, origin_x, origin_y, resolution, packed = row[4:]
     place = float(origin_x), float(origin_y), float(resolution)
     return FinishedGrid.of_packed(packed, (num_rows, num_cols), *place)
+
+
+def _edited_quality(about: dict[str, str]) -> Quality | None:
+    saved = about.get("edited_quality")
+    return None if saved is None else Quality.from_dict(plain_values(json.loads(saved)))
 
 
 def _report(saved: dict[str, Any]) -> Report:

@@ -15,7 +15,7 @@ SCHEMA_VERSION = 5
 """``user_version`` in the header of the file; increased when older readers would fail.
 
 Version 2 had no tables of closures: all constraints stood in one table, with their score. Version 3
-had fewer statuses and reasons. Version 4 had no sessions: it is one.
+had fewer statuses and reasons. Version 4 had no sessions: it is one; and no edits.
 """
 
 READABLE_VERSIONS = (2, 3, 4, SCHEMA_VERSION)
@@ -25,7 +25,8 @@ SESSIONS_VERSION = 5
 
 TABLES = """
 -- name of the recording; config: JSON; report: JSON, report.json without what differs from run to
--- run (times, memory); program: version that wrote the file
+-- run (times, memory); program: version that wrote the file; edited_quality: JSON, the verdict on
+-- the map with its edits. Everything else describes the map as mapped
 CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 
 -- x, y, theta: tf_map_submap. origin: centre of cell (0, 0) in the submap's frame [m].
@@ -78,6 +79,13 @@ CREATE TABLE reasons (reason INTEGER PRIMARY KEY, name TEXT);
 CREATE TABLE trajectory (
   scan INTEGER PRIMARY KEY, stamp REAL, x REAL, y REAL, theta REAL,
   local_x REAL, local_y REAL, local_theta REAL);
+
+-- What was edited, in order; the map is what the edits that are not undone make of the map as
+-- mapped, which is in the other tables. kind, arguments (JSON): see docs/editing.md. Submaps, nodes
+-- and poses in them are those of the map as mapped
+CREATE TABLE edits (
+  edit INTEGER PRIMARY KEY, kind TEXT NOT NULL, arguments TEXT NOT NULL,
+  is_undone INTEGER NOT NULL);
 
 -- The drives that the map is made of, in order: contiguous ranges of scans, nodes and submaps, each
 -- with a local frame of its own. part: connected part; poses of different parts are in different

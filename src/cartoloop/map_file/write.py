@@ -17,6 +17,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.global_slam.closure_matches import UPPER
 from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.pose_graph import ConstraintKind
+from cartoloop.map_file.edit_table import edit_rows
 from cartoloop.map_file.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES
 from cartoloop.map_file.sessions import session_rows
 from cartoloop.sensor.packed_points import pack_points
@@ -42,11 +43,17 @@ def map_bytes(result: MapData) -> bytes:
 
 
 def fill(database: sqlite3.Connection, result: MapData) -> None:
-    """Write a result into an empty database."""
+    """Write a result into an empty database; of an edited map, the map as mapped and its edits."""
+    edits, edited_quality = result.edits, result.edited_quality
+    if result.original is not None:
+        result, edited_quality = result.original, result.report.quality
     database.executescript(
         f"PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {SCHEMA_VERSION};{TABLES}"
     )
     _insert(database, "about", _about(result))
+    if edited_quality is not None:
+        verdict = json.dumps(asdict(edited_quality), allow_nan=False)
+        _insert(database, "about", iter([("edited_quality", verdict)]))
     _insert(database, "submaps", _submaps(result.submap_grids, result.graph.submap_poses))
     _insert(database, "nodes", _nodes(result))
     _insert(database, "constraints", _constraints(result.graph))
@@ -55,6 +62,7 @@ def fill(database: sqlite3.Connection, result: MapData) -> None:
     _insert(database, "statuses", iter([(code.value, code.text) for code in Status]))
     _insert(database, "reasons", iter([(code.value, code.text) for code in Reason]))
     _insert(database, "trajectory", _trajectory(result))
+    _insert(database, "edits", edit_rows(edits))
     _insert(database, "sessions", session_rows(result.sessions))
     database.commit()
 

@@ -158,8 +158,12 @@ def _residual_sentences(status: Status, values: dict[str, float]) -> list[str]:
             f"{TRUE_TRANSLATION_M:g} m or {math.degrees(TRUE_ROTATION_RAD):g} deg: the other "
             "constraints contradict it."
         )
+    elif status == Status.REMOVED:
+        sentences.append("Removed from the graph by an edit of the map ('cartoloop edit').")
     elif status in (Status.FINAL, Status.FOUND):
         sentences.append("It is a constraint of the graph.")
+    elif status == Status.ADDED:
+        sentences.append("It is a constraint of the graph, added by an edit of the map.")
     return sentences
 
 

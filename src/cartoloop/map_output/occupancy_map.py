@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,9 +13,8 @@ from numpy.typing import NDArray
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import SubmapConfig
 from cartoloop.errors import OutputError
-from cartoloop.kernels.map_composition import add_submap, cell_evidence
-from cartoloop.sensor.pose import Pose, inverse, transform_points
-from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MAX_STEPS, MIN_PROBABILITY
+from cartoloop.map_output.evidence_sum import EvidenceSum, cells_covering
+from cartoloop.sensor.pose import Pose
 
 if TYPE_CHECKING:
     from cartoloop.submaps.finished_grid import FinishedGrid
@@ -128,12 +126,8 @@ def compose_map(
     resolution = config.resolution
     if not seen:
         return OccupancyMap(np.full((1, 1), UNKNOWN), 0.0, 0.0, resolution)
-    corners = [transform_points(pose, _corners(grid)) for grid, pose in seen]
-    corner_cells = np.concatenate(corners) / resolution
     if box is None:
-        lower = np.floor(corner_cells.min(axis=0)).astype(np.int64) - _MARGIN_CELLS
-        upper = np.ceil(corner_cells.max(axis=0)).astype(np.int64) + _MARGIN_CELLS
-        num_cols, num_rows = (upper - lower + 1).tolist()
+        lower, (num_rows, num_cols) = cells_covering(seen, resolution, _MARGIN_CELLS)
     else:
         lower = np.array((box.first_col, box.first_row))
         num_cols, num_rows = box.end_col - box.first_col, box.end_row - box.first_row
@@ -143,72 +137,14 @@ def compose_map(
             "more than fits in memory; the trajectory has probably come apart, or "
             f"cells of {resolution:g} m (local_slam.submaps.resolution) are too small"
         )
-    total = np.zeros((num_rows, num_cols), dtype=np.float32)
-    known = np.zeros((num_rows, num_cols), dtype=np.bool_)
-    log_odds = cell_log_odds(config)
-    for (grid, pose), corners_map in zip(seen, corners, strict=True):
-        affine = _map_cell_to_submap_cell(pose, grid, lower, resolution)
-        cells = corners_map / resolution - lower
-        first = np.clip(np.floor(cells.min(axis=0)) - 1, 0, None).astype(np.int64)
-        end = np.minimum(np.ceil(cells.max(axis=0)).astype(np.int64) + 1, (num_cols, num_rows))
-        if np.any(first >= end):
-            continue  # outside the box
-        window = np.array((first[1], end[1], first[0], end[0]))
-        cells_around = np.pad(grid.cells, 1)
-        evidence = np.empty(cells_around.shape, dtype=np.float32)
-        cell_evidence(cells_around, log_odds, evidence)
-        add_submap(cells_around, evidence, affine, window, total, known)
+    evidence = EvidenceSum(lower, (num_rows, num_cols), config)
+    for grid, pose in seen:
+        evidence.add(grid, pose)
+    total, known = evidence.total, evidence.known
     if box is not None:
         whole = (slice(0, num_rows), slice(0, num_cols))
         return _as_probabilities(total, known, whole, lower, resolution)
     return _cropped(total, known, lower, resolution)
-
-
-def _corners(grid: FinishedGrid) -> FloatArray:
-    """Return centres of the outermost cells of a ring of unknown cells around a grid.
-
-    In the submap's frame [m], shape (4, 2).
-    """
-    num_rows, num_cols = grid.shape
-    left, bottom = grid.origin_x - grid.resolution, grid.origin_y - grid.resolution
-    right = grid.origin_x + num_cols * grid.resolution
-    top = grid.origin_y + num_rows * grid.resolution
-    return np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
-
-
-def cell_log_odds(config: SubmapConfig) -> NDArray[np.float32]:
-    """Return the log-odds that a cell adds to the map, float32 (256,), by its value."""
-    span = MAX_PROBABILITY - MIN_PROBABILITY
-    probability = MIN_PROBABILITY + np.arange(-1, 255) / MAX_STEPS * span
-    log_odds = np.log(probability / (1.0 - probability))
-    log_odds[0] = 0.0
-    hit = math.log(config.hit_probability / (1.0 - config.hit_probability))
-    miss = math.log((1.0 - config.miss_probability) / config.miss_probability)
-    return np.where(log_odds > 0.0, max(1.0, hit / miss) * log_odds, log_odds).astype(np.float32)
-
-
-def _map_cell_to_submap_cell(
-    tf_map_submap: Pose, grid: FinishedGrid, lower: IntArray, resolution: float
-) -> FloatArray:
-    """Return the transform from map cells to cells of a submap and the ring around it.
-
-    Both are coordinates of cell centres.
-    """
-    tf_submap_map = inverse(tf_map_submap)
-    cos = math.cos(tf_submap_map.theta) * resolution / grid.resolution
-    sin = math.sin(tf_submap_map.theta) * resolution / grid.resolution
-    centre_x, centre_y = (float(cell) + 0.5 for cell in lower)
-    first_x, first_y = grid.origin_x - grid.resolution, grid.origin_y - grid.resolution
-    return np.array(
-        (
-            (tf_submap_map.x - first_x) / grid.resolution + cos * centre_x - sin * centre_y,
-            cos,
-            -sin,
-            (tf_submap_map.y - first_y) / grid.resolution + sin * centre_x + cos * centre_y,
-            sin,
-            cos,
-        )
-    )
 
 
 def _cropped(

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The folder that a run saves its map in: whether it can, and what may be replaced there.
 
-A map is replaced by another of the same recording only, unless the user allows more, and a finished
-map never by one of a run that was stopped or failed: that one goes into a folder inside.
+A map is replaced by another of the same recording only, and not if it was edited, unless the user
+allows more, and a finished map never by one of a run that was stopped or failed: that one goes into
+a folder inside.
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ class SavedMap:
     name : of the recording, or "".
     fingerprint : of the recording; "" where it is not known.
     finished : whether the run came to its end; true where that is not known.
+    num_edits : edits of it that are in force.
     """
 
     files: tuple[str, ...]
@@ -50,6 +52,7 @@ class SavedMap:
     name: str = ""
     fingerprint: str = ""
     finished: bool = True
+    num_edits: int = 0
 
     def is_of(self, name: str, fingerprint: str) -> bool:
         """Return whether the map is of a recording; earlier versions kept the name alone."""
@@ -100,7 +103,9 @@ class RunFolder:
         if saved is None or self._may_replace(saved):
             return
         what = f"another map (of {saved.name or 'a program'})"
-        if not saved.has_report:
+        if saved.num_edits and saved.is_of(self.name, self.fingerprint):
+            what = f"a map of this recording that was edited ({saved.num_edits} edits)"
+        elif not saved.has_report:
             what = f"files that would be replaced ({', '.join(saved.files)})"
         raise OutputError(
             f"{self.path}: holds {what}; choose another output folder, or allow it with --overwrite"
@@ -163,7 +168,9 @@ class RunFolder:
         return "" if place == self.path else f", since {self.path} holds a finished map"
 
     def _may_replace(self, saved: SavedMap) -> bool:
-        return self.overwrite or saved.is_of(self.name, self.fingerprint)
+        if self.overwrite:
+            return True
+        return saved.is_of(self.name, self.fingerprint) and not saved.num_edits
 
 
 def prepare_folder(out: str | PathLike[str]) -> Path:
@@ -200,6 +207,7 @@ def saved_map(folder: Path) -> SavedMap | None:
         name=str(recording.get("name", "")) if isinstance(recording, Mapping) else "",
         fingerprint=str(report.get("fingerprint", "")),
         finished=bool(report.get("finished", True)),
+        num_edits=len(edits) if isinstance(edits := report.get("edits"), list) else 0,
     )
 
 

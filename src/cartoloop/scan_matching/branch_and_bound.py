@@ -194,12 +194,17 @@ class SubmapMatcher:
         )
 
     def match_full_submap(
-        self, points: FloatArray, *, min_score: float, max_range: float = math.inf
+        self,
+        points: FloatArray,
+        *,
+        min_score: float,
+        max_range: float = math.inf,
+        runner_up: RunnerUp = NO_RUNNER_UP,
     ) -> BranchAndBoundMatch | None:
         """Return the best match at any rotation, the scan's origin anywhere in the grid, or None.
 
-        Parameters are those of :meth:`match`; there is no runner-up. Of equal scores the one
-        nearest to the grid's centre wins.
+        Parameters are those of :meth:`match`; by default there is no runner-up. Of equal scores the
+        one nearest to the grid's centre wins.
         """
         half_height, half_width = (size // 2 for size in self._grid.shape)
         centre = (
@@ -213,7 +218,7 @@ class SubmapMatcher:
             np.array(((half_width, half_height),)),
             np.array((math.pi,)),
             min_score,
-            NO_RUNNER_UP,
+            runner_up,
             max_range=max_range,
         )
         return found.matches[0]

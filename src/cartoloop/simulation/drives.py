@@ -23,6 +23,9 @@ from cartoloop.simulation.rig import MountedLidar
 START_STAMP = 1_000_000_000.0
 """Time stamp of the beginning [s]: as large as real ones, so that it needs 64 bits."""
 
+DAY_S = 86_400.0
+"""Time from the beginning of a drive to that of the next [s]."""
+
 ODOMETRY_RATE = 20.0
 """Odometry readings per second on a rig [Hz], as common drivers publish it."""
 
@@ -45,7 +48,7 @@ def simulate(
     with_odometry: bool | None = None,
     motion: Motion | None = None,
     duration: float | None = None,
-    start_stamp: float = START_STAMP,
+    start_stamp: float | None = None,
     difficulties: Difficulties = NO_DIFFICULTIES,
 ) -> Recording:
     """Return the recording of a robot with one level scanner, and odometry with each scan.
@@ -61,7 +64,7 @@ def simulate(
     motion : of the robot; by default along the world's route at the world's pace.
     duration : of the recording [s]; the robot stands still at the end of its route. By default
         until it arrives there.
-    start_stamp : time stamp of the first scan [s].
+    start_stamp : time stamp of the first scan [s]; by default a day after the drive before.
     difficulties : sparse scans, glass, people, faults of the odometry, and so on.
 
     Raises
@@ -75,6 +78,7 @@ def simulate(
     odometry's noise as it is, and vice versa.
     """
     motion = motion or drive(world.route, *world.pace)
+    seed = _seed_of_drive(world, seed)
     scanner_seed, odometry_seed = np.random.SeedSequence(seed).spawn(2)
     return Recording(
         world=world,
@@ -86,7 +90,7 @@ def simulate(
         has_odometry=world.has_odometry if with_odometry is None else with_odometry,
         odometry_rate=None,
         duration=_checked(motion.duration if duration is None else duration),
-        start_stamp=start_stamp,
+        start_stamp=_start_stamp(world) if start_stamp is None else start_stamp,
         seeds=NoiseSeeds(None, odometry_seed, (scanner_seed,), seed),
         difficulties=difficulties,
     )
@@ -102,7 +106,7 @@ def simulate_rig(
     seed: int = 0,
     motion: Motion | None = None,
     duration: float | None = None,
-    start_stamp: float = START_STAMP,
+    start_stamp: float | None = None,
     difficulties: Difficulties = NO_DIFFICULTIES,
 ) -> Recording:
     """Return the recording of several sensors on a body that may sway.
@@ -116,7 +120,7 @@ def simulate_rig(
     seed : of all noise; the same seed gives the same recording.
     motion : by default along the world's route at the world's pace.
     duration : of the recording [s]; by default until the end of the route.
-    start_stamp : time stamp of the beginning [s].
+    start_stamp : time stamp of the beginning [s]; by default a day after the drive before.
     difficulties : see :func:`simulate`.
 
     Raises
@@ -131,6 +135,7 @@ def simulate_rig(
     )
     if len({scanner.name for scanner in mounted}) < len(mounted):
         raise ConfigError("simulated scanners: give each a name of its own")
+    seed = _seed_of_drive(world, seed)
     imu_seed, odometry_seed, *scanner_seeds = np.random.SeedSequence(seed).spawn(len(mounted) + 2)
     return Recording(
         world=world,
@@ -142,7 +147,7 @@ def simulate_rig(
         has_odometry=odometry is not None,
         odometry_rate=ODOMETRY_RATE,
         duration=_checked(motion.duration if duration is None else duration),
-        start_stamp=start_stamp,
+        start_stamp=_start_stamp(world) if start_stamp is None else start_stamp,
         seeds=NoiseSeeds(imu_seed, odometry_seed, tuple(scanner_seeds), seed),
         difficulties=difficulties,
     )
@@ -199,6 +204,18 @@ def carry(
         duration=duration,
         difficulties=difficulties,
     )
+
+
+def _start_stamp(world: World) -> float:
+    """Return the time stamp of the beginning of a drive [s]."""
+    return START_STAMP + (world.drive - 1) * DAY_S
+
+
+def _seed_of_drive(world: World, seed: int) -> int:
+    """Return the seed of the noise of a drive: each has noise of its own."""
+    if world.drive == 1:
+        return seed
+    return int(np.random.SeedSequence((seed, world.drive)).generate_state(1)[0])
 
 
 def _less_seeing(scanner: MountedLidar, difficulties: Difficulties) -> MountedLidar:

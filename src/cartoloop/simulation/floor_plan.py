@@ -35,6 +35,9 @@ class World:
     has_odometry : whether recordings have wheel odometry by default.
     tape_lines : float64, shape (num_lines, 4), x1, y1, x2, y2 [m], map frame: where a laser tape
         measures from wall to wall, with nothing in between.
+    drive : which drive through the building it is, from 1 on: each is a day after the one before.
+    furniture : float64, shape (num_segments, 4), outlines of what may stand elsewhere on another
+        drive, map frame; the walls hold as much of them as can be seen.
     """
 
     name: str
@@ -44,6 +47,8 @@ class World:
     lidar: Lidar = field(default_factory=Lidar)
     has_odometry: bool = True
     tape_lines: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
+    drive: int = 1
+    furniture: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,10 +242,24 @@ def row_of_rooms(
     return rooms
 
 
+def shut_door(plan: FloorPlan, room: Room) -> None:
+    """Close the open door of a room of :func:`row_of_rooms`."""
+    _, hinge_u = _hinge(room)
+    hinge = room.point(hinge_u, WALL_THICKNESS / 2)
+    plan.lines[:] = [line for line in plan.lines if line[:2] != hinge]
+    begin, half = room.door.middle - room.door.width / 2, PANEL_THICKNESS / 2
+    plan.solids.append(room.bounds(begin, -half, begin + room.door.width, half))
+
+
+def _hinge(room: Room) -> tuple[float, float]:
+    """Return the side (1 or -1) of the door with more room, and u of the hinge there [m]."""
+    side = 1.0 if room.width - room.door.middle > room.door.middle else -1.0
+    return side, room.door.middle + side * room.door.width / 2
+
+
 def _open_leaf(plan: FloorPlan, rng: np.random.Generator, room: Room) -> None:
     """Add the leaf of an open door, hinged on the side where it has more room."""
-    side = 1.0 if room.width - room.door.middle > room.door.middle else -1.0
-    hinge_u = room.door.middle + side * room.door.width / 2
+    side, hinge_u = _hinge(room)
     swing = math.radians(rng.uniform(85.0, 112.0))
     tip = room.point(
         hinge_u - side * room.door.width * math.cos(swing),

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -14,6 +15,33 @@ from cartoloop.simulation.floor_plan import WALL_THICKNESS, Box, FloorPlan, Poin
 WALL_FACE = WALL_THICKNESS / 2
 
 
+@dataclass(frozen=True, slots=True)
+class Item:
+    """A piece of furniture that may be moved; all lengths in metres, map frame.
+
+    Attributes
+    ----------
+    bounds : the space that it takes (x_min, y_min, x_max, y_max).
+    area : where it may be moved to.
+    solids, lines : as it stands on the floor plan.
+    """
+
+    bounds: Box
+    area: Box
+    solids: tuple[Box, ...]
+    lines: tuple[Box, ...]
+
+    def moved(self, x: float, y: float) -> Item:
+        """Return the item moved by x, y [m]."""
+
+        def shifted(boxes: tuple[Box, ...]) -> tuple[Box, ...]:
+            return tuple((x1 + x, y1 + y, x2 + x, y2 + y) for x1, y1, x2, y2 in boxes)
+
+        return Item(
+            shifted((self.bounds,))[0], self.area, shifted(self.solids), shifted(self.lines)
+        )
+
+
 class Furniture:
     """Puts boxes onto a floor plan where they hinder nobody.
 
@@ -21,10 +49,15 @@ class Furniture:
     ----------
     plan : gets the furniture.
     route : float64, shape (k, 2), corners of a path that stays clear [m].
+
+    Attributes
+    ----------
+    items : what may be moved.
     """
 
     def __init__(self, plan: FloorPlan, route: FloatArray) -> None:
         self.plan = plan
+        self.items: list[Item] = []
         self._path = _dense(route, spacing=0.1)
         self._taken: list[Box] = []
 
@@ -42,7 +75,12 @@ class Furniture:
         self._taken.append(bounds)
 
     def place(
-        self, bounds: Box, clearance: float = 0.6, gap: float = 0.0, visible: bool = True
+        self,
+        bounds: Box,
+        clearance: float = 0.6,
+        gap: float = 0.0,
+        visible: bool = True,
+        area: Box | None = None,
     ) -> bool:
         """Add a box unless it blocks a path; return whether it was added.
 
@@ -52,7 +90,59 @@ class Furniture:
         clearance : distance to keep from the route [m].
         gap : distance to keep from other furniture [m].
         visible : False only reserves the space.
+        area : where it may be moved to; None: it stays where it is.
         """
+        if not self.is_free(bounds, clearance, gap):
+            return False
+        self._taken.append(bounds)
+        if visible:
+            num_solids = len(self.plan.solids)
+            self.plan.box(bounds[:2], bounds[2:])
+            if area is not None:
+                self.items.append(Item(bounds, area, tuple(self.plan.solids[num_solids:]), ()))
+        return True
+
+    def place_chair(self, middle: Point, half: float, radius: float, area: Box) -> None:
+        """Add a chair unless it blocks a path.
+
+        Parameters
+        ----------
+        middle : of the chair [m].
+        half : half the edge of the square that it takes [m].
+        radius : of its corners [m].
+        area : where it may be moved to.
+        """
+        x, y = middle
+        bounds = (x - half, y - half, x + half, y + half)
+        if self.place(bounds, visible=False):
+            num_lines = len(self.plan.lines)
+            self.plan.pillar(middle, radius, num_sides=5)
+            self.items.append(Item(bounds, area, (), tuple(self.plan.lines[num_lines:])))
+
+    def take_away(self, item: Item) -> None:
+        """Remove an item from the floor."""
+        self.items.remove(item)
+        self._taken.remove(item.bounds)
+        for solid in item.solids:
+            self.plan.solids.remove(solid)
+        for line in item.lines:
+            self.plan.lines.remove(line)
+
+    def put(self, item: Item) -> None:
+        """Put an item where it says, whatever is there."""
+        self._taken.append(item.bounds)
+        self.items.append(item)
+        self.plan.solids.extend(item.solids)
+        self.plan.lines.extend(item.lines)
+
+    def segments(self) -> FloatArray:
+        """Return the outlines of the items, shape (num_segments, 4) [m]."""
+        solids = [solid for item in self.items for solid in item.solids]
+        lines = [line for item in self.items for line in item.lines]
+        return FloorPlan(solids, lines).segments()
+
+    def is_free(self, bounds: Box, clearance: float, gap: float) -> bool:
+        """Return whether a box keeps these distances to the paths and other furniture [m]."""
         x_min, y_min, x_max, y_max = bounds
         away_x = np.maximum(np.maximum(x_min - self._path[:, 0], self._path[:, 0] - x_max), 0.0)
         away_y = np.maximum(np.maximum(y_min - self._path[:, 1], self._path[:, 1] - y_max), 0.0)
@@ -61,9 +151,6 @@ class Furniture:
         for x1, y1, x2, y2 in self._taken:
             if x_min < x2 + gap and x1 < x_max + gap and y_min < y2 + gap and y1 < y_max + gap:
                 return False
-        self._taken.append(bounds)
-        if visible:
-            self.plan.box((x_min, y_min), (x_max, y_max))
         return True
 
 
@@ -90,16 +177,23 @@ def furnish_corridor(
         at, size = rng.uniform(0.3, length - 1.9), rng.uniform(0.25, 1.5)
         depth = WALL_FACE + rng.uniform(0.1, 0.32)
         x, y = begin[0] + at * ux, begin[1] + at * uy
+        across_x, across_y = depth * abs(uy), depth * abs(ux)
         furniture.place(
-            (
-                x - depth * abs(uy),
-                y - depth * abs(ux),
-                x + size * ux + depth * abs(uy),
-                y + size * uy + depth * abs(ux),
-            ),
+            (x - across_x, y - across_y, x + size * ux + across_x, y + size * uy + across_y),
             clearance=0.45,
             gap=0.8,
+            area=(
+                begin[0] - across_x,
+                begin[1] - across_y,
+                end[0] + across_x,
+                end[1] + across_y,
+            ),
         )
+
+
+def inside(room: Room) -> Box:
+    """Return the floor of a room between its walls (x_min, y_min, x_max, y_max) [m]."""
+    return room.bounds(WALL_FACE, WALL_FACE, room.width - WALL_FACE, room.depth - WALL_FACE)
 
 
 def _desks(furniture: Furniture, rng: np.random.Generator, room: Room) -> None:
@@ -108,11 +202,10 @@ def _desks(furniture: Furniture, rng: np.random.Generator, room: Room) -> None:
     for _ in range(round(room.width / 1.6)):
         width, depth = rng.uniform(1.2, 1.8), rng.uniform(0.65, 0.85)
         u = rng.uniform(WALL_FACE, max(room.width - width - WALL_FACE, 0.1))
-        if furniture.place(room.bounds(u, back - depth, u + width, back), gap=0.15):
+        desk = room.bounds(u, back - depth, u + width, back)
+        if furniture.place(desk, gap=0.15, area=inside(room)):
             chair_u, chair_v = u + width * rng.uniform(0.3, 0.7), back - depth - 0.35
-            around = room.bounds(chair_u - 0.25, chair_v - 0.25, chair_u + 0.25, chair_v + 0.25)
-            if furniture.place(around, visible=False):
-                furniture.plan.pillar(room.point(chair_u, chair_v), 0.24, num_sides=5)
+            furniture.place_chair(room.point(chair_u, chair_v), 0.25, 0.24, inside(room))
 
 
 def _meeting_table(furniture: Furniture, rng: np.random.Generator, room: Room) -> None:
@@ -120,15 +213,14 @@ def _meeting_table(furniture: Furniture, rng: np.random.Generator, room: Room) -
     half_u = min(2.0, room.width / 2 - 1.3)
     half_v = min(0.8, room.depth / 2 - 1.5)
     u, v = room.width / 2, room.depth / 2 + rng.uniform(0.0, 0.6)
-    if not furniture.place(room.bounds(u - half_u, v - half_v, u + half_u, v + half_v)):
+    table = room.bounds(u - half_u, v - half_v, u + half_u, v + half_v)
+    if not furniture.place(table, area=inside(room)):
         _desks(furniture, rng, room)
         return
     for side in (-1.0, 1.0):
         for chair_u in np.arange(u - half_u + 0.4, u + half_u - 0.2, 0.9):
             chair_v = v + side * (half_v + rng.uniform(0.3, 0.5))
-            around = room.bounds(chair_u - 0.24, chair_v - 0.24, chair_u + 0.24, chair_v + 0.24)
-            if furniture.place(around, visible=False):
-                furniture.plan.pillar(room.point(chair_u, chair_v), 0.23, num_sides=5)
+            furniture.place_chair(room.point(chair_u, chair_v), 0.24, 0.23, inside(room))
 
 
 def _shelf_rows(furniture: Furniture, rng: np.random.Generator, room: Room) -> None:
@@ -136,7 +228,8 @@ def _shelf_rows(furniture: Furniture, rng: np.random.Generator, room: Room) -> N
     back = room.depth - WALL_FACE
     length = room.depth * rng.uniform(0.4, 0.6)
     for u in np.arange(WALL_FACE, room.width - 0.5, rng.uniform(1.3, 1.6)):
-        furniture.place(room.bounds(u, back - length, u + 0.45, back), gap=0.3)
+        shelf = room.bounds(u, back - length, u + 0.45, back)
+        furniture.place(shelf, gap=0.3, area=inside(room))
 
 
 def _cabinet(furniture: Furniture, rng: np.random.Generator, room: Room) -> None:
@@ -149,7 +242,7 @@ def _cabinet(furniture: Furniture, rng: np.random.Generator, room: Room) -> None
         u = WALL_FACE if rng.random() < 0.5 else room.width - WALL_FACE - depth
         v = rng.uniform(WALL_FACE, room.depth - WALL_FACE - length)
         bounds = room.bounds(u, v, u + depth, v + length)
-    furniture.place(bounds, gap=0.1)
+    furniture.place(bounds, gap=0.1, area=inside(room))
 
 
 def _dense(route: FloatArray, spacing: float) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.simulation.floor_plan import (
     OUTER_WALL_THICKNESS,
     FloorPlan,
@@ -17,7 +18,8 @@ from cartoloop.simulation.floor_plan import (
     row_of_rooms,
     uneven_split,
 )
-from cartoloop.simulation.furniture import Furniture, furnish_corridor, furnish_room
+from cartoloop.simulation.furniture import Furniture, furnish_corridor, furnish_room, inside
+from cartoloop.simulation.later_drive import Stop, close_doors, rearrange, vary_route
 
 # The middle lines of the walls along the corridors [m]: S, N run along x; W, M, E along y.
 SOUTH = (6.5, 8.5)
@@ -65,19 +67,28 @@ class _Rooms:
         outer = [*self.south, *self.north_west, *self.north, *self.west, *self.east]
         return [*outer, *self.core_south, *self.core_north]
 
+    def not_visited(self) -> list[Room]:
+        """Return every other room of each row: no route leads there, and some are closed."""
+        rows = (self.south, self.north, self.west, self.east, self.core_south, self.core_north)
+        return [room for row in rows for room in row[1::2]]
 
-def office(seed: int = 0) -> World:
+
+def office(seed: int = 0, drive: int = 1) -> World:
     """Return an office floor and a route of some 320 m that closes several loops.
 
     Parameters
     ----------
     seed : another seed gives other rooms, doors and furniture between the same corridors.
+    drive : 1 or more: from drive to drive a part of the furniture is moved, removed or brought
+        back; doors of rooms that are not visited are open or closed, and the route begins
+        elsewhere, may run in the other direction, and leaves out some rooms.
     """
     rng = np.random.default_rng(seed)
     plan = FloorPlan()
     _outer_walls(plan)
     rooms = _rooms(plan, rng)
-    route = np.array(_route(rng, rooms))
+    stops = _stops(rng, rooms)
+    route = _joined(stops)
     furniture = Furniture(plan, route)
     for room in rooms.all():
         furniture.keep_door_clear(room)
@@ -87,7 +98,18 @@ def office(seed: int = 0) -> World:
     _hall(plan, rng, furniture, rooms.hall)
     for room in rooms.all():
         furnish_room(furniture, rng, room)
-    return World(name="office", walls=plan.segments(), route=route)
+    if drive > 1:
+        route = _joined(vary_route(stops, seed, drive))
+        furniture.keep_clear(route)
+        close_doors(plan, rooms.not_visited(), seed, drive)
+        rearrange(furniture, seed, drive)
+    return World(
+        name="office",
+        walls=plan.segments(),
+        route=route,
+        drive=drive,
+        furniture=furniture.segments(),
+    )
 
 
 def _outer_walls(plan: FloorPlan) -> None:
@@ -198,49 +220,64 @@ def _hall(plan: FloorPlan, rng: np.random.Generator, furniture: Furniture, hall:
             length, depth = depth, length
         u = rng.uniform(0.7, hall.width - 0.7 - length)
         v = rng.uniform(0.7, hall.depth - 0.7 - depth)
-        furniture.place(hall.bounds(u, v, u + length, v + depth), clearance=0.55, gap=0.6)
+        island = hall.bounds(u, v, u + length, v + depth)
+        furniture.place(island, clearance=0.55, gap=0.6, area=inside(hall))
 
 
-def _route(rng: np.random.Generator, rooms: _Rooms) -> list[Point]:
+def _joined(stops: list[Stop]) -> FloatArray:
+    """Return the corners of a route, shape (k, 2) [m]."""
+    return np.array([place for stop in stops for place in stop.path])
+
+
+def _stops(rng: np.random.Generator, rooms: _Rooms) -> list[Stop]:
     """Return the route of the robot: lobby, west loop, east loop, hall, through the core, lobby."""
 
-    def crossing(along_y: Point, along_x: Point) -> Point:
+    def crossing(along_y: Point, along_x: Point) -> Stop:
         """Return a place near the middle of where two corridors cross: nobody drives on rails."""
         aside = rng.uniform(-0.15, 0.15, 2)
-        return (sum(along_y) / 2 + float(aside[0]), sum(along_x) / 2 + float(aside[1]))
+        return Stop.at(sum(along_y) / 2 + float(aside[0]), sum(along_x) / 2 + float(aside[1]))
 
-    def into(room: Room, *spots: Point) -> list[Point]:
+    def into(room: Room, *spots: Point) -> Stop:
         """Return a visit to spots given as shares of the room's width and depth."""
-        return room.visit(*((u * room.width, v * room.depth) for u, v in spots))
+        path = room.visit(*((u * room.width, v * room.depth) for u, v in spots))
+        return Stop(tuple(path), may_be_skipped=True)
 
     core_south, core_north = rooms.core_south[0], rooms.core_north[0]
     (passage_x, passage_y), (_, exit_y) = rooms.passage, rooms.hall_exit
     return [
-        (39.6, 2.6),
-        (40.0, 7.4),
-        *into(rooms.south[4], (0.5, 0.6)),
-        *into(rooms.south[2], (0.35, 0.6), (0.65, 0.55)),
+        Stop.at(39.6, 2.6),
+        Stop.at(40.0, 7.4),
+        into(rooms.south[4], (0.5, 0.6)),
+        into(rooms.south[2], (0.35, 0.6), (0.65, 0.55)),
         crossing(WEST, SOUTH),
-        *into(rooms.west[2], (0.5, 0.5)),
+        into(rooms.west[2], (0.5, 0.5)),
         crossing(WEST, NORTH),
-        *into(rooms.north_west[0], (0.7, 0.5), (0.35, 0.5)),
+        into(rooms.north_west[0], (0.7, 0.5), (0.35, 0.5)),
         crossing(MIDDLE, NORTH),
         crossing(MIDDLE, SOUTH),
         crossing(EAST, SOUTH),
-        *into(rooms.east[0], (0.5, 0.55)),
+        into(rooms.east[0], (0.5, 0.55)),
         crossing(EAST, NORTH),
-        *into(rooms.north[4], (0.4, 0.45), (0.6, 0.65)),
+        into(rooms.north[4], (0.4, 0.45), (0.6, 0.65)),
         crossing(MIDDLE, NORTH),
-        *(rooms.hall.point(rooms.hall.door.middle, v) for v in (-1.1, 0.0, 1.0)),
-        rooms.hall.point(6.3, 3.0),
-        rooms.hall.point(6.3, 9.0),
-        *((x, exit_y) for x in (EAST[0] - 1.2, EAST[0], EAST[0] + 1.0)),
+        Stop(
+            (
+                *(rooms.hall.point(rooms.hall.door.middle, v) for v in (-1.1, 0.0, 1.0)),
+                rooms.hall.point(6.3, 3.0),
+                rooms.hall.point(6.3, 9.0),
+                *((x, exit_y) for x in (EAST[0] - 1.2, EAST[0], EAST[0] + 1.0)),
+            )
+        ),
         crossing(EAST, SOUTH),
-        *(core_south.point(core_south.door.middle, v) for v in (-1.0, 0.0, 1.4)),
-        *((passage_x, passage_y + aside) for aside in (-1.0, 0.0, 1.0)),
-        *(core_north.point(core_north.door.middle, v) for v in (1.4, 0.0, -1.0)),
+        Stop(
+            (
+                *(core_south.point(core_south.door.middle, v) for v in (-1.0, 0.0, 1.4)),
+                *((passage_x, passage_y + aside) for aside in (-1.0, 0.0, 1.0)),
+                *(core_north.point(core_north.door.middle, v) for v in (1.4, 0.0, -1.0)),
+            )
+        ),
         crossing(MIDDLE, NORTH),
         crossing(MIDDLE, SOUTH),
-        (39.8, 7.6),
-        (39.4, 3.0),
+        Stop.at(39.8, 7.6),
+        Stop.at(39.4, 3.0),
     ]

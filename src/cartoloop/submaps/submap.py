@@ -63,15 +63,18 @@ class ActiveSubmaps:
     Parameters
     ----------
     config : when they start and finish, and how cells change.
+    first_index : index of the first submap.
     known : indices of submaps whose finished grids are known already, since an interrupted run is
         resumed: they are not filled again.
     """
 
-    def __init__(self, config: SubmapConfig, known: Collection[int] = ()) -> None:
+    def __init__(
+        self, config: SubmapConfig, first_index: int = 0, known: Collection[int] = ()
+    ) -> None:
         self._config = config
         self._known = known
         self._submaps: list[Submap] = []
-        self._num_created = 0
+        self._next_index = first_index
         self._last_position: tuple[float, float] | None = None
 
     @property
@@ -126,8 +129,8 @@ class ActiveSubmaps:
             math.floor(tf_local_sensor.y / r + 0.5) * r,
             0.0,
         )
-        self._submaps.append(Submap(self._num_created, origin, ProbabilityGrid(r)))
-        self._num_created += 1
+        self._submaps.append(Submap(self._next_index, origin, ProbabilityGrid(r)))
+        self._next_index += 1
 
     def _lattice_origin(self, submap: Submap) -> tuple[int, int]:
         """Return the submap's origin as lattice coordinates of the local frame."""

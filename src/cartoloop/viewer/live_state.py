@@ -17,8 +17,9 @@ import numpy as np
 from cartoloop.config import SubmapConfig
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.map_output.colours import DARK, LIGHT
+from cartoloop.map_output.evidence_sum import cell_log_odds
 from cartoloop.map_output.map_facts import MapFacts
-from cartoloop.map_output.occupancy_map import MAX_LOG_ODDS, cell_log_odds
+from cartoloop.map_output.occupancy_map import MAX_LOG_ODDS
 from cartoloop.map_output.picture import palette
 from cartoloop.version import __version__
 from cartoloop.viewer import protocol

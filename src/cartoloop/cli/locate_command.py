@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``cartoloop locate``: where a robot is in a finished map."""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cartoloop.cli.live_command import MESSAGES
+from cartoloop.cli.options import ConfigOptions, ReadingOptions, parse_pose
+
+if TYPE_CHECKING:
+    from typing import BinaryIO
+
+    from cartoloop.localisation.answer import Answer
+    from cartoloop.localisation.localizer import Localizer
+    from cartoloop.localisation.run import PoseKeeper, RunSummary
+    from cartoloop.sensor.pose import Pose
+    from cartoloop.stop_request import StopRequest
+
+START = "Start"
+"""Group of options in the help."""
+
+NEVER_LOCATED_STATUS = 3
+"""Exit status of a strict run in which the robot was never located."""
+
+LIVE_SCHEMES = ("tcp", "ws", "ros2")
+"""What the address of a live source begins with."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocateOptions(ReadingOptions, ConfigOptions):
+    """Options of ``cartoloop locate``."""
+
+    map_: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MAP",
+            help="Folder of a finished map, or the YAML file of a map of another program, as ROS's "
+            "map_server reads it.",
+        ),
+    ]
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="SOURCE",
+            help="A recording, or a live source: - (standard input), tcp://127.0.0.1:PORT, "
+            "ws://127.0.0.1:PORT or ros2:.",
+        ),
+    ]
+    poses: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write a line of JSON for each scan; - prints it. docs/localisation.md "
+            "describes it.",
+        ),
+    ] = None
+    strict: Annotated[
+        bool, typer.Option("--strict", help="End with status 3 if the robot was never located.")
+    ] = False
+    at: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            metavar="X Y THETA_DEG",
+            help="Pose of the robot at the first scan [m, m, deg], to about a metre and 20 deg.",
+            rich_help_panel=START,
+        ),
+    ] = None
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Begin with the pose in this file, if it fits, and keep the latest pose in it.",
+            rich_help_panel=START,
+        ),
+    ] = None
+    source_host: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Accept messages of other machines, too: listen at 0.0.0.0, or at one address of "
+            "this machine.",
+            rich_help_panel=MESSAGES,
+        ),
+    ] = None
+    end_after: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1,
+            metavar="SECONDS",
+            help="End when no message has arrived for this time [s].",
+            rich_help_panel=MESSAGES,
+        ),
+    ] = None
+    no_drop: Annotated[
+        bool,
+        typer.Option(
+            "--no-drop",
+            help="Hold up the source instead of dropping scans.",
+            rich_help_panel=MESSAGES,
+        ),
+    ] = False
+
+    @property
+    def is_live(self) -> bool:
+        """Whether SOURCE is a live source rather than a recording."""
+        scheme, colon, _ = self.source.partition(":")
+        return self.source == "-" or (bool(colon) and scheme.lower() in LIVE_SCHEMES)
+
+    @property
+    def start(self) -> Pose | None:
+        """The pose of --at.
+
+        Raises
+        ------
+        typer.BadParameter
+            It is none.
+        """
+        if self.at is None:
+            return None
+        from cartoloop.sensor.pose import Pose, wrap_angle
+
+        x, y, theta_deg = self.at
+        if not all(map(math.isfinite, self.at)):
+            raise typer.BadParameter("give three numbers, like 1.5 -2 90", param_hint="--at")
+        return Pose(x, y, wrap_angle(math.radians(theta_deg)))
+
+
+def locate_command(options: LocateOptions) -> None:
+    """Say where a robot is in a finished map, scan by scan, and when it is not known."""
+    start = options.start
+    read_options = options.read_options()
+    loaded = options.load()
+
+    from cartoloop.cli.live_mapping import poses_stream
+    from cartoloop.cli.mapping import compilation_notice
+    from cartoloop.cli.stop_signals import stop_signals
+    from cartoloop.localisation.localizer import Localizer
+    from cartoloop.localisation.run import PoseKeeper, RunSummary
+
+    if not options.is_live:
+        from cartoloop.readers import open_log
+
+        log = open_log(options.source, read_options)
+    with poses_stream(options.poses) as poses, compilation_notice(), stop_signals() as stop:
+        localizer = Localizer(options.map_, loaded.config, at=start, live=options.is_live)
+        keeper = None if options.keep is None else PoseKeeper(options.keep, localizer)
+        run = _Run(RunSummary(), keeper, poses, is_quiet=options.poses == "-")
+        if options.is_live:
+            _locate_source(options, localizer, run, stop)
+        else:
+            from cartoloop.localisation.run import locate_events
+
+            run.say(log.description)
+            for answer in locate_events(localizer, log, stop):
+                run.add(answer)
+                run.write(answer)
+        if keeper is not None:
+            keeper.write()
+    run.say(run.summary.text())
+    if options.strict and run.summary.pose is None:
+        raise typer.Exit(NEVER_LOCATED_STATUS)
+
+
+class _Run:
+    """What is printed and written of the answers.
+
+    Parameters
+    ----------
+    summary : of all answers.
+    keeper : keeps the pose on disk, or None.
+    poses : stream for a line of JSON a scan, or None.
+    is_quiet : whether standard output is for poses.
+    """
+
+    def __init__(
+        self,
+        summary: RunSummary,
+        keeper: PoseKeeper | None,
+        poses: BinaryIO | None,
+        *,
+        is_quiet: bool,
+    ) -> None:
+        self.summary = summary
+        self.poses = poses
+        self._keeper = keeper
+        self._is_quiet = is_quiet
+        self._state = ""
+
+    def say(self, line: str) -> None:
+        """Print a line, to standard error where standard output is for poses."""
+        typer.echo(line, err=self._is_quiet)
+
+    def add(self, answer: Answer) -> None:
+        """Count an answer, keep its pose, and say it if the state changes."""
+        self.summary.add(answer)
+        if self._keeper is not None:
+            self._keeper.add(answer)
+        if answer.state != self._state:
+            self._state = answer.state
+            self.say(change(answer))
+
+    def write(self, answer: Answer) -> None:
+        """Write the line of an answer.
+
+        Raises
+        ------
+        OutputError
+            It cannot be written.
+        """
+        if self.poses is None:
+            return
+        import json
+
+        from cartoloop.errors import OutputError
+        from cartoloop.localisation.lines import answer_content
+
+        try:
+            self.poses.write(json.dumps(answer_content(answer)).encode() + b"\n")
+        except BrokenPipeError:
+            self.poses = None  # the reader has left
+        except OSError as error:
+            raise OutputError(f"--poses: cannot be written: {error.strerror}") from error
+
+
+def change(answer: Answer) -> str:
+    """Return the line that says a new state."""
+    line = f"{answer.stamp:.3f}  {answer.state}"
+    if answer.tf_map_tracking is not None:
+        x, y, theta = answer.tf_map_tracking
+        return f"{line}  x {x:.2f} m, y {y:.2f} m, {math.degrees(theta):.1f} deg"
+    if answer.places:
+        (x, y, theta), probability, _ = answer.places[0]
+        return (
+            f"{line}  {len(answer.places)} places, the likeliest ({probability:.0%}) "
+            f"x {x:.2f} m, y {y:.2f} m, {math.degrees(theta):.1f} deg"
+        )
+    return line
+
+
+def _locate_source(
+    options: LocateOptions,
+    localizer: Localizer,
+    run: _Run,
+    stop: StopRequest,
+) -> None:
+    """Localise by the messages of a live source."""
+    from cartoloop.cli.lost_output import would_wait
+    from cartoloop.live import locate_run
+    from cartoloop.live.address import SourceOptions, make_source
+    from cartoloop.live.notices import Notices
+    from cartoloop.live.poses import PoseWriter
+    from cartoloop.localisation.lines import answer_content
+
+    def report(line: str) -> None:
+        if not would_wait(sys.stderr):
+            typer.echo(line, err=True)
+
+    notices = Notices(report)
+    topics = tuple(options.scan_topics or ())
+    source = make_source(
+        options.source,
+        SourceOptions(options.source_host, topics, options.odom_topic, options.imu_topic),
+    )
+    locate_run.get_ready_to_locate(localizer.known_map)
+    writer = None if run.poses is None else PoseWriter(run.poses, notices)
+
+    def on_answer(answer: Answer, latency: float) -> None:
+        if writer is not None:
+            writer.put_content(answer_content(answer, latency))
+        run.add(answer)
+
+    given = locate_run.LocateOptions(
+        end_after=options.end_after,
+        waits=options.no_drop,
+        laser_pose=parse_pose(options.laser_pose),
+    )
+    try:
+        locate_run.locate_live(source, localizer, given, notices, on_answer, stop)
+    finally:
+        if writer is not None:
+            writer.close()

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the beams of a scan agree with a map: where they end, and what they pass through."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop._jit import kernel
+from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.kernels.map_agreement import CellGrid, is_floor, nearest_wall
+from cartoloop.kernels.scan_batch import ScanBatch
+
+ON_WALL, ON_FLOOR, BEHIND_WALL = 0, 1, 2
+"""Columns of the counts: returns that lie on a wall, on floor, and behind a wall."""
+
+
+class FitLimits(NamedTuple):
+    """What counts as a wall and as floor, and which part of a beam is looked at.
+
+    Attributes
+    ----------
+    wall : least value of a cell that is a wall.
+    floor : largest value of a cell that is floor; it was observed.
+    on_wall : a return with a wall within this distance lies on it [cells].
+    off_wall : a return on floor with no wall within this distance contradicts the map [cells].
+    clearance : walls nearer than this to either end of a beam do not block it [cells].
+    max_range : returns farther from the robot are not counted [m].
+    """
+
+    wall: int
+    floor: int
+    on_wall: int
+    off_wall: int
+    clearance: float
+    max_range: float
+
+
+@kernel
+def count_fit(
+    grid: CellGrid,
+    limits: FitLimits,
+    scans: ScanBatch,
+    beam_origins: FloatArray,
+    poses: FloatArray,
+    out_counts: IntArray,
+) -> None:
+    """Write how many returns of each scan lie on walls, on floor, and behind walls of a map.
+
+    A return is behind a wall if its beam passes through one. A return lies on floor if its cell and
+    the eight around it are, and no wall is near. What lies where the map is not known, or not
+    clear, is not counted.
+
+    Parameters
+    ----------
+    grid, limits : of the map.
+    scans : k of them.
+    beam_origins : float64, shape (k, 2), where their beams start, scan frame [m].
+    poses : float64, shape (k, 3), of the scans in the grid's frame [m, m, rad].
+    out_counts : int64, shape (k, 3): on walls, on floor, behind walls.
+
+    Notes
+    -----
+    O(cells along the beams). A beam is looked up once for each cell of its length.
+    """
+    num_rows, num_cols = grid.cells.shape
+    margin = max(limits.off_wall, 1)
+    near, far = limits.on_wall**2, limits.off_wall**2
+    for i in range(poses.shape[0]):
+        cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        start_x, start_y = beam_origins[i, 0], beam_origins[i, 1]
+        start_col = (poses[i, 0] + cos * start_x - sin * start_y - grid.origin_x) / grid.resolution
+        start_row = (poses[i, 1] + sin * start_x + cos * start_y - grid.origin_y) / grid.resolution
+        on_wall, on_floor, behind = 0, 0, 0
+        for j in range(scans.firsts[i], scans.ends[i]):
+            x, y = scans.points[j, 0], scans.points[j, 1]
+            if x * x + y * y > limits.max_range**2:
+                continue
+            end_col = (poses[i, 0] + cos * x - sin * y - grid.origin_x) / grid.resolution
+            end_row = (poses[i, 1] + sin * x + cos * y - grid.origin_y) / grid.resolution
+            if _is_blocked(grid, limits, start_col, start_row, end_col, end_row):
+                behind += 1
+                continue
+            col, row = np.int64(np.floor(end_col + 0.5)), np.int64(np.floor(end_row + 0.5))
+            if not (margin <= col < num_cols - margin and margin <= row < num_rows - margin):
+                continue
+            squared = nearest_wall(grid.cells, row, col, margin, limits.wall)
+            if squared <= near:
+                on_wall += 1
+            elif squared > far and is_floor(grid.cells, row, col, limits.floor):
+                on_floor += 1
+        out_counts[i, 0] = on_wall
+        out_counts[i, 1] = on_floor
+        out_counts[i, 2] = behind
+
+
+@kernel
+def _is_blocked(
+    grid: CellGrid,
+    limits: FitLimits,
+    start_col: float,
+    start_row: float,
+    end_col: float,
+    end_row: float,
+) -> bool:
+    """Return whether a beam passes through a wall, away from its ends; all in cells."""
+    num_rows, num_cols = grid.cells.shape
+    length = math.hypot(end_col - start_col, end_row - start_row)
+    for k in range(math.ceil(limits.clearance), math.floor(length - limits.clearance) + 1):
+        share = k / length
+        col = np.int64(np.floor(start_col + share * (end_col - start_col) + 0.5))
+        row = np.int64(np.floor(start_row + share * (end_row - start_row) + 0.5))
+        if 0 <= col < num_cols and 0 <= row < num_rows and grid.cells[row, col] >= limits.wall:
+            return True
+    return False

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a search of the whole map amounts to: a place that is claimed, several, or none.
+
+A place is claimed if it fits as scans usually fit, and every other place is refuted: by a clearly
+lower score, or because beams would pass through walls there, or end on its floor.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.localisation.answer import Place
+from cartoloop.localisation.global_search import (
+    FoundPlace,
+    find,
+    fit_of_composite,
+    list_places,
+    refine,
+)
+from cartoloop.localisation.known_map import Fit, KnownMap
+from cartoloop.localisation.trail import Composite
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch
+from cartoloop.sensor.pose import Pose
+
+SEARCHED_SCORE, CLAIMED_SCORE = 0.62, 0.75
+"""Scores from which places are listed, and from which one may be claimed, relative to the usual."""
+
+CLAIMED_AGREEMENT, POSSIBLE_AGREEMENT = 0.88, 0.6
+"""The same for the agreement."""
+
+MIN_COUNTED_SHARE = 0.5
+"""Share of the returns that must lie where the map is known."""
+
+MARGIN_OF_SCAN, MARGIN_OF_PATH = 0.08, 0.05
+"""By which the score must exceed that of other places, for a single scan and for those of
+`FULL_PATH_M` of path; in between it falls linearly."""
+
+FULL_PATH_M = 6.0
+"""Path of a composite whose scans support each other in full [m]."""
+
+REFUTING_AGREEMENT = 0.15
+"""Places with an agreement lower by this than the best one's are refuted."""
+
+SCORE_SCALE, AGREEMENT_SCALE = 0.015, 0.04
+"""Differences of score and agreement that make a place e times less probable."""
+
+MIN_POINTS = 20
+"""Scans with fewer returns are not searched."""
+
+
+class Claim(NamedTuple):
+    """A place that the scans prove.
+
+    Attributes
+    ----------
+    tf_map_tracking : pose of the newest scan, refined.
+    match : of the refinement.
+    """
+
+    tf_map_tracking: Pose
+    match: LeastSquaresMatch
+
+
+class Decision(NamedTuple):
+    """What a search amounts to.
+
+    Attributes
+    ----------
+    claim : the place, or None.
+    places : where the robot may be if no place is claimed, the likeliest first.
+    runner_up : upper limit of the score of any place but the best; NaN if nothing fits.
+    """
+
+    claim: Claim | None
+    places: tuple[Place, ...]
+    runner_up: float
+
+
+NOTHING = Decision(None, (), math.nan)
+"""No place fits."""
+
+
+class _Candidate(NamedTuple):
+    tf_map_tracking: Pose
+    score: float
+    fit: Fit
+
+    @property
+    def log_likelihood(self) -> float:
+        agreement = 0.0 if math.isnan(self.fit.agreement) else self.fit.agreement
+        return self.score / SCORE_SCALE + agreement / AGREEMENT_SCALE
+
+
+def decide(known: KnownMap, composite: Composite, path: float) -> Decision:
+    """Search scans in the whole map.
+
+    Parameters
+    ----------
+    path : length of the path that the scans come from [m].
+    """
+    points = composite.points
+    if len(points) < MIN_POINTS:
+        return NOTHING
+    least = SEARCHED_SCORE * known.usual.score
+    found = find(known, points, least)
+    if found is None:
+        return NOTHING
+    best = _candidate(known, composite, found.best)
+    margin = needed_margin(path)
+    if found.margin >= margin:
+        claim = _claim(known, composite, best)
+        return Decision(claim, () if claim else _places(known, [best]), found.runner_up)
+    listed = list_places(known, points, max(found.best.score - 2.0 * margin, least))
+    candidates = [_candidate(known, composite, place) for place in listed.places]
+    candidates.sort(key=lambda each: -each.log_likelihood)
+    if not candidates:
+        return NOTHING
+    best, others = candidates[0], candidates[1:]
+    if listed.is_complete and all(_refutes(best, other, margin) for other in others):
+        claim = _claim(known, composite, best)
+        if claim is not None:
+            return Decision(claim, (), found.runner_up)
+    return Decision(None, _places(known, candidates), found.runner_up)
+
+
+def needed_margin(path: float) -> float:
+    """Return by which the score must exceed that of other places, given a path length [m]."""
+    share = min(path / FULL_PATH_M, 1.0)
+    return MARGIN_OF_SCAN + share * (MARGIN_OF_PATH - MARGIN_OF_SCAN)
+
+
+def _candidate(known: KnownMap, composite: Composite, place: FoundPlace) -> _Candidate:
+    fit = fit_of_composite(known, composite, place.tf_map_tracking)
+    return _Candidate(place.tf_map_tracking, place.score, fit)
+
+
+def _refutes(best: _Candidate, other: _Candidate, margin: float) -> bool:
+    """Return whether the best place fits so much better that the other is none."""
+    behind = best.fit.agreement - other.fit.agreement
+    lower = best.score - other.score
+    return lower >= margin or (behind >= REFUTING_AGREEMENT and lower > -0.5 * margin)
+
+
+def _claim(known: KnownMap, composite: Composite, best: _Candidate) -> Claim | None:
+    """Return the best place as a claim if the scans fit there as they usually do."""
+    usual = known.usual
+    if best.score < CLAIMED_SCORE * usual.score or known.value_at(best.tf_map_tracking) == 0:
+        return None
+    match = refine(known, composite.points, best.tf_map_tracking)
+    pose = known.to_map(match.tf_submap_scan)
+    fit = fit_of_composite(known, composite, pose)
+    if (
+        not fit.agreement >= CLAIMED_AGREEMENT * usual.agreement
+        or fit.num_counted < MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
+    ):
+        return None
+    return Claim(pose, match)
+
+
+def _places(known: KnownMap, candidates: list[_Candidate]) -> tuple[Place, ...]:
+    """Return the candidates that may be right, with their probabilities, the likeliest first."""
+    usual = known.usual
+    possible = [
+        each for each in candidates if each.fit.agreement >= POSSIBLE_AGREEMENT * usual.agreement
+    ]
+    if not possible:
+        return ()
+    logs = np.array([each.log_likelihood for each in possible])
+    # That the robot is in none of them competes as a place that fits just well enough to be listed.
+    nowhere = (
+        CLAIMED_SCORE * usual.score / SCORE_SCALE
+        + POSSIBLE_AGREEMENT * usual.agreement / AGREEMENT_SCALE
+    )
+    top = max(float(logs.max()), nowhere)
+    weights = np.exp(logs - top)
+    weights /= weights.sum() + math.exp(nowhere - top)
+    order = np.argsort(-weights, kind="stable").tolist()
+    return tuple(
+        Place(possible[i].tf_map_tracking, float(weights[i]), possible[i].score) for i in order
+    )

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When a tracked pose is no longer believed: scans agree less with the map than scans usually do.
+
+The covariance of a filter cannot show this: it is as small in a wrong place. What counts is the
+share of returns on walls, of those where the map is known, relative to that of the map's own scans.
+A sum of what is missing, which never falls below zero, ends in doubt and then in being lost
+(E. S. Page, Continuous inspection schemes, 1954).
+"""
+
+from __future__ import annotations
+
+import math
+
+EXPECTED_AGREEMENT = 0.62
+"""Agreement relative to the usual one below which a scan raises the doubt, and above which it
+lowers it: half of the furniture may be elsewhere."""
+
+SUSPECT, LOST = 0.15, 0.45
+"""Doubt from which the map is searched for another place, and from which the robot is lost."""
+
+METRES, SECONDS = 1.0, 3.0
+"""Scans over this path or time count once, whichever is sooner [m], [s]."""
+
+MAX_WEIGHT = 0.25
+"""A single scan counts no more than this."""
+
+
+class Doubt:
+    """How much the latest scans contradict the map.
+
+    Attributes
+    ----------
+    level : of the doubt.
+    """
+
+    def __init__(self) -> None:
+        self.level = 0.0
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the pose is not believed any longer."""
+        return self.level >= LOST
+
+    @property
+    def is_suspect(self) -> bool:
+        """Whether another place should be searched for."""
+        return self.level >= SUSPECT
+
+    def add(self, agreement: float, path: float, duration: float) -> None:
+        """Add a scan.
+
+        Parameters
+        ----------
+        agreement : of the scan, relative to the usual one; NaN if the map is not known there.
+        path, duration : since the scan before [m], [s].
+        """
+        if math.isnan(agreement):
+            return
+        weight = min(max(path / METRES, duration / SECONDS), MAX_WEIGHT)
+        missing = EXPECTED_AGREEMENT - min(agreement, 1.0)
+        self.level = min(max(self.level + weight * missing, 0.0), 2.0 * LOST)
+
+    def reduce(self) -> None:
+        """Halve the doubt, as no other place fits better."""
+        self.level *= 0.5

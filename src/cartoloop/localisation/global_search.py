@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where in the whole map scans fit: exact branch and bound, and every other place that fits."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.arrays import FloatArray
+from cartoloop.config import LeastSquaresMatcherConfig
+from cartoloop.localisation.known_map import Fit, KnownMap
+from cartoloop.localisation.trail import Composite
+from cartoloop.scan_matching import least_squares
+from cartoloop.scan_matching.branch_and_bound import (
+    NO_RUNNER_UP,
+    BranchAndBoundMatch,
+    RunnerUp,
+)
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch, MatchOptions
+from cartoloop.sensor.pose import Pose, compose_all, relative, wrap_angle
+from cartoloop.sensor.scan_points import ScanPoints
+
+PLACE_DISTANCE_M, PLACE_ANGLE_RAD = 1.0, math.radians(15.0)
+"""Poses farther apart than the first, or turned by more than the second, are different places."""
+
+MAX_MARGIN = 0.1
+"""Other places count down to this below the score of the best one."""
+
+TILE_M = 8.0
+"""Edge of the parts of the map that are searched for their best places [m]."""
+
+MAX_PARTS = 2000
+"""Number of parts that are searched, at most: where scans fit everywhere, they prove nothing."""
+
+MAX_PLACES = 12
+"""Number of places that are listed, the best."""
+
+REFINEMENT_SIGMA_CELLS, REFINEMENT_LEVER_M = 2.0, 5.0
+"""Standard deviation of the prior of the refinement [cells]; divided by the range for angles."""
+
+USUAL_RESIDUAL = 0.4
+"""Root mean square of 1 - M at the returns of scans that fit."""
+
+_MATCHER = LeastSquaresMatcherConfig()
+
+
+class FoundPlace(NamedTuple):
+    """A place where scans fit.
+
+    Attributes
+    ----------
+    tf_map_tracking : pose of the newest of the scans.
+    score : mean probability at the returns there.
+    """
+
+    tf_map_tracking: Pose
+    score: float
+
+
+class Found(NamedTuple):
+    """The best place, and the best elsewhere.
+
+    Attributes
+    ----------
+    best : the place, to a cell.
+    runner_up : upper limit of the score of any other place; its score where it was found.
+    """
+
+    best: FoundPlace
+    runner_up: float
+
+    @property
+    def margin(self) -> float:
+        """By which the best place exceeds any other; `MAX_MARGIN` and more count as that."""
+        return min(self.best.score - self.runner_up, MAX_MARGIN)
+
+
+def is_same_place(tf_map_a: Pose, tf_map_b: Pose) -> bool:
+    """Return whether two poses are in the same place."""
+    apart = relative(tf_map_a, tf_map_b)
+    return (
+        math.hypot(apart.x, apart.y) <= PLACE_DISTANCE_M
+        and abs(wrap_angle(apart.theta)) <= PLACE_ANGLE_RAD
+    )
+
+
+def find(known: KnownMap, points: FloatArray, min_score: float) -> Found | None:
+    """Return the best place in the whole map at any angle, None where none reaches a score.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2), frame of the robot [m].
+    min_score : that places must reach; worse ones are as good as that for all that is known.
+    """
+    found = known.matcher.match_full_submap(
+        points,
+        min_score=min_score,
+        runner_up=RunnerUp(PLACE_DISTANCE_M, PLACE_ANGLE_RAD, MAX_MARGIN),
+    )
+    if found is None:
+        return None
+    # Where no runner-up was found, there may be one just below what was searched for.
+    least = max(found.score - MAX_MARGIN, min_score)
+    return Found(
+        FoundPlace(known.to_map(found.tf_submap_scan), found.score), max(found.runner_up, least)
+    )
+
+
+def find_near(
+    known: KnownMap,
+    points: FloatArray,
+    tf_map_tracking: Pose,
+    linear_window: float,
+    angular_window: float,
+    min_score: float,
+) -> FoundPlace | None:
+    """Return the best place around a pose, None where none reaches a score.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2), frame of the robot [m].
+    linear_window, angular_window : to each side of the pose [m], [rad].
+    """
+    found = known.matcher.match(
+        points,
+        known.to_grid(tf_map_tracking),
+        linear_window=linear_window,
+        angular_window=angular_window,
+        min_score=min_score,
+        runner_up=NO_RUNNER_UP,
+    )
+    return None if found is None else FoundPlace(known.to_map(found.tf_submap_scan), found.score)
+
+
+class Listing(NamedTuple):
+    """The places where scans fit.
+
+    Attributes
+    ----------
+    places : the best first.
+    is_complete : whether these are all places that reach the score.
+    """
+
+    places: list[FoundPlace]
+    is_complete: bool
+
+
+def list_places(known: KnownMap, points: FloatArray, min_score: float) -> Listing:
+    """Return all places of the map where scans fit.
+
+    The map is searched in parts, each of which yields its best place; a part with another place is
+    divided, and searched again.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2), frame of the robot [m].
+    min_score : that places must reach.
+    """
+    centres = _tile_centres(known)
+    linear, angular = 0.5 * TILE_M, math.pi
+    found: list[BranchAndBoundMatch] = []
+    num_searched = 0
+    while len(centres) and num_searched + len(centres) <= MAX_PARTS:
+        num_searched += len(centres)
+        matches = _match_in(known, points, centres, linear, angular, min_score)
+        found += [match for match in matches if match is not None]
+        is_divided = np.array([match is not None and match.runner_up > 0.0 for match in matches])
+        linear, angular = 0.5 * linear, 0.5 * angular
+        centres = _divided(centres[is_divided], linear, angular)
+    places: list[FoundPlace] = []
+    for match in sorted(found, key=lambda match: -match.score):
+        pose = known.to_map(match.tf_submap_scan)
+        if not any(is_same_place(pose, place.tf_map_tracking) for place in places):
+            places.append(FoundPlace(pose, match.score))
+    is_complete = len(centres) == 0 and len(places) <= MAX_PLACES
+    return Listing(places[:MAX_PLACES], is_complete)
+
+
+def _match_in(
+    known: KnownMap,
+    points: FloatArray,
+    centres: FloatArray,
+    linear: float,
+    angular: float,
+    min_score: float,
+) -> list[BranchAndBoundMatch | None]:
+    """Return the best match in each of many windows, with its runner-up."""
+    count = len(centres)
+    return known.matcher.match_all(
+        ScanPoints.of([points]).take(np.zeros(count, dtype=np.int64)),
+        centres,
+        linear_windows=np.full(count, linear),
+        angular_windows=np.full(count, angular),
+        min_score=min_score,
+        groups=np.arange(count),
+        max_of_group=1,
+        runner_up=RunnerUp(PLACE_DISTANCE_M, PLACE_ANGLE_RAD, 1.0),
+    ).matches
+
+
+def _divided(centres: FloatArray, linear: float, angular: float) -> FloatArray:
+    """Return the centres of the eight parts of windows, shape (8 n, 3), given their half sizes."""
+    offsets = np.array(
+        [
+            (x * linear, y * linear, theta * angular)
+            for theta in (-1, 1)
+            for y in (-1, 1)
+            for x in (-1, 1)
+        ]
+    )
+    return np.ascontiguousarray((centres[:, None] + offsets[None]).reshape(-1, 3))
+
+
+def refine(known: KnownMap, points: FloatArray, tf_map_tracking: Pose) -> LeastSquaresMatch:
+    """Return the match by least squares near a pose; its pose and axes are those of the grid."""
+    sigma = REFINEMENT_SIGMA_CELLS * known.grid.resolution
+    translation, rotation = sigma**-2, (sigma / REFINEMENT_LEVER_M) ** -2
+    prior = known.to_grid(tf_map_tracking)
+    return least_squares.match(
+        known.smooth_map,
+        points,
+        prior,
+        prior,
+        np.array((translation, 0.0, 0.0, translation, 0.0, rotation)),
+        MatchOptions(
+            _MATCHER.occupied_space_weight / USUAL_RESIDUAL**2,
+            _MATCHER.max_num_iterations,
+            _MATCHER.tolerance,
+        ),
+    )
+
+
+def fit_of_composite(known: KnownMap, composite: Composite, tf_map_newest: Pose) -> Fit:
+    """Return how well the scans of a composite fit, given the pose of the newest."""
+    poses = compose_all(np.array(tf_map_newest), composite.tf_newest_scans)
+    return known.fit_all(composite.scans, composite.beam_origins, poses)
+
+
+def _tile_centres(known: KnownMap) -> FloatArray:
+    """Return the centres of the parts of the map with known cells, shape (n, 3), grid frame."""
+    grid = known.grid
+    cells, edge = grid.cells, max(round(TILE_M / grid.resolution), 1)
+    rows, cols = cells.shape
+    centres = [
+        (
+            grid.origin_x + (col + 0.5 * edge) * grid.resolution,
+            grid.origin_y + (row + 0.5 * edge) * grid.resolution,
+            0.0,
+        )
+        for row in range(0, rows, edge)
+        for col in range(0, cols, edge)
+        if cells[row : row + edge, col : col + edge].any()
+    ]
+    return np.array(centres)

@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The map that a robot is localised in: one grid, prepared for searching and for tracking."""
+
+from __future__ import annotations
+
+import math
+from os import PathLike
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.arrays import ByteArray, FloatArray
+from cartoloop.errors import InputError
+from cartoloop.evaluation.map_image import MapImage, read_map
+from cartoloop.kernels.map_agreement import CellGrid
+from cartoloop.kernels.scan_batch import ScanBatch
+from cartoloop.kernels.scan_fit import BEHIND_WALL, ON_FLOOR, ON_WALL, FitLimits, count_fit
+from cartoloop.kernels.sum_at_points import sum_at_points
+from cartoloop.map_data import MapData
+from cartoloop.map_file.schema import FILE_NAME
+from cartoloop.map_output.occupancy_map import compose_map
+from cartoloop.quality.pairs import FLOOR, OFF_WALL_M, ON_WALL_M, WALL
+from cartoloop.result import load_map
+from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
+from cartoloop.scan_matching.least_squares import SmoothMap
+from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse
+from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.submaps.finished_grid import (
+    MAX_PROBABILITY,
+    MIN_PROBABILITY,
+    FinishedGrid,
+    mean_probability,
+    mean_value,
+    quantize_probabilities,
+)
+
+CLEARANCE_M = 0.5
+"""Walls nearer than this to either end of a beam do not block it [m]: along a wall, beams pass
+through its blurred edge."""
+
+MAX_COUNTED_RANGE_M = 25.0
+"""Returns farther away do not count for the agreement [m]: a small turn moves them off a wall."""
+
+MIN_RESOLUTION_M, WORKING_RESOLUTION_M = 0.035, 0.05
+"""Images with smaller pixels are searched at about the second [m]: smaller pixels are not more
+accurate, and cost more."""
+
+MAX_CELLS = 2**26
+"""Largest map [cells]: a square of 400 m; it takes 1.2 GB."""
+
+FOREIGN_SCORE, FOREIGN_AGREEMENT = 0.65, 0.9
+"""What scans usually reach in a map without scans of its own, see :class:`Fit`."""
+
+NUM_OWN_SCANS = 300
+"""Number of the map's own scans that its usual fit is the median of."""
+
+_UNKNOWN_SHADE, _SHADE_TOLERANCE = 1.0 - 205.0 / 255.0, 0.002
+"""Occupancy of the shade of unknown pixels, which some programs write with thresholds that would
+make it floor."""
+
+
+class Fit(NamedTuple):
+    """How well a scan fits to the map at a pose.
+
+    Attributes
+    ----------
+    score : mean probability at its returns.
+    agreement : of the returns where the map is known, the share on walls; the others lie on floor
+        or behind walls. NaN where none is counted.
+    num_counted : number of returns where the map is known.
+    """
+
+    score: float
+    agreement: float
+    num_counted: int
+
+
+class KnownMap:
+    """A finished map, as one grid.
+
+    Parameters
+    ----------
+    cells : uint8, shape (rows, cols): 0 where unknown, as those of a `FinishedGrid`.
+    origin_x, origin_y : centre of cell (0, 0) [m, grid frame].
+    resolution : edge of a cell [m].
+    tf_map_grid : pose of the grid in the map frame.
+    name : of the map, for messages.
+
+    Attributes
+    ----------
+    matcher : branch and bound in the grid; its precomputed grids are made here, and kept.
+    smooth_map : for least squares.
+    usual : the fit that scans usually reach.
+
+    Raises
+    ------
+    InputError
+        Nothing of the map is known, or it is too large.
+    """
+
+    def __init__(
+        self,
+        cells: ByteArray,
+        origin_x: float,
+        origin_y: float,
+        resolution: float,
+        tf_map_grid: Pose,
+        name: str,
+    ) -> None:
+        self._raise_if_unusable(cells, name)
+        self.name = name
+        self.tf_map_grid = tf_map_grid
+        self._tf_grid_map = inverse(tf_map_grid)
+        self.grid = FinishedGrid(cells, origin_x, origin_y, resolution)
+        self._cells = CellGrid(np.ascontiguousarray(cells), origin_x, origin_y, resolution)
+        self._limits = FitLimits(
+            math.floor(mean_value(WALL)),
+            math.floor(mean_value(FLOOR)),
+            math.ceil(ON_WALL_M / resolution),
+            math.ceil(OFF_WALL_M / resolution),
+            CLEARANCE_M / resolution,
+            MAX_COUNTED_RANGE_M,
+        )
+        # A copy: the memory that the probabilities come in is used again.
+        self.smooth_map = SmoothMap(
+            self.grid.probabilities().copy(), origin_x, origin_y, resolution
+        )
+        self.matcher = SubmapMatcher(self.grid)
+        self.matcher.match(
+            np.zeros((1, 2)), IDENTITY, linear_window=0.0, angular_window=0.0, min_score=0.0
+        )
+        self.usual = Fit(FOREIGN_SCORE, FOREIGN_AGREEMENT, 0)
+
+    @staticmethod
+    def _raise_if_unusable(cells: ByteArray, name: str) -> None:
+        if not np.any(cells >= mean_value(WALL)):
+            raise InputError(f"{name}: the map has no walls, so that no scan can be found in it")
+        if cells.size > MAX_CELLS:
+            raise InputError(
+                f"{name}: the map has {cells.shape[1]} by {cells.shape[0]} cells, more than can be "
+                "searched; crop it, or give larger cells"
+            )
+
+    def to_grid(self, tf_map: Pose) -> Pose:
+        """Return a pose in the map frame as one in the grid's."""
+        return compose(self._tf_grid_map, tf_map)
+
+    def to_map(self, tf_grid: Pose) -> Pose:
+        """Return a pose in the grid's frame as one in the map frame."""
+        return compose(self.tf_map_grid, tf_grid)
+
+    def value_at(self, tf_map: Pose) -> int:
+        """Return the value of the cell at a position, 0 where unknown."""
+        at = self.to_grid(tf_map)
+        grid = self._cells
+        col = math.floor((at.x - grid.origin_x) / grid.resolution + 0.5)
+        row = math.floor((at.y - grid.origin_y) / grid.resolution + 0.5)
+        num_rows, num_cols = grid.cells.shape
+        return int(grid.cells[row, col]) if 0 <= col < num_cols and 0 <= row < num_rows else 0
+
+    def fit(self, points: FloatArray, beam_origin: Pose, tf_map_tracking: Pose) -> Fit:
+        """Return how well a scan fits at a pose.
+
+        Parameters
+        ----------
+        points : float64, shape (n, 2), tracking frame [m].
+        beam_origin : pose of the scanner on the robot.
+        """
+        return self.fit_all(
+            ScanPoints.of([points]),
+            np.array((beam_origin[:2],)),
+            np.array((tf_map_tracking,), dtype=np.float64),
+        )
+
+    def fit_all(self, scans: ScanPoints, beam_origins: FloatArray, poses: FloatArray) -> Fit:
+        """Return how well scans fit together.
+
+        Parameters
+        ----------
+        scans : k of them.
+        beam_origins : float64, shape (k, 2), where their beams start, tracking frame [m].
+        poses : float64, shape (k, 3), tf_map_tracking of each.
+        """
+        num_points = int(scans.counts.sum())
+        if num_points == 0:
+            return Fit(0.0, math.nan, 0)
+        at = np.array([self.to_grid(Pose(*pose)) for pose in poses.tolist()])
+        grid = self._cells
+        total = sum_at_points(
+            grid.cells, 1, grid.origin_x, grid.origin_y, grid.resolution,
+            scans.points, scans.firsts, scans.ends, at,
+        )  # fmt: skip
+        counts = np.zeros((len(scans), 3), dtype=np.int64)
+        count_fit(
+            grid, self._limits, ScanBatch(scans.points, scans.firsts, scans.ends),
+            np.ascontiguousarray(beam_origins), at, counts,
+        )  # fmt: skip
+        on_wall, on_floor, behind = counts.sum(axis=0)[[ON_WALL, ON_FLOOR, BEHIND_WALL]].tolist()
+        num_counted = on_wall + on_floor + behind
+        agreement = on_wall / num_counted if num_counted else math.nan
+        return Fit(mean_probability(float(total) / num_points), agreement, num_counted)
+
+
+def known_map_of(data: MapData, name: str = "the map") -> KnownMap:
+    """Return a map of ours for localisation; its usual fit is that of its own scans.
+
+    Raises
+    ------
+    InputError
+        The map is empty, or too large.
+    """
+    composed = compose_map(
+        data.submap_grids, data.graph.submap_poses, data.config.local_slam.submaps
+    )
+    resolution = composed.resolution
+    known = KnownMap(
+        _quantized(composed.probability),
+        composed.origin_x + 0.5 * resolution,
+        composed.origin_y + 0.5 * resolution,
+        resolution,
+        IDENTITY,
+        name,
+    )
+    fits = [
+        known.fit(data.node_points[node], IDENTITY, Pose(*data.graph.node_poses[node].tolist()))
+        for node in range(0, len(data.node_points), len(data.node_points) // NUM_OWN_SCANS + 1)
+    ]
+    fits = [fit for fit in fits if fit.num_counted]
+    if fits:
+        score, agreement = np.median([fit[:2] for fit in fits], axis=0).tolist()
+        known.usual = Fit(score, agreement, len(fits))
+    return known
+
+
+def known_map_of_image(image: MapImage, name: str = "the map") -> KnownMap:
+    """Return a map for localisation, given an image and where it lies, of whatever program.
+
+    Raises
+    ------
+    InputError
+        Nothing of the map is known, or it is too large.
+    """
+    occupancy = image.occupancy
+    cells = np.zeros(occupancy.shape, dtype=np.uint8)
+    known = (occupancy >= 0.0) & (np.abs(occupancy - _UNKNOWN_SHADE) > _SHADE_TOLERANCE)
+    cells[known & (occupancy < image.free_thresh)] = 1
+    cells[known & (occupancy > image.occupied_thresh)] = 255
+    resolution = image.resolution
+    if resolution < MIN_RESOLUTION_M:
+        cells, factor = _coarser(cells, round(WORKING_RESOLUTION_M / resolution))
+        resolution *= factor
+    half = 0.5 * resolution
+    return KnownMap(cells, half, half, resolution, image.origin, name)
+
+
+def load_known_map(path: str | PathLike[str]) -> KnownMap:
+    """Return the map in a file for localisation.
+
+    Parameters
+    ----------
+    path : a folder that ``cartoloop map`` wrote, the map file in it, or the YAML file of an image
+        as ROS's map_server reads it, of whatever program.
+
+    Raises
+    ------
+    InputError
+        It is not there, is damaged, or holds nothing that a scan can be found in.
+    """
+    path = Path(path)
+    is_image = path.suffix.lower() in (".yaml", ".yml") or (
+        path.is_dir() and not (path / FILE_NAME).exists() and (path / "map.yaml").is_file()
+    )
+    if is_image:
+        return known_map_of_image(read_map(path), str(path))
+    return known_map_of(load_map(path), str(path))
+
+
+def _quantized(probability: NDArray[np.float32]) -> ByteArray:
+    """Return the values of cells with a probability, -1 where unknown."""
+    clamped = np.clip(probability, MIN_PROBABILITY, MAX_PROBABILITY)
+    clamped[probability < 0.0] = 0.0
+    return quantize_probabilities(clamped)
+
+
+def _coarser(cells: ByteArray, factor: int) -> tuple[ByteArray, int]:
+    """Return cells of which each is the maximum of `factor` by `factor`, and the factor."""
+    rows, cols = cells.shape
+    padded = np.pad(cells, ((0, -rows % factor), (0, -cols % factor)))
+    blocks = padded.reshape(padded.shape[0] // factor, factor, padded.shape[1] // factor, factor)
+    return np.ascontiguousarray(blocks.max(axis=(1, 3))), factor

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run of a localiser came to, whatever its source: counts, and the pose that is kept."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from cartoloop.localisation.answer import Answer, State
+from cartoloop.localisation.lines import KeptPose, read_pose_file, write_pose_file
+from cartoloop.localisation.localizer import Localizer
+from cartoloop.sensor.events import SensorEvent
+from cartoloop.sensor.pose import Pose
+from cartoloop.stop_request import StopRequest
+
+KEEP_PERIOD_S = 5.0
+"""Period at which the pose is kept on disk, by the stamps of scans [s]."""
+
+
+@dataclass(slots=True)
+class RunSummary:
+    """Counts of the answers of a run.
+
+    Attributes
+    ----------
+    states : number of scans by state.
+    times_lost : how often the place was known and then not.
+    path_to_first : path by local SLAM until the place was first known [m]; NaN: it never was.
+    pose : the last pose in the map, None without any.
+    """
+
+    states: Counter[State] = field(default_factory=Counter)
+    times_lost: int = 0
+    path_to_first: float = math.nan
+    pose: Pose | None = None
+    _path: float = 0.0
+    _last: Answer | None = None
+
+    def add(self, answer: Answer) -> None:
+        """Count an answer."""
+        last = self._last
+        if last is not None:
+            step = math.dist(last.tf_local_tracking[:2], answer.tf_local_tracking[:2])
+            self._path += step
+            self.times_lost += last.state is State.LOCATED and answer.state is not State.LOCATED
+        self.states[answer.state] += 1
+        if answer.state is State.LOCATED:
+            self.pose = answer.tf_map_tracking
+            if math.isnan(self.path_to_first):
+                self.path_to_first = self._path
+        self._last = answer
+
+    def text(self) -> str:
+        """Return the summary for the terminal."""
+        num_scans = sum(self.states.values())
+        counts = ", ".join(f"{self.states[state]} {state}" for state in State if self.states[state])
+        lines = [f"{'scans':<15}{num_scans}: {counts or 'none'}"]
+        if self.pose is None:
+            return "\n".join((*lines, f"{'located':<15}never"))
+        times = "once" if self.times_lost == 1 else f"{self.times_lost} times"
+        lost = f", lost {times}" if self.times_lost else ""
+        x, y, theta = self.pose
+        return "\n".join(
+            (
+                *lines,
+                f"{'located':<15}after {self.path_to_first:.1f} m{lost}",
+                f"{'last pose':<15}x {x:.2f} m, y {y:.2f} m, {math.degrees(theta):.1f} deg",
+            )
+        )
+
+
+class PoseKeeper:
+    """Keeps the pose on disk, so that the next run can begin with it.
+
+    Parameters
+    ----------
+    path : of the file.
+    localizer : that begins with the pose in the file, if there is one.
+
+    Raises
+    ------
+    InputError
+        The file is no file of a pose.
+    """
+
+    def __init__(self, path: Path, localizer: Localizer) -> None:
+        self._path, self._localizer = path, localizer
+        self._kept_at = -math.inf
+        self._pose: Pose | None = None
+        if (kept := read_pose_file(path)) is not None:
+            localizer.start_near(kept.tf_map_tracking, kept.tf_odom_tracking)
+
+    def add(self, answer: Answer) -> None:
+        """Note an answer, and write its pose now and then."""
+        if answer.tf_map_tracking is None:
+            return
+        self._pose = answer.tf_map_tracking
+        if abs(answer.stamp - self._kept_at) >= KEEP_PERIOD_S:
+            self._kept_at = answer.stamp
+            self.write()
+
+    def write(self) -> None:
+        """Write the last pose, if there is any.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written.
+        """
+        if self._pose is not None:
+            write_pose_file(self._path, KeptPose(self._pose, self._localizer.odometry_pose))
+
+
+def locate_events(
+    localizer: Localizer, events: Iterable[SensorEvent], stop: StopRequest
+) -> Iterable[Answer]:
+    """Yield the answers to the scans of a recording, until its end or until stopped."""
+    answers: list[Answer] = []
+    for event in events:
+        if stop.made:
+            return
+        localizer.add(event, answers.append)
+        yield from answers
+        answers.clear()
+    localizer.finish(answers.append)
+    yield from answers

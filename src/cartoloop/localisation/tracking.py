@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tracking in a map that does not change: local SLAM predicts, the map corrects.
+
+A Kalman filter on the pose in the map. Local SLAM carries it where the map ends or has changed, and
+knows the motion from scan to scan far better than odometry; the match of a scan to the map is the
+measurement.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cartoloop.arrays import FloatArray
+from cartoloop.config import LocalSlamConfig
+from cartoloop.local_slam.pose_extrapolator import isotropic_information
+from cartoloop.local_slam.scan_matcher import degenerate_direction
+from cartoloop.localisation.known_map import KnownMap
+from cartoloop.scan_matching import least_squares
+from cartoloop.scan_matching.least_squares import MatchOptions, match_information
+from cartoloop.sensor.pose import Pose, compose, wrap_angle
+
+DRIFT_M, DRIFT_RAD = 0.02, math.radians(0.3)
+"""Standard deviation of the motion by local SLAM after a metre of path [m], [rad]; it grows with
+the root of the length."""
+
+TURN_DRIFT_RAD = math.radians(0.3)
+"""The same after a turn of one radian [rad]."""
+
+MAP_SIGMA_M, MAP_SIGMA_RAD = 0.02, math.radians(0.2)
+"""Standard deviations by which a match is wrong at least [m], [rad]: walls of the map are not
+straighter than this."""
+
+PRIOR_SIGMA_M, PRIOR_SIGMA_RAD = 0.1, math.radians(2.0)
+"""Standard deviations of the prior that a match starts from at least [m], [rad]."""
+
+UNKNOWN_SIGMA_M = 1.0
+"""Standard deviation of a match along a corridor without any feature [m]."""
+
+MAX_CORRECTION_SIGMAS = 5.0
+"""Matches farther from the prediction than this are not used."""
+
+FULL_TRUST_AGREEMENT = 0.75
+"""Of matches that agree less, relative to the usual agreement, the variance grows with the square
+of what is missing."""
+
+MIN_AGREEMENT = 0.35
+"""Matches that agree less, relative to the usual agreement, are not used."""
+
+
+class Tracker:
+    """The pose in the map, and its covariance.
+
+    Parameters
+    ----------
+    known : the map.
+    config : of local SLAM, whose least-squares matcher is used.
+    tf_map_tracking : first pose.
+    covariance : float64, shape (3, 3), of it [m^2, m rad, rad^2].
+
+    Attributes
+    ----------
+    pose : tf_map_tracking.
+    covariance : of x, y, theta, map frame.
+    """
+
+    def __init__(
+        self,
+        known: KnownMap,
+        config: LocalSlamConfig,
+        tf_map_tracking: Pose,
+        covariance: FloatArray,
+    ) -> None:
+        self._known = known
+        self._matcher = config.least_squares_matcher
+        self._prediction = config.prediction
+        self.pose = tf_map_tracking
+        self.covariance = covariance
+
+    def move(self, step: Pose) -> None:
+        """Move by what local SLAM measured since the last scan, in the robot's frame."""
+        pose = compose(self.pose, step)
+        length = math.hypot(step.x, step.y)
+        dx, dy = pose.x - self.pose.x, pose.y - self.pose.y
+        jacobian = np.array(((1.0, 0.0, -dy), (0.0, 1.0, dx), (0.0, 0.0, 1.0)))
+        translation = DRIFT_M**2 * length
+        rotation = DRIFT_RAD**2 * length + TURN_DRIFT_RAD**2 * abs(step.theta)
+        noise = np.diag((translation, translation, rotation))
+        self.covariance = jacobian @ self.covariance @ jacobian.T + noise
+        self.pose = pose
+
+    def correct(self, points: FloatArray, beam_origin: Pose) -> float:
+        """Correct the pose by a match to the map; return the agreement there, NaN if none counts.
+
+        Parameters
+        ----------
+        points : float64, shape (n, 2), returns of the scan [m], tracking frame; n > 0.
+        beam_origin : pose of the scanner on the robot.
+        """
+        known = self._known
+        pose, covariance = self._matched(points)
+        fit = known.fit(points, beam_origin, pose)
+        usual = fit.agreement / known.usual.agreement
+        share = fit.num_counted / len(points)
+        if math.isnan(usual) or usual < MIN_AGREEMENT:
+            return known.fit(points, beam_origin, self.pose).agreement
+        missing = max(FULL_TRUST_AGREEMENT / max(usual, 1e-3), 1.0) / max(share, 0.1)
+        self._fuse(pose, covariance * missing**2)
+        return fit.agreement
+
+    def _matched(self, points: FloatArray) -> tuple[Pose, FloatArray]:
+        """Return where the scan fits best near the predicted pose, and the covariance of that."""
+        known = self._known
+        sigma = math.sqrt(float(np.trace(self.covariance[:2, :2])))
+        turn = math.sqrt(float(self.covariance[2, 2]))
+        prior = known.to_grid(self.pose)
+        prior_information = isotropic_information(
+            max(sigma, PRIOR_SIGMA_M), max(turn, PRIOR_SIGMA_RAD)
+        )
+        residual = math.sqrt(max(1.0 - known.usual.score, 0.05))
+        match = least_squares.match(
+            known.smooth_map,
+            points,
+            prior,
+            prior,
+            prior_information,
+            MatchOptions(
+                self._matcher.occupied_space_weight / residual**2,
+                self._matcher.max_num_iterations,
+                self._matcher.tolerance,
+            ),
+        )
+        information = self._without_spurious(match_information(match), *degenerate_direction(match))
+        cos, sin = math.cos(known.tf_map_grid.theta), math.sin(known.tf_map_grid.theta)
+        rotation = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
+        covariance = rotation @ np.linalg.inv(information) @ rotation.T
+        floor = np.diag((MAP_SIGMA_M**2, MAP_SIGMA_M**2, MAP_SIGMA_RAD**2))
+        return known.to_map(match.tf_submap_scan), covariance + floor
+
+    def _without_spurious(
+        self, information: FloatArray, ratio: float, direction: float
+    ) -> FloatArray:
+        """Return information without that along a corridor, where it is due to pixel noise."""
+        true_share = max(ratio - self._prediction.spurious_information, 0.0) / max(ratio, 1e-9)
+        along = np.array((math.cos(direction), math.sin(direction), 0.0))
+        covariance = np.linalg.inv(information)
+        variance = float(along @ covariance @ along)
+        more = min(variance / max(true_share, 1e-6), UNKNOWN_SIGMA_M**2) - variance
+        covariance = covariance + max(more, 0.0) * np.outer(along, along)
+        inverse: FloatArray = np.linalg.inv(covariance)
+        return inverse
+
+    def _fuse(self, measured: Pose, covariance: FloatArray) -> None:
+        """Correct the pose by a measured one, unless that is too far away."""
+        pose = self.pose
+        innovation = np.array(
+            (measured.x - pose.x, measured.y - pose.y, wrap_angle(measured.theta - pose.theta))
+        )
+        inverse = np.linalg.inv(self.covariance + covariance)
+        squares = float(innovation @ inverse @ innovation)
+        if squares > MAX_CORRECTION_SIGMAS**2:
+            # The prediction was worse than assumed: it loses weight until they agree.
+            self.covariance = self.covariance * 2.0
+            return
+        gain = self.covariance @ inverse
+        x, y, theta = (gain @ innovation).tolist()
+        self.pose = Pose(pose.x + x, pose.y + y, wrap_angle(pose.theta + theta))
+        updated = (np.eye(3) - gain) @ self.covariance
+        self.covariance = 0.5 * (updated + updated.T)

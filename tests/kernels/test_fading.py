@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as st_numpy
+
+from cartoloop.kernels.fading import copy_unknown, fade_submap
+from tests.reference.naive_fading import naive_copy, naive_fade
+
+CELLS = st_numpy.arrays(np.uint8, st.tuples(st.integers(1, 8), st.integers(1, 8)))
+PLACE = st.floats(-4, 10)
+ANGLE = st.floats(-math.pi, math.pi)
+
+
+def _affine(x, y, theta):
+    return np.array([x, math.cos(theta), -math.sin(theta), y, math.sin(theta), math.cos(theta)])
+
+
+@settings(max_examples=50, deadline=None)
+@given(CELLS, PLACE, PLACE, ANGLE, st.integers(0, 2**32 - 1))
+def test_fading_equals_its_slow_twin(cells, x, y, theta, seed):
+    rng = np.random.default_rng(seed)
+    total = rng.normal(0.0, 2.0, (9, 11)).astype(np.float32)
+    known = rng.random((9, 11)) < 0.7
+    faded, unseen = np.full_like(cells, 7), np.full_like(cells, 7)
+    affine = _affine(x, y, theta)
+
+    counts = fade_submap(cells, affine, total, known, -0.8, 1.6, faded, unseen)
+
+    expected = naive_fade(cells, affine, total, known, -0.8, 1.6)
+    assert np.array_equal(faded, expected[0])
+    assert np.array_equal(unseen, expected[1])
+    assert counts == expected[2:]
+
+
+@settings(max_examples=50, deadline=None)
+@given(CELLS, CELLS, PLACE, PLACE, ANGLE)
+def test_copying_equals_its_slow_twin(source, cells, x, y, theta):
+    affine = _affine(x, y, theta)
+    left, filled = source.copy(), cells.copy()
+
+    count = copy_unknown(affine, source, left, filled)
+
+    expected_left, expected_filled = naive_copy(affine, source, cells)
+    assert np.array_equal(left, expected_left)
+    assert np.array_equal(filled, expected_filled)
+    assert count == np.count_nonzero(filled != cells)

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The step that fits an outline best, against trying all of them one point after the other."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cartoloop.kernels.outline_shift import best_step, open_direction, trace_outline
+from cartoloop.sensor.pose import Pose, inverse, transform_points
+from tests.reference.naive_outline_shift import naive_cost, naive_open_direction
+
+MAX_GAP, SIGMA, MAX_DISTANCE, OUTSIDE = 0.3, 0.05, 0.2, 0.3
+STEP, REACH = 0.1, 2
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def scan_of(rng):
+    """Return the ends of beams in a random room, in order."""
+    count = int(rng.integers(2, 60))
+    bearings = np.sort(rng.uniform(-math.pi, math.pi, count))
+    return bearings, rng.uniform(0.5, 4.0, count)[:, None] * np.column_stack(
+        (np.cos(bearings), np.sin(bearings))
+    )
+
+
+@settings(deadline=None, max_examples=150)
+@given(seed=seeds, stride=st.integers(1, 4))
+def test_the_best_step_costs_least_of_all(seed, stride):
+    rng = np.random.default_rng(seed)
+    bearings, ends = scan_of(rng)
+    direction, moved = rng.uniform(0.0, math.tau), float(rng.uniform(-0.5, 0.5))
+    along = math.cos(direction), math.sin(direction)
+    pose, hidden = Pose(*rng.uniform(-0.2, 0.2, 3).tolist()), float(rng.uniform(-0.6, 0.6))
+    seen = ends[rng.random(len(ends)) < 0.8] - hidden * np.array(along)
+    points = transform_points(inverse(pose), seen + rng.normal(0.0, 0.03, seen.shape))
+    steps = STEP * np.arange(-6, 7)
+    costs = np.empty(5)
+
+    matched, best = best_step(
+        bearings, ends, MAX_GAP, points, pose[:], along, moved, steps, stride, REACH,
+        (SIGMA, MAX_DISTANCE, OUTSIDE), costs,
+    )  # fmt: skip
+
+    places = transform_points(pose, points)
+    matched_cost, *expected = [
+        naive_cost(
+            bearings, ends, MAX_GAP, places, (shift * along[0], shift * along[1]), SIGMA,
+            MAX_DISTANCE, OUTSIDE,
+        )
+        for shift in [0.0, *(steps - moved).tolist()]
+    ]  # fmt: skip
+    assert matched == pytest.approx(matched_cost)
+    if best < 0:
+        assert stride > 1
+        assert min(expected[::stride]) >= matched_cost * (1.0 - 1e-9)
+        return
+    assert expected[best] == pytest.approx(min(expected))
+    around = [best - REACH, best - 1, best, best + 1, best + REACH]
+    wanted = [expected[k] if 0 <= k < len(steps) else math.nan for k in around]
+    assert costs.tolist() == pytest.approx(wanted, nan_ok=True)
+
+
+def test_of_equal_steps_the_first_is_best():
+    bearings = np.array((-1.0, 1.0))
+    ends = np.array(((1.0, -1.0), (1.0, 1.0)))  # a wall across x, no line: the gap is too wide
+    costs, steps = np.empty(5), STEP * np.arange(-6, 7)
+    for stride in (1, 3):
+        found = best_step(
+            bearings, ends, 0.1, ends, (0.0, 0.0, 0.0), (0.0, 1.0), 0.0, steps, stride, REACH,
+            (SIGMA, MAX_DISTANCE, OUTSIDE), costs,
+        )  # fmt: skip
+        outside = 2 * OUTSIDE * 0.5 * (MAX_DISTANCE / SIGMA) ** 2
+        assert found == (pytest.approx(outside), 0 if stride == 1 else -1)
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=seeds)
+def test_the_open_direction_is_that_of_the_walls(seed):
+    bearings, ends = scan_of(np.random.default_rng(seed))
+    if not (np.diff(bearings) < MAX_GAP).any():
+        assert open_direction(bearings, ends, MAX_GAP)[0] == 1.0
+        return
+    ratio, direction = naive_open_direction(bearings, ends, MAX_GAP)
+    found = open_direction(bearings, ends, MAX_GAP)
+    assert found[0] == pytest.approx(ratio, abs=1e-12)
+    if ratio < 0.99:
+        assert math.sin(found[1] - direction) == pytest.approx(0.0, abs=1e-9)
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=seeds, is_reversed=st.booleans())
+def test_an_outline_is_traced_from_its_scanner(seed, is_reversed):
+    rng = np.random.default_rng(seed)
+    bearings, ends = scan_of(rng)
+    if is_reversed:
+        bearings, ends = bearings[::-1], ends[::-1]
+    tf_tracking_sensor = Pose(*rng.uniform(-1.0, 1.0, 3).tolist())
+    points = transform_points(tf_tracking_sensor, ends)
+    found_bearings, found_ends = np.empty(len(points)), np.empty((len(points), 2))
+
+    ascends = trace_outline(points, inverse(tf_tracking_sensor)[:], found_bearings, found_ends)
+
+    assert ascends is not is_reversed
+    np.testing.assert_allclose(found_ends, ends, atol=1e-9)
+    np.testing.assert_allclose(found_bearings, bearings, atol=1e-9)

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Doubt grows where scans contradict the map, by path and by time."""
+
+from __future__ import annotations
+
+import math
+
+from cartoloop.localisation.doubt import Doubt
+
+
+def steps_until_lost(agreement, path, duration):
+    doubt = Doubt()
+    for step in range(1, 1000):
+        doubt.add(agreement, path, duration)
+        if doubt.is_lost:
+            return step
+    return None
+
+
+def test_a_robot_in_the_wrong_place_is_lost_within_metres_or_seconds():
+    assert steps_until_lost(0.3, 0.1, 0.1) * 0.1 <= 3.0
+    assert steps_until_lost(0.3, 0.0, 0.1) * 0.1 <= 5.0
+
+
+def test_moved_furniture_and_unmapped_places_do_not_make_it_lost():
+    assert steps_until_lost(0.7, 0.1, 0.1) is None
+    assert steps_until_lost(math.nan, 0.1, 0.1) is None
+
+
+def test_people_passing_by_are_forgotten():
+    doubt = Doubt()
+    for _ in range(3):
+        doubt.add(0.2, 0.1, 0.1)
+    before = doubt.level
+    for _ in range(10):
+        doubt.add(1.0, 0.1, 0.1)
+
+    assert before > 0.0
+    assert doubt.level == 0.0
+
+
+def test_a_search_that_finds_no_better_place_halves_the_doubt():
+    doubt = Doubt()
+    doubt.add(0.0, 1.0, 0.0)
+    before = doubt.level
+    doubt.reduce()
+
+    assert doubt.level == 0.5 * before

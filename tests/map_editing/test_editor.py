@@ -1,0 +1,368 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each edit does what it says, and undoing it gives back what was before."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cartoloop.errors import InputError, UsageError
+from cartoloop.map_editing.editor import Editor
+from cartoloop.map_file.write import map_bytes
+from cartoloop.sensor.pose import Pose, compose_all, transform_points
+from tests.map_editing.edited_map import editor, finished_map, poses_of
+from tests.map_output.small_result import small_result
+
+EDITS = {
+    "drop": lambda one: one.drop_closures(_in_graph(one)),
+    "pin": lambda one: one.pin_node(_some(one.map.graph.num_nodes)),
+    "pin at": lambda one: one.pin_submap(_some(one.map.graph.num_submaps), (1.0, -2.0, 0.3)),
+    "points": lambda one: one.set_control_points([(0, 0, 5, 1), (8, 0, 5, 9.2), (8, 4, 1, 9)]),
+    "align": lambda one: one.align(),
+    "time": lambda one: one.forget_time(one.map.stamps[-1], one.map.stamps[-1]),
+    "area": lambda one: one.forget_area(0.0, 0.0, 1.0, 1.0),
+    "split": lambda one: one.split_session(0, one.map.stamps[1]),
+    "rename": lambda one: one.rename_session(0, "morning"),
+}
+
+
+def _in_graph(one):
+    rows = one.map.graph.closure_rows
+    return int(rows[rows >= 0][0])
+
+
+def _some(count):
+    return count // 2
+
+
+def assert_as_mapped(one):
+    original = finished_map()
+    assert np.array_equal(poses_of(one.map), poses_of(original))
+    assert one.map.original is None
+    assert np.array_equal(one.map.stamps, original.stamps)
+    assert one.map.sessions == original.sessions
+    for ours, theirs in zip(one.map.submap_grids, original.submap_grids, strict=True):
+        assert np.array_equal(ours.cells, theirs.cells)
+
+
+@pytest.mark.parametrize("name", EDITS)
+def test_undoing_an_edit_gives_back_the_map(name):
+    one = editor()
+    EDITS[name](one)
+    edited = poses_of(one.map)
+    assert len(one.edits) == 1
+    assert one.map.original is one.original
+
+    one.undo()
+    assert_as_mapped(one)
+
+    one.redo(0)
+    assert np.array_equal(poses_of(one.map), edited)
+
+
+def _undo_any(one, choice):
+    in_force = [i for i, edit in enumerate(one.edits) if not edit.is_undone]
+    undone = [i for i, edit in enumerate(one.edits) if edit.is_undone]
+    if choice % 2 and undone:
+        one.redo(undone[choice % len(undone)])
+    elif in_force:
+        one.undo(in_force[choice % len(in_force)])
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.lists(st.sampled_from([*EDITS, *range(6)]), min_size=1, max_size=8),
+    st.randoms(use_true_random=False),
+)
+def test_undoing_all_in_any_order_gives_back_the_map(steps, rng):
+    one = editor()
+    for step in steps:
+        try:
+            if isinstance(step, int):
+                _undo_any(one, step)
+            else:
+                EDITS[step](one)
+        except (InputError, IndexError):
+            continue  # nothing left to drop or to forget
+    in_force = [number for number, edit in enumerate(one.edits) if not edit.is_undone]
+    rng.shuffle(in_force)
+    for number in in_force:
+        one.undo(number)
+
+    assert_as_mapped(one)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.lists(st.sampled_from(list(EDITS)), min_size=1, max_size=5))
+def test_an_edited_map_is_loaded_as_it_was_edited(steps):
+    one = editor()
+    for step in steps:
+        try:
+            EDITS[step](one)
+        except (InputError, IndexError):
+            continue
+
+    again = Editor(one.original)
+
+    assert np.array_equal(poses_of(again.map), poses_of(one.map))
+    assert map_bytes(again.map) == map_bytes(one.map)
+
+
+def test_a_dropped_closure_pulls_no_more():
+    one = editor()
+    change = one.drop_closures(2)
+    row = one.closures(statuses=["removed"])[0]
+
+    assert (row.number, row.reason, row.is_in_graph) == (2, "edit", False)
+    assert change.closures == -1
+    assert change.moved_m > 0.01
+    assert one.map.graph.num_loop_closures == 3
+
+
+def test_a_dropped_closure_is_not_dropped_again():
+    one = editor()
+    one.drop_closures(2)
+
+    with pytest.raises(InputError, match=r"closure 2: is not in the graph \(removed: edit\)"):
+        one.drop_closures(2)
+    with pytest.raises(InputError, match=r"closure 4: is not in the graph \(contradicted"):
+        one.drop_closures(4)
+    with pytest.raises(InputError, match="closure 17: the record has 5 rows"):
+        one.drop_closures(17)
+    assert len(one.edits) == 1
+
+
+def test_the_first_pin_moves_the_whole_map():
+    one = editor()
+    before = one.map.graph.node_poses.copy()
+    one.pin_node(2, (-3.0, 7.0, -2.0))
+    after = one.map.graph.node_poses
+
+    np.testing.assert_allclose(after[2], (-3.0, 7.0, -2.0), atol=1e-12)
+    apart = np.hypot(*(before[0, :2] - before[4, :2]))
+    assert np.hypot(*(after[0, :2] - after[4, :2])) == pytest.approx(apart)
+
+
+def test_further_pins_bend_the_map():
+    one = editor()
+    x, y, theta = one.map.graph.node_poses[3]
+    one.pin_node(0)
+    one.pin_node(3, (x + 0.5, y, theta))
+
+    np.testing.assert_allclose(one.map.graph.node_poses[3], (x + 0.5, y, theta), atol=1e-12)
+    np.testing.assert_allclose(one.map.graph.node_poses[0], (0, 0, 0), atol=1e-12)
+    assert one.map.graph.fixed_nodes == (0, 3)
+    assert one.map.graph.fixed_submaps == ()
+
+
+def test_control_points_move_the_map_and_leave_residuals():
+    one = editor()
+    tf = Pose(30.0, -4.0, 1.2)
+    places = one.map.graph.node_poses[[0, 2, 3], :2] + (0.3, -0.2)
+    noise = np.array([(0.02, 0.0), (-0.01, 0.01), (0.0, -0.02)])
+    surveyed = transform_points(tf, places) + noise
+    before = one.map.graph.node_poses.copy()
+    change = one.set_control_points(np.column_stack((places, surveyed)))
+
+    moved = compose_all(np.array(change.fit.tf_surveyed_map), before)
+    np.testing.assert_allclose(one.map.graph.node_poses, moved, atol=1e-9)
+    np.testing.assert_allclose(change.fit.tf_surveyed_map, tf, atol=0.05)
+    assert change.fit.distances.max() < 0.03
+    assert "residuals: root mean square 0.0" in change.text
+
+
+def test_control_points_do_not_scale_the_map():
+    change = editor().set_control_points([(0, 0, 0, 0), (8, 0, 10, 0)])
+
+    assert change.fit.scale == pytest.approx(1.25)
+    np.testing.assert_allclose(change.fit.distances, (1.0, 1.0))
+    assert "-20.00% larger than the survey" in change.text
+
+
+def test_control_points_follow_edits_made_before_them():
+    one = editor()
+    one.drop_closures(2)
+    places = one.map.graph.node_poses[[1, 4], :2]
+    one.set_control_points(np.column_stack((places, [(100.0, 0.0), (100.0, 4.0)])))
+    one.undo(0)
+    fit = one._applied.fits[1]
+
+    assert fit.distances.max() < 0.1  # of the nodes where they are now
+    assert np.hypot(*(one.map.graph.node_poses[1, :2] - (100.0, 0.0))) < 0.1
+
+
+def _heading(one):
+    """Direction of the map within a quarter of a turn."""
+    return one.map.graph.node_poses[0, 2] % (math.pi / 2)
+
+
+def test_aligning_twice_turns_once():
+    one = editor()
+    one.pin_node(0, (0.0, 0.0, math.radians(20.0)))
+    one.align()
+
+    assert one.align().moved_rad < math.radians(1.0)  # of walls 3 m long
+
+
+def test_walls_stay_aligned_when_an_earlier_edit_is_undone():
+    one, other = editor(), editor()
+    one.pin_node(0, (0.0, 0.0, math.radians(20.0)))
+    one.align()
+    one.undo(0)
+    other.align()
+
+    assert _heading(one) == pytest.approx(_heading(other), abs=math.radians(1.0))
+
+
+def test_a_forgotten_span_leaves_no_scan_and_no_node():
+    one = editor()
+    change = one.forget_time(103.0, 104.0)
+    result = one.map
+
+    assert result.stamps.tolist() == [100.0, 101.0, 102.0, 105.0]
+    assert result.graph.num_nodes == len(result.node_points) == 4
+    assert result.node_scan_index.tolist() == [0, 1, 2, 3]
+    assert (change.scans, change.nodes) == (-2, -2)
+    left = one.original.graph.node_poses[[0, 1, 2, 5]]
+    np.testing.assert_array_equal(result.graph.node_poses, left)
+    assert result.report.nodes == 4
+
+
+def test_a_submap_of_forgotten_scans_alone_is_left_out():
+    one = editor()
+    one.forget_time(103.0, 105.0)  # all nodes of submap 2
+
+    assert one.map.graph.num_submaps == len(one.map.submap_grids) == 2
+
+
+def test_cells_nearer_to_forgotten_nodes_are_unknown():
+    one = editor()
+    one.forget_time(101.0, 101.0)  # node 1 at x 4 of submap 0; node 0 is kept
+    before, after = one.original.submap_grids[0], one.map.submap_grids[0]
+    known = after.cells > 0
+    x = before.origin_x + np.arange(before.shape[1]) * before.resolution
+
+    assert (before.cells > 0).all()
+    assert known[:, x < 1.9].all()
+    assert not known[:, x > 2.1].any()
+
+
+def test_numbers_mean_what_is_shown_after_forgetting():
+    one = editor()
+    one.forget_time(100.0, 100.0)
+    row = next(row for row in one.closures() if row.is_in_graph)
+    one.drop_closures(row.number)
+
+    assert one.edits[1].arguments["pairs"] == [[row.submap, row.node + 1]]
+    one.undo(0)
+    removed = one.closures(statuses=["removed"])[0]
+    assert (removed.submap, removed.node) == (row.submap, row.node + 1)
+
+
+def test_a_forgotten_area_is_unknown_in_the_map():
+    one = editor()
+    before = one.map.occupancy_map()
+    change = one.forget_area(0.5, 0.3, 1.5, 1.2)
+    after = one.map.occupancy_map()
+
+    assert _at(before, 1.0, 0.7) >= 0.0
+    assert _at(after, 1.0, 0.7) < 0.0
+    assert _at(after, 0.3, 0.7) >= 0.0
+    assert change.returns < 0
+    for node, points in enumerate(one.map.node_points):
+        placed = transform_points(Pose(*one.map.graph.node_poses[node]), points)
+        inside = ((placed > (0.5, 0.3)) & (placed < (1.5, 1.2))).all(axis=1)
+        assert not inside.any()
+
+
+def _at(occupancy_map, x, y):
+    row = int((y - occupancy_map.origin_y) / occupancy_map.resolution)
+    col = int((x - occupancy_map.origin_x) / occupancy_map.resolution)
+    return occupancy_map.probability[row, col]
+
+
+def test_a_forgotten_area_moves_with_the_map():
+    one = editor()
+    one.set_control_points([(0, 0, 10, 0), (8, 0, 18, 0)])
+    one.forget_area(10.5, 0.3, 11.5, 1.2)
+    one.undo(0)
+
+    assert _at(one.map.occupancy_map(), 1.0, 0.7) < 0.0
+
+
+def test_a_session_is_split_and_named():
+    one = editor()
+    one.split_session(0, 102.5, "afternoon")
+    one.rename_session(0, "morning")
+    first, second = one.map.sessions
+
+    assert (first.name, second.name) == ("morning", "afternoon")
+    assert (second.first_scan, second.first_node, second.first_submap) == (3, 3, 2)
+    assert second.stamp == 103.0
+    assert np.array_equal(poses_of(one.map), poses_of(one.original))
+
+
+def test_a_session_without_scans_is_left_out():
+    one = editor()
+    one.split_session(0, 102.5, "afternoon")
+    one.forget_time(100.0, 102.0)
+    [session] = one.map.sessions
+
+    assert (session.name, session.first_scan, session.first_submap) == ("afternoon", 0, 0)
+    one.rename_session(0, "evening")
+    one.undo(1)
+    assert [session.name for session in one.map.sessions] == ["a.log", "evening"]
+
+
+@pytest.mark.parametrize(
+    ("edit", "says"),
+    [
+        (lambda one: one.pin_node(6), "node 6: the map has nodes 0 to 5"),
+        (lambda one: one.pin_submap(-1), "submap -1: the map has submaps 0 to 2"),
+        (lambda one: one.undo(), "there is no edit to undo"),
+        (lambda one: one.undo(3), "edit 3: the map has no edits"),
+        (lambda one: one.forget_time(0, 1), r"no scan has a stamp from 0\.000 to 1\.000"),
+        (lambda one: one.forget_time(0, 200), "nothing would be left"),
+        (lambda one: one.split_session(0, 99.0), r"is of 100\.000 to 105\.000: give a stamp"),
+        (lambda one: one.split_session(1, 99.0), "session 1: the map has sessions 0 to 0"),
+        (lambda one: one.set_control_points([(0, 0, 1, 1), (0, 0, 2, 2)]), "lie within 0.1 m"),
+        (lambda one: one.add_closure(0, 0), "was inserted into this submap"),
+        (lambda one: one.add_closure(0, 5), "is closure 0, which is in the graph"),
+    ],
+)
+def test_what_cannot_be_edited_is_refused(edit, says):
+    one = editor()
+    with pytest.raises(InputError, match=says):
+        edit(one)
+    assert one.edits == ()
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda one: one.drop_closures(),
+        lambda one: one.drop_closures("a"),
+        lambda one: one.pin_node(0, (0.0, math.nan, 0.0)),
+        lambda one: one.pin_node(0, (0.0, 1e9, 0.0)),
+        lambda one: one.set_control_points([(0, 0, 1, 1)]),
+        lambda one: one.forget_area(0, 0, 0, 1),
+        lambda one: one.forget_time(5, 4),
+        lambda one: one.rename_session(0, "two\nlines"),
+        lambda one: one.closures(statuses=["good"]),
+        lambda one: one.save(),
+    ],
+)
+def test_impossible_arguments_are_refused(edit):
+    one = editor()
+    one.pin_node(0)
+    with pytest.raises(UsageError):
+        edit(one)
+
+
+def test_a_map_that_was_stopped_is_not_edited():
+    with pytest.raises(InputError, match="mapping was stopped before its end"):
+        Editor(small_result())

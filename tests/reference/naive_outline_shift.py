@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Costs of shifts against an outline, one point and one line after the other."""
+
+from __future__ import annotations
+
+import math
+
+
+def naive_cost(bearings, ends, max_gap, points, shift, sigma, max_distance, outside_share):
+    """Return the cost of points, all moved by `shift`, against an outline."""
+    limit = 0.5 * (max_distance / sigma) ** 2
+    cost = 0.0
+    for point in points:
+        x, y = point[0] + shift[0], point[1] + shift[1]
+        bearing = math.atan2(y, x)
+        line = max((k for k in range(len(bearings)) if bearings[k] <= bearing), default=-1)
+        if not 0 <= line < len(bearings) - 1 or bearings[line + 1] - bearings[line] >= max_gap:
+            cost += outside_share * limit
+            continue
+        (ax, ay), (bx, by) = ends[line], ends[line + 1]
+        distance = ((x - ax) * (by - ay) - (y - ay) * (bx - ax)) / math.hypot(bx - ax, by - ay)
+        cost += min(0.5 * (distance / sigma) ** 2, limit)
+    return cost
+
+
+def naive_open_direction(bearings, ends, max_gap):
+    """Return the ratio of the information along and across walls, and the direction along them."""
+    information = [[0.0, 0.0], [0.0, 0.0]]
+    for k in range(len(bearings) - 1):
+        if bearings[k + 1] - bearings[k] >= max_gap:
+            continue
+        x, y = ends[k + 1][0] - ends[k][0], ends[k + 1][1] - ends[k][1]
+        length = math.hypot(x, y)
+        normal = -y / length, x / length
+        for i in range(2):
+            for j in range(2):
+                information[i][j] += min(length, 1.0) * normal[i] * normal[j]
+    (xx, xy), (_, yy) = information
+    low = 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy)
+    high = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
+    return low / high, 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Agreement of a scan with a map, beam by beam."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+
+def fit(cells, origin, resolution, limits, points, beam_origin, pose):
+    """Return the numbers of returns on walls, on floor, and behind walls."""
+    margin = max(limits.off_wall, 1)
+    walls = np.argwhere(cells >= limits.wall)
+    counts = [0, 0, 0]
+    start = _cell(beam_origin, pose, origin, resolution)
+    for point in points:
+        if math.hypot(*point) > limits.max_range:
+            continue
+        end = _cell(point, pose, origin, resolution)
+        if _is_blocked(cells, limits, start, end):
+            counts[2] += 1
+            continue
+        col, row = (math.floor(each + 0.5) for each in end)
+        if not (
+            margin <= col < cells.shape[1] - margin and margin <= row < cells.shape[0] - margin
+        ):
+            continue
+        apart = min((math.hypot(row - r, col - c) for r, c in walls), default=math.inf)
+        around = cells[row - 1 : row + 2, col - 1 : col + 2]
+        if apart <= limits.on_wall:
+            counts[0] += 1
+        elif apart > limits.off_wall and np.all((around > 0) & (around <= limits.floor)):
+            counts[1] += 1
+    return counts
+
+
+def _cell(point, pose, origin, resolution):
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    x = pose[0] + cos * point[0] - sin * point[1]
+    y = pose[1] + sin * point[0] + cos * point[1]
+    return (x - origin[0]) / resolution, (y - origin[1]) / resolution
+
+
+def _is_blocked(cells, limits, start, end):
+    length = math.dist(start, end)
+    steps = [
+        k for k in range(int(length) + 1) if limits.clearance <= k <= length - limits.clearance
+    ]
+    for k in steps:
+        col, row = (
+            math.floor(a + k / length * (b - a) + 0.5) for a, b in zip(start, end, strict=True)
+        )
+        inside = 0 <= col < cells.shape[1] and 0 <= row < cells.shape[0]
+        if inside and cells[row, col] >= limits.wall:
+            return True
+    return False
