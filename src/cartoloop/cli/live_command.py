@@ -5,17 +5,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import typer
 
 from cartoloop.cli.commands import GroupedCommand
+from cartoloop.cli.map_command import parse_start
 from cartoloop.cli.options import (
     ConfigOptions,
     ImuTopicOption,
     LaserPoseOption,
     OdomTopicOption,
-    OutputOptions,
+    PictureOptions,
     ScanTopicOption,
     parse_pose,
 )
@@ -25,6 +27,9 @@ from cartoloop.cli.view_command import (
     ViewPortOption,
     require_view,
 )
+
+if TYPE_CHECKING:
+    from cartoloop.config_file import LoadedConfig
 
 MESSAGES = "Messages"
 """Group of options in the help."""
@@ -37,7 +42,7 @@ class LiveCommand(GroupedCommand):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LiveCommandOptions(ConfigOptions, OutputOptions):
+class LiveCommandOptions(ConfigOptions, PictureOptions):
     """Options of ``cartoloop live``."""
 
     source: Annotated[
@@ -48,6 +53,27 @@ class LiveCommandOptions(ConfigOptions, OutputOptions):
             "CARMEN log that is being written.",
         ),
     ]
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map.")
+    ] = None
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            "--resume",
+            metavar="OUT",
+            help="Continue the map in this folder, of a run that ended or was interrupted. The "
+            "robot is searched for in it; while it is not found, the status is 4.",
+        ),
+    ] = None
+    at: Annotated[
+        str | None,
+        typer.Option(
+            "--at",
+            metavar="X,Y,DEG",
+            help="Where the robot is in that map at first [m, m, deg], to a metre or two and 20 "
+            "degrees, or end: where it was last.",
+        ),
+    ] = None
     source_host: Annotated[
         str | None,
         typer.Option(
@@ -106,10 +132,16 @@ def live_command(options: LiveCommandOptions) -> None:
     layers = options.layers
     require_view(options.view, view_host=options.view_host, view_port=options.view_port)
     laser_pose = parse_pose(options.laser_pose)
-    loaded = options.load()
+    loaded: LoadedConfig | None = options.load()
+    out = _folder(options)
+    starts_at_end = options.at == "end"
+    start = parse_start(None if starts_at_end else options.at, has_map=options.resume is not None)
+    if options.resume is not None and not (options.settings or options.config):
+        loaded = None
 
     from cartoloop.cli.live_mapping import map_source, poses_stream
     from cartoloop.cli.mapping import require_good
+    from cartoloop.cli.session_lines import require_joined
     from cartoloop.live.address import SourceOptions, make_source
 
     source = make_source(
@@ -127,17 +159,44 @@ def live_command(options: LiveCommandOptions) -> None:
         result = map_source(
             source,
             loaded,
-            options.out,
+            out,
             LiveOptions(
                 max_delay=1e-3 * options.max_delay_ms,
                 end_after=options.end_after,
                 waits=options.no_drop,
                 laser_pose=laser_pose,
                 poses=poses,
+                start=start,
+                starts_at_end=starts_at_end,
             ),
             layers,
             (options.view_host, options.view_port) if options.view else None,
             is_quiet=options.poses == "-",
             overwrite=options.overwrite,
+            resume=options.resume is not None,
         )
+    require_joined(result)
     require_good(result.report, options.strict)
+
+
+def _folder(options: LiveCommandOptions) -> Path:
+    """Return the folder for the map.
+
+    Raises
+    ------
+    typer.BadParameter
+        None is given, or two.
+    """
+    if options.resume is None:
+        if options.out is None:
+            raise typer.BadParameter("give the folder for the map", param_hint="--out")
+        if options.at is not None:
+            raise typer.BadParameter(
+                "is a pose in the map of --resume: give that too", param_hint="--at"
+            )
+        return options.out
+    if options.out is not None and options.out != options.resume:
+        raise typer.BadParameter(
+            "names the folder of the map already; leave -o out", param_hint="--resume"
+        )
+    return options.resume

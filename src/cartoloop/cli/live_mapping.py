@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 def map_source(
     source: Source,
-    loaded: LoadedConfig,
+    loaded: LoadedConfig | None,
     out: Path,
     options: LiveOptions,
     layers: Collection[Layer],
@@ -39,19 +39,21 @@ def map_source(
     *,
     is_quiet: bool = False,
     overwrite: bool = False,
+    resume: bool = False,
 ) -> Result:
     """Map what a source sends, save the map and print the summary; see `live_run.map_live`.
 
     Parameters
     ----------
     source : of messages.
-    loaded : the configuration.
+    loaded : the configuration; None: that of the map that is continued.
     out : folder for the map.
     options : how messages are treated.
     layers : drawn over the picture.
     view_address : host and port of the view, None each for the default; None: no view.
     is_quiet : whether standard output is for poses.
     overwrite : whether a map in `out` may be replaced.
+    resume : whether to continue the map in `out`.
     """
     set_malloc_thresholds()
     relax_gc()
@@ -70,6 +72,7 @@ def map_source(
             observer=display,
             stop=stop,
             overwrite=overwrite,
+            resume=resume,
         )
         if view is not None:
             wait_for_stop(f"view           {view.url}")
@@ -157,7 +160,7 @@ def poses_stream(name: str | None) -> Iterator[BinaryIO | None]:
 @contextmanager
 def _view(
     source: Source,
-    loaded: LoadedConfig,
+    loaded: LoadedConfig | None,
     address: tuple[str | None, int | None] | None,
     is_quiet: bool,
 ) -> Iterator[LiveView | None]:
@@ -165,12 +168,13 @@ def _view(
     if address is None:
         yield None
         return
+    from cartoloop.config import Config
     from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT
     from cartoloop.viewer.view import LiveView
 
     view = LiveView(
         source.name,
-        loaded.config,
+        loaded.config if loaded else Config(),
         host=address[0] or DEFAULT_HOST,
         port=address[1] or DEFAULT_PORT,
         live=True,

@@ -13,6 +13,7 @@ from typing import BinaryIO
 from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig
 from cartoloop.errors import InputError, Interrupted
+from cartoloop.live.continued import last_pose, map_to_continue
 from cartoloop.live.inbox import Inbox
 from cartoloop.live.notices import Notices
 from cartoloop.live.poses import PoseWriter
@@ -20,6 +21,7 @@ from cartoloop.live.sequencer import Sequencer
 from cartoloop.live.session import AddedScan, LiveSession
 from cartoloop.live.source import Source
 from cartoloop.live.warm_up import get_ready
+from cartoloop.map_data import MapData
 from cartoloop.map_file.run_header import RunHeader
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer
@@ -44,6 +46,9 @@ class LiveOptions:
     waits : whether the source is held up instead of dropping scans.
     laser_pose : pose of the first scanner on the robot; None: as the source states it.
     poses : stream for a line of JSON with the pose of each scan, or None.
+    start : where the robot is at first, in the map that is continued: to a metre or two and 20
+        degrees; None: it is searched for everywhere.
+    starts_at_end : whether it is still where that map ends.
     """
 
     max_delay: float = 0.05
@@ -51,6 +56,8 @@ class LiveOptions:
     waits: bool = False
     laser_pose: Pose | None = None
     poses: BinaryIO | None = None
+    start: Pose | None = None
+    starts_at_end: bool = False
 
 
 class LiveObserver(RunObserver):
@@ -73,6 +80,7 @@ def map_live(
     observer: LiveObserver | None = None,
     stop: StopRequest | None = None,
     overwrite: bool = False,
+    resume: bool = False,
 ) -> Result:
     """Map what a source sends until it ends or the run is stopped, and save the map.
 
@@ -87,6 +95,8 @@ def map_live(
     observer : is informed of the progress.
     stop : ends the session when made; made again during the last pass, it skips that.
     overwrite : whether a map in `out` may be replaced.
+    resume : whether to continue the map in `out`, of a live run that ended or was interrupted. The
+        drive becomes a session of it, and is apart until the robot is found in the map.
 
     Raises
     ------
@@ -99,18 +109,22 @@ def map_live(
         The last pass was stopped; what was mapped until then is saved, unless it was stopped again.
     """
     start = time.perf_counter()
-    loaded = config if isinstance(config, LoadedConfig) else LoadedConfig(config or Config(), {})
     options, observer = options or LiveOptions(), observer or LiveObserver()
     stop = stop or StopRequest()
+    base = map_to_continue(out, observer.say) if resume else None
+    loaded = _loaded(config, base)
     # No drive is the same as another.
-    folder = RunFolder(out, source.name, token_hex(8), overwrite)
+    folder = RunFolder(out, source.name, token_hex(8), overwrite or resume)
     folder.check()
     prepare_folder(out)
     notices = Notices(observer.say)
-    journal = _journal(folder, loaded, layers, notices)
+    journal = _journal(folder, loaded, layers, notices, base)
     try:
         get_ready()
-        mapper = Mapper(loaded.config, live=True, tapes=journal.tapes)
+        start_pose = last_pose(base) if options.starts_at_end and base else options.start
+        mapper = Mapper(
+            loaded.config, live=True, onto=base, onto_pose=start_pose, tapes=journal.tapes
+        )
         try:
             files = _Files(notices, options.poses)
             session = _session(source, mapper, notices, options, files, observer)
@@ -135,8 +149,19 @@ def map_live(
     return saved.outcome.result
 
 
+def _loaded(config: Config | LoadedConfig | None, base: MapData | None) -> LoadedConfig:
+    """Return the configuration: that of the map that is continued if none is given."""
+    if isinstance(config, LoadedConfig):
+        return config
+    return LoadedConfig(config or (base.config if base else Config()), {})
+
+
 def _journal(
-    folder: RunFolder, loaded: LoadedConfig, layers: Collection[Layer], notices: Notices
+    folder: RunFolder,
+    loaded: LoadedConfig,
+    layers: Collection[Layer],
+    notices: Notices,
+    base: MapData | None,
 ) -> RunJournal:
     """Return the journal of a new run in a folder."""
 
@@ -151,6 +176,9 @@ def _journal(
         loaded.origins,
         layers=tuple(layers),
         overwrite=folder.overwrite,
+        continues=base is not None,
+        first_node=base.graph.num_nodes if base else 0,
+        first_submap=base.graph.num_submaps if base else 0,
     )
     return begin_journal(folder.path, header, note)
 

@@ -56,11 +56,25 @@ def read_journal_map(path: Path) -> MapData:
     """
     header, content = read_journal(path)
     with damage_reported(path):
-        collected = _Collected(content.size)
+        collected = _Collected(content.size, header)
         for record in content.records:
-            collected.add(record)
+            if not (header.continues and record.kind in _OF_THE_WHOLE):
+                collected.add(record)
         return _map_of(collected, header)
 
+
+_OF_THE_WHOLE = frozenset(
+    {
+        Kind.REQUESTS,
+        Kind.DROPPED,
+        Kind.SEARCHED,
+        Kind.WIDE_SEARCHED,
+        Kind.BELIEVED,
+        Kind.POSES,
+    }
+)
+"""Records about the map that a run continues, too. Without that they cannot be read: the session is
+left as local SLAM saw it, and finds its closures when it is joined to the map again."""
 
 _FARTHEST_M = 1e5
 """Farther than any scanner measures [m]."""
@@ -80,8 +94,9 @@ class _Collected:
     calibration : what was learnt about the sensors.
     """
 
-    def __init__(self, num_bytes: int) -> None:
+    def __init__(self, num_bytes: int, header: RunHeader) -> None:
         self.num_bytes = num_bytes
+        self._first_node, self._first_submap = header.first_node, header.first_submap
         self.scans: list[ScanRecord] = []
         self.nodes: list[NodeRecord] = []
         self.node_scans: list[int] = []
@@ -100,12 +115,13 @@ class _Collected:
         if kind == Kind.SCAN:
             self._add_scan(recorded_scan(payload))
         elif kind == Kind.NODE:
-            self._node = recorded_node(payload)
+            self._node = recorded_node(payload).counted_from(self._first_node, self._first_submap)
         elif kind == Kind.CALIBRATION:
             self.calibration = plain_values(json.loads(bytes(payload))) or {}
         elif kind == Kind.SUBMAP:
             self.count_cells(cells_of_submap(payload))
-            self.grids[index_of_submap(payload)] = recorded_submap(payload)[0]
+            index = index_of_submap(payload) - self._first_submap
+            self.grids[index] = recorded_submap(payload)[0]
         elif kind == Kind.POSES:
             self.submap_poses = recorded_poses(payload)
         elif kind in (Kind.REQUESTS, Kind.DROPPED):
@@ -132,7 +148,7 @@ class _Collected:
         if node.number != len(self.nodes) or is_far or not np.isfinite(numbers).all():
             raise ValueError(f"node {len(self.nodes)} is damaged")
         for index, x, y in node.submaps:
-            if index > len(self.origins) or not np.isfinite((x, y)).all():
+            if not 0 <= index <= len(self.origins) or not np.isfinite((x, y)).all():
                 raise ValueError(f"submap {index} is damaged")
             if index == len(self.origins):
                 self.origins.append(Pose(x, y, 0.0))

@@ -44,6 +44,8 @@ class RunHeader:
     options : how the recording is read, as JSON has it.
     layers : drawn over the picture of the map.
     overwrite : whether the map of another recording may be replaced.
+    continues : whether it adds a session to the map in its folder; then its nodes and submaps count
+        from `first_node` and `first_submap`.
     program : version that made the journal.
     environment : versions of what it relies on.
     """
@@ -56,6 +58,9 @@ class RunHeader:
     options: Mapping[str, Any] = field(default_factory=dict)
     layers: tuple[str, ...] = ()
     overwrite: bool = False
+    continues: bool = False
+    first_node: int = 0
+    first_submap: int = 0
     program: str = __version__
     environment: Mapping[str, str] = field(default_factory=environment)
 
@@ -70,6 +75,9 @@ class RunHeader:
             "options": dict(self.options),
             "layers": list(self.layers),
             "overwrite": self.overwrite,
+            "continues": self.continues,
+            "first_node": self.first_node,
+            "first_submap": self.first_submap,
             "program": self.program,
             "environment": dict(self.environment),
         }
@@ -96,6 +104,9 @@ class RunHeader:
             options=dict(content["options"]),
             layers=tuple(map(str, content["layers"])),
             overwrite=bool(content["overwrite"]),
+            continues=bool(content["continues"]),
+            first_node=int(content["first_node"]),
+            first_submap=int(content["first_submap"]),
             program=str(content["program"]),
             environment={str(key): str(value) for key, value in content["environment"].items()},
         )

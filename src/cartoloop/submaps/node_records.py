@@ -58,6 +58,16 @@ class NodeRecord(NamedTuple):
     submaps: tuple[tuple[int, float, float], ...]
     points: FloatArray
 
+    def counted_from(self, first_node: int, first_submap: int) -> NodeRecord:
+        """Return the node with other numbers, where nodes and submaps of other sessions precede."""
+        if first_node == first_submap == 0:
+            return self
+        return self._replace(
+            number=self.number - first_node,
+            finished=None if self.finished is None else self.finished - first_submap,
+            submaps=tuple((index - first_submap, x, y) for index, x, y in self.submaps),
+        )
+
 
 def scan_record(stamp: float, tf_local_tracking: Pose) -> bytes:
     """Return a mapped scan as a payload."""
