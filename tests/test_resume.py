@@ -18,8 +18,9 @@ from cartoloop.journal.frames import FILE_NAME, PREAMBLE, Kind, frame_bytes, rec
 from cartoloop.map_file.file_set import FILES
 from cartoloop.map_file.run_header import RunHeader, read_journal
 from cartoloop.readers.read_options import ReadOptions
-from cartoloop.recording_run import RunObserver, map_recording
+from cartoloop.recording_run import map_recording, resume_recording
 from cartoloop.run_journal import RunJournal
+from cartoloop.run_observer import RunObserver
 from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import ring, simulate
 from cartoloop.stop_request import StopRequest
@@ -93,7 +94,7 @@ def header_end(whole):
 def test_a_resumed_run_ends_in_the_same_bytes(log, whole, tmp_path, share):
     interrupted(whole, tmp_path, share, random.Random(share).randbytes(100))
 
-    map_recording(log, out=tmp_path, resume=True)
+    resume_recording(log, out=tmp_path)
 
     assert contents(tmp_path) == contents(whole)
     assert lasting(tmp_path) == lasting(whole)
@@ -115,7 +116,7 @@ def test_what_was_computed_is_not_computed_again(log, whole, tmp_path, monkeypat
         monkeypatch.setattr(f"cartoloop.{place}", compute)
     interrupted(whole, tmp_path, 1.0)
 
-    map_recording(log, out=tmp_path, resume=True)
+    resume_recording(log, out=tmp_path)
 
     assert contents(tmp_path) == contents(whole)
 
@@ -140,11 +141,11 @@ class StoppingAt(RunObserver):
             self.stop.made = True
 
 
-def stop_at(log, num_scans, out, **options):
+def stop_at(log, num_scans, out, run=map_recording):
     stop = StopRequest()
     observer = StoppingAt(stop, num_scans)
     with pytest.raises(Interrupted) as error:
-        map_recording(log, out=out, stop=stop, observer=observer, **options)
+        run(log, out=out, stop=stop, observer=observer)
     return observer, str(error.value)
 
 
@@ -152,10 +153,10 @@ def test_a_stopped_run_is_resumed_again_and_again(log, settings, whole, tmp_path
     _, message = stop_at(log, 200, tmp_path, config=settings)
     assert f"--resume {tmp_path} goes on with it" in message
     assert (tmp_path / "map.png").exists()
-    observer, _ = stop_at(log, 400, tmp_path, resume=True)
+    observer, _ = stop_at(log, 400, tmp_path, run=resume_recording)
     assert 195 <= observer.num_resumed <= 200
 
-    map_recording(log, out=tmp_path, resume=True)
+    resume_recording(log, out=tmp_path)
 
     assert contents(tmp_path) == contents(whole)
     assert not (tmp_path / FILE_NAME).exists()
@@ -164,7 +165,7 @@ def test_a_stopped_run_is_resumed_again_and_again(log, settings, whole, tmp_path
 def test_a_stop_before_it_came_as_far_loses_nothing(log, whole, tmp_path):
     interrupted(whole, tmp_path, 0.8)
     before = (tmp_path / FILE_NAME).read_bytes()
-    _, message = stop_at(log, 50, tmp_path, resume=True)
+    _, message = stop_at(log, 50, tmp_path, run=resume_recording)
 
     assert "before the run had come as far as before: nothing was saved" in message
     kept = (tmp_path / FILE_NAME).read_bytes()
@@ -178,7 +179,7 @@ def test_a_finished_map_is_not_mapped_again(log, whole, tmp_path):
     (tmp_path / FILE_NAME).unlink()
     before = contents(tmp_path)
 
-    result = map_recording(log, out=tmp_path, resume=True)
+    result = resume_recording(log, out=tmp_path)
 
     assert len(result.stamps) == len(cartoloop.load_map(whole).stamps)
     assert contents(tmp_path) == before
@@ -186,7 +187,7 @@ def test_a_finished_map_is_not_mapped_again(log, whole, tmp_path):
 
 def test_where_nothing_was_begun_nothing_is_resumed(log, tmp_path):
     with pytest.raises(OutputError, match="holds no interrupted run; map without --resume"):
-        map_recording(log, out=tmp_path, resume=True)
+        resume_recording(log, out=tmp_path)
 
 
 def test_another_recording_does_not_resume_a_run(whole, tmp_path):
@@ -197,7 +198,7 @@ def test_another_recording_does_not_resume_a_run(whole, tmp_path):
     before = (out / FILE_NAME).read_bytes()
 
     with pytest.raises(OutputError, match=r"holds an interrupted run \(of ring.log\)"):
-        map_recording(other, out=out, resume=True)
+        resume_recording(other, out=out)
     with pytest.raises(OutputError, match=r"holds an interrupted run \(of ring.log\)"):
         map_recording(other, out=out)
     assert (out / FILE_NAME).read_bytes() == before
@@ -207,10 +208,10 @@ def test_other_parameters_do_not_resume_a_run(log, whole, tmp_path):
     interrupted(whole, tmp_path, 0.5)
 
     with pytest.raises(InputError, match=r"other parameters \(local_slam.submaps.num_range_data"):
-        map_recording(log, Config(), tmp_path, resume=True)
+        resume_recording(log, tmp_path, Config())
     options = ReadOptions(laser_pose=Pose(0.1, 0.0, 0.0))
     with pytest.raises(InputError, match="another laser pose of the recording"):
-        map_recording(log, out=tmp_path, options=options, resume=True)
+        resume_recording(log, out=tmp_path, options=options)
 
 
 def with_header(folder, **changes):
@@ -235,7 +236,7 @@ def test_a_run_of_another_program_is_not_resumed(log, whole, tmp_path, changes, 
     with_header(tmp_path, **changes)
 
     with pytest.raises(InputError, match=reason):
-        map_recording(log, out=tmp_path, resume=True)
+        resume_recording(log, out=tmp_path)
 
 
 def test_a_header_is_read_as_it_was_written(settings):

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from cartoloop.readers import open_log as open_log
     from cartoloop.readers import read as read
     from cartoloop.recording_run import map_recording as map_recording
+    from cartoloop.recording_run import resume_recording as resume_recording
     from cartoloop.result import Result as Result
     from cartoloop.result import edit as edit
     from cartoloop.result import load_map as load_map
@@ -67,6 +68,7 @@ _HOME = {
     "merge": ("merging", "merge"),
     "open_log": ("readers", "open_log"),
     "read": ("readers", "read"),
+    "resume_recording": ("recording_run", "resume_recording"),
 }
 """Module and name of each public object."""
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +23,7 @@ from cartoloop.journal.tape import NO_TAPES
 from cartoloop.map_file.run_header import RunHeader
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.run_end import Outcome, Saved, completed, save_outcome, timed
+from cartoloop.run_events import map_events
 from cartoloop.run_journal import (
     InterruptedRun,
     RunJournal,
@@ -33,55 +33,20 @@ from cartoloop.run_journal import (
     options_document,
     resume_journal,
 )
+from cartoloop.run_observer import RunObserver
 from cartoloop.session import named
 from cartoloop.stop_request import StopRequest
 
 if TYPE_CHECKING:
     from cartoloop.map_data import MapData
     from cartoloop.map_output.picture import Layer
-    from cartoloop.mapper import Mapper
     from cartoloop.readers import Log, ReadOptions
     from cartoloop.result import Result
-    from cartoloop.sensor.events import SensorEvent
     from cartoloop.sensor.pose import Pose
 
 
 MIN_SHARE_OF_SCANS = 0.5
 """A run that maps a smaller share of a recording's scans has failed."""
-
-
-class RunObserver:
-    """Callbacks of a run, all in the mapping thread; this one ignores them all."""
-
-    def started(self, num_scans: int) -> None:
-        """The recording was opened and has `num_scans` scans."""
-
-    def resumed(self, num_scans: int) -> None:
-        """The first `num_scans` scans were mapped before: their matches are known."""
-
-    def already_finished(self, folder: Path) -> None:
-        """There is nothing to resume: `folder` holds the finished map."""
-
-    def journal_failed(self, problem: str) -> None:
-        """The journal cannot be written, in one line; mapping goes on. May be of any thread."""
-
-    def before_event(self, mapper: Mapper, event: SensorEvent) -> None:
-        """`event` is added next."""
-
-    def after_event(self, mapper: Mapper, event: SensorEvent) -> None:
-        """`event` was added."""
-
-    def finishing(self, mapper: Mapper, stage: str | None) -> None:
-        """The last pass begins (`stage` None), or the stage of it that is named."""
-
-    def mapped(self, result: Result, failure: Exception | None) -> None:
-        """The map is complete, or as it was when `failure` ended the run; it is saved next."""
-
-    def saving(self, folder: Path) -> None:
-        """The map is saved in `folder` next: the one asked for, or one inside."""
-
-    def saved(self, result: Result, failure: Exception | None) -> None:
-        """The map was saved, and the report has its final times."""
 
 
 def map_recording(
@@ -94,7 +59,6 @@ def map_recording(
     observer: RunObserver | None = None,
     stop: StopRequest | None = None,
     overwrite: bool = False,
-    resume: bool = False,
     onto: MapData | str | PathLike[str] | None = None,
     onto_pose: Pose | None = None,
 ) -> Result:
@@ -111,9 +75,6 @@ def map_recording(
     observer : is informed of the progress.
     stop : by which another thread or a signal handler can stop the run. Ctrl-C stops it anyway.
     overwrite : whether the map of another recording in `out` may be replaced.
-    resume : whether to go on with the run in `out` that was interrupted: killed, stopped or failed.
-        What is not given then (config, options, layers) is as that run had it. The result is the
-        same as that of a run without interruption. A finished map in `out` is returned as it is.
     onto : a map, or its path, that the recording is added to as a session; see `Mapper`. `out` may
         be its folder: then it is replaced when the run comes to its end, and stays otherwise.
     onto_pose : where the robot is in it at first, see `Mapper`.
@@ -122,57 +83,137 @@ def map_recording(
     ------
     InputError
         The recording cannot be read, has no scan that can be mapped, or only a part of it could
-        be read or mapped. What was mapped until then is saved. Or it cannot resume the run in
-        `out`, which is of another recording, or had other parameters.
+        be read or mapped. What was mapped until then is saved.
     OutputError
         The folder `out` cannot be written, or holds the map of another recording, or another run
-        writes there, or there is nothing to resume; where possible, raised before mapping starts.
+        writes there; where possible, raised before mapping starts.
     Interrupted
         The run was stopped; what was mapped until then is saved, unless it was stopped again.
     """
     from cartoloop.map_output.picture import DEFAULT_LAYERS, known_layers
     from cartoloop.map_sessions import map_of
 
-    if resume and onto is not None:
-        raise UsageError("map_recording: a run that adds to a map (onto) cannot be resumed")
-    layers = None if layers is None else known_layers(layers)
+    loaded = _loaded(config)
+    drawn = DEFAULT_LAYERS if layers is None else known_layers(layers)
     out = None if out is None else as_path(out, "map_recording: out")
-    observer, stop = observer or RunObserver(), stop or StopRequest()
     overwrite = overwrite or is_same_folder(onto, out)
-    run = _interrupted(out) if resume else None
-    if run is None:
-        loaded = _loaded(config)
-    else:
-        loaded, options = _as_before(run, None if config is None else _loaded(config), options)
-        layers = known_layers(run.header.layers) if layers is None else layers
-        overwrite = overwrite or run.header.overwrite
-    drawn = DEFAULT_LAYERS if layers is None else layers
     log = _opened(recording, options, out, overwrite)
-    start = time.perf_counter()
     base = None if onto is None else map_of(onto, "map_recording: onto")
-    name, fingerprint = _identity(base, log)
-    folder, journal = None, None
-    if out is not None:
-        folder = RunFolder(Path(out), name, fingerprint, overwrite)
-        if resume and run is None:
-            return _finished_map(folder, observer)
-        folder.check()
-        prepare_folder(folder.path)
-        if base is None:  # otherwise the map stays as it was, and the run begins again
-            journal = _journal(folder, run, loaded, options_document(options), drawn, observer)
+    run = _Run(log, loaded, drawn, observer or RunObserver(), stop or StopRequest(), base)
+    if out is None:
+        return _carried_out(run, None, None, onto_pose)
+    folder = run.folder(Path(out), overwrite=overwrite)
+    folder.check()
+    prepare_folder(folder.path)
+    journal = None
+    if base is None:  # otherwise the map stays as it was, and the run begins again
+        journal = _new_journal(run, folder, options_document(options))
+    return _carried_out(run, folder, journal, onto_pose)
+
+
+def resume_recording(
+    recording: str | PathLike[str] | Sequence[str | PathLike[str]] | Log,
+    out: str | PathLike[str],
+    config: Config | LoadedConfig | None = None,
+    *,
+    options: ReadOptions | None = None,
+    layers: Collection[Layer] | None = None,
+    observer: RunObserver | None = None,
+    stop: StopRequest | None = None,
+) -> Result:
+    """Go on with a run of `map_recording` that was interrupted: killed, stopped or failed.
+
+    The result is the same as that of a run without interruption, to the last bit. A finished map in
+    `out` is returned as it is.
+
+    Parameters
+    ----------
+    recording : that of the run.
+    out : the folder of the run.
+    config, options, layers : as in `map_recording`; what is not given is as the run had it.
+    observer, stop : as in `map_recording`.
+
+    Raises
+    ------
+    InputError, Interrupted
+        As `map_recording`; or the run was of another recording, or had other parameters.
+    OutputError
+        As `map_recording`; or there is nothing to resume.
+    """
+    from cartoloop.map_output.picture import known_layers
+
+    path = Path(as_path(out, "resume_recording: out"))
+    observer, stop = observer or RunObserver(), stop or StopRequest()
+    before = interrupted_run(path)
+    loaded = None if config is None else _loaded(config)
+    if before is not None:
+        loaded, options = _as_before(before, loaded, options)
+    overwrite = before is not None and before.header.overwrite
+    log = _opened(recording, options, out, overwrite)
+    if before is None:
+        folder = RunFolder(path, log.name, log.fingerprint, overwrite)
+        return _finished_map(folder, observer)
+    drawn = known_layers(before.header.layers if layers is None else layers)
+    run = _Run(log, loaded or before.loaded, drawn, observer, stop)
+    folder = run.folder(path, overwrite=overwrite)
+    folder.check()
+    before.check_recording(folder.name, folder.fingerprint)
+    return _carried_out(run, folder, resume_journal(before, observer.journal_failed))
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What is mapped, and how.
+
+    Attributes
+    ----------
+    base : the map that it is added to, if any.
+    start : when it began [s], as of `time.perf_counter`.
+    """
+
+    log: Log
+    loaded: LoadedConfig
+    layers: Collection[Layer]
+    observer: RunObserver
+    stop: StopRequest
+    base: MapData | None = None
+    start: float = field(default_factory=time.perf_counter)
+
+    @property
+    def identity(self) -> tuple[str, str]:
+        """Name and fingerprint of the map: those of all its recordings."""
+        log, base = self.log, self.base
+        if base is None:
+            return log.name, log.fingerprint
+        from cartoloop.readers.fingerprint import joint_fingerprint
+
+        return (
+            f"{base.report.input.name} + {log.name}",
+            joint_fingerprint([base.report.fingerprint, log.fingerprint]),
+        )
+
+    def folder(self, path: Path, *, overwrite: bool) -> RunFolder:
+        """Return the folder to save the map in."""
+        return RunFolder(path, *self.identity, overwrite)
+
+
+def _carried_out(
+    run: _Run, folder: RunFolder | None, journal: RunJournal | None, pose: Pose | None = None
+) -> Result:
+    """Map, save, and raise what has to be raised."""
+    log, observer, stop = run.log, run.observer, run.stop
     try:
-        outcome = _mapped(log, loaded, observer, stop, journal, base, onto_pose)
+        outcome = _mapped(run, journal, pose)
         if not outcome.is_complete and outcome.failure is None and not len(outcome.result.stamps):
             raise Interrupted("stopped before the first scan: nothing was saved")
         if journal is not None and not outcome.is_complete:
             _keep_journal(journal, outcome)
-        result = _reported(outcome.result, log, start, name, fingerprint)
-        outcome = replace(outcome, result=result)
+        outcome = replace(outcome, result=_reported(outcome.result, run))
         observer.mapped(outcome.result, outcome.failure)
         saved = Saved(outcome, None, "")
         if folder is not None:
             saved = save_outcome(
-                outcome, folder, drawn, loaded.origins, observer.saving, start, stop
+                outcome, folder, run.layers, run.loaded.origins, observer.saving, run.start, stop
             )
     except KeyboardInterrupt as interrupt:
         raise Interrupted(f"stopped at once: nothing was saved{_hint(journal)}") from interrupt
@@ -188,35 +229,18 @@ def map_recording(
     return outcome.result
 
 
-def _interrupted(out: str | PathLike[str] | None) -> InterruptedRun | None:
-    if out is None:
-        raise UsageError("map_recording: resume needs out, the folder of the interrupted run")
-    return interrupted_run(Path(out))
-
-
-def _journal(
-    folder: RunFolder,
-    run: InterruptedRun | None,
-    loaded: LoadedConfig,
-    options: Mapping[str, Any],
-    layers: Collection[Layer],
-    observer: RunObserver,
-) -> RunJournal:
-    """Return the journal of a run, which may be that of an interrupted one."""
-    if run is not None:
-        run.check_recording(folder.name, folder.fingerprint)
-        return resume_journal(run, observer.journal_failed)
+def _new_journal(run: _Run, folder: RunFolder, options: Mapping[str, Any]) -> RunJournal:
     header = RunHeader(
         "map",
         folder.name,
         folder.fingerprint,
-        loaded.config,
-        loaded.origins,
+        run.loaded.config,
+        run.loaded.origins,
         options,
-        tuple(layers),
+        tuple(run.layers),
         folder.overwrite,
     )
-    return begin_journal(folder.path, header, observer.journal_failed)
+    return begin_journal(folder.path, header, run.observer.journal_failed)
 
 
 def _as_before(
@@ -276,26 +300,19 @@ def _hint(journal: RunJournal | None) -> str:
     return "" if journal is None else f"; --resume {journal.path.parent} goes on with it"
 
 
-def _mapped(
-    log: Log,
-    loaded: LoadedConfig,
-    observer: RunObserver,
-    stop: StopRequest,
-    journal: RunJournal | None,
-    base: MapData | None,
-    pose: Pose | None,
-) -> Outcome:
+def _mapped(run: _Run, journal: RunJournal | None, pose: Pose | None) -> Outcome:
     # Loads the kernels: part of the measured time.
     from cartoloop.first_pass import recorded_calibration
     from cartoloop.mapper import Mapper
 
-    observer.started(log.num_scans)
+    config = run.loaded.config
+    run.observer.started(run.log.num_scans)
     tapes = NO_TAPES if journal is None else journal.tapes
     if journal is not None and journal.num_recorded_scans:
-        observer.resumed(journal.num_recorded_scans)
-    calibration = recorded_calibration(log, loaded.config, stop, tapes.local)
-    mapper = Mapper(loaded.config, calibration=calibration, tapes=tapes, onto=base, onto_pose=pose)
-    return run(log, mapper, observer, stop)
+        run.observer.resumed(journal.num_recorded_scans)
+    calibration = recorded_calibration(run.log, config, run.stop, tapes.local)
+    mapper = Mapper(config, calibration=calibration, tapes=tapes, onto=run.base, onto_pose=pose)
+    return map_events(run.log, mapper, run.observer, run.stop)
 
 
 def is_same_folder(onto: object, out: str | PathLike[str] | None) -> bool:
@@ -307,75 +324,17 @@ def is_same_folder(onto: object, out: str | PathLike[str] | None) -> bool:
     return (path if path.is_dir() else path.parent).resolve() == Path(out).resolve()
 
 
-def _identity(base: MapData | None, log: Log) -> tuple[str, str]:
-    """Return name and fingerprint of the map of a recording, or of one that it is added to."""
-    if base is None:
-        return log.name, log.fingerprint
-    from cartoloop.readers.fingerprint import joint_fingerprint
-
-    report = base.report
-    return (
-        f"{report.input.name} + {log.name}",
-        joint_fingerprint([report.fingerprint, log.fingerprint]),
-    )
-
-
-def _reported(result: Result, log: Log, start: float, name: str, fingerprint: str) -> Result:
+def _reported(result: Result, run: _Run) -> Result:
     """Return a result whose report says all about the recording and the run."""
+    log, (name, fingerprint) = run.log, run.identity
     messages = [problem.message for problem in log.problems]
     report = completed(result, name, log.skipped, messages, fingerprint=fingerprint)
     finished = report.finished and report.nodes > 0 and not _is_mostly_lost(result, log)
     return replace(
         result,
-        report=timed(replace(report, finished=finished), start),
+        report=timed(replace(report, finished=finished), run.start),
         sessions=named(result.sessions, log.name, log.fingerprint),
     )
-
-
-def run(log: Log, mapper: Mapper, observer: RunObserver, stop: StopRequest) -> Outcome:
-    """Add all events of a log to a mapper and finish the map; close the mapper.
-
-    A failure after the first scan ends the run but is not raised, so that the map can be kept.
-    """
-    failure: Exception | None = None
-    is_stopped = False
-    try:
-        for event in log:
-            if stop.made:
-                break
-            observer.before_event(mapper, event)
-            mapper.add(event)
-            observer.after_event(mapper, event)
-        is_stopped = stop.made
-    except KeyboardInterrupt:
-        is_stopped = True
-    except Exception as error:
-        if mapper.num_scans == 0:
-            mapper.close()
-            raise
-        failure = error
-    if is_stopped or failure is not None:
-        mapper.close()
-        return Outcome(mapper.result(), failure, is_complete=False)
-    return finish(mapper, observer, stop)
-
-
-def finish(mapper: Mapper, observer: RunObserver, stop: StopRequest) -> Outcome:
-    """Do the last pass and close the mapper; if it is stopped or fails, keep the map before it."""
-    failure: Exception | None = None
-    try:
-        observer.finishing(mapper, None)
-        with stop.at_once():
-            return Outcome(mapper.finish(partial(observer.finishing, mapper)), None, True)
-    except KeyboardInterrupt:
-        pass
-    except Exception as error:
-        if mapper.num_scans == 0:
-            raise
-        failure = error
-    finally:
-        mapper.close()
-    return Outcome(mapper.result(), failure, is_complete=False)
 
 
 def _loaded(config: Config | LoadedConfig | None) -> LoadedConfig:

@@ -15,8 +15,9 @@ from cartoloop.cli.progress import Progress, format_duration, progress
 from cartoloop.cli.second_process import start_second_process
 from cartoloop.cli.session_lines import show_sessions
 from cartoloop.cli.stop_signals import SignalStop, stop_signals
-from cartoloop.recording_run import RunObserver, map_recording
+from cartoloop.recording_run import map_recording, resume_recording
 from cartoloop.report import odometry_warning
+from cartoloop.run_observer import RunObserver
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
 if TYPE_CHECKING:
@@ -62,16 +63,19 @@ def map_log(
         compilation_notice() as compiler,
         _Display(log, out, stop, compiler, view) as display,
     ):
+        if resume:
+            return resume_recording(
+                log, out, loaded, options=options, layers=layers, observer=display, stop=stop
+            )
         return map_recording(
             log,
             loaded,
             out,
+            options=options,
             layers=layers,
             observer=display,
             stop=stop,
-            options=options,
             overwrite=overwrite,
-            resume=resume,
             onto=onto,
             onto_pose=pose,
         )
