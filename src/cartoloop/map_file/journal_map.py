@@ -136,7 +136,7 @@ class _Collected:
 
     def _add_scan(self, scan: ScanRecord) -> None:
         node, self._node = self._node, None
-        if not np.isfinite(scan.tf_local_tracking).all():
+        if not np.isfinite((scan.stamp, *scan.tf_local_tracking)).all():
             raise ValueError("a pose is not finite")
         if node is not None:
             self._add_node(node)

@@ -75,7 +75,8 @@ class FinishedGrid:
             raise ValueError(
                 f"a submap lies at {origin_x}, {origin_y}, with cells of {resolution} m"
             )
-        if len(zlib.decompressobj().decompress(packed, size + 1)) != size:
+        stream = zlib.decompressobj()
+        if len(stream.decompress(packed, size + 1)) != size or not stream.eof:
             raise ValueError("a compressed field is too short or too long")
         grid = cls.__new__(cls)
         grid._packed, grid.shape = packed, shape
