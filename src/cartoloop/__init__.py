@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cartoloop.errors import UsageError as UsageError
     from cartoloop.map_editing.editor import Editor as Editor
     from cartoloop.mapper import Mapper as Mapper
+    from cartoloop.merging import merge as merge
     from cartoloop.readers import open_log as open_log
     from cartoloop.readers import read as read
     from cartoloop.recording_run import map_recording as map_recording
@@ -61,6 +62,7 @@ _HOME = {
     "load": ("result", "load_map"),
     "load_map": ("result", "load_map"),
     "map_recording": ("recording_run", "map_recording"),
+    "merge": ("merging", "merge"),
     "open_log": ("readers", "open_log"),
     "read": ("readers", "read"),
 }

@@ -501,6 +501,53 @@ class WideSearchConfig(Section):
     )
 
 
+class JoinConfig(Section):
+    """Parts of a map whose relative pose is not known, such as sessions of other days.
+
+    Composite scans of one part are searched in all submaps of the others, at all angles.
+    """
+
+    min_score: float = Field(0.5, ge=0, le=1, description="matches below are rejected")
+    min_score_ratio: float = Field(
+        0.85, ge=0, le=1, description="or below this share of the score of the submap's own scans"
+    )
+    min_margin: float = Field(
+        0.03, ge=0, description="the score must exceed that in any other place by this"
+    )
+    min_hypotheses: int = Field(
+        3, ge=1, description="composite scans that must agree before two parts are joined"
+    )
+    min_evidence: float = Field(
+        0.25, ge=0, description="by which their scores must exceed threshold and other places"
+    )
+    min_extent: float = Field(
+        4.0, ge=0, description="largest distance between two scans that agree, at least [m]"
+    )
+    max_rival_share: float = Field(
+        0.5,
+        gt=0,
+        description="scans that agree on another place have at most this share of the evidence",
+    )
+    min_overlap: float = Field(
+        3.0, ge=0, description="path along which the parts must overlap to be compared [m]"
+    )
+    max_contradicted_share: float = Field(
+        0.1, gt=0, le=1, description="share of that path whose scans may contradict the other part"
+    )
+    max_floor_share: float = Field(
+        0.1, gt=0, le=1, description="share of returns that may lie on floor of the other part"
+    )
+    known_pose_window: float = Field(
+        3.0, ge=0, description="search window radius where the pose in the map is given [m]"
+    )
+    known_pose_window_deg: float = Field(
+        30.0, ge=0, description="and its angle, to each side [deg]"
+    )
+    max_searches: int = Field(
+        40_000, ge=0, description="composite scans searched in submaps of other parts, at most"
+    )
+
+
 class ConstraintSearchConfig(Section):
     """Section V-B: which pairs of scan and finished submap are searched, and what is accepted."""
 
@@ -594,6 +641,7 @@ class ConstraintSearchConfig(Section):
         description="at the end, matches farther from the adjusted pose are rejected [m]",
     )
     wide_search: WideSearchConfig = WideSearchConfig()
+    join: JoinConfig = JoinConfig()
 
 
 class PoseAdjustmentConfig(Section):

@@ -7,6 +7,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from os import PathLike
 
 import numpy as np
 
@@ -17,10 +18,13 @@ from cartoloop.errors import UsageError
 from cartoloop.global_slam.background import BackgroundGlobalSlam
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.global_slam.trajectory import optimized_trajectory, path_length
+from cartoloop.global_slam.trajectory import path_length
 from cartoloop.growing_array import GrowingArray
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult, SensorCalibration
+from cartoloop.map_data import MapData
+from cartoloop.map_sessions import earlier_maps, whole_trajectory, with_parts
 from cartoloop.quality.examine import examine
+from cartoloop.quality.joins import geometry_check
 from cartoloop.report import (
     AdjustmentSummary,
     InputSummary,
@@ -65,6 +69,18 @@ class Mapper:
         dropped when too many are pending. Odometry may be late. The result depends on timing.
     calibration : what is known about the sensors before, as `calibration` of another mapper; by
         default nothing. It is estimated again while mapping.
+    onto : a map, or the path of one: a session is added to it. It finds its place by searching all
+        submaps while mapping, at the latest in `finish`; until then it is a part of its own. The
+        map that is given does not change.
+    onto_pose : where the robot is in that map at the first scan, to a metre or two and 20 degrees;
+        then it is only searched for there.
+
+    Raises
+    ------
+    InputError
+        The map cannot be read.
+    UsageError
+        Mapping cannot go on from it, or only with another configuration.
     """
 
     def __init__(
@@ -73,10 +89,14 @@ class Mapper:
         *,
         live: bool = False,
         calibration: SensorCalibration | None = None,
+        onto: MapData | str | PathLike[str] | None = None,
+        onto_pose: Pose | None = None,
     ) -> None:
         if config is not None:
             require_type(config, Config, "Mapper: config", "a cartoloop.Config")
-        self._config = config = config or Config()
+        self._earlier = earlier = earlier_maps(onto, config)
+        config = config or (earlier.maps[0].config if earlier.maps else Config())
+        self._config = config
         self._timer = StageTimer()
         self._local_slam = LocalSlam(
             config.local_slam,
@@ -84,13 +104,26 @@ class Mapper:
             config.global_slam.constraint_search.adaptive_voxel_filter,
             self._timer,
             calibration,
+            first_node=len(earlier.node_scan_index),
+            first_submap=earlier.num_submaps,
         )
-        self._global_slam = GlobalSlam(config.global_slam, self._timer, wait_for_searches=not live)
+        self._global_slam = GlobalSlam(
+            config.global_slam,
+            self._timer,
+            wait_for_searches=not live,
+            mapped=earlier.mapped,
+            check_geometry=geometry_check(config),
+        )
+        if earlier.maps:
+            self._global_slam.begin_session(onto_pose)
         self._back_end = BackgroundGlobalSlam(self._global_slam) if live else None
         self._stamps = GrowingArray((), np.float64)
         self._local_poses = GrowingArray((3,), np.float64)
+        self._stamps.extend(earlier.stamps)
+        self._local_poses.extend(earlier.local_poses)
+        self._first_scan = len(earlier.stamps)
         self._local_pose = IDENTITY
-        self._node_scan_index: list[int] = []
+        self._node_scan_index: list[int] = earlier.node_scan_index.tolist()
         self._skipped: Counter[str] = Counter()
         self._last_scan: LocalSlamResult | None = None
         self._num_scans = 0
@@ -155,12 +188,16 @@ class Mapper:
     def recorded_s(self) -> float:
         """Time from the first scan to the last [s], 0 before the first."""
         checker = self._checker
-        return checker.last_time - checker.first_time if len(self._stamps) else 0.0
+        return checker.last_time - checker.first_time if self._has_scans else 0.0
+
+    @property
+    def _has_scans(self) -> bool:
+        return len(self._stamps) > self._first_scan
 
     @property
     def last_stamp(self) -> float:
         """Stamp of the last mapped scan [s], NaN before the first."""
-        return float(self._stamps.view[-1]) if len(self._stamps) else math.nan
+        return float(self._stamps.view[-1]) if self._has_scans else math.nan
 
     def node_stamps(self, first: int) -> FloatArray:
         """Return the stamps [s] of the graph's nodes from `first` on, shape (n,)."""
@@ -296,7 +333,8 @@ class Mapper:
         graph = self._global_slam.graph
         node_scan_index = np.array(self._node_scan_index[: graph.num_nodes], dtype=np.int64)
         local = self._local_poses.view[:num_scans].copy()
-        trajectory = optimized_trajectory(local, node_scan_index, graph.node_poses)
+        sessions = self._sessions()
+        trajectory = whole_trajectory(sessions, local, node_scan_index, graph.node_poses)
         return Result(
             self._stamps.view[:num_scans].copy(),
             trajectory,
@@ -308,13 +346,19 @@ class Mapper:
             self._report(graph, trajectory),
             closures=self._global_slam.closures,
             node_points=self._global_slam.node_points,
-            sessions=self._sessions(),
+            sessions=sessions,
         )
 
     def _sessions(self) -> tuple[Session, ...]:
-        """Return the session that is mapped."""
-        stamp = float(self._stamps.view[0]) if len(self._stamps) else math.nan
-        return (Session(stamp=stamp, calibration=self.calibration.to_dict()),)
+        """Return all sessions, the last of them the one that is mapped."""
+        own = Session(
+            first_scan=self._first_scan,
+            first_node=len(self._earlier.node_scan_index),
+            first_submap=self._earlier.num_submaps,
+            stamp=float(self._stamps.view[self._first_scan]) if self._has_scans else math.nan,
+            calibration=self.calibration.to_dict(),
+        )
+        return with_parts([*self._earlier.sessions, own], self._global_slam.sessions)
 
     def _map_queue(self, time: float, on_pose: Callable[[], None] | None = None) -> Pose | None:
         """Map the queued scans whose sweeps ended before a time; return the last pose."""
@@ -356,18 +400,21 @@ class Mapper:
         return [grids[index] for index in range(graph.num_submaps)]
 
     def _report(self, graph: PoseGraph, trajectory: FloatArray) -> Report:
-        slam, path = self._global_slam, path_length(trajectory)
+        slam, path = self._global_slam, path_length(trajectory[self._first_scan :])
         sensors = [summarize_sensor(sensor) for _, sensor in sorted(self._sensors.items())]
         report = Report(
-            input=InputSummary(
-                scans=self._num_scans, duration_s=self.recorded_s, path_length_m=path
+            input=self._earlier.summary(
+                InputSummary(scans=self._num_scans, duration_s=self.recorded_s, path_length_m=path)
             ),
             nodes=graph.num_nodes,
             submaps=graph.num_submaps,
             constraints=summarize_constraints(graph, slam.closures),
             adjustment=AdjustmentSummary.of_runs(slam.adjustments),
             stages=self._timer.summary(),
-            skipped=dict(sorted(self._skipped.items())),
-            extra=self._local_slam.summary() | slam.closures.summary() | {"sensors": sensors},
+            skipped=self._earlier.skipped(self._skipped),
+            extra=self._local_slam.summary()
+            | slam.closures.summary()
+            | {"sensors": sensors}
+            | slam.joins.summary(),
         )
         return self._clock.timed(report) if self._clock else report

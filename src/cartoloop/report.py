@@ -25,7 +25,7 @@ from cartoloop.sensor.events import CloudGeometry, ScanGeometry
 from cartoloop.version import __version__
 
 if TYPE_CHECKING:
-    from cartoloop.global_slam.global_slam import AdjustmentRun
+    from cartoloop.global_slam.graph_adjustment import AdjustmentRun
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from PIL import Image
 from cartoloop.config_file import load_config
 from cartoloop.errors import OutputError
 from cartoloop.global_slam.closures import Closures
-from cartoloop.global_slam.global_slam import AdjustmentRun
+from cartoloop.global_slam.graph_adjustment import AdjustmentRun
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.map_output.output_folder import prepare_folder
 from cartoloop.map_output.save import save, write_file

@@ -85,7 +85,9 @@ class Reason(IntEnum):
     """HYPOTHESIS: it fits as well elsewhere, or too few others along the path agree with it."""
     AMBIGUOUS = 16
     """NOT_FOUND: the best candidate reached the score, but so did another place."""
-    EDIT = 17
+    EARLIER_PASS = 17
+    """FOUND: by the last pass over an earlier state of the map, from which mapping went on."""
+    EDIT = 18
     """REMOVED, ADDED: ``cartoloop edit`` or the like."""
 
     @property

@@ -13,6 +13,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import WideSearchConfig
+from cartoloop.global_slam.submap_paths import UNCONNECTED_M
 from cartoloop.growing_array import GrowingArray
 from cartoloop.sensor.pose import Pose, relative, transform_points
 from cartoloop.sensor.range_filter import thin
@@ -33,6 +34,8 @@ class CompositeScans:
         self._travelled = GrowingArray((), np.float64)
         self._newest = GrowingArray((), np.int64)
         self._points = NodePoints()
+        self._since = 0.0
+        self._begins_session = False
 
     def __len__(self) -> int:
         return len(self._newest)
@@ -59,6 +62,10 @@ class CompositeScans:
         poses: FloatArray = self._tf_local_node.view[self._newest.view]
         return poses
 
+    def begin_session(self) -> None:
+        """Note that the next node is the first of another session: no scan has nodes of both."""
+        self._begins_session = True
+
     def add_node(self, tf_local_node: Pose, node_points: ScanPoints) -> int | None:
         """Note the next node; return the number of the composite scan that it completes, if any.
 
@@ -70,12 +77,15 @@ class CompositeScans:
         length = 0.0
         if len(poses):
             x, y, _ = poses.view[-1].tolist()
-            length = float(travelled.view[-1]) + math.dist((x, y), tf_local_node[:2])
+            step = math.dist((x, y), tf_local_node[:2])
+            length = float(travelled.view[-1]) + (UNCONNECTED_M if self._begins_session else step)
+        if self._begins_session:
+            self._since, self._begins_session = length, False
         poses.append(tf_local_node)
         travelled.append(length)
-        since = float(travelled.view[self._newest.view[-1]]) if len(self) else 0.0
-        if length - since < self._config.spacing:
+        if length - self._since < self._config.spacing:
             return None
+        self._since = length
         newest = len(poses) - 1
         self._points.append(self._composed(newest, node_points))
         self._newest.append(newest)

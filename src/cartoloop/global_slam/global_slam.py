@@ -3,33 +3,26 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from time import perf_counter
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score
-from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.constraint_search import ConstraintSearch
+from cartoloop.global_slam.graph_adjustment import (
+    AdjustmentRun,
+    GraphAdjustment,
+    violated_closures,
+)
+from cartoloop.global_slam.joining import NUM_ROUNDS, CheckGeometry, OnePose
+from cartoloop.global_slam.loading import load
 from cartoloop.global_slam.pair_selection import PairSelection
-from cartoloop.global_slam.pose_adjustment import (
-    AdjustmentOptions,
-    PoseAdjuster,
-    constraint_residuals,
-)
-from cartoloop.global_slam.pose_graph import (
-    TRUE_ROTATION_RAD,
-    TRUE_TRANSLATION_M,
-    ClosureConstraints,
-    ConstraintKind,
-    PoseGraph,
-)
+from cartoloop.global_slam.part_joins import PartJoins
+from cartoloop.global_slam.pose_graph import ClosureConstraints, ConstraintKind
+from cartoloop.global_slam.sessions import MappedSessions, NodeSubmaps
 from cartoloop.global_slam.wide_search import WideSearch
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
@@ -37,24 +30,6 @@ from cartoloop.sensor.scan_points import NodePoints, ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import Submap
-
-
-@dataclass(frozen=True, slots=True)
-class AdjustmentRun:
-    """One run of pose adjustment.
-
-    Attributes
-    ----------
-    nodes, submaps, constraints : size of the graph.
-    iterations : linear systems solved.
-    ms : time that it took [ms].
-    """
-
-    nodes: int
-    submaps: int
-    constraints: int
-    iterations: int
-    ms: float
 
 
 class GlobalSlam:
@@ -67,26 +42,34 @@ class GlobalSlam:
     wait_for_searches : whether an adjustment waits for the searches that were started before it,
         so that the result is always the same. Otherwise what is found joins when it is found, and
         requests beyond ``max_live_backlog`` are dropped.
+    mapped : maps that mapping goes on from. Each is in a frame of its own; `begin_session` follows,
+        if there is something to be mapped.
+    check_geometry : examines parts before they are joined; without it, nothing is joined.
 
     Attributes
     ----------
     graph : pose graph; its loop closures refer to rows of `closures`.
     closures : the record of all pairs that were requested or matched.
     search : the background search.
-    adjustments : runs of pose adjustment so far.
+    sessions : where each session begins, and the connected part that it belongs to.
+    joins : finds the relative poses of parts that nothing connects.
     num_put_off : searches that were started and not done when the graph was adjusted.
     """
 
     def __init__(
-        self, config: GlobalSlamConfig, timer: StageTimer, *, wait_for_searches: bool = True
+        self,
+        config: GlobalSlamConfig,
+        timer: StageTimer,
+        *,
+        wait_for_searches: bool = True,
+        mapped: Sequence[MappedSessions] = (),
+        check_geometry: CheckGeometry | None = None,
     ) -> None:
         self._config = config
         self._timer = timer
         self._waits_while_mapping = wait_for_searches
-        self.graph = PoseGraph()
-        self.closures = Closures()
-        self._adjuster = PoseAdjuster(self.graph)
-        self._adjusted_revision = self.graph.revision
+        self.graph, self.closures, self.sessions = load(mapped)
+        self._adjustment = GraphAdjustment(self.graph, config)
         self._finished: list[FinishedSubmap] = []
         self._node_points = NodePoints()
         self.search = ConstraintSearch(
@@ -98,14 +81,31 @@ class GlobalSlam:
             max_backlog=None if wait_for_searches else config.max_live_backlog,
         )
         self.num_put_off = 0
-        self.adjustments: list[AdjustmentRun] = []
         self._pairs = PairSelection(config.constraint_search)
         self._wide = WideSearch(
             config.constraint_search, self.closures, self._finished, self.search
         )
+        self.joins = PartJoins(
+            config,
+            self.closures,
+            self._finished,
+            self.search,
+            self._wide.scans,
+            self.sessions,
+            check_geometry,
+        )
         self._submap_nodes: list[set[int]] = []
         self._tf_local_last_submap = IDENTITY
         self._tf_map_local = IDENTITY
+        if mapped:
+            self._restore(mapped)
+        else:
+            self.begin_session()
+
+    @property
+    def adjustments(self) -> Sequence[AdjustmentRun]:
+        """The runs of pose adjustment so far."""
+        return self._adjustment.runs
 
     @property
     def tf_map_local(self) -> Pose:
@@ -122,6 +122,20 @@ class GlobalSlam:
         """Number of loop closures in the graph."""
         return self.graph.num_loop_closures
 
+    def begin_session(self, tf_map_local: Pose | None = None) -> None:
+        """Begin the next session, not connected to the others.
+
+        Parameters
+        ----------
+        tf_map_local : where its local frame is in the main part, if that is about known.
+        """
+        part = self.sessions.begin(self.graph.num_nodes, self.graph.num_submaps)
+        self._pairs.begin_session()
+        self._wide.begin_session()
+        self._tf_map_local = IDENTITY
+        if tf_map_local is not None:
+            self.joins.joining.known = OnePose(part, tf_map_local)
+
     def add_node(self, node: Node) -> None:
         """Add a scan that was inserted; request searches for it; adjust when due."""
         self._add_to_graph(node)
@@ -131,7 +145,10 @@ class GlobalSlam:
             return
         waits = self._waits_while_mapping
         self._request_node(node.index)
-        self._request_wide(self._wide.add_node(node, self.node_points))
+        scan = self._wide.add_node(node, self.node_points)
+        self._request_wide(scan)
+        if scan is not None and self.joins.is_needed:
+            self.joins.joining.request(scan, self.graph)
         if finished is not None:
             self._request_nodes_in(finished)
         if self.graph.num_nodes % every == 0:
@@ -143,6 +160,7 @@ class GlobalSlam:
                 self._take_in_closures(wait=False)
             self.search.start(may_defer=waits)
             self._wide.start()
+            self.joins.joining.start(self.graph)
 
     def finish(
         self, unfinished: Iterable[Submap], note: Callable[[str], None] | None = None
@@ -163,6 +181,7 @@ class GlobalSlam:
         iterations = self._config.pose_adjustment.max_num_final_iterations
         announce("closing the last loops")
         self._close_loops(iterations, wait=True)
+        self._join_parts_left(iterations, announce)
         self._search_until_nothing_new(iterations)
         passes = self._config.constraint_search.final_passes
         for number in range(1, passes + 1):
@@ -182,6 +201,32 @@ class GlobalSlam:
     def close(self) -> None:
         """End the background threads."""
         self.search.close()
+
+    def _restore(self, mapped: Sequence[MappedSessions]) -> None:
+        """Bring all into the state after the nodes of maps."""
+        graph, submaps = self.graph, NodeSubmaps.of(self.graph)
+        begins = set(self.sessions.first_nodes[1:])
+        tf_local_node = np.concatenate([each.tf_local_node for each in mapped])
+        for points in (points for each in mapped for points in each.node_points):
+            self._node_points.append(points)
+        for node, pose in enumerate(tf_local_node.tolist()):
+            if node in begins:
+                self._pairs.begin_session()
+                self._wide.begin_session()
+            own = (int(submaps.first[node]), int(submaps.last[node]))
+            self._pairs.add((pose[0], pose[1]), len(self.node_points[node]), own)
+            self._wide.restore_node(Pose(*pose), self.node_points)
+        own_nodes = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
+        self._submap_nodes = [set() for _ in range(graph.num_submaps)]
+        for submap, node in zip(
+            graph.index_a[own_nodes].tolist(), graph.index_b[own_nodes].tolist(), strict=True
+        ):
+            self._submap_nodes[submap].add(node)
+        for index, grid in enumerate(grid for each in mapped for grid in each.grids):
+            self._finished.append(self._finished_submap(index, grid))
+        self._pairs.note_requested(self.closures)
+        closures, is_violated = violated_closures(graph)
+        self._pairs.note_adjusted(graph, closures[~is_violated])
 
     def _add_to_graph(self, node: Node) -> None:
         graph = self.graph
@@ -208,16 +253,17 @@ class GlobalSlam:
 
     def _finish(self, submap: Submap) -> FinishedSubmap:
         with self._timer.measure("finish submap"):
-            grid = submap.grid.finish()
-            own = np.flatnonzero(
-                (self.graph.index_a == submap.index)
-                & (self.graph.kinds == ConstraintKind.INTRA_SUBMAP)
-            )
-            points = self.node_points.take(self.graph.index_b[own])
-            own_score = mean_score(grid, points, self.graph.relative_poses[own])
-            finished = FinishedSubmap(submap.index, grid, own_score)
+            finished = self._finished_submap(submap.index, submap.grid.finish())
         self._finished.append(finished)
         return finished
+
+    def _finished_submap(self, index: int, grid: FinishedGrid) -> FinishedSubmap:
+        own = np.flatnonzero(
+            (self.graph.index_a == index) & (self.graph.kinds == ConstraintKind.INTRA_SUBMAP)
+        )
+        points = self.node_points.take(self.graph.index_b[own])
+        own_score = mean_score(grid, points, self.graph.relative_poses[own])
+        return FinishedSubmap(index, grid, own_score)
 
     def _request_node(self, node: int) -> None:
         """Request searches for a node in the finished submaps nearby."""
@@ -257,6 +303,16 @@ class GlobalSlam:
             if self.graph.num_loop_closures == before:
                 break
 
+    def _join_parts_left(self, max_num_iterations: int, announce: Callable[[str], None]) -> None:
+        """Search the composite scans of parts in the others, until all are joined."""
+        for number in range(NUM_ROUNDS):
+            if not self.joins.is_needed:
+                break
+            announce(f"searching parts in each other, {number + 1} of {NUM_ROUNDS}")
+            if self.joins.joining.request_round(number, self.graph):
+                self.joins.joining.start(self.graph)
+                self._close_loops(max_num_iterations, wait=True)
+
     def _submit(self, requests: Requests) -> None:
         if len(requests.submap):
             self.search.submit(self.closures.request(requests, self.graph.num_nodes))
@@ -283,6 +339,23 @@ class GlobalSlam:
             is_new = True
         if is_new:
             self._request_again()
+        if self.joins.is_needed:
+            self._join_parts(max_num_iterations, wait=wait)
+
+    def _join_parts(self, max_num_iterations: int, *, wait: bool) -> None:
+        """Join the parts whose relative pose is known by now, adjust, and request what is due."""
+        with self._timer.measure("wait for searches"):
+            durations = self.joins.joining.collect(self.graph, wait=wait)
+        for duration in durations:
+            self._timer.record("search", duration)
+        with self._timer.measure("join parts"):
+            while (join := self.joins.next(self.graph, self.node_points)) is not None:
+                self._adjustment.forget_poses()
+                self._add_closures(join.found, are_trusted=True)
+                self._adjust(max_num_iterations)
+                self._request_again()
+                if not self.joins.is_needed:
+                    break
 
     def _take_in_closures(self, *, wait: bool) -> None:
         """Add the loop closures that were found to the record and to the graph."""
@@ -305,63 +378,14 @@ class GlobalSlam:
         )
 
     def _adjust(self, max_num_iterations: int) -> None:
-        config = self._config.pose_adjustment
-        options = AdjustmentOptions(
-            loss=config.loss,
-            loss_scale=config.loss_scale,
-            max_iterations=max_num_iterations,
-            relative_tolerance=config.tolerance,
-        )
-        start = perf_counter()
-        if self._adjusted_revision != self.graph.revision:
-            self._adjuster = PoseAdjuster(self.graph)
-            self._adjusted_revision = self.graph.revision
-        done = self._adjuster.adjust(options)
-        self.adjustments.append(
-            AdjustmentRun(
-                nodes=self.graph.num_nodes,
-                submaps=self.graph.num_submaps,
-                constraints=len(self.graph.kinds),
-                iterations=done.iterations,
-                ms=1e3 * (perf_counter() - start),
-            )
-        )
+        holding = self._adjustment.run(max_num_iterations)
         newest = Pose(*self.graph.submap_poses[-1].tolist())
         self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
-        closures, is_violated = self._violated_closures()
-        self._distrust_strained(closures)
-        holds = ~is_violated | self.graph.is_trusted[closures]
-        self._pairs.note_adjusted(self.graph, closures[holds])
-
-    def _distrust_strained(self, closures: NDArray[np.int64]) -> None:
-        """Leave trusted closures that the rest of the graph contradicts to the robust loss.
-
-        Two hypotheses that agreed may be false all the same. Later closures show that.
-        """
-        trusted = closures[self.graph.is_trusted[closures]]
-        if len(trusted) == 0:
-            return
-        wide = self._config.constraint_search.wide_search
-        translation_error, rotation_error = constraint_residuals(self.graph, trusted)
-        is_strained = (translation_error > wide.max_strain) | (
-            rotation_error > math.radians(wide.max_strain_deg)
-        )
-        if is_strained.any():
-            self.graph.is_trusted[trusted[is_strained]] = False
-            # The adjuster assumes that constraints stay as they are.
-            self._adjuster = PoseAdjuster(self.graph)
-
-    def _violated_closures(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Return the constraints that are loop closures, and which of them must be false."""
-        closures = np.flatnonzero(self.graph.kinds == ConstraintKind.LOOP_CLOSURE)
-        translation_error, rotation_error = constraint_residuals(self.graph, closures)
-        return closures, (
-            (translation_error > TRUE_TRANSLATION_M) | (rotation_error > TRUE_ROTATION_RAD)
-        )
+        self._pairs.note_adjusted(self.graph, holding)
 
     def _remove_contradicted(self, max_num_iterations: int) -> None:
         """Remove the loop closures that the other constraints contradict, and adjust again."""
-        closures, is_violated = self._violated_closures()
+        closures, is_violated = violated_closures(self.graph)
         if is_violated.any():
             is_false = np.zeros(self.graph.num_constraints, dtype=bool)
             is_false[closures[is_violated]] = True
@@ -377,5 +401,6 @@ class GlobalSlam:
             self._finished,
             self._submap_nodes,
             self.node_points,
+            self.sessions,
         )
         last_pass.run(self.closures, self.search)

@@ -30,7 +30,7 @@ from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.search_windows import windows
-from cartoloop.global_slam.submap_paths import SubmapPaths
+from cartoloop.global_slam.submap_paths import UNCONNECTED_M, SubmapPaths
 from cartoloop.global_slam.wide_windows import bounding_boxes, wide_reach
 from cartoloop.growing_array import GrowingArray
 from cartoloop.kernels.due_pairs import (
@@ -91,10 +91,15 @@ class PairSelection:
         self._submap_travelled = GrowingArray((), np.float64)
         self._is_searchable = GrowingArray((), np.bool_)
         self._last_position = (0.0, 0.0)
+        self._begins_session = False
         self._closures = np.empty((2, 0), dtype=np.int64)
         self._num_found: Counter[tuple[int, int]] = Counter()
         self._num_searches: Counter[tuple[int, int]] = Counter()
         self._submap_paths = SubmapPaths(config)
+
+    def begin_session(self) -> None:
+        """Note that the next node is the first of another session: no path leads to it."""
+        self._begins_session = True
 
     def add_node(self, node: Node) -> None:
         """Note a node, and the submap that begins with it."""
@@ -114,12 +119,14 @@ class PairSelection:
         submaps : the first and the last that it was inserted into.
         """
         step = math.dist(position, self._last_position)
+        if self._begins_session:
+            step, self._begins_session = UNCONNECTED_M, False
         travelled = self._travelled.view[-1] + step if len(self._travelled) else 0.0
         self._last_position = (position[0], position[1])
         self._travelled.append(travelled)
         self._is_searchable.append(num_points >= self._config.min_num_points)
         self._node_submaps.append(submaps)
-        if submaps[1] == len(self._submap_travelled):
+        while submaps[1] >= len(self._submap_travelled):
             self._submap_travelled.append(travelled)
 
     def note_found(self, submaps: NDArray[np.integer], nodes: NDArray[np.integer]) -> None:

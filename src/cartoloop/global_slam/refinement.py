@@ -21,6 +21,7 @@ from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.pose_graph import ClosureConstraints, PoseGraph
+from cartoloop.global_slam.sessions import SessionRanges
 from cartoloop.scan_matching.least_squares import match_informations
 from cartoloop.sensor.pose import relative_all
 from cartoloop.sensor.scan_points import ScanPoints
@@ -194,6 +195,7 @@ class LastPass:
     submaps : all submaps, finished.
     submap_nodes : of each, the nodes that were inserted into it.
     node_points : the returns of all nodes.
+    sessions : pairs of parts that are not connected are not matched.
     """
 
     def __init__(
@@ -203,12 +205,15 @@ class LastPass:
         submaps: Sequence[FinishedSubmap],
         submap_nodes: Sequence[set[int]],
         node_points: ScanPoints,
+        sessions: SessionRanges,
     ) -> None:
         self._config = config
         self._graph = graph
         self._submaps = submaps
         self._submap_nodes = submap_nodes
         self._node_points = node_points
+        self._node_parts = sessions.of_nodes(graph.num_nodes)
+        self._submap_parts = sessions.of_submaps(graph.num_submaps)
 
     def run(self, closures: Closures, search: ConstraintSearch) -> None:
         """Match again, record the matches, and replace the loop closures."""
@@ -228,13 +233,15 @@ class LastPass:
 
     def _overlapping(self, submap: int) -> IntArray:
         graph = self._graph
-        return overlapping_nodes(
+        nodes = overlapping_nodes(
             self._submaps[submap],
             graph.submap_poses[submap],
             graph.node_poses,
             self._submap_nodes[submap],
             self._config.final_every_nth_node,
         )
+        own_part: IntArray = nodes[self._node_parts[nodes] == self._submap_parts[submap]]
+        return own_part
 
     def _match(self, index: int, nodes: IntArray) -> FinalMatches:
         submap, graph = self._submaps[index], self._graph

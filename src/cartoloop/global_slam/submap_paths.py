@@ -13,6 +13,12 @@ from cartoloop.kernels.shortest_paths import drift_along_paths, shortest_paths
 
 _NOTHING: FloatArray = np.empty(0)
 
+UNCONNECTED_M = 1e9
+"""Path length from one session to the next [m]: the robot's path does not connect them."""
+
+FAR_M = 0.5 * UNCONNECTED_M
+"""Longer paths lead from one session to another [m]."""
+
 _SHORTEST_STEP_M = 1e-3
 """Path length between two submaps, at least: path lengths must be positive [m]."""
 
@@ -41,7 +47,8 @@ class SubmapPaths:
         if closures is None or inside is None or m == 0:
             return
         first, second = closures.min(axis=1), closures.max(axis=1)
-        skips = np.flatnonzero(second - first > 1)
+        is_apart = submap_travelled[second] - submap_travelled[first] > FAR_M
+        skips = np.flatnonzero((second - first > 1) | is_apart)
         numbers = (first * m + second)[skips]
         # Of each pair of submaps the closure with the shortest path.
         shortest = np.lexsort((inside[skips], numbers))

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import IntArray, RowArray
-from cartoloop.config import ConstraintSearchConfig
+from cartoloop.config import ConstraintSearchConfig, WideSearchConfig
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.closure_search import FinishedSubmap, refine_all
 from cartoloop.global_slam.closures import Closures
@@ -29,12 +29,12 @@ from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.scan_matching.branch_and_bound import RunnerUp
 from cartoloop.scan_matching.least_squares import match_informations
-from cartoloop.sensor.pose import compose_all, wrap_angles
+from cartoloop.sensor.pose import Pose, compose_all, wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.node import Node
 
 
-class _Outcome(NamedTuple):
+class Outcome(NamedTuple):
     """What the search of composite scans in one submap came to.
 
     Attributes
@@ -76,7 +76,7 @@ class WideSearch:
         self._search = search
         self._scans = CompositeScans(self._config)
         self._waiting: dict[int, list[tuple[int, int]]] = {}
-        self._running: list[Future[_Outcome]] = []
+        self._running: list[Future[Outcome]] = []
         self._candidates: dict[int, list[Candidate]] = {}
         self._has_news = False
 
@@ -85,9 +85,22 @@ class WideSearch:
         """Number of composite scans so far."""
         return len(self._scans)
 
+    @property
+    def scans(self) -> CompositeScans:
+        """The composite scans so far."""
+        return self._scans
+
+    def begin_session(self) -> None:
+        """Note that the next node is the first of another session."""
+        self._scans.begin_session()
+
     def add_node(self, node: Node, node_points: ScanPoints) -> int | None:
         """Note the next node; return the number of the composite scan that it completes, if any."""
         return self._scans.add_node(node.tf_local_tracking, node_points)
+
+    def restore_node(self, tf_local_node: Pose, node_points: ScanPoints) -> None:
+        """Note a node of an earlier session."""
+        self._scans.add_node(tf_local_node, node_points)
 
     def request(self, scan: int, pairs: PairSelection, graph: PoseGraph) -> None:
         """Request the search of a composite scan in the submaps where the drift may place it."""
@@ -108,7 +121,15 @@ class WideSearch:
             scans, rows = np.array(wanted).T
             requests = self._closures.requests(rows)
             points = self._scans.points.take(scans)
-            task = partial(self._find, scans=scans, rows=rows, points=points, requests=requests)
+            task = partial(
+                find_scans,
+                config=self._config,
+                scans=scans,
+                rows=rows,
+                points=points,
+                requests=requests,
+                least=(self._config.min_score, self._config.min_score_ratio),
+            )
             self._running.append(self._search.run(task, self._submaps[submap]))
         self._waiting = {}
 
@@ -143,7 +164,8 @@ class WideSearch:
             return None
         for each in chosen:
             self._candidates.pop(each.candidate.scan)
-        return _together([self._refined(each.candidate) for each in chosen])
+        candidates = [each.candidate for each in chosen]
+        return refined(candidates, self._scans.points, self._submaps, self._all)
 
     def _hypotheses(self, pairs: PairSelection, graph: PoseGraph) -> list[Hypothesis]:
         """Return the composite scans whose place is distinct, in the order of the path."""
@@ -170,7 +192,7 @@ class WideSearch:
                 )
         return distinct
 
-    def _note(self, outcome: _Outcome) -> None:
+    def _note(self, outcome: Outcome) -> None:
         self._closures.note_searched(outcome.rows, outcome.min_score)
         for candidate in outcome.candidates:
             self._candidates.setdefault(candidate.scan, []).append(candidate)
@@ -178,63 +200,94 @@ class WideSearch:
         matched = np.array([candidate.row for candidate in outcome.candidates], dtype=np.int32)
         self._closures.note_hypotheses(matched)
 
-    def _find(
-        self,
-        submap: FinishedSubmap,
-        scans: IntArray,
-        rows: RowArray,
-        points: ScanPoints,
-        requests: Requests,
-    ) -> _Outcome:
-        """Return where composite scans fit in one submap."""
-        start = perf_counter()
-        config = self._config
-        min_score = min(config.min_score, config.min_score_ratio * submap.own_score)
-        found = submap.matcher.match_all(
-            points,
-            requests.tf_submap_node,
-            linear_windows=requests.linear_window,
-            angular_windows=requests.angular_window,
-            min_score=min_score,
-            groups=np.arange(len(scans)),
-            max_of_group=1,
-            runner_up=RunnerUp(
-                config.place_distance, math.radians(config.place_angle_deg), RUNNER_UP_MARGIN
-            ),
-        )
-        candidates = [
-            Candidate(
-                int(rows[i]),
-                int(scans[i]),
-                submap.index,
-                np.array(match.tf_submap_scan),
-                match.score,
-                max(match.runner_up, min_score),
-            )
-            for i, match in enumerate(found.matches)
-            if match is not None
-        ]
-        return _Outcome(rows, min_score, candidates, perf_counter() - start)
 
-    def _refined(self, candidate: Candidate) -> SearchMatches:
-        """Return the closure of a candidate that is believed."""
-        scan = self._scans.points.take(np.array([candidate.scan]))
-        start = candidate.tf_submap_scan[np.newaxis]
-        submap = self._submaps[candidate.submap]
-        fine = refine_all(submap.smooth_map, scan, start, self._all, math.inf)
-        poses = fine.tf_submap_scan.copy()
-        poses[:, 2] = wrap_angles(poses[:, 2])
-        moved = fine.tf_submap_scan - start
-        return SearchMatches(
-            row=np.array([candidate.row], dtype=np.int32),
-            tf_submap_node=poses,
-            information=match_informations(fine.information, fine.residual),
-            residual=fine.residual,
-            score=np.array([candidate.score]),
-            runner_up=np.array([candidate.other_score]),
-            moved_m=np.hypot(moved[:, 0], moved[:, 1]),
-            moved_rad=np.abs(wrap_angles(moved[:, 2])),
+def find_scans(
+    submap: FinishedSubmap,
+    config: WideSearchConfig,
+    scans: IntArray,
+    rows: RowArray,
+    points: ScanPoints,
+    requests: Requests,
+    least: tuple[float, float],
+) -> Outcome:
+    """Return where composite scans fit in one submap.
+
+    Parameters
+    ----------
+    submap : to be searched.
+    config : what counts as another place.
+    scans, rows : numbers of the scans, and their rows in the record.
+    points : the returns of these scans.
+    requests : the windows.
+    least : lowest score, and lowest share of the score of the submap's own scans; the lower counts.
+    """
+    start = perf_counter()
+    min_score = min(least[0], least[1] * submap.own_score)
+    found = submap.matcher.match_all(
+        points,
+        requests.tf_submap_node,
+        linear_windows=requests.linear_window,
+        angular_windows=requests.angular_window,
+        min_score=min_score,
+        groups=np.arange(len(scans)),
+        max_of_group=1,
+        runner_up=RunnerUp(
+            config.place_distance, math.radians(config.place_angle_deg), RUNNER_UP_MARGIN
+        ),
+    )
+    candidates = [
+        Candidate(
+            int(rows[i]),
+            int(scans[i]),
+            submap.index,
+            np.array(match.tf_submap_scan),
+            match.score,
+            max(match.runner_up, min_score),
         )
+        for i, match in enumerate(found.matches)
+        if match is not None
+    ]
+    return Outcome(rows, min_score, candidates, perf_counter() - start)
+
+
+def refined(
+    candidates: Sequence[Candidate],
+    scans: ScanPoints,
+    submaps: Sequence[FinishedSubmap],
+    config: ConstraintSearchConfig,
+) -> SearchMatches:
+    """Return the closures of candidates that are believed.
+
+    Parameters
+    ----------
+    scans : the returns of all composite scans.
+    submaps : by their index.
+    """
+    return _together([_refined(each, scans, submaps, config) for each in candidates])
+
+
+def _refined(
+    candidate: Candidate,
+    scans: ScanPoints,
+    submaps: Sequence[FinishedSubmap],
+    config: ConstraintSearchConfig,
+) -> SearchMatches:
+    scan = scans.take(np.array([candidate.scan]))
+    start = candidate.tf_submap_scan[np.newaxis]
+    fine = refine_all(submaps[candidate.submap].smooth_map, scan, start, config, math.inf)
+    poses = fine.tf_submap_scan.copy()
+    poses[:, 2] = wrap_angles(poses[:, 2])
+    moved = fine.tf_submap_scan - start
+    return SearchMatches(
+        row=np.array([candidate.row], dtype=np.int32),
+        tf_submap_node=poses,
+        information=match_informations(fine.information, fine.residual),
+        residual=fine.residual,
+        score=np.array([candidate.score]),
+        runner_up=np.array([candidate.other_score]),
+        moved_m=np.hypot(moved[:, 0], moved[:, 1]),
+        moved_rad=np.abs(wrap_angles(moved[:, 2])),
+    )
 
 
 def _together(matches: Sequence[SearchMatches]) -> SearchMatches:

@@ -12,7 +12,7 @@ import numpy as np
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_search import FinishedSubmap
-from cartoloop.global_slam.submap_paths import SubmapPaths
+from cartoloop.global_slam.submap_paths import FAR_M, SubmapPaths
 from cartoloop.kernels.due_pairs import NodePlace
 from cartoloop.sensor.pose import relative_all
 
@@ -75,7 +75,7 @@ def wide_reach(
         paths.lengths_from(anchor)[:count] + step,
         np.abs(place.travelled - submap_travelled[:count]),
     )
-    far = np.flatnonzero(lengths >= wide.min_path_length)
+    far = np.flatnonzero((lengths >= wide.min_path_length) & (lengths < FAR_M))
     if len(far) == 0:
         return Reach(far, np.zeros((0, 3)), np.zeros(0), np.zeros(0))
     drift = paths.drift_from(anchor, submap_poses[:, :2])[far]

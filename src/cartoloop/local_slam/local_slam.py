@@ -190,6 +190,7 @@ class LocalSlam:
     node_filter : voxel filter of the points that a node keeps for loop closure.
     timer : measures the stages.
     known : what is known about the sensors before; by default nothing.
+    first_node, first_submap : indices of the first ones: those of earlier sessions come before.
     """
 
     def __init__(
@@ -199,15 +200,18 @@ class LocalSlam:
         node_filter: AdaptiveVoxelFilterConfig,
         timer: StageTimer,
         known: SensorCalibration | None = None,
+        *,
+        first_node: int = 0,
+        first_submap: int = 0,
     ) -> None:
         self._config = config
         self._node_filter = node_filter
         self._timer = timer
         self._range_filter = RangeFilter(sensor)
         self._scanners: dict[str, _Scanner] = {}
-        self._active = ActiveSubmaps(config.submaps)
+        self._active = ActiveSubmaps(config.submaps, first_submap)
         self._clocks = ScannerClocks(known.scanner_offsets if known else None)
-        self._num_nodes = 0
+        self._next_node = first_node
         self.extrapolator = PoseExtrapolator(config, known.odometry if known else None)
 
     @property
@@ -421,7 +425,7 @@ class LocalSlam:
             except InputError as error:
                 raise InputError(f"at the scan with stamp {scan.stamp:.6f}: {error}") from error
             node = Node(
-                self._num_nodes,
+                self._next_node,
                 scan.time,
                 tf_local_tracking,
                 thin(data.returns, self._node_filter),
@@ -429,5 +433,5 @@ class LocalSlam:
                 information,
                 insertion.finished,
             )
-        self._num_nodes += 1
+        self._next_node += 1
         return node

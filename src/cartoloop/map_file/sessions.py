@@ -64,17 +64,28 @@ def sessions_of(
 
 
 def _session(row: tuple[Any, ...]) -> Session:
-    names, numbers, (stamp, calibration) = row[:3], row[3:7], row[7:]
+    name, recording, fingerprint, *numbers, stamp, calibration = row
+    first_scan, first_node, first_submap, part = numbers
     if not all(isinstance(number, int) and 0 <= number < 2**31 for number in numbers):
         raise ValueError("a session begins nowhere, or is of no part")
-    if not all(isinstance(name, str) for name in names):
+    if not all(isinstance(text, str) for text in (name, recording, fingerprint)):
         raise ValueError("the name of a session is no text")
     learnt = plain_values(json.loads(calibration))
     if not isinstance(learnt, dict):
         raise ValueError("the calibration of a session is no table")
     if stamp is not None and not math.isfinite(stamp):
         raise ValueError("the stamp of a session is not finite")
-    return Session(*names, *numbers, math.nan if stamp is None else float(stamp), learnt)
+    return Session(
+        name,
+        recording,
+        fingerprint,
+        first_scan=first_scan,
+        first_node=first_node,
+        first_submap=first_submap,
+        part=part,
+        stamp=math.nan if stamp is None else float(stamp),
+        calibration=learnt,
+    )
 
 
 def _check(firsts: Sequence[int], count: int) -> None:

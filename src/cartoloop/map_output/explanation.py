@@ -16,6 +16,7 @@ from cartoloop.global_slam.pair_selection import PairSelection, PairVerdict, Why
 from cartoloop.global_slam.pose_graph import (
     ConstraintKind,
 )
+from cartoloop.global_slam.sessions import NodeSubmaps
 from cartoloop.map_data import MapData
 from cartoloop.map_output.closure_sentences import (
     REQUESTS_NOT_RECORDED,
@@ -238,15 +239,15 @@ def selection_of(result: MapData) -> PairSelection:
     """Return the pair selection in its state after all nodes and closures of a map."""
     graph = result.graph
     selection = PairSelection(result.config.global_slam.constraint_search)
-    own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
-    first = np.full(graph.num_nodes, graph.num_submaps)
-    last = np.zeros(graph.num_nodes, dtype=np.int64)
-    np.minimum.at(first, graph.index_b[own], graph.index_a[own])
-    np.maximum.at(last, graph.index_b[own], graph.index_a[own])
+    submaps = NodeSubmaps.of(graph)
+    begins = {session.first_node for session in result.sessions[1:]}
     positions = result.local_trajectory[result.node_scan_index, :2]
     for node, position in enumerate(positions.tolist()):
         num_points = len(result.node_points[node]) if node < len(result.node_points) else 0
-        selection.add(tuple(position), num_points, (int(first[node]), int(last[node])))
+        if node in begins:
+            selection.begin_session()
+        own = (int(submaps.first[node]), int(submaps.last[node]))
+        selection.add(tuple(position), num_points, own)
     selection.note_requested(result.closures)
     closures = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)
     selection.note_adjusted(graph, closures)

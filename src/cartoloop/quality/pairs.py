@@ -3,20 +3,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import QualityConfig
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.kernels.map_agreement import AgreementLimits, CellGrid, count_agreement
 from cartoloop.kernels.scan_batch import ScanBatch
 from cartoloop.sensor.pose import compose_all, relative_all
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.session import Session
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY, PROBABILITY_STEP, FinishedGrid
 
 WALL = 0.57
@@ -53,6 +54,12 @@ class MapContent(Protocol):
     def submap_grids(self) -> list[FinishedGrid]: ...  # noqa: D102
     @property
     def node_points(self) -> Sequence[NDArray[np.float64]]: ...  # noqa: D102
+    @property
+    def sessions(self) -> tuple[Session, ...]: ...  # noqa: D102
+    @property
+    def node_parts(self) -> NDArray[np.int64]: ...  # noqa: D102
+    @property
+    def submap_parts(self) -> NDArray[np.int64]: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -97,8 +104,22 @@ def path_lengths(node_poses: FloatArray) -> FloatArray:
     return lengths
 
 
-def compared_pairs(content: MapContent, scans: ScanPoints, config: QualityConfig) -> Pairs:
+def compared_pairs(
+    content: MapContent,
+    scans: ScanPoints,
+    config: QualityConfig,
+    paths: FloatArray,
+    comparable: Callable[[int], BoolArray] | None = None,
+) -> Pairs:
     """Return the pairs of a map that overlap, with their agreement.
+
+    Parameters
+    ----------
+    content : the map.
+    scans : the returns of its nodes.
+    config : limits.
+    paths : path length of each node [m].
+    comparable : returns which nodes may be compared with a submap, shape (n,); None: all.
 
     Poses within a submap are those at which its scans were inserted: the node is placed by the
     nearest of them, so that a submap that is bent far away does not matter here.
@@ -107,12 +128,12 @@ def compared_pairs(content: MapContent, scans: ScanPoints, config: QualityConfig
     own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
     own = own[np.argsort(graph.index_a[own], kind="stable")]
     bounds = np.searchsorted(graph.index_a[own], np.arange(graph.num_submaps + 1))
-    paths = path_lengths(graph.node_poses)
     parts = []
     for submap, grid in enumerate(content.submap_grids):
         rows = own[bounds[submap] : bounds[submap + 1]]
         if grid.size and len(rows):
-            parts.append(_pairs_of(submap, grid, graph, rows, paths, scans, config))
+            chosen = None if comparable is None else comparable(submap)
+            parts.append(_pairs_of(submap, grid, graph, rows, paths, scans, config, chosen))
     if not parts:
         nothing = np.zeros(0, np.int64)
         return Pairs(nothing, nothing, nothing, np.zeros((0, 3)), np.zeros(0), nothing, nothing)
@@ -129,6 +150,7 @@ def _pairs_of(
     paths: FloatArray,
     scans: ScanPoints,
     config: QualityConfig,
+    comparable: BoolArray | None,
 ) -> Pairs:
     """Return the pairs of one submap; `own` are the constraints of its nodes, in order."""
     poses = graph.node_poses
@@ -144,6 +166,8 @@ def _pairs_of(
     )
     is_candidate &= (numbers + submap) % config.every_nth_node == 0
     is_candidate &= (numbers < first) | (numbers > last)
+    if comparable is not None:
+        is_candidate &= comparable
     nodes = np.flatnonzero(is_candidate)
     apart = np.hypot(
         poses[nodes, 0, np.newaxis] - places[:, 0], poses[nodes, 1, np.newaxis] - places[:, 1]

@@ -53,12 +53,17 @@ class ActiveSubmaps:
     A new submap starts every `num_range_data` scans, or every `max_travel` metres where scans are
     sparse; each lasts twice as long, so that the older one is always at least half full,
     except after the start.
+
+    Parameters
+    ----------
+    config : parameters.
+    first_index : index of the first submap.
     """
 
-    def __init__(self, config: SubmapConfig) -> None:
+    def __init__(self, config: SubmapConfig, first_index: int = 0) -> None:
         self._config = config
         self._submaps: list[Submap] = []
-        self._num_created = 0
+        self._next_index = first_index
         self._last_position: tuple[float, float] | None = None
 
     @property
@@ -108,8 +113,8 @@ class ActiveSubmaps:
             math.floor(tf_local_sensor.y / r + 0.5) * r,
             0.0,
         )
-        self._submaps.append(Submap(self._num_created, origin, ProbabilityGrid(r)))
-        self._num_created += 1
+        self._submaps.append(Submap(self._next_index, origin, ProbabilityGrid(r)))
+        self._next_index += 1
 
     def _lattice_origin(self, submap: Submap) -> tuple[int, int]:
         """Return the submap's origin as lattice coordinates of the local frame."""

@@ -25,7 +25,7 @@ from cartoloop.sensor.pose import IDENTITY, Pose, compose, compose_all, inverse,
 from cartoloop.viewer.protocol import REJECTED, ConstraintRows
 
 if TYPE_CHECKING:
-    from cartoloop.global_slam.global_slam import AdjustmentRun
+    from cartoloop.global_slam.graph_adjustment import AdjustmentRun
     from cartoloop.mapper import Mapper
     from cartoloop.result import Result
     from cartoloop.scan_matching.least_squares import LeastSquaresMatch

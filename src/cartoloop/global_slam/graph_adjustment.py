@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The runs of pose adjustment while a graph grows, and which loop closures they contradict."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.config import GlobalSlamConfig
+from cartoloop.global_slam.pose_adjustment import (
+    AdjustmentOptions,
+    PoseAdjuster,
+    constraint_residuals,
+)
+from cartoloop.global_slam.pose_graph import (
+    TRUE_ROTATION_RAD,
+    TRUE_TRANSLATION_M,
+    ConstraintKind,
+    PoseGraph,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class AdjustmentRun:
+    """One run of pose adjustment.
+
+    Attributes
+    ----------
+    nodes, submaps, constraints : size of the graph.
+    iterations : linear systems solved.
+    ms : time that it took [ms].
+    """
+
+    nodes: int
+    submaps: int
+    constraints: int
+    iterations: int
+    ms: float
+
+
+class GraphAdjustment:
+    """Adjusts one graph again and again.
+
+    Parameters
+    ----------
+    graph : may grow, and its closures may be replaced.
+    config : parameters.
+
+    Attributes
+    ----------
+    runs : so far.
+    """
+
+    def __init__(self, graph: PoseGraph, config: GlobalSlamConfig) -> None:
+        self._graph = graph
+        self._config = config
+        self._adjuster = PoseAdjuster(graph)
+        self._revision = graph.revision
+        self.runs: list[AdjustmentRun] = []
+
+    def run(self, max_num_iterations: int) -> NDArray[np.int64]:
+        """Adjust all poses; return the constraints that are loop closures and hold by now."""
+        config, graph = self._config.pose_adjustment, self._graph
+        options = AdjustmentOptions(
+            loss=config.loss,
+            loss_scale=config.loss_scale,
+            max_iterations=max_num_iterations,
+            relative_tolerance=config.tolerance,
+        )
+        start = perf_counter()
+        if self._revision != graph.revision:
+            self._adjuster = PoseAdjuster(graph)
+            self._revision = graph.revision
+        done = self._adjuster.adjust(options)
+        self.runs.append(
+            AdjustmentRun(
+                nodes=graph.num_nodes,
+                submaps=graph.num_submaps,
+                constraints=len(graph.kinds),
+                iterations=done.iterations,
+                ms=1e3 * (perf_counter() - start),
+            )
+        )
+        closures, is_violated = violated_closures(graph)
+        self._distrust_strained(closures)
+        return closures[~is_violated | graph.is_trusted[closures]]
+
+    def forget_poses(self) -> None:
+        """Note that poses were changed otherwise: the next run begins anew."""
+        self._adjuster = PoseAdjuster(self._graph)
+
+    def _distrust_strained(self, closures: NDArray[np.int64]) -> None:
+        """Leave trusted closures that the rest of the graph contradicts to the robust loss.
+
+        Two hypotheses that agreed may be false all the same. Later closures show that.
+        """
+        trusted = closures[self._graph.is_trusted[closures]]
+        if len(trusted) == 0:
+            return
+        wide = self._config.constraint_search.wide_search
+        translation_error, rotation_error = constraint_residuals(self._graph, trusted)
+        is_strained = (translation_error > wide.max_strain) | (
+            rotation_error > math.radians(wide.max_strain_deg)
+        )
+        if is_strained.any():
+            self._graph.is_trusted[trusted[is_strained]] = False
+            # The adjuster assumes that constraints stay as they are.
+            self._adjuster = PoseAdjuster(self._graph)
+
+
+def violated_closures(graph: PoseGraph) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the constraints that are loop closures, and which of them must be false."""
+    closures = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)
+    translation_error, rotation_error = constraint_residuals(graph, closures)
+    return closures, (
+        (translation_error > TRUE_TRANSLATION_M) | (rotation_error > TRUE_ROTATION_RAD)
+    )

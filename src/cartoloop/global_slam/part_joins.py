@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joins parts of the graph that nothing connects: which, where, and with what evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cartoloop.arrays import IntArray
+from cartoloop.config import GlobalSlamConfig
+from cartoloop.global_slam.closure_matches import SearchMatches
+from cartoloop.global_slam.closure_search import FinishedSubmap
+from cartoloop.global_slam.closures import Closures
+from cartoloop.global_slam.composite_scans import CompositeScans
+from cartoloop.global_slam.constraint_search import ConstraintSearch
+from cartoloop.global_slam.joining import CheckGeometry, JoinAttempt, Joining
+from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.global_slam.sessions import SessionRanges
+from cartoloop.global_slam.tentative_join import place_part, tentative_join
+from cartoloop.global_slam.wide_search import refined
+from cartoloop.sensor.scan_points import ScanPoints
+
+
+class Join(NamedTuple):
+    """Two parts that are joined.
+
+    Attributes
+    ----------
+    attempt : the evidence.
+    found : the closures.
+    """
+
+    attempt: JoinAttempt
+    found: SearchMatches
+
+
+@dataclass(frozen=True, slots=True)
+class JoinRecord:
+    """What is known of the relative pose of two groups of sessions, for the report.
+
+    Attributes
+    ----------
+    one, other : numbers of their sessions.
+    joined : whether they are one part now.
+    attempt : the evidence, and why not.
+    """
+
+    one: tuple[int, ...]
+    other: tuple[int, ...]
+    joined: bool
+    attempt: JoinAttempt
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as values of JSON."""
+        content: dict[str, Any] = {
+            "sessions": [list(self.one), list(self.other)],
+            "joined": self.joined,
+            "why_not": self.attempt.why_not,
+            "searches": self.attempt.num_searches,
+        }
+        if (found := self.attempt.found) is not None:
+            content |= {
+                "agreeing_scans": len(found.claims),
+                "evidence": round(found.evidence, 4),
+                "rival_evidence": round(found.rival, 4),
+                "extent_m": round(found.extent, 3),
+            }
+        if (check := self.attempt.check) is not None:
+            content |= {
+                "overlap_m": round(check.length, 3),
+                "contradicted_m": round(check.contradicted, 3),
+                "returns_on_walls": check.on_wall,
+                "returns_on_floor": check.on_floor,
+            }
+        return content
+
+
+class PartJoins:
+    """Decides which parts are joined, and places them.
+
+    Parameters
+    ----------
+    config : parameters.
+    closures, submaps, search, scans, sessions : as of `Joining`.
+    check : examines the geometry; without it nothing is joined.
+
+    Attributes
+    ----------
+    joining : the search.
+    done : the joins so far.
+    """
+
+    def __init__(
+        self,
+        config: GlobalSlamConfig,
+        closures: Closures,
+        submaps: Sequence[FinishedSubmap],
+        search: ConstraintSearch,
+        scans: CompositeScans,
+        sessions: SessionRanges,
+        check: CheckGeometry | None,
+    ) -> None:
+        self._config = config
+        self._submaps = submaps
+        self._scans = scans
+        self._sessions = sessions
+        self._check = check
+        self.joining = Joining(config.constraint_search, closures, submaps, search, scans, sessions)
+        self.done: list[JoinRecord] = []
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether there are parts that nothing connects, and joins can be examined."""
+        return self._check is not None and self.joining.is_needed
+
+    def next(self, graph: PoseGraph, node_points: ScanPoints) -> Join | None:
+        """Place the next part that can be joined to another, in place; None if there is none.
+
+        Its closures have to be added.
+        """
+        while (attempt := self.joining.best(graph)) is not None:
+            assert attempt.found is not None and self._check is not None
+            candidates = [claim.candidate for claim in attempt.found.claims]
+            search = self._config.constraint_search
+            found = refined(candidates, self._scans.points, self._submaps, search)
+            nodes, submaps = self._two_parts(attempt, graph)
+            of_submap = np.array([each.submap for each in candidates], dtype=np.int64)
+            of_node = self._scans.nodes[np.array([each.scan for each in candidates])]
+            joined = tentative_join(
+                self._config,
+                graph,
+                attempt.found.tf_one_other,
+                (found, of_submap, of_node),
+                nodes,
+                submaps,
+                self._submaps,
+                node_points,
+            )
+            check = self._check(joined, self._submaps, node_points, nodes, submaps)
+            if check.fault:
+                self.joining.refuse(attempt, check)
+                continue
+            attempt.check = check
+            self.done.append(self._record(attempt, joined=True))
+            place_part(
+                graph,
+                attempt.found.tf_one_other,
+                np.flatnonzero(nodes == 1),
+                np.flatnonzero(submaps == 1),
+            )
+            self.joining.joined(attempt)
+            return Join(attempt, found)
+        return None
+
+    def summary(self) -> dict[str, list[dict[str, Any]]]:
+        """Return what was joined, and what was not and why, for the report; empty if nothing."""
+        left = [self._record(attempt, joined=False) for attempt in self.joining.attempts.values()]
+        records = [record.to_dict() for record in (*self.done, *left)]
+        return {"joins": records} if records else {}
+
+    def _record(self, attempt: JoinAttempt, *, joined: bool) -> JoinRecord:
+        return JoinRecord(
+            self._sessions.in_part(attempt.one),
+            self._sessions.in_part(attempt.other),
+            joined,
+            attempt,
+        )
+
+    def _two_parts(self, attempt: JoinAttempt, graph: PoseGraph) -> tuple[IntArray, IntArray]:
+        """Return 0 and 1 for the nodes and submaps of the two parts, -1 for others."""
+        codes = []
+        for parts in (
+            self._sessions.of_nodes(graph.num_nodes),
+            self._sessions.of_submaps(graph.num_submaps),
+        ):
+            code = np.full(len(parts), -1)
+            code[parts == attempt.one], code[parts == attempt.other] = 0, 1
+            codes.append(code)
+        return codes[0], codes[1]

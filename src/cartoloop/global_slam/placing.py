@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where one part of a map lies in another: sets of hypotheses that agree on one transform.
+
+Nothing is known of it before. A hypothesis is a composite scan of one part that fits in one place
+of the other, and in no other place of it. A placement is a set of hypotheses, of scans of either
+part, that agree in pairs: the relative pose of two of them is the same in both parts. It can be
+believed if it is large, extends over some metres, and exceeds every other placement by far.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.config import JoinConfig, WideSearchConfig
+from cartoloop.global_slam.hypotheses import Candidate, heaviest_clique
+from cartoloop.sensor.pose import Pose, compose, inverse, relative_all, wrap_angle, wrap_angles
+
+
+class Claim(NamedTuple):
+    """A hypothesis about two parts: where a composite scan is in both.
+
+    Attributes
+    ----------
+    candidate : the match.
+    tf_one_scan, tf_other_scan : shape (3,), pose in either part; one of them is claimed.
+    evidence : by which the score exceeds the best one in another place.
+    """
+
+    candidate: Candidate
+    tf_one_scan: FloatArray
+    tf_other_scan: FloatArray
+    evidence: float
+
+    @property
+    def tf_one_other(self) -> Pose:
+        """Where the claim places the frame of the other part in that of the one."""
+        return compose(
+            Pose(*self.tf_one_scan.tolist()), inverse(Pose(*self.tf_other_scan.tolist()))
+        )
+
+
+class Placement(NamedTuple):
+    """A set of claims that agree.
+
+    Attributes
+    ----------
+    claims : at least one.
+    tf_one_other : where they place the other part.
+    evidence : of all of them.
+    extent : largest distance between two of them [m].
+    rival : evidence of the best set that places it elsewhere.
+    """
+
+    claims: tuple[Claim, ...]
+    tf_one_other: Pose
+    evidence: float
+    extent: float
+    rival: float
+
+
+def placement(
+    claims: Sequence[Claim],
+    refused: Sequence[Pose],
+    join: JoinConfig,
+    wide: WideSearchConfig,
+) -> Placement | None:
+    """Return the placement with the most evidence among those not refused; None without claims.
+
+    Parameters
+    ----------
+    claims : about two parts.
+    refused : placements that the geometry contradicts.
+    """
+    left = [claim for claim in claims if not any(_is_same(claim, pose, wide) for pose in refused)]
+    best = _heaviest(left, wide)
+    if best is None:
+        return None
+    chosen = [left[i] for i in best]
+    strongest = max(chosen, key=lambda claim: (claim.evidence, -claim.candidate.row))
+    pose = strongest.tf_one_other
+    others = [claim for claim in left if not _is_same(claim, pose, wide)]
+    rival = _heaviest(others, wide)
+    places = np.array([claim.tf_one_scan[:2] for claim in chosen])
+    extent = np.hypot(*np.moveaxis(places[:, np.newaxis] - places, 2, 0)).max()
+    return Placement(
+        tuple(chosen),
+        pose,
+        sum(claim.evidence for claim in chosen),
+        float(extent),
+        sum(others[i].evidence for i in rival) if rival is not None else 0.0,
+    )
+
+
+def why_not_believed(found: Placement | None, join: JoinConfig, wide: WideSearchConfig) -> str:
+    """Return why a placement cannot be believed, as a clause; "" if it can."""
+    if found is None:
+        return "no scan of the one fits in one place of the other alone"
+    count = len(found.claims)
+    if count < join.min_hypotheses or found.evidence < join.min_evidence:
+        return (
+            f"at most {count} scans agree on a place, with an evidence of {found.evidence:.2f}: at "
+            f"least {join.min_hypotheses} and {join.min_evidence:g} are required"
+        )
+    if found.extent < join.min_extent:
+        return (
+            f"the {count} scans that agree lie within {found.extent:.1f} m: they could fit "
+            "elsewhere too"
+        )
+    if found.rival > join.max_rival_share * found.evidence:
+        return (
+            f"two places fit: the scans that agree have an evidence of {found.evidence:.2f}, those "
+            f"that agree on another place {found.rival:.2f}"
+        )
+    return ""
+
+
+def agreement(claims: Sequence[Claim], wide: WideSearchConfig) -> BoolArray:
+    """Return which claims agree with each other, (n, n)."""
+    one = np.array([claim.tf_one_scan for claim in claims])
+    other = np.array([claim.tf_other_scan for claim in claims])
+    agrees = np.empty((len(one), len(one)), dtype=bool)
+    for i in range(len(one)):
+        in_one, in_other = relative_all(one[i], one), relative_all(other[i], other)
+        error = in_one - in_other
+        between = np.hypot(in_other[:, 0], in_other[:, 1])
+        agrees[i] = (
+            np.hypot(error[:, 0], error[:, 1])
+            <= wide.max_disagreement + wide.max_disagreement_growth * between
+        ) & (
+            np.abs(wrap_angles(error[:, 2]))
+            <= np.radians(wide.max_turn_deg + wide.max_turn_growth_deg * between)
+        )
+    both: BoolArray = agrees & agrees.T
+    return both
+
+
+def _heaviest(claims: Sequence[Claim], wide: WideSearchConfig) -> list[int] | None:
+    """Return the set of claims that agree with the most evidence, ascending; None without any."""
+    if not claims:
+        return None
+    agrees = agreement(claims, wide)
+    weights = np.array([claim.evidence for claim in claims])
+    support = agrees @ weights
+    best: list[int] | None = None
+    best_weight = -1.0
+    for seed in np.argsort(-support, kind="stable").tolist():
+        if support[seed] <= best_weight:
+            break  # no set with this claim can be heavier
+        near = np.flatnonzero(agrees[seed])
+        near = near[np.argsort(-weights[near], kind="stable")][:MAX_SET]
+        members = heaviest_clique(agrees[np.ix_(near, near)], weights[near])
+        weight = float(weights[near[members]].sum())
+        if weight > best_weight:
+            best, best_weight = sorted(near[members].tolist()), weight
+    return best
+
+
+def _is_same(claim: Claim, tf_one_other: Pose, wide: WideSearchConfig) -> bool:
+    """Return whether a claim places its scan, within what drifts, where a placement does."""
+    x, y, theta = compose(tf_one_other, Pose(*claim.tf_other_scan.tolist()))
+    claimed = claim.tf_one_scan
+    apart = math.dist((x, y), (float(claimed[0]), float(claimed[1])))
+    turn = abs(wrap_angle(theta - float(claimed[2])))
+    return apart <= SAME_PLACE * wide.place_distance and turn <= math.radians(wide.place_angle_deg)
+
+
+MAX_SET = 24
+"""Claims of which a set is made, at most: those with the most evidence. The search is exact, and
+its time may double with each."""
+
+SAME_PLACE = 3.0
+"""Claims within this many times ``place_distance`` are about the same place: parts are bent."""

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two parts placed in a copy of the graph, adjusted and matched where they overlap."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.config import GlobalSlamConfig
+from cartoloop.global_slam.closure_matches import SearchMatches
+from cartoloop.global_slam.closure_search import FinishedSubmap
+from cartoloop.global_slam.closure_status import Reason
+from cartoloop.global_slam.graph_adjustment import GraphAdjustment
+from cartoloop.global_slam.pose_graph import ClosureConstraints, PoseGraph
+from cartoloop.global_slam.refinement import match_again, overlapping_nodes
+from cartoloop.sensor.pose import Pose, compose_all
+from cartoloop.sensor.scan_points import ScanPoints
+
+EVERY_NTH_NODE = 4
+"""One in so many nodes of either part is matched to the submaps of the other."""
+
+MAX_SUBMAPS = 40
+"""Submaps of either part that are matched, at most: those with the most nodes of the other."""
+
+
+def place_part(graph: PoseGraph, tf_one_other: Pose, nodes: IntArray, submaps: IntArray) -> None:
+    """Move the nodes and submaps of one part into the frame of another, in place."""
+    pose = np.array(tf_one_other)
+    graph.node_poses[nodes] = compose_all(pose, graph.node_poses[nodes])
+    graph.submap_poses[submaps] = compose_all(pose, graph.submap_poses[submaps])
+
+
+def tentative_join(
+    config: GlobalSlamConfig,
+    graph: PoseGraph,
+    tf_one_other: Pose,
+    closures: tuple[SearchMatches, IntArray, IntArray],
+    node_parts: IntArray,
+    submap_parts: IntArray,
+    submaps: Sequence[FinishedSubmap],
+    node_points: ScanPoints,
+) -> PoseGraph:
+    """Return a copy of a graph with part 1 joined to part 0.
+
+    Parameters
+    ----------
+    closures : of the join, with the submap and the node of each.
+    node_parts, submap_parts : 0 and 1 for the two parts, others are left as they are.
+    """
+    joined = graph.copy()
+    place_part(
+        joined, tf_one_other, np.flatnonzero(node_parts == 1), np.flatnonzero(submap_parts == 1)
+    )
+    found, of_submap, of_node = closures
+    joined.add_loop_closures(
+        ClosureConstraints(
+            np.full(len(found.row), -1), of_submap, of_node, found.tf_submap_node, found.information
+        ),
+        are_trusted=True,
+    )
+    iterations = config.pose_adjustment.max_num_final_iterations
+    adjustment = GraphAdjustment(joined, config)
+    adjustment.run(iterations)
+    for matches in _overlap_matches(config, joined, node_parts, submap_parts, submaps, node_points):
+        joined.add_loop_closures(matches)
+    adjustment.run(iterations)
+    return joined
+
+
+def _overlap_matches(
+    config: GlobalSlamConfig,
+    graph: PoseGraph,
+    node_parts: IntArray,
+    submap_parts: IntArray,
+    submaps: Sequence[FinishedSubmap],
+    node_points: ScanPoints,
+) -> list[ClosureConstraints]:
+    """Return the matches of nodes of either part in submaps of the other, near where they are."""
+    search = config.constraint_search
+    overlaps: list[tuple[int, IntArray]] = []
+    for part in (0, 1):
+        of_other = node_parts == 1 - part
+        found = []
+        for index in np.flatnonzero(submap_parts[: len(submaps)] == part).tolist():
+            nodes = overlapping_nodes(
+                submaps[index], graph.submap_poses[index], graph.node_poses, set(), EVERY_NTH_NODE
+            )
+            nodes = nodes[of_other[nodes]]
+            if len(nodes):
+                found.append((index, nodes))
+        found.sort(key=lambda each: (-len(each[1]), each[0]))
+        overlaps += found[:MAX_SUBMAPS]
+    parts = []
+    for index, nodes in overlaps:
+        pose: FloatArray = graph.submap_poses[index]
+        matches = match_again(submaps[index], pose, nodes, graph.node_poses, node_points, search)
+        submaps[index].release()
+        fits = matches.reason == Reason.FITS
+        parts.append(
+            ClosureConstraints(
+                np.full(int(np.count_nonzero(fits)), -1),
+                matches.submap[fits],
+                matches.node[fits],
+                matches.tf_submap_node[fits],
+                matches.information[fits],
+            )
+        )
+    return parts

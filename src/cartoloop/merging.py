@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several maps into one: their relative poses are found, not given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from os import PathLike
+
+from cartoloop.arguments import shown
+from cartoloop.config import Config
+from cartoloop.errors import UsageError
+from cartoloop.global_slam.global_slam import GlobalSlam
+from cartoloop.map_data import MapData
+from cartoloop.map_sessions import (
+    EarlierMaps,
+    map_of,
+    require_resolution,
+    whole_trajectory,
+    with_parts,
+)
+from cartoloop.quality.examine import examine
+from cartoloop.quality.joins import geometry_check
+from cartoloop.report import (
+    AdjustmentSummary,
+    InputSummary,
+    Report,
+    RunClock,
+    summarize_constraints,
+)
+from cartoloop.result import Result
+from cartoloop.runtime.stage_timer import StageTimer
+
+
+def merge(
+    maps: Iterable[MapData | str | PathLike[str]],
+    config: Config | None = None,
+    note: Callable[[str], None] | None = None,
+) -> Result:
+    """Return one map of the sessions of several, as far as their relative poses are found.
+
+    What cannot be joined stays a part of its own: `Session.part` of the sessions tells, and
+    ``report.extra["joins"]`` why. The frame is that of the first map. The maps do not change.
+
+    >>> merged = cartoloop.merge(["monday", "tuesday"])
+    >>> merged.save("both")
+
+    Parameters
+    ----------
+    maps : at least two: maps, or paths of such.
+    config : all parameters; by default those of the first map.
+    note : called with a description of each step as it begins.
+
+    Raises
+    ------
+    InputError
+        A map cannot be read.
+    UsageError
+        There are fewer than two, or their submaps differ in resolution.
+    """
+    contents = [map_of(each, "merge: maps") for each in _several(maps)]
+    config = config or contents[0].config
+    for each in contents:
+        require_resolution(each, config)
+    clock, timer, earlier = RunClock(), StageTimer(), EarlierMaps(contents)
+    slam = GlobalSlam(
+        config.global_slam, timer, mapped=earlier.mapped, check_geometry=geometry_check(config)
+    )
+    try:
+        slam.finish((), note)
+        result = _result(slam, earlier, config, timer)
+    finally:
+        slam.close()
+    if note is not None:
+        note("examining the map")
+    with timer.measure("examine"):
+        quality = examine(result, config.quality)
+    report = replace(
+        result.report, quality=quality, stages=timer.summary(), finished=slam.graph.num_nodes > 0
+    )
+    return replace(result, report=clock.timed(report))
+
+
+def _several(maps: Iterable[MapData | str | PathLike[str]]) -> list[MapData | str | PathLike[str]]:
+    if isinstance(maps, str | PathLike | MapData) or not isinstance(maps, Iterable):
+        raise UsageError(f"merge: maps is {shown(maps)}: give a list of maps, or of their paths")
+    several = list(maps)
+    if len(several) < 2:
+        raise UsageError(f"merge: {len(several)} map given: give at least two")
+    return several
+
+
+def _result(slam: GlobalSlam, earlier: EarlierMaps, config: Config, timer: StageTimer) -> Result:
+    graph, sessions = slam.graph, with_parts(earlier.sessions, slam.sessions)
+    trajectory = whole_trajectory(
+        sessions, earlier.local_poses, earlier.node_scan_index, graph.node_poses
+    )
+    grids = slam.finished_grids()
+    own = InputSummary(" + ".join(each.report.input.name for each in earlier.maps))
+    report = Report(
+        input=earlier.summary(own),
+        nodes=graph.num_nodes,
+        submaps=graph.num_submaps,
+        constraints=summarize_constraints(graph, slam.closures),
+        adjustment=AdjustmentSummary.of_runs(slam.adjustments),
+        stages=timer.summary(),
+        skipped=earlier.skipped({}),
+        extra=slam.closures.summary() | slam.joins.summary(),
+    )
+    return Result(
+        earlier.stamps,
+        trajectory,
+        earlier.local_poses,
+        graph,
+        earlier.node_scan_index,
+        [grids[index] for index in range(graph.num_submaps)],
+        config,
+        report,
+        closures=slam.closures,
+        node_points=slam.node_points,
+        sessions=sessions,
+    )
