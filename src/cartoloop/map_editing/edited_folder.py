@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cartoloop.errors import InputError, OutputError
-from cartoloop.global_slam.global_slam import AdjustmentRun
+from cartoloop.global_slam.graph_adjustment import AdjustmentRun
 from cartoloop.map_data import MapData
 from cartoloop.map_file.file_set import repair_file_set
 from cartoloop.map_file.schema import FILE_NAME
