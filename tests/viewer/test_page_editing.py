@@ -111,13 +111,13 @@ def test_sessions_have_colours_and_parts_lie_apart(two_parts):
     page = two_parts
     page.page.keyboard.press("0")
     page.settle()
+    page.keep("sessions-apart")
     first, second = _inks(page)
 
     assert len(first) > 200 and len(second) > 200
     assert second[:, 1].min() > first[:, 1].max()  # to the right of it
     assert page.page.locator("#sessions li").count() == 2
     assert "evening: apart from the map" in page.page.text_content("#sessions")
-    page.keep("sessions-apart")
 
 
 def test_the_pair_is_found_again_after_an_edit(editable, result):

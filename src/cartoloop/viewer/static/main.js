@@ -175,9 +175,11 @@ class Page {
     this.measures.begin(hello.name);
   }
 
-  /** Return where the map is; the facts of a finished one say it best. */
+  /** Return where the map is; the facts of a finished one say it best, but not of parts beside it. */
   bounds() {
-    return this.state.facts?.extent ?? this.renderer.bounds(this.state.submapPoses.rows);
+    const { facts, sessions, submapPoses } = this.state;
+    const extent = sessions.every(({ part }) => part === 0) ? facts?.extent : null;
+    return extent ?? this.renderer.bounds(submapPoses.rows);
   }
 
   noteClosure({ submap, node }) {

@@ -182,7 +182,8 @@ export class Overlays {
     if (numNodes === 0 || numNodes < state.nodes.length) return;
     const last = poseAt(motion.nodes.shown, numNodes - 1);
     const line = new LineList(1, this.anchor);
-    line.add(last[0], last[1], scan.pose[0], scan.pose[1], inkOf(this.theme.inks.trajectory));
+    const rgb = sessionInk(this.theme, state.sessions, Math.max(state.sessions.length - 1, 0));
+    line.add(last[0], last[1], scan.pose[0], scan.pose[1], inkOf(rgb));
     line.into(this.tail);
     this.pen.lines(this.tail, WAY_PX);
   }
