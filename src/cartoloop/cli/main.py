@@ -93,7 +93,7 @@ add_command(
     "view",
     view_command,
     ViewCommandOptions,
-    ["cartoloop view intel", "cartoloop view intel --view-host 0.0.0.0"],
+    ["cartoloop view intel --edit", "cartoloop view intel --view-host 0.0.0.0"],
     group=USE,
     cls=ViewingCommand,
 )
