@@ -44,7 +44,8 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
     """Return what the beginning of a recording shows about its sensors, or None.
 
     The pass ends once clock offsets were found, or the robot has turned so much that there are none
-    that matter, and it has driven far enough to know its veer; at the latest after `MAX_SHARE` of the scans, or `LEAST_SCANS`, or `MOST_SCANS`
+    that matter, and it has driven far enough to know its veer; at the latest after `MAX_SHARE` of
+    the scans, or `LEAST_SCANS`, or `MOST_SCANS`
     while it has not turned. A failure ends it as well: the pass that maps will meet and report it.
 
     Parameters
