@@ -170,9 +170,10 @@ class CorrelativeMatcherConfig(Section):
         0.85, gt=0, le=1, description="residual ratio by which a match elsewhere must be better"
     )
     lost_prior_weight: float = Field(
-        0.5,
+        0.3,
         ge=0,
-        description="weight of the motion prior by odometry that such a match must outweigh",
+        description="weight of the motion prior by odometry that such a match must outweigh; far out "
+        "it is then that of Student's distribution with four degrees of freedom",
     )
     lost_linear_search_window: float = Field(
         0.3, ge=0, description="search window radius when lost [m]"

@@ -239,7 +239,7 @@ def check_veer(watch: OdometryWatch, model: OdometryParameters) -> Finding | Non
         "warning" if max(abs(constant), sine) >= STRONG_VEER else "info",
         "odometry_veer",
         f"on each metre the robot turns {' and '.join(parts)}, which the odometry does not report",
-        "estimated and made good while mapping; calibrate the wheels' radii, or the drive's steering",
+        "estimated and made good while mapping; calibrate the radii of the wheels",
         watch.name,
         watch.count,
     )

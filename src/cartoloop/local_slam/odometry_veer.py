@@ -34,7 +34,7 @@ MIN_STRETCHES = 24
 """Number of stretches needed for an estimate."""
 
 NUM_PARTS = 4
-"""Parts of the drive, each of which must be predicted from the others."""
+"""Parts of the drive, which are predicted each from the others."""
 
 VEER_PRIOR, SCALE_PRIOR = 0.05, 0.2
 """Standard deviations of the priors of zero of each coefficient of the veer [rad/m], and of the
