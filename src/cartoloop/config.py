@@ -172,8 +172,8 @@ class CorrelativeMatcherConfig(Section):
     lost_prior_weight: float = Field(
         0.3,
         ge=0,
-        description="weight of the motion prior by odometry that such a match must outweigh; far out "
-        "it is then that of Student's distribution with four degrees of freedom",
+        description="weight of the motion prior by odometry that such a match must outweigh: "
+        "far out, it is that of Student's distribution with four degrees of freedom",
     )
     lost_linear_search_window: float = Field(
         0.3, ge=0, description="search window radius when lost [m]"
