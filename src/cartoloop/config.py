@@ -170,10 +170,9 @@ class CorrelativeMatcherConfig(Section):
         0.85, gt=0, le=1, description="residual ratio by which a match elsewhere must be better"
     )
     lost_prior_weight: float = Field(
-        0.3,
+        0.4,
         ge=0,
-        description="weight of the motion prior by odometry that such a match must outweigh: "
-        "far out, it is that of Student's distribution with four degrees of freedom",
+        description="weight of the motion prior by odometry that such a match must outweigh",
     )
     lost_linear_search_window: float = Field(
         0.3, ge=0, description="search window radius when lost [m]"
