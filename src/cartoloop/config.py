@@ -170,7 +170,7 @@ class CorrelativeMatcherConfig(Section):
         0.85, gt=0, le=1, description="residual ratio by which a match elsewhere must be better"
     )
     lost_prior_weight: float = Field(
-        0.5,
+        0.4,
         ge=0,
         description="weight of the motion prior by odometry that such a match must outweigh",
     )
