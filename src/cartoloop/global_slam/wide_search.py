@@ -75,7 +75,8 @@ class WideSearch:
         self._submaps = submaps
         self._search = search
         self._scans = CompositeScans(self._config)
-        self._waiting: dict[int, list[tuple[int, int]]] = {}
+        self._waiting: list[tuple[int, int, int]] = []
+        self._released: list[tuple[int, int, int]] = []
         self._running: list[Future[_Outcome]] = []
         self._candidates: dict[int, list[Candidate]] = {}
         self._has_news = False
@@ -100,17 +101,28 @@ class WideSearch:
         requests = found.take(new)
         rows = self._closures.request(requests, graph.num_nodes)
         for submap, row in zip(requests.submap.tolist(), rows.tolist(), strict=True):
-            self._waiting.setdefault(submap, []).append((scan, row))
+            self._waiting.append((submap, scan, row))
+
+    def release(self) -> None:
+        """Let the next `start` pass what was requested so far to the threads."""
+        self._released += self._waiting
+        self._waiting = []
 
     def start(self) -> None:
-        """Pass what was requested to the threads; returns immediately."""
-        for submap, wanted in self._waiting.items():
+        """Pass what was released to the threads, one task for each submap; returns immediately.
+
+        The fewer the calls, the less often grids are computed for a few scans.
+        """
+        tasks: dict[int, list[tuple[int, int]]] = {}
+        for submap, scan, row in self._released:
+            tasks.setdefault(submap, []).append((scan, row))
+        self._released = []
+        for submap, wanted in tasks.items():
             scans, rows = np.array(wanted).T
             requests = self._closures.requests(rows)
             points = self._scans.points.take(scans)
             task = partial(self._find, scans=scans, rows=rows, points=points, requests=requests)
             self._running.append(self._search.run(task, self._submaps[submap]))
-        self._waiting = {}
 
     def collect(self, *, wait: bool) -> list[float]:
         """Note what the searches found; return the time that each of them took [s].
