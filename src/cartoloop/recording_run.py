@@ -26,11 +26,13 @@ from cartoloop.session import named
 from cartoloop.stop_request import StopRequest
 
 if TYPE_CHECKING:
+    from cartoloop.map_data import MapData
     from cartoloop.map_output.picture import Layer
     from cartoloop.mapper import Mapper
     from cartoloop.readers import Log, ReadOptions
     from cartoloop.result import Result
     from cartoloop.sensor.events import SensorEvent
+    from cartoloop.sensor.pose import Pose
 
 
 MIN_SHARE_OF_SCANS = 0.5
@@ -72,6 +74,8 @@ def map_recording(
     observer: RunObserver | None = None,
     stop: StopRequest | None = None,
     overwrite: bool = False,
+    onto: MapData | str | PathLike[str] | None = None,
+    onto_pose: Pose | None = None,
 ) -> Result:
     """Map a recording and save the map; the report has name, times and skipped lines.
 
@@ -86,6 +90,9 @@ def map_recording(
     observer : is informed of the progress.
     stop : by which another thread or a signal handler can stop the run. Ctrl-C stops it anyway.
     overwrite : whether the map of another recording in `out` may be replaced.
+    onto : a map, or its path, that the recording is added to as a session; see `Mapper`. `out` may
+        be its folder: then it is replaced when the run comes to its end, and stays otherwise.
+    onto_pose : where the robot is in it at first, see `Mapper`.
 
     Raises
     ------
@@ -99,23 +106,28 @@ def map_recording(
         The run was stopped; what was mapped until then is saved, unless it was stopped again.
     """
     from cartoloop.map_output.picture import DEFAULT_LAYERS, known_layers
+    from cartoloop.map_sessions import map_of
 
     loaded = _loaded(config)
     layers = None if layers is None else known_layers(layers)
     out = None if out is None else as_path(out, "map_recording: out")
     observer, stop = observer or RunObserver(), stop or StopRequest()
+    overwrite = overwrite or is_same_folder(onto, out)
     log = _opened(recording, options, out, overwrite)
     start = time.perf_counter()
+    base = None if onto is None else map_of(onto, "map_recording: onto")
+    name, fingerprint = _identity(base, log)
     folder = None
     if out is not None:
-        folder = RunFolder(Path(out), log.name, log.fingerprint, overwrite)
+        folder = RunFolder(Path(out), name, fingerprint, overwrite)
         folder.check()
         prepare_folder(folder.path)
     try:
-        outcome = _mapped(log, loaded, observer, stop)
+        outcome = _mapped(log, loaded, observer, stop, base, onto_pose)
         if not outcome.is_complete and outcome.failure is None and not len(outcome.result.stamps):
             raise Interrupted("stopped before the first scan: nothing was saved")
-        outcome = replace(outcome, result=_reported(outcome.result, log, start))
+        result = _reported(outcome.result, log, start, name, fingerprint)
+        outcome = replace(outcome, result=result)
         observer.mapped(outcome.result, outcome.failure)
         saved = Saved(outcome, None, "")
         if folder is not None:
@@ -132,20 +144,50 @@ def map_recording(
     return outcome.result
 
 
-def _mapped(log: Log, loaded: LoadedConfig, observer: RunObserver, stop: StopRequest) -> Outcome:
+def _mapped(
+    log: Log,
+    loaded: LoadedConfig,
+    observer: RunObserver,
+    stop: StopRequest,
+    base: MapData | None,
+    pose: Pose | None,
+) -> Outcome:
     # Loads the kernels: part of the measured time.
     from cartoloop.first_pass import calibrate
     from cartoloop.mapper import Mapper
 
     observer.started(log.num_scans)
     calibration = calibrate(log, loaded.config, stop)
-    return run(log, Mapper(loaded.config, calibration=calibration), observer, stop)
+    mapper = Mapper(loaded.config, calibration=calibration, onto=base, onto_pose=pose)
+    return run(log, mapper, observer, stop)
 
 
-def _reported(result: Result, log: Log, start: float) -> Result:
+def is_same_folder(onto: object, out: str | PathLike[str] | None) -> bool:
+    """Return whether a map that is added to is in the folder that the new one is saved in."""
+    if out is None or not isinstance(onto, str | PathLike):
+        return False
+    given: str | PathLike[str] = onto
+    path = Path(given)
+    return (path if path.is_dir() else path.parent).resolve() == Path(out).resolve()
+
+
+def _identity(base: MapData | None, log: Log) -> tuple[str, str]:
+    """Return name and fingerprint of the map of a recording, or of one that it is added to."""
+    if base is None:
+        return log.name, log.fingerprint
+    from cartoloop.readers.fingerprint import joint_fingerprint
+
+    report = base.report
+    return (
+        f"{report.input.name} + {log.name}",
+        joint_fingerprint([report.fingerprint, log.fingerprint]),
+    )
+
+
+def _reported(result: Result, log: Log, start: float, name: str, fingerprint: str) -> Result:
     """Return a result whose report says all about the recording and the run."""
     messages = [problem.message for problem in log.problems]
-    report = completed(result, log.name, log.skipped, messages, fingerprint=log.fingerprint)
+    report = completed(result, name, log.skipped, messages, fingerprint=fingerprint)
     finished = report.finished and report.nodes > 0 and not _is_mostly_lost(result, log)
     return replace(
         result,

@@ -55,11 +55,10 @@ class Result(MapData):
 
     @cached_property
     def _occupancy_map(self) -> OccupancyMap:
+        from cartoloop.map_output.main_part import main_submaps
         from cartoloop.map_output.occupancy_map import compose_map
 
-        return compose_map(
-            self.submap_grids, self.graph.submap_poses, self.config.local_slam.submaps
-        )
+        return compose_map(*main_submaps(self), self.config.local_slam.submaps)
 
     def save(self, out: str | PathLike[str]) -> None:
         """Write map, trajectories, graph, configuration and report into the folder `out`.

@@ -26,6 +26,7 @@ from cartoloop.cli.info_command import InfoOptions, info_command
 from cartoloop.cli.live_command import LiveCommand, LiveCommandOptions, live_command
 from cartoloop.cli.lost_output import forget_lost_output, loss_of_output
 from cartoloop.cli.map_command import MapOptions, map_command
+from cartoloop.cli.merge_command import MergeOptions, merge_command
 from cartoloop.cli.quality_command import QualityOptions, quality_command
 from cartoloop.cli.simulate_command import SimulateOptions, simulate_command
 from cartoloop.cli.stop_signals import end_orderly
@@ -57,10 +58,22 @@ add_command(
     MapOptions,
     [
         "cartoloop map intel.clf.gz -o intel --view",
+        "cartoloop map tuesday.bag --onto monday",
         "cartoloop map robot.bag --scan-topic /scan --set local_slam.submaps.resolution=0.1",
     ],
     group=MAKE,
     cls=ViewingCommand,
+)
+add_command(
+    app,
+    "merge",
+    merge_command,
+    MergeOptions,
+    [
+        "cartoloop merge monday tuesday -o week",
+        "cartoloop merge robot1 robot2 robot3 -o hall --strict",
+    ],
+    group=MAKE,
 )
 add_command(
     app,
@@ -160,7 +173,7 @@ def _options(
     pass
 
 
-_FILE_COMMANDS = frozenset(("demo", "map", "live", "simulate", "view"))
+_FILE_COMMANDS = frozenset(("demo", "map", "merge", "live", "simulate", "view"))
 """Commands whose result is not what they print."""
 
 _SHOWN = 200
@@ -171,7 +184,7 @@ def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
     """Run a command line, by default that of ``cartoloop``, and return its exit status.
 
     0: done, 1: failed, 2: wrong usage or configuration, 3: with --strict, the map is not good,
-    130: interrupted.
+    4: a session found no place in the map, 130: interrupted.
     """
     debug = "--debug" in arguments  # at any position
     name = program.info.name if isinstance(program.info.name, str) else None

@@ -3,15 +3,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cartoloop.cli.options import ConfigOptions, PictureOptions, ReadingOptions
 from cartoloop.cli.view_command import ViewOptions, wait_for_stop
 from cartoloop.readers.formats import format_names
+
+if TYPE_CHECKING:
+    from cartoloop.sensor.pose import Pose
 
 _LOG_HELP = (
     "Recording; several are parts of one, in order. Its format is recognised by its content: "
@@ -38,7 +42,25 @@ class MapOptions(ViewOptions, ReadingOptions, ConfigOptions, PictureOptions):
             "--out",
             metavar="OUT",
             help="Folder for the map; is created. By default it is named after the recording, "
-            "x-map for x.bag, in the working directory.",
+            "x-map for x.bag, in the working directory; with --onto, it is MAP.",
+        ),
+    ] = None
+    onto: Annotated[
+        Path | None,
+        typer.Option(
+            "--onto",
+            metavar="MAP",
+            help="Add the recording to a map as a session. It finds its place by search; if it "
+            "finds none, it is kept apart in the map, and the status is 4.",
+        ),
+    ] = None
+    at: Annotated[
+        str | None,
+        typer.Option(
+            "--at",
+            metavar="X,Y,DEG",
+            help="Where the robot is in MAP at first [m, m, deg], to a metre or two and 20 "
+            "degrees; with --onto.",
         ),
     ] = None
 
@@ -49,16 +71,20 @@ def map_command(options: MapOptions) -> None:
     options.require_view()
     read_options = options.read_options()
     loaded = options.load()
-    out = options.out or default_folder(options.logs[0])
+    pose = parse_start(options.at, has_map=options.onto is not None)
+    out = options.out or options.onto or default_folder(options.logs[0])
 
     from cartoloop.readers import open_logs
     from cartoloop.readers.spool import regular_files
-    from cartoloop.recording_run import folder_of
+    from cartoloop.recording_run import folder_of, is_same_folder
 
     files = regular_files(options.logs)
-    folder_of(out, files, overwrite=options.overwrite).check()
+    overwrite = options.overwrite or is_same_folder(options.onto, out)
+    if options.onto is None or overwrite:
+        folder_of(out, files, overwrite=overwrite).check()
 
     from cartoloop.cli.mapping import compilation_notice, map_log, require_good
+    from cartoloop.cli.session_lines import require_joined
 
     with compilation_notice():
         log = open_logs(files, read_options)
@@ -66,18 +92,24 @@ def map_command(options: MapOptions) -> None:
     if options.out is None:
         typer.echo(f"output         {out}")
     if not options.view:
-        result = map_log(log, loaded, out, layers, overwrite=options.overwrite)
+        result = map_log(
+            log, loaded, out, layers, overwrite=overwrite, onto=options.onto, pose=pose
+        )
+        require_joined(result)
         require_good(result.report, options.strict)
         return
     view = options.open_view(log.name, loaded.config, log.num_scans, log.duration)
     try:
-        result = map_log(log, loaded, out, layers, view, overwrite=options.overwrite)
+        result = map_log(
+            log, loaded, out, layers, view, overwrite=overwrite, onto=options.onto, pose=pose
+        )
         if view.failure is not None:
             typer.echo(f"warning: the view failed: {view.failure}", err=True)
         else:
             wait_for_stop(f"view           {view.url}")
     finally:
         view.close()
+    require_joined(result)
     require_good(result.report, options.strict)
 
 
@@ -91,3 +123,28 @@ def default_folder(recording: Path) -> Path:
     if dot and stem and ending.lower() in _WRAPPINGS:
         name = stem
     return Path(f"{Path(name).stem.strip('.-') or 'recording'}-map")
+
+
+def parse_start(text: str | None, *, has_map: bool) -> Pose | None:
+    """Return the pose of --at.
+
+    Raises
+    ------
+    typer.BadParameter
+        It is not three numbers, or there is no map that it is in.
+    """
+    if text is None:
+        return None
+    from cartoloop.sensor.pose import Pose
+
+    if not has_map:
+        raise typer.BadParameter("is a pose in the map of --onto: give that too", param_hint="--at")
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != 3 or not all(map(math.isfinite, values)):
+        raise typer.BadParameter(
+            f"'{text}' is not X,Y,DEG, like 4.5,-2,90 (m, m, degrees)", param_hint="--at"
+        )
+    return Pose(values[0], values[1], math.radians(values[2]))

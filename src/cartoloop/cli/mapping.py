@@ -13,6 +13,7 @@ import typer
 
 from cartoloop.cli.progress import Progress, format_duration, progress
 from cartoloop.cli.second_process import start_second_process
+from cartoloop.cli.session_lines import show_sessions
 from cartoloop.cli.stop_signals import SignalStop, stop_signals
 from cartoloop.recording_run import RunObserver, map_recording
 from cartoloop.report import odometry_warning
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from cartoloop.report import Report
     from cartoloop.result import Result
     from cartoloop.sensor.events import SensorEvent
+    from cartoloop.sensor.pose import Pose
     from cartoloop.viewer.view import LiveView
 
 COMPILE_TIME_S = 26
@@ -47,6 +49,8 @@ def map_log(
     view: LiveView | None = None,
     *,
     overwrite: bool = False,
+    onto: Path | None = None,
+    pose: Pose | None = None,
 ) -> Result:
     """Map a recording, save the map and print the summary; see `recording_run.map_recording`."""
     set_malloc_thresholds()
@@ -64,6 +68,8 @@ def map_log(
             observer=display,
             stop=stop,
             overwrite=overwrite,
+            onto=onto,
+            onto_pose=pose,
         )
 
 
@@ -141,6 +147,7 @@ class _Display(RunObserver):
         if warning := odometry_warning(result.report):
             typer.echo(f"warning: {warning}", err=True)
         typer.echo(summary(result.report, self._out))
+        show_sessions(result)
         if failure is not None:
             typer.echo(f"the map until the failure is in {self._out}", err=True)
 

@@ -22,6 +22,7 @@ from cartoloop.errors import ConfigError
 from cartoloop.map_data import MapData
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
+from cartoloop.map_output.main_part import main_scans, main_submaps
 from cartoloop.map_output.map_facts import Extent, map_facts
 from cartoloop.map_output.map_files import pgm_bytes, yaml_text
 from cartoloop.map_output.occupancy_map import UNKNOWN, CellBox, OccupancyMap, compose_map
@@ -208,7 +209,7 @@ def compose_again(
     per_cell = max(1, math.ceil(resolution / submaps.resolution - 1e-9))
     config = submaps.model_copy(update={"resolution": resolution / per_cell})
     box = None if crop is None else _box(crop, resolution, per_cell)
-    grids, poses = result.submap_grids, result.graph.submap_poses
+    grids, poses = main_submaps(result)
     occupancy_map = compose_map(grids, poses, config, box)
     if crop is not None and not np.any(occupancy_map.probability >= 0.0):
         whole = compose_map(grids, poses, submaps)
@@ -237,9 +238,11 @@ def _files(
             picture = MapPicture(occupancy_map, caption, is_part=drawing.crop is not None)
             yield f"{name}.png", png_bytes(result, picture, drawing.layers)
     if "tum" in formats:
-        yield f"{stem or 'trajectory'}.tum", tum_text(result.stamps, result.trajectory)
+        scans = main_scans(result)
+        stamps, local = result.stamps[scans], result.local_trajectory[scans]
+        yield f"{stem or 'trajectory'}.tum", tum_text(stamps, result.trajectory[scans])
         if stem is None:
-            yield "local_trajectory.tum", tum_text(result.stamps, result.local_trajectory)
+            yield "local_trajectory.tum", tum_text(stamps, local)
     if "g2o" in formats:
         yield f"{stem or 'graph'}.g2o", g2o_text(result.graph)
     if "csv" in formats:

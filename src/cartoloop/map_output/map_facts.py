@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray
 from cartoloop.map_data import MapData
+from cartoloop.map_output.main_part import main_submaps
 from cartoloop.map_output.occupancy_map import OccupancyMap, compose_map
 
 _BLOCK_M = 0.4
@@ -117,7 +118,7 @@ def map_facts(result: MapData, occupancy_map: OccupancyMap | None = None) -> Map
     """
     if occupancy_map is None:
         submaps = result.config.local_slam.submaps
-        occupancy_map = compose_map(result.submap_grids, result.graph.submap_poses, submaps)
+        occupancy_map = compose_map(*main_submaps(result), submaps)
     extent, area_m2 = surveyed(occupancy_map, result.config.map_output.free_thresh)
     report = result.report
     return MapFacts(

@@ -19,6 +19,7 @@ from cartoloop.map_file import schema as map_file
 from cartoloop.map_file.file_set import new_file_set
 from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
+from cartoloop.map_output.main_part import main_scans, main_submaps
 from cartoloop.map_output.map_facts import map_facts
 from cartoloop.map_output.map_files import pgm_bytes, yaml_text
 from cartoloop.map_output.occupancy_map import compose_map
@@ -82,9 +83,7 @@ def _write_files(
     result: MapData, folder: Path, layers: Collection[Layer], origins: Mapping[str, str] | None
 ) -> None:
     """Write all files except the report."""
-    occupancy_map = compose_map(
-        result.submap_grids, result.graph.submap_poses, result.config.local_slam.submaps
-    )
+    occupancy_map = compose_map(*main_submaps(result), result.config.local_slam.submaps)
     options = result.config.map_output
     write_file(folder / "map.pgm", pgm_bytes(occupancy_map, options))
     write_file(folder / "map.yaml", yaml_text(occupancy_map, options, "map.pgm"))
@@ -92,8 +91,10 @@ def _write_files(
     del occupancy_map  # free the largest array before the others are made
     write_file(folder / "map.png", png_bytes(result, picture, layers))
     del picture
-    write_file(folder / "trajectory.tum", tum_text(result.stamps, result.trajectory))
-    write_file(folder / "local_trajectory.tum", tum_text(result.stamps, result.local_trajectory))
+    scans = main_scans(result)
+    stamps, local = result.stamps[scans], result.local_trajectory[scans]
+    write_file(folder / "trajectory.tum", tum_text(stamps, result.trajectory[scans]))
+    write_file(folder / "local_trajectory.tum", tum_text(stamps, local))
     write_file(folder / "graph.g2o", g2o_text(result.graph))
     write_file(folder / "nodes.csv", nodes_csv(result))
     write_file(folder / "closures.csv", closures_csv(result))
@@ -119,7 +120,7 @@ def write_file(path: Path, content: str | bytes) -> None:
 def png_bytes(result: MapData, picture: MapPicture, layers: Collection[Layer]) -> bytes:
     """Return the picture of a map as a PNG file, with layers drawn over it."""
     picture.draw(
-        trajectory=result.trajectory if "trajectory" in layers else None,
+        trajectory=result.trajectory[main_scans(result)] if "trajectory" in layers else None,
         closures=_closure_ends(result.graph) if "closures" in layers else None,
         places=result.report.quality.places if "quality" in layers else (),
     )

@@ -11,11 +11,12 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import QualityConfig
-from cartoloop.quality import motion, places
+from cartoloop.quality import by_session, motion, places
 from cartoloop.quality.encounters import Encounters, encounters
 from cartoloop.quality.pairs import MapContent, compared_pairs, path_lengths
 from cartoloop.quality.verdict import VERDICTS, Kind, Place, Quality, Severity
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.session import ranges
 
 MIN_NODES = 3
 """With fewer nodes there is nothing to compare."""
@@ -40,17 +41,19 @@ def examine(
         return Quality()
     points = content.node_points
     scans = points if isinstance(points, ScanPoints) else ScanPoints.of(points)
-    paths = path_lengths(content.graph.node_poses)
-    pairs = compared_pairs(content, scans, config)
+    paths = by_session.paths_apart(path_lengths(content.graph.node_poses), content.sessions)
+    pairs = compared_pairs(content, scans, config, paths, by_session.same_part(content))
     is_apart = pairs.path >= config.min_visit_path
     met = encounters(pairs.take(is_apart), paths, content, scans, config)
     consecutive = pairs.take(~is_apart)
     share = _share(met)
-    gaps, jumps = motion.gaps(content), motion.jumps(content)
+    gaps, jumps = (by_session.events(content, find) for find in (motion.gaps, motion.jumps))
     known = {event.scan for event in gaps}
-    misfits = [event for event in motion.misfits(content) if event.scan not in known]
-    blind, stands = motion.blind_stretches(content), motion.standing(content)
-    halls = motion.corridors(content, config.max_range)
+    misfits = by_session.events(content, motion.misfits)
+    misfits = [event for event in misfits if event.scan not in known]
+    blind = by_session.events(content, motion.blind_stretches)
+    stands = by_session.standing(content, motion.standing)
+    halls = by_session.corridors_of(content, config.max_range)
     rotation_error = None
     if odometry is not None and odometry.get("translation_error_m") is not None:
         # Nothing known of turns means that there were none.
@@ -104,8 +107,9 @@ def _confirmed_share(met: Encounters, paths: FloatArray) -> float:
     if paths[-1] <= 0.0 or not confirmed.any():
         return 0.0
     at = paths[confirmed]
-    steps = np.diff(at)
-    return float(min(steps[steps < 5.0].sum() / paths[-1], 1.0))
+    steps, whole = np.diff(at), np.diff(paths)
+    length = whole[whole < by_session.APART_M].sum()
+    return float(min(steps[steps < 5.0].sum() / max(length, 1e-9), 1.0))
 
 
 def _open_ends(
@@ -116,11 +120,16 @@ def _open_ends(
     The position at the end of a path of length L is uncertain by sigma L^1.5 / sqrt(3), if the
     heading is a random walk of sigma [rad / sqrt(m)].
     """
-    confirmed = np.flatnonzero(places.is_confirmed(met, len(paths)))
-    last = len(paths) - 1
-    ends = [(0, last)]
-    if len(confirmed):
-        ends = [(0, int(confirmed[0])), (int(confirmed[-1]), last)]
+    is_confirmed = places.is_confirmed(met, len(paths))
+    ends = []
+    firsts = [session.first_node for session in content.sessions]
+    for nodes in ranges(firsts, len(paths)):
+        confirmed = nodes.start + np.flatnonzero(is_confirmed[nodes])
+        first, last = nodes.start, nodes.stop - 1
+        if len(confirmed):
+            ends += [(first, int(confirmed[0])), (int(confirmed[-1]), last)]
+        elif last > first:
+            ends.append((first, last))
     found = []
     for start, end in ends:
         length = float(paths[end] - paths[start])

@@ -18,6 +18,7 @@ from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality.encounters import Encounters, encounters
 from cartoloop.quality.pairs import compared_pairs, path_lengths
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.session import Session
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 
@@ -45,6 +46,18 @@ class _Parts:
     @property
     def local_trajectory(self) -> FloatArray:
         return np.zeros((0, 3))
+
+    @property
+    def sessions(self) -> tuple[Session, ...]:
+        return (Session(),)
+
+    @property
+    def node_parts(self) -> IntArray:
+        return np.zeros(self.graph.num_nodes, np.int64)
+
+    @property
+    def submap_parts(self) -> IntArray:
+        return np.zeros(self.graph.num_submaps, np.int64)
 
     @property
     def node_scan_index(self) -> IntArray:
@@ -78,8 +91,9 @@ def check_geometry(
         )
         return is_other
 
-    pairs = compared_pairs(content, node_points, quality, of_other_part)
-    met = encounters(pairs, path_lengths(graph.node_poses), content, node_points, quality)
+    paths = path_lengths(graph.node_poses)
+    pairs = compared_pairs(content, node_points, quality, paths, of_other_part)
+    met = encounters(pairs, paths, content, node_points, quality)
     length = float(met.length.sum())
     contradicted = float(met.length[met.contradicts].sum())
     on_wall, on_floor = int(pairs.on_wall.sum()), int(pairs.on_floor.sum())

@@ -17,6 +17,7 @@ from cartoloop.kernels.map_agreement import AgreementLimits, CellGrid, count_agr
 from cartoloop.kernels.scan_batch import ScanBatch
 from cartoloop.sensor.pose import compose_all, relative_all
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.session import Session
 from cartoloop.submaps.finished_grid import MIN_PROBABILITY, PROBABILITY_STEP, FinishedGrid
 
 WALL = 0.57
@@ -53,6 +54,12 @@ class MapContent(Protocol):
     def submap_grids(self) -> list[FinishedGrid]: ...  # noqa: D102
     @property
     def node_points(self) -> Sequence[NDArray[np.float64]]: ...  # noqa: D102
+    @property
+    def sessions(self) -> tuple[Session, ...]: ...  # noqa: D102
+    @property
+    def node_parts(self) -> NDArray[np.int64]: ...  # noqa: D102
+    @property
+    def submap_parts(self) -> NDArray[np.int64]: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -101,6 +108,7 @@ def compared_pairs(
     content: MapContent,
     scans: ScanPoints,
     config: QualityConfig,
+    paths: FloatArray,
     comparable: Callable[[int], BoolArray] | None = None,
 ) -> Pairs:
     """Return the pairs of a map that overlap, with their agreement.
@@ -110,6 +118,7 @@ def compared_pairs(
     content : the map.
     scans : the returns of its nodes.
     config : limits.
+    paths : path length of each node [m].
     comparable : returns which nodes may be compared with a submap, shape (n,); None: all.
 
     Poses within a submap are those at which its scans were inserted: the node is placed by the
@@ -119,7 +128,6 @@ def compared_pairs(
     own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
     own = own[np.argsort(graph.index_a[own], kind="stable")]
     bounds = np.searchsorted(graph.index_a[own], np.arange(graph.num_submaps + 1))
-    paths = path_lengths(graph.node_poses)
     parts = []
     for submap, grid in enumerate(content.submap_grids):
         rows = own[bounds[submap] : bounds[submap + 1]]
