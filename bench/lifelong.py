@@ -208,7 +208,7 @@ def _cells(
 
 def _near(
     result: Result, tf_truth_map: Pose, points: FloatArray, reach: int, above: float
-) -> FloatArray:
+) -> BoolArray:
     """Return which places have a cell of more than a probability within so many cells."""
     occupancy, cells = _cells(result, tf_truth_map, points)
     shape = np.array(occupancy.probability.shape)
