@@ -421,6 +421,38 @@ def bench_soak(
         raise typer.Exit(1)
 
 
+@app.command("sessions")
+def bench_sessions(
+    data: DataOption = None,
+    out: OutOption = Path("bench-results"),
+    only: Annotated[
+        str, typer.Option(help="Recordings: intel, mit-killian, mit-csail, fr079, aces, museum.")
+    ] = "",
+    cuts: Annotated[str, typer.Option(help="Into how many sessions, such as 2,5,10.")] = "2,5,10",
+    strangers: Annotated[
+        bool, typer.Option(help="Merge recordings of different places too.")
+    ] = True,
+    seeds: Annotated[int, typer.Option(min=0, help="Buildings with two wings alike.")] = 100,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Cut recordings into sessions, map each and merge them; merge what must stay apart."""
+    from bench import sessions
+
+    before = _earlier(against, "sessions")
+    names = sessions.RECORDINGS if not only else () if only == "none" else _names(only)
+    record = sessions.run(
+        _data_folder(data),
+        names,
+        [int(count) for count in _names(cuts)],
+        strangers,
+        seeds,
+        lambda line: typer.echo(line, err=True),
+    )
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
 def _data_folder(given: Path | None) -> Path:
     return given or Path(os.environ.get("CARTOLOOP_DATA", "../shared/data"))
 

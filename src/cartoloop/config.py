@@ -537,6 +537,18 @@ class JoinConfig(Section):
     max_floor_share: float = Field(
         0.1, gt=0, le=1, description="share of returns that may lie on floor of the other part"
     )
+    max_contradicted_wall: float = Field(
+        1.2,
+        ge=0,
+        description="length of a wall of the one part on floor of the other, from which it "
+        "forbids the join [m]; doors and furniture are shorter",
+    )
+    min_hidden_area: float = Field(
+        3.0,
+        ge=0,
+        description="if the other part saw at least this much behind it [m^2]: behind furniture "
+        "there is less",
+    )
     known_pose_window: float = Field(
         3.0, ge=0, description="search window radius where the pose in the map is given [m]"
     )

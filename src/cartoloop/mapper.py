@@ -24,8 +24,8 @@ from cartoloop.lifelong.trim import trimmed
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult, SensorCalibration
 from cartoloop.map_data import MapData
 from cartoloop.map_sessions import earlier_maps, whole_trajectory, with_parts
+from cartoloop.part_check import part_check
 from cartoloop.quality.examine import examine
-from cartoloop.quality.joins import geometry_check
 from cartoloop.report import (
     AdjustmentSummary,
     InputSummary,
@@ -113,7 +113,7 @@ class Mapper:
             self._timer,
             wait_for_searches=not live,
             mapped=earlier.mapped,
-            check_geometry=geometry_check(config),
+            check_geometry=part_check(config),
         )
         if earlier.maps:
             self._global_slam.begin_session(onto_pose)
