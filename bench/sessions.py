@@ -227,8 +227,8 @@ def _seen_cells(result: Result, uncut: Result) -> set[tuple[int, int]]:
         middle = rows[len(rows) // 2]
         scan = result.node_scan_index[graph.index_b[middle]]
         pose = uncut.trajectory[_rows(uncut.stamps, result.stamps[scan : scan + 1])]
-        back = relative_all(graph.relative_poses[middle], np.zeros(3))
-        tf_map_submap = compose_all(pose, back[np.newaxis])[0]
+        back = relative_all(graph.relative_poses[middle], np.zeros((1, 3)))
+        tf_map_submap = compose_all(pose, back)[0]
         known: BoolArray = grid.cells[::EVERY_NTH_CELL, ::EVERY_NTH_CELL] > 0
         places = np.argwhere(known)[:, ::-1] * EVERY_NTH_CELL * grid.resolution
         points = np.column_stack(

@@ -83,6 +83,7 @@ def run(name, *arguments, cwd):
         ("feed_your_own_scans", "200 scans mapped"),
         ("own_reader", "51 scans mapped"),
         ("send_scans", "100 scans"),
+        ("merge_maps", "2 of 2 sessions in one map"),
     ],
 )
 def test_examples_run_as_they_stand(name, says, tmp_path):
