@@ -170,6 +170,27 @@ def bench_scaling(
     _conclude(record, out, before, strict)
 
 
+@app.command("lifelong")
+def bench_lifelong(
+    out: OutOption = Path("bench-results"),
+    drives: Annotated[int, typer.Option(min=2, help="Drives through the building.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Of the building and all noise.")] = 0,
+    keep_all: Annotated[
+        bool, typer.Option("--keep-all", help="Without --lifelong, to compare.")
+    ] = False,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Drive through one building again and again, with furniture moved: how the map grows."""
+    from bench import lifelong
+
+    before = _earlier(against, "lifelong")
+    options = lifelong.LifelongOptions(drives, seed, lifelong=not keep_all)
+    record = lifelong.run(options, lambda line: typer.echo(line, err=True))
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
 @app.command("live")
 def bench_live(
     log: Annotated[
