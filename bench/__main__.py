@@ -170,6 +170,27 @@ def bench_scaling(
     _conclude(record, out, before, strict)
 
 
+@app.command("lifelong")
+def bench_lifelong(
+    out: OutOption = Path("bench-results"),
+    drives: Annotated[int, typer.Option(min=2, help="Drives through the building.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Of the building and all noise.")] = 0,
+    keep_all: Annotated[
+        bool, typer.Option("--keep-all", help="Without --lifelong, to compare.")
+    ] = False,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Drive through one building again and again, with furniture moved: how the map grows."""
+    from bench import lifelong
+
+    before = _earlier(against, "lifelong")
+    options = lifelong.LifelongOptions(drives, seed, lifelong=not keep_all)
+    record = lifelong.run(options, lambda line: typer.echo(line, err=True))
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
 @app.command("live")
 def bench_live(
     log: Annotated[
@@ -455,6 +476,38 @@ def bench_soak(
         failed = failed or result.unaccounted != 0
     if failed:
         raise typer.Exit(1)
+
+
+@app.command("sessions")
+def bench_sessions(
+    data: DataOption = None,
+    out: OutOption = Path("bench-results"),
+    only: Annotated[
+        str, typer.Option(help="Recordings: intel, mit-killian, mit-csail, fr079, aces, museum.")
+    ] = "",
+    cuts: Annotated[str, typer.Option(help="Into how many sessions, such as 2,5,10.")] = "2,5,10",
+    strangers: Annotated[
+        bool, typer.Option(help="Merge recordings of different places too.")
+    ] = True,
+    seeds: Annotated[int, typer.Option(min=0, help="Buildings with two wings alike.")] = 100,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Cut recordings into sessions, map each and merge them; merge what must stay apart."""
+    from bench import sessions
+
+    before = _earlier(against, "sessions")
+    names = sessions.RECORDINGS if not only else () if only == "none" else _names(only)
+    record = sessions.run(
+        _data_folder(data),
+        names,
+        [int(count) for count in _names(cuts)],
+        strangers,
+        seeds,
+        lambda line: typer.echo(line, err=True),
+    )
+    _print_table(record)
+    _conclude(record, out, before, strict)
 
 
 def _data_folder(given: Path | None) -> Path:

@@ -23,6 +23,7 @@ DOCUMENTS = (
     "docs/doctor.md",
     "docs/live.md",
     "docs/maps.md",
+    "docs/editing.md",
     "docs/viewer.md",
     "docs/viewer-protocol.md",
     "bench/README.md",

@@ -25,7 +25,13 @@ def load(name):
 
 
 def test_every_example_is_tested():
-    tested = {"map_a_recording", "feed_your_own_scans", "own_reader", "send_scans"}
+    tested = {
+        "map_a_recording",
+        "edit_a_map",
+        "feed_your_own_scans",
+        "own_reader",
+        "send_scans",
+    }
     assert {path.stem for path in EXAMPLES.glob("*.py")} == tested
 
 
@@ -37,6 +43,15 @@ def test_map_a_recording(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "example-ring" / "map.pgm").stat().st_size > 1000
     lines = (tmp_path / "example-ring" / "trajectory.tum").read_text().splitlines()
     assert len(lines) == 301 + 1
+
+
+def test_edit_a_map(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    result = load("edit_a_map").main()
+
+    assert [edit.is_undone for edit in result.edits] == [False, False, True, False]
+    assert result.graph.num_loop_closures == result.original.graph.num_loop_closures
+    assert "residuals: root mean square" in capsys.readouterr().out
 
 
 def test_feed_your_own_scans(capsys):
@@ -80,9 +95,11 @@ def run(name, *arguments, cwd):
     ("name", "says"),
     [
         ("map_a_recording", "301 scans mapped"),
+        ("edit_a_map", "4 edits: example-edited/map.png"),
         ("feed_your_own_scans", "200 scans mapped"),
         ("own_reader", "51 scans mapped"),
         ("send_scans", "100 scans"),
+        ("merge_maps", "2 of 2 sessions in one map"),
     ],
 )
 def test_examples_run_as_they_stand(name, says, tmp_path):
@@ -99,6 +116,7 @@ def test_examples_run_as_they_stand(name, says, tmp_path):
     [
         ("map_a_recording", "none.log", "none.log: does not exist; check the path"),
         ("own_reader", "none.log", "none.log: does not exist; check the path"),
+        ("edit_a_map", "none", "none: has no map.cartoloop"),
         ("send_scans", "1", "first start `cartoloop live tcp://127.0.0.1:1 -o room`"),
         ("send_scans", "70000", "port 70000: "),
     ],

@@ -170,7 +170,7 @@ class CorrelativeMatcherConfig(Section):
         0.85, gt=0, le=1, description="residual ratio by which a match elsewhere must be better"
     )
     lost_prior_weight: float = Field(
-        0.5,
+        0.4,
         ge=0,
         description="weight of the motion prior by odometry that such a match must outweigh",
     )
@@ -507,9 +507,14 @@ class JoinConfig(Section):
     Composite scans of one part are searched in all submaps of the others, at all angles.
     """
 
-    min_score: float = Field(0.5, ge=0, le=1, description="matches below are rejected")
+    min_score: float = Field(
+        0.42,
+        ge=0,
+        le=1,
+        description="matches below are rejected; where parts overlap a little, they score low",
+    )
     min_score_ratio: float = Field(
-        0.85, ge=0, le=1, description="or below this share of the score of the submap's own scans"
+        0.75, ge=0, le=1, description="or below this share of the score of the submap's own scans"
     )
     min_margin: float = Field(
         0.03, ge=0, description="the score must exceed that in any other place by this"
@@ -536,6 +541,18 @@ class JoinConfig(Section):
     )
     max_floor_share: float = Field(
         0.1, gt=0, le=1, description="share of returns that may lie on floor of the other part"
+    )
+    max_contradicted_wall: float = Field(
+        1.2,
+        ge=0,
+        description="length of a wall of the one part on floor of the other, from which it "
+        "forbids the join [m]; doors and furniture are shorter",
+    )
+    min_hidden_area: float = Field(
+        3.0,
+        ge=0,
+        description="if the other part saw at least this much behind it [m^2]: behind furniture "
+        "there is less",
     )
     known_pose_window: float = Field(
         3.0, ge=0, description="search window radius where the pose in the map is given [m]"

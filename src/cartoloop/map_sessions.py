@@ -17,7 +17,7 @@ from cartoloop.errors import UsageError
 from cartoloop.global_slam.sessions import MappedSessions, SessionRanges
 from cartoloop.global_slam.trajectory import optimized_trajectory
 from cartoloop.map_data import MapData
-from cartoloop.map_file.read import read_map
+from cartoloop.map_editing.open_map import open_map
 from cartoloop.report import InputSummary
 from cartoloop.session import Session, ranges
 
@@ -27,7 +27,7 @@ class EarlierMaps:
 
     Parameters
     ----------
-    maps : in order; none for a map that begins anew.
+    maps : in order; none for a new map.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ def earlier_maps(
 
 def map_of(given: MapData | str | PathLike[str], name: str) -> MapData:
     """Return a map, given itself or its path as the argument `name`."""
-    return given if isinstance(given, MapData) else read_map(as_path(given, name))
+    return given if isinstance(given, MapData) else open_map(as_path(given, name))
 
 
 def require_resolution(content: MapData, config: Config) -> None:

@@ -21,11 +21,12 @@ from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.trajectory import path_length
 from cartoloop.growing_array import GrowingArray
 from cartoloop.journal.tape import NO_TAPES, Tapes
+from cartoloop.lifelong.trim import trimmed
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult, SensorCalibration
 from cartoloop.map_data import MapData
 from cartoloop.map_sessions import earlier_maps, whole_trajectory, with_parts
+from cartoloop.part_check import part_check
 from cartoloop.quality.examine import examine
-from cartoloop.quality.joins import geometry_check
 from cartoloop.report import (
     AdjustmentSummary,
     InputSummary,
@@ -117,7 +118,7 @@ class Mapper:
             tapes.graph,
             wait_for_searches=not live,
             mapped=earlier.mapped,
-            check_geometry=geometry_check(config),
+            check_geometry=part_check(config),
         )
         if earlier.maps:
             self._global_slam.begin_session(onto_pose)
@@ -279,7 +280,7 @@ class Mapper:
             if (failure := self._end_back_end()) is not None:
                 raise failure
             self._global_slam.finish(self._local_slam.active_submaps, note)
-            self._finished = self._examined(self.result(), note)
+            self._finished = self._examined(self._trimmed(self.result(), note), note)
         finally:
             self.close()
         return self._finished
@@ -320,6 +321,15 @@ class Mapper:
         In live mapping, only after `close`; see `call_with_result`.
         """
         return self._result(len(self._local_poses), self._local_slam.active_submaps)
+
+    def _trimmed(self, result: Result, note: Callable[[str], None] | None) -> Result:
+        """Return a finished map without what the newest session has superseded, if that is on."""
+        if not self._config.lifelong.enabled:
+            return result
+        if note is not None:
+            note("removing what was seen again")
+        with self._timer.measure("trim"):
+            return trimmed(result)
 
     def _examined(self, result: Result, note: Callable[[str], None] | None) -> Result:
         """Return a finished map with the verdict on it in the report."""

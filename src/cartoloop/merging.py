@@ -19,8 +19,8 @@ from cartoloop.map_sessions import (
     whole_trajectory,
     with_parts,
 )
+from cartoloop.part_check import part_check
 from cartoloop.quality.examine import examine
-from cartoloop.quality.joins import geometry_check
 from cartoloop.report import (
     AdjustmentSummary,
     InputSummary,
@@ -39,7 +39,7 @@ def merge(
 ) -> Result:
     """Return one map of the sessions of several, as far as their relative poses are found.
 
-    What cannot be joined stays a part of its own: `Session.part` of the sessions tells, and
+    What cannot be joined stays a part of its own: `Session.part` of the sessions states it, and
     ``report.extra["joins"]`` why. The frame is that of the first map. The maps do not change.
 
     >>> merged = cartoloop.merge(["monday", "tuesday"])
@@ -64,7 +64,7 @@ def merge(
         require_resolution(each, config)
     clock, timer, earlier = RunClock(), StageTimer(), EarlierMaps(contents)
     slam = GlobalSlam(
-        config.global_slam, timer, mapped=earlier.mapped, check_geometry=geometry_check(config)
+        config.global_slam, timer, mapped=earlier.mapped, check_geometry=part_check(config)
     )
     try:
         slam.finish((), note)

@@ -89,16 +89,14 @@ def load_map(path: str | PathLike[str], *, edits: bool = True) -> Result:
     InputError
         It is not there, is no map database, is damaged, or was written by a newer program.
     """
-    from cartoloop.map_file.damage import damage_reported
-    from cartoloop.map_file.read import map_file_of, read_map
+    from cartoloop.map_file.read import read_map
 
     original = Result(**vars(read_map(path)))
     if not (edits and original.edits):
         return original
-    from cartoloop.map_editing.apply import apply_edits
+    from cartoloop.map_editing.open_map import as_edited
 
-    with damage_reported(map_file_of(path)):
-        return apply_edits(original, original.edited_quality).map
+    return as_edited(original, path)
 
 
 def edit(path: str | PathLike[str]) -> Editor[Result]:

@@ -11,6 +11,7 @@ from cartoloop.doctor import clouds, frames, imu, odometry, scans, times
 from cartoloop.doctor.contents import Stream, times_of
 from cartoloop.doctor.findings import Finding, from_message, worst_first
 from cartoloop.local_slam.odometry_calibration import OdometryParameters
+from cartoloop.local_slam.odometry_veer import NO_VEER, Veer
 from cartoloop.readers.ros.inventory import TopicSummary, TransformSummary
 from cartoloop.readers.ros.stream_times import StampStatistics
 from cartoloop.sensor.events import (
@@ -200,6 +201,22 @@ class TestOdometry:
         finding = odometry.check_scale(watch, both)
         assert finding.severity == "warning"
         assert "turns 20% too long, distances 10% too short" in finding.message
+
+    @pytest.mark.parametrize(
+        ("veer", "severity", "text"),
+        [
+            (NO_VEER, None, ""),
+            (Veer(0.004, 0.003, -0.003), None, ""),
+            (Veer(0.02), "info", "1.1 deg to the left"),
+            (Veer(-0.06, 0.003), "warning", "3.4 deg to the right"),
+            (Veer(0.0, 0.03, 0.04), "info", "up to 2.9 deg to a side that depends"),
+            (Veer(-0.02, 0.03, 0.04), "info", "1.1 deg to the right and up to 2.9 deg"),
+        ],
+    )
+    def test_veer(self, veer, severity, text):
+        found = odometry.check_veer(odometry_of(MOVING), replace(MODEL, veer=veer))
+        assert (found.severity if found else None) == severity
+        assert found is None or text in found.message
 
     def test_a_turn_adds_up_over_the_seam(self):
         watch = odometry_of([(0.0, 0.0, math.remainder(0.5 * k, math.tau)) for k in range(30)])

@@ -19,6 +19,7 @@ from cartoloop.local_slam.odometry_calibration import (
     estimate,
 )
 from cartoloop.local_slam.odometry_track import OdometryTrack
+from cartoloop.local_slam.odometry_veer import NO_VEER, Veer
 from cartoloop.sensor.pose import (
     Pose,
     compose,
@@ -291,9 +292,15 @@ def test_a_lever_arm_moves_the_tracking_frame_as_a_rigid_body(lever, start, step
     rotation_scale=st.floats(MIN_SCALE, MAX_SCALE),
     yaw=st.floats(-0.3, 0.3),
     lever=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)),
+    veer=st.just(NO_VEER) | st.builds(Veer, *[st.floats(-0.1, 0.1)] * 3),
 )
-def test_predictions_of_an_array_equal_single_ones(seed, rotation_scale, yaw, lever):
-    model = OdometryParameters(0.0, rotation_scale, 1.1, yaw, *lever)
-    reported = np.random.default_rng(seed).normal(scale=(1.0, 0.2, 0.5), size=(20, 3))
-    each = [model.predict(Pose(*step)) for step in reported.tolist()]
-    assert model.predict_all(reported).tolist() == [list(pose) for pose in each]
+def test_predictions_of_an_array_equal_single_ones(seed, rotation_scale, yaw, lever, veer):
+    model = OdometryParameters(0.0, rotation_scale, 1.1, yaw, *lever, veer=veer)
+    rng = np.random.default_rng(seed)
+    reported = rng.normal(scale=(1.0, 0.2, 0.5), size=(20, 3))
+    headings = rng.uniform(-9.0, 9.0, 20)
+    each = [
+        model.predict(Pose(*step), heading)
+        for step, heading in zip(reported.tolist(), headings.tolist(), strict=True)
+    ]
+    assert model.predict_all(reported, headings).tolist() == [list(pose) for pose in each]

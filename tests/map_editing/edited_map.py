@@ -16,7 +16,7 @@ CLOSURES = [closure(0, 5, 0.05), closure(0, 4), closure(1, 5, -0.3), closure(2, 
 
 
 def finished_map():
-    """A map that can be edited; closure 2 pulls at the others."""
+    """A map that can be edited; closure 2 disagrees with the others."""
     result = hand_made_result(CLOSURES, rejected=[closure(1, 0, 3.0)])
     rng = np.random.default_rng(5)
     points = [rng.uniform(-1.0, 1.0, (30, 2)) for _ in range(6)]

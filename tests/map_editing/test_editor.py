@@ -112,7 +112,7 @@ def test_an_edited_map_is_loaded_as_it_was_edited(steps):
     assert map_bytes(again.map) == map_bytes(one.map)
 
 
-def test_a_dropped_closure_pulls_no_more():
+def test_a_dropped_closure_has_no_effect_any_more():
     one = editor()
     change = one.drop_closures(2)
     row = one.closures(statuses=["removed"])[0]

@@ -143,3 +143,16 @@ def test_the_same_map_yields_the_same_picture():
 )
 def test_scale_bars_have_nice_lengths(limit, length):
     assert nice_length(limit) == pytest.approx(length)
+
+
+def test_a_path_ends_where_positions_are_missing():
+    occupancy_map = OccupancyMap(np.full((80, 80), 0.1, np.float32), 0.0, 0.0, 0.05)
+    there, end = [(0.5, 1.0), (1.0, 1.0)], [(np.nan, np.nan)]
+    back = [(2.5, 1.0), (3.0, 1.0)]
+    broken = draw_map(occupancy_map, trajectory=np.array([*there, *end, *back]))
+    whole = draw_map(occupancy_map, trajectory=np.array([*there, *back]))
+    halves = [draw_map(occupancy_map, trajectory=np.array(part)) for part in (there, back)]
+    bare = np.array(draw_map(occupancy_map, trajectory=np.zeros((0, 2))))
+    drawn, *parts = (np.any(np.array(each) != bare, axis=2) for each in (broken, *halves))
+    assert np.array_equal(drawn, parts[0] | parts[1])
+    assert np.any(np.array(whole) != np.array(broken))

@@ -22,6 +22,7 @@ from cartoloop.simulation.odometry_faults import (
     NUM_SLIPS,
     REPEATS,
     SLIP_LENGTH,
+    VEER_RATES,
     fault_of,
 )
 
@@ -98,6 +99,26 @@ def test_slip_changes_the_steps_of_some_metres():
     factors = lengths / np.hypot(*STEPS[rows, :2].T)
     assert ((factors < 0.5 + 1e-6) | (factors > 1.5 - 1e-6)).all()
     assert factors.max() < 2.5 + 1e-6
+
+
+def test_veer_turns_the_same_on_each_metre():
+    """To first order in the length of a step."""
+    extra = (steps_of(recorded(OdometryFault.VEER)) - STEPS)[:, 2]
+    driven = np.abs(STEPS[:, 0]) > 0.02
+    rates = extra[driven] / STEPS[driven, 0]
+    assert np.ptp(rates) < 1e-9
+    assert VEER_RATES[0] <= abs(rates[0]) <= VEER_RATES[1]
+
+
+def test_veer_of_a_synchro_drive_is_a_sine_of_the_heading():
+    recording = recorded(OdometryFault.SYNCHRO)
+    driven = np.abs(STEPS[:, 0]) > 0.02
+    rates = (steps_of(recording) - STEPS)[driven, 2] / STEPS[driven, 0]
+    middle = (recording.odometry_poses[:-1, 2] + 0.5 * STEPS[:, 2])[driven]
+    sines = np.column_stack((np.cos(middle), np.sin(middle)))
+    factors = np.linalg.lstsq(sines, rates, rcond=None)[0]
+    assert sines @ factors == pytest.approx(rates, abs=1e-9)
+    assert VEER_RATES[0] <= np.hypot(*factors) <= VEER_RATES[1]
 
 
 @pytest.mark.parametrize("fault", list(OdometryFault))

@@ -45,8 +45,8 @@ def test_parts_come_in_the_documented_order(page, result):
     assert [kind for kind in dict.fromkeys(page.order) if kind != MessageType.LATEST_CLOSURE] == [
         MessageType.HELLO, MessageType.PLAYBACK, MessageType.READINGS, MessageType.SUBMAP_POSES,
         MessageType.NODES, MessageType.NODE_TIMES, MessageType.SUBMAP_PREVIEW, MessageType.SUBMAP,
-        MessageType.CONSTRAINTS, MessageType.QUALITY, MessageType.FACTS, MessageType.SCAN,
-        MessageType.COMPLETE,
+        MessageType.CONSTRAINTS, MessageType.QUALITY, MessageType.FACTS, MessageType.SESSIONS,
+        MessageType.SCAN, MessageType.COMPLETE,
     ]  # fmt: skip
     assert (page.hello["protocol"], page.hello["mode"], page.hello["name"]) == (
         2, "finished", "ring",

@@ -60,8 +60,7 @@ add_command(
     MapOptions,
     [
         "cartoloop map intel.clf.gz -o intel --view",
-        "cartoloop map tuesday.bag --onto monday",
-        "cartoloop map robot.bag --scan-topic /scan --set local_slam.submaps.resolution=0.1",
+        "cartoloop map tuesday.bag --scan-topic /scan --onto monday",
     ],
     group=MAKE,
     cls=ViewingCommand,
@@ -94,7 +93,7 @@ add_command(
     "view",
     view_command,
     ViewCommandOptions,
-    ["cartoloop view intel", "cartoloop view intel --view-host 0.0.0.0"],
+    ["cartoloop view intel --edit", "cartoloop view intel --view-host 0.0.0.0"],
     group=USE,
     cls=ViewingCommand,
 )

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -59,6 +59,15 @@ class MapOptions(ViewOptions, ReadingOptions, ConfigOptions, PictureOptions):
             "finds none, it is kept apart in the map, and the status is 4.",
         ),
     ] = None
+    lifelong: Annotated[
+        bool,
+        typer.Option(
+            "--lifelong",
+            help="With --onto: where the recording shows a place again, older submaps and scans "
+            "are removed, and furniture that was moved fades; the same as "
+            "--set lifelong.enabled=true.",
+        ),
+    ] = False
     at: Annotated[
         str | None,
         typer.Option(
@@ -105,7 +114,7 @@ def map_command(options: MapOptions) -> None:
     layers: tuple[Layer, ...] | None = options.layers
     options.require_view()
     read_options = options.read_options()
-    loaded = options.load()
+    loaded = _loaded(options)
     pose = parse_start(options.at, has_map=options.onto is not None)
     out = options.folder
 
@@ -205,6 +214,18 @@ def _note_interrupted(folder: RunFolder) -> None:
             f"{folder.path} would go on with it",
             err=True,
         )
+
+
+def _loaded(options: MapOptions) -> LoadedConfig:
+    """Return the configuration, with what options of their own say."""
+    if not options.lifelong:
+        return options.load()
+    if options.onto is None:
+        raise typer.BadParameter(
+            "is about a map that is added to: give it with --onto", param_hint="--lifelong"
+        )
+    settings = [*(options.settings or ()), "lifelong.enabled=true"]
+    return replace(options, settings=settings).load()
 
 
 def default_folder(recording: Path) -> Path:

@@ -20,6 +20,12 @@ def show_sessions(result: MapData) -> None:
     """Print what was joined and what is apart, if the map is of several sessions."""
     if len(result.sessions) > 1:
         typer.echo("\n".join(session_lines(result)))
+    if removed := result.report.extra.get("lifelong"):
+        typer.echo(
+            f"{'seen again':<15}{removed['removed_submaps']} submaps and "
+            f"{removed['removed_nodes']} nodes of before removed, {removed['faded_cells']} cells "
+            "faded"
+        )
 
 
 def require_joined(result: MapData) -> None:

@@ -124,18 +124,28 @@ class ViewCommandOptions:
     ]
     view_host: ViewHostOption = None
     view_port: ViewPortOption = None
+    edit: Annotated[
+        bool,
+        typer.Option(
+            "--edit",
+            help="Pages may drop loop closures and undo edits; the files in OUT follow.",
+            rich_help_panel=VIEW,
+        ),
+    ] = False
 
 
 def view_command(options: ViewCommandOptions) -> None:
     """Show a finished map in a browser."""
     from cartoloop.cli.opened_map import open_map
+    from cartoloop.result import edit
     from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT
     from cartoloop.viewer.view import serve_result
 
-    result = open_map(options.out)
+    editor = edit(options.out) if options.edit else None
+    result = open_map(options.out) if editor is None else editor.map
     name = result.report.input.name or options.out.name
     host, port = options.view_host or DEFAULT_HOST, options.view_port or DEFAULT_PORT
-    server = serve_result(result, name, host, port)
+    server = serve_result(result, name, host, port, editor=editor)
     try:
         wait_for_stop(f"{name}: {server.url}")
     finally:

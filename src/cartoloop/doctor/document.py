@@ -48,6 +48,7 @@ _MODEL = {
     "time_offset_s": "time_offset",
     "rotation_scale": "rotation_scale",
     "translation_scale": "translation_scale",
+    "veer_rad_per_m": "veer_by_name",
     "rotation_error_rad": "rotation_error",
     "translation_error_m": "translation_error",
 }

@@ -30,6 +30,9 @@ LATE_S, VERY_LATE_S = 0.03, 0.1
 OFF_SCALE, VERY_OFF_SCALE = 0.05, 0.15
 """Errors of the scale worth knowing, and worth a warning."""
 
+VEER, STRONG_VEER = math.radians(0.5), math.radians(3.0)
+"""Turns on a metre worth knowing, and worth a warning [rad/m]."""
+
 
 @dataclass(slots=True)
 class OdometryWatch:
@@ -120,6 +123,7 @@ def check_odometry(watch: OdometryWatch, model: OdometryParameters | None) -> li
             check_agreement(watch, model),
             check_offset(watch, model),
             check_scale(watch, model),
+            check_veer(watch, model),
         ]
     return [finding for finding in found if finding is not None]
 
@@ -215,6 +219,27 @@ def check_scale(watch: OdometryWatch, model: OdometryParameters) -> Finding | No
         "odometry_scale",
         f"the odometry reports {shown}",
         "estimated and made good while mapping; calibrate wheel radius and track width",
+        watch.name,
+        watch.count,
+    )
+
+
+def check_veer(watch: OdometryWatch, model: OdometryParameters) -> Finding | None:
+    """Turns on each metre driven that are not reported."""
+    constant, sine = model.veer.constant, math.hypot(model.veer.cos, model.veer.sin)
+    if max(abs(constant), sine) < VEER:
+        return None
+    parts = []
+    if abs(constant) >= VEER:
+        side = "left" if constant > 0.0 else "right"
+        parts.append(f"{math.degrees(abs(constant)):.1f} deg to the {side}")
+    if sine >= VEER:
+        parts.append(f"up to {math.degrees(sine):.1f} deg to a side that depends on its heading")
+    return Finding(
+        "warning" if max(abs(constant), sine) >= STRONG_VEER else "info",
+        "odometry_veer",
+        f"on each metre the robot turns {' and '.join(parts)}, which the odometry does not report",
+        "estimated and made good while mapping; calibrate the radii of the wheels",
         watch.name,
         watch.count,
     )

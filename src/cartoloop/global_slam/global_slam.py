@@ -168,11 +168,15 @@ class GlobalSlam:
             self._close_loops(self._config.pose_adjustment.max_num_iterations, wait=waits)
         config = self._config
         searches = config.searches_per_adjustment if waits else config.live_searches_per_adjustment
-        if self.graph.num_nodes % max(every // searches, 1) == 0:
+        period = max(every // searches, 1)
+        if self.graph.num_nodes % period == 0:
             if not waits:
                 self._take_in_closures(wait=False)
             self.search.start(may_defer=waits)
-            self._wide.start()
+            self._wide.release()
+            # Offline, it is early enough to start once before the adjustment that needs them.
+            if not waits or self.graph.num_nodes % every + period >= every:
+                self._wide.start()
             self.joins.joining.start(self.graph)
 
     def finish(
@@ -191,6 +195,7 @@ class GlobalSlam:
         for submap in unfinished:
             self._request_nodes_in(self._finish(submap))
         self.search.start()
+        self._wide.start()
         iterations = self._config.pose_adjustment.max_num_final_iterations
         announce("closing the last loops")
         self._close_loops(iterations, wait=True)
@@ -318,6 +323,7 @@ class GlobalSlam:
             if len(self.closures) == num_requested:
                 break
             self.search.start()
+            self._wide.release()
             self._wide.start()
             self._close_loops(max_num_iterations, wait=True)
             if self.graph.num_loop_closures == before:

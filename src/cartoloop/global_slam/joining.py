@@ -133,6 +133,7 @@ class Joining:
         self._searched: set[tuple[int, int]] = set()
         self._candidates: dict[int, list[Candidate]] = {}
         self._num_searches = 0
+        self._num_judged = 0
         self._has_news = False
         self.known: OnePose | None = None
         self.attempts: dict[tuple[int, int], JoinAttempt] = {}
@@ -207,10 +208,13 @@ class Joining:
 
     def best(self, graph: PoseGraph) -> JoinAttempt | None:
         """Return the attempt with the most evidence that can be believed; None without any."""
-        if not self._has_news:
+        if not (self._has_news or self._num_judged < self._num_searches):
             return None
+        self._num_judged = self._num_searches
         best: JoinAttempt | None = None
-        for pair, claims in self._claims(graph).items():
+        all_claims = self._claims(graph)
+        for pair in sorted(self.attempts):
+            claims = all_claims.get(pair, [])
             attempt = self._attempt(*pair)
             join, wide = self._config.join, self._config.wide_search
             attempt.found = placement(claims, attempt.refused, join, wide)

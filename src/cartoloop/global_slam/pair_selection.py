@@ -96,6 +96,7 @@ class PairSelection:
         self._num_found: Counter[tuple[int, int]] = Counter()
         self._num_searches: Counter[tuple[int, int]] = Counter()
         self._submap_paths = SubmapPaths(config)
+        self._boxes: FloatArray = np.empty((0, 4))
 
     def begin_session(self) -> None:
         """Note that the next node is the first of another session: no path leads to it."""
@@ -252,7 +253,7 @@ class PairSelection:
             place,
             graph.submap_poses[: len(self._submap_paths)],
             self._submap_travelled.view,
-            bounding_boxes(submaps[:known]),
+            self._boxes_of(submaps[:known]),
         )
         due = reach.due
         return Requests(
@@ -263,6 +264,12 @@ class PairSelection:
             reach.linear_window,
             reach.angular_window,
         )
+
+    def _boxes_of(self, submaps: Sequence[FinishedSubmap]) -> FloatArray:
+        """Return the bounding boxes of the first finished submaps, which never change."""
+        if len(self._boxes) < len(submaps):
+            self._boxes = bounding_boxes(submaps)
+        return self._boxes[: len(submaps)]
 
     def _why_not(
         self, place: NodePlace, submap: int, distance: float, length: float

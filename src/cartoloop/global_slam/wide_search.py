@@ -85,7 +85,8 @@ class WideSearch:
         self._submaps = submaps
         self._search = search
         self._scans = CompositeScans(self._config)
-        self._waiting: dict[int, list[tuple[int, int]]] = {}
+        self._waiting: list[tuple[int, int, int]] = []
+        self._released: list[tuple[int, int, int]] = []
         self._running: list[_Task] = []
         self._candidates: dict[int, list[Candidate]] = {}
         self._has_news = False
@@ -123,11 +124,23 @@ class WideSearch:
         requests = found.take(new)
         rows = put_requests(self._tape, self._closures, requests, graph.num_nodes)
         for submap, row in zip(requests.submap.tolist(), rows.tolist(), strict=True):
-            self._waiting.setdefault(submap, []).append((scan, row))
+            self._waiting.append((submap, scan, row))
+
+    def release(self) -> None:
+        """Let the next `start` pass what was requested so far to the threads."""
+        self._released += self._waiting
+        self._waiting = []
 
     def start(self) -> None:
-        """Pass what was requested to the threads; returns immediately."""
-        for submap, wanted in self._waiting.items():
+        """Pass what was released to the threads, one task for each submap; returns immediately.
+
+        The fewer the calls, the less often grids are computed for a few scans.
+        """
+        tasks: dict[int, list[tuple[int, int]]] = {}
+        for submap, scan, row in self._released:
+            tasks.setdefault(submap, []).append((scan, row))
+        self._released = []
+        for submap, wanted in tasks.items():
             scans, rows = np.array(wanted).T
             requests = self._closures.requests(rows)
             points = self._scans.points.take(scans)
@@ -141,7 +154,6 @@ class WideSearch:
                 least=(self._config.min_score, self._config.min_score_ratio),
             )
             self._running.append(_Task(task, self._submaps[submap]))
-        self._waiting = {}
         if not self._tape.is_replayed:
             self._launch()
 

@@ -71,7 +71,6 @@ def count_agreement(
     cells, resolution = grid.cells, grid.resolution
     num_rows, num_cols = cells.shape
     margin = max(limits.off_wall, 1)
-    near, far = limits.on_wall**2, limits.off_wall**2
     for i in range(poses.shape[0]):
         cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
         on_wall, on_floor = 0, 0
@@ -85,24 +84,27 @@ def count_agreement(
             row = np.int64(np.floor((y_submap - grid.origin_y) / resolution + 0.5))
             if not (margin <= col < num_cols - margin and margin <= row < num_rows - margin):
                 continue
-            squared = nearest_wall(cells, row, col, margin, limits.wall)
-            if squared <= near:
+            if is_wall_near(cells, row, col, limits.on_wall, limits.wall):
                 on_wall += 1
-            elif squared > far and is_floor(cells, row, col, limits.floor):
+            # The floor first: it is soon known that a return is not on it.
+            elif is_floor(cells, row, col, limits.floor) and not is_wall_near(
+                cells, row, col, limits.off_wall, limits.wall
+            ):
                 on_floor += 1
         out_counts[i, 0] = on_wall
         out_counts[i, 1] = on_floor
 
 
 @kernel
-def nearest_wall(cells: ByteArray, row: np.int64, col: np.int64, reach: int, wall: int) -> np.int64:
-    """Return the squared distance [cells] to the nearest wall within a square, or a large one."""
-    nearest = np.int64(4 * reach * reach)
+def is_wall_near(cells: ByteArray, row: np.int64, col: np.int64, reach: int, wall: int) -> bool:
+    """Return whether there is a wall within a distance [cells]."""
+    if cells[row, col] >= wall:
+        return True
     for i in range(-reach, reach + 1):
         for j in range(-reach, reach + 1):
-            if cells[row + i, col + j] >= wall:
-                nearest = min(nearest, np.int64(i * i + j * j))
-    return nearest
+            if cells[row + i, col + j] >= wall and i * i + j * j <= reach * reach:
+                return True
+    return False
 
 
 @kernel

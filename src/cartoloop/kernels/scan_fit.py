@@ -10,7 +10,7 @@ import numpy as np
 
 from cartoloop._jit import kernel
 from cartoloop.arrays import FloatArray, IntArray
-from cartoloop.kernels.map_agreement import CellGrid, is_floor, nearest_wall
+from cartoloop.kernels.map_agreement import CellGrid, is_floor, is_wall_near
 from cartoloop.kernels.scan_batch import ScanBatch
 
 ON_WALL, ON_FLOOR, BEHIND_WALL = 0, 1, 2
@@ -67,7 +67,6 @@ def count_fit(
     """
     num_rows, num_cols = grid.cells.shape
     margin = max(limits.off_wall, 1)
-    near, far = limits.on_wall**2, limits.off_wall**2
     for i in range(poses.shape[0]):
         cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
         start_x, start_y = beam_origins[i, 0], beam_origins[i, 1]
@@ -86,10 +85,11 @@ def count_fit(
             col, row = np.int64(np.floor(end_col + 0.5)), np.int64(np.floor(end_row + 0.5))
             if not (margin <= col < num_cols - margin and margin <= row < num_rows - margin):
                 continue
-            squared = nearest_wall(grid.cells, row, col, margin, limits.wall)
-            if squared <= near:
+            if is_wall_near(grid.cells, row, col, limits.on_wall, limits.wall):
                 on_wall += 1
-            elif squared > far and is_floor(grid.cells, row, col, limits.floor):
+            elif is_floor(grid.cells, row, col, limits.floor) and not is_wall_near(
+                grid.cells, row, col, limits.off_wall, limits.wall
+            ):
                 on_floor += 1
         out_counts[i, 0] = on_wall
         out_counts[i, 1] = on_floor

@@ -2,14 +2,15 @@
 """What the constraints of removed vertices say about the vertices that stay, as few constraints.
 
 Vertices are marginalized out (Schur complements of the linearized problem), which leaves a dense
-normal distribution of the poses of the submaps that stay. What the removed constraints say is approximated by constraints between the pairs with the best known relative
-poses, such that these are as well known as before (after Mazuran, Burgard, Tipaldi, "Nonlinear
-factor recovery for long-term SLAM", 2016).
+normal distribution of the poses of the submaps that stay. What the removed constraints say is
+approximated by constraints between the pairs with the best known relative poses, such that these
+are as well known as before (after Mazuran, Burgard, Tipaldi, "Nonlinear factor recovery for
+long-term SLAM", 2016).
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -32,6 +33,9 @@ _NUM_NEIGHBOURS = 6
 
 _NUM_FITTING_ROUNDS = 10
 """Rounds of fitting the constraints to how well relative poses are known."""
+
+
+_SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
 
 
 class Anchors(NamedTuple):
@@ -135,7 +139,10 @@ def replacements(
     """
     lost = lost_information(graph, kept_submaps, kept_nodes, weights)
     pairs, tf_a_b, information = _recovered(lost, graph.submap_poses)
-    nodes = _members(graph, np.arange(graph.num_submaps))
+    nodes = np.full(graph.num_submaps, -1, dtype=np.int64)
+    nodes[kept_submaps] = _members(graph, np.flatnonzero(kept_submaps))
+    has_nodes = (nodes[pairs] >= 0).all(axis=1)
+    pairs, tf_a_b, information = pairs[has_nodes], tf_a_b[has_nodes], information[has_nodes]
     tf_submap_node = relative_all(graph.submap_poses, graph.node_poses[nodes])
     used = np.unique(pairs)
     anchors = Anchors(used, nodes[used], tf_submap_node[used])
@@ -264,12 +271,17 @@ def _lever(offset: FloatArray) -> FloatArray:
 
 
 def _members(graph: PoseGraph, submaps: IntArray) -> IntArray:
-    """Return a node that was inserted into each of the submaps."""
+    """Return a node that was inserted into each of the submaps, each another one; -1 for none."""
     own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
-    order = np.lexsort((graph.index_b[own], graph.index_a[own]))
-    firsts = np.searchsorted(graph.index_a[own][order], submaps)
-    nodes: IntArray = graph.index_b[own][order[firsts]]
-    return nodes
+    order = own[np.lexsort((graph.index_b[own], graph.index_a[own]))]
+    firsts, ends = (np.searchsorted(graph.index_a[order], submaps, side) for side in _SIDES)
+    taken: set[int] = set()
+    members = np.full(len(submaps), -1, dtype=np.int64)
+    for number, (first, end) in enumerate(zip(firsts.tolist(), ends.tolist(), strict=True)):
+        nodes = graph.index_b[order[first:end]].tolist()
+        members[number] = next((node for node in nodes if node not in taken), -1)
+        taken.add(int(members[number]))
+    return members
 
 
 def _recovered(

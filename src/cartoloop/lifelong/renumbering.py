@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -14,7 +15,7 @@ from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import NO_ROW, ConstraintKind, PoseGraph
 from cartoloop.lifelong.marginal import Links, host_submaps, touching
 from cartoloop.map_data import MapData
-from cartoloop.session import Session, session_numbers
+from cartoloop.session import Session, ranges, session_numbers
 
 AnyMap = TypeVar("AnyMap", bound=MapData)
 
@@ -52,6 +53,7 @@ def without(result: AnyMap, kept_submaps: BoolArray, kept_nodes: BoolArray, link
     hosts = host_submaps(result.graph, kept_submaps)
     closures, rows = _closures(result.closures, submaps, nodes, hosts)
     points = result.node_points
+    left = _sessions_left(result.sessions, scans)
     return replace(
         result,
         stamps=result.stamps[scans.kept],
@@ -64,7 +66,8 @@ def without(result: AnyMap, kept_submaps: BoolArray, kept_nodes: BoolArray, link
         ],
         closures=closures,
         node_points=[points[node] for node in np.flatnonzero(kept_nodes[: len(points)]).tolist()],
-        sessions=_sessions(result.sessions, scans, nodes, submaps),
+        sessions=_sessions(result.sessions, left, scans, nodes, submaps),
+        report=replace(result.report, extra=_with_joins(result.report.extra, Numbers(left))),
     )
 
 
@@ -168,11 +171,22 @@ def _narrow(numbers: NDArray[Any]) -> NDArray[np.int32]:
     return numbers.astype(np.int32)
 
 
+def _sessions_left(sessions: Sequence[Session], scans: Numbers) -> BoolArray:
+    """Return which sessions anything is left of; the last one stays."""
+    own = ranges([session.first_scan for session in sessions], len(scans.kept))
+    left = np.array([bool(scans.kept[of_session].any()) for of_session in own])
+    left[-1] = True
+    return left
+
+
 def _sessions(
-    sessions: tuple[Session, ...], scans: Numbers, nodes: Numbers, submaps: Numbers
+    sessions: Sequence[Session],
+    left: BoolArray,
+    scans: Numbers,
+    nodes: Numbers,
+    submaps: Numbers,
 ) -> tuple[Session, ...]:
-    """Return the sessions that anything is left of, and where they begin now."""
-    ends = [*(session.first_scan for session in sessions[1:]), len(scans.kept)]
+    """Return the sessions that are left, and where they begin now."""
     return tuple(
         replace(
             session,
@@ -180,6 +194,21 @@ def _sessions(
             first_node=int(nodes.new[session.first_node]),
             first_submap=int(submaps.new[session.first_submap]),
         )
-        for session, end in zip(sessions, ends, strict=True)
-        if session is sessions[-1] or scans.kept[session.first_scan : end].any()
+        for session, is_left in zip(sessions, left, strict=True)
+        if is_left
     )
+
+
+def _with_joins(extra: Mapping[str, Any], sessions: Numbers) -> dict[str, Any]:
+    """Return the report's findings, with the new numbers of sessions in what it says of joins."""
+    if "joins" not in extra:
+        return dict(extra)
+    joins = []
+    for join in extra["joins"]:
+        groups = [
+            [int(sessions.new[number]) for number in group if sessions.kept[number]]
+            for group in join["sessions"]
+        ]
+        if all(groups):
+            joins.append({**join, "sessions": groups})
+    return {**extra, "joins": joins}

@@ -44,8 +44,10 @@ def trimmed(result: AnyMap) -> AnyMap:
         )
         result = without(result, chosen.kept, kept_nodes, links)
     removed = {f"removed_{name}": before[name] - size for name, size in _sizes(result).items()}
+    scans = result.report.input.scans - removed["removed_scans"]
     report = replace(
         result.report,
+        input=replace(result.report.input, scans=scans),
         nodes=result.graph.num_nodes,
         submaps=result.graph.num_submaps,
         constraints=summarize_constraints(result.graph, result.closures),

@@ -42,7 +42,7 @@ class MatchedScans(NamedTuple):
 
 
 def latest(series: Iterable[ScanSeries], window: int) -> MatchedScans:
-    """Return the latest scans of each scanner, none of which is empty."""
+    """Return the latest scans of each scanner; each has some."""
     every = [(one.times[-window:], one.poses[-window:], one.is_usable[-window:]) for one in series]
     is_usable = [np.array(usable, dtype=np.bool_) for _, _, usable in every]
     for one in is_usable:

@@ -95,6 +95,11 @@ class OdometryParameters:
         """Whether the robot has turned enough for an estimate of clock offset and rotation."""
         return not math.isnan(self.rotation_error)
 
+    @property
+    def veer_by_name(self) -> dict[str, float]:
+        """The veer, for documents [rad/m]: constant, cos, sin."""
+        return self.veer._asdict()
+
     def summary(self) -> dict[str, Any]:
         """Return the estimates, for the report."""
         return {
@@ -103,7 +108,7 @@ class OdometryParameters:
             "translation_scale": self.translation_scale,
             "yaw_rad": self.yaw,
             "lever_m": [self.lever_x, self.lever_y],
-            "veer_rad_per_m": self.veer._asdict(),
+            "veer_rad_per_m": self.veer_by_name,
             "rotation_error_rad": self.rotation_error if self.knows_rotation else None,
             "translation_error_m": self.translation_error if self.is_known else None,
         }

@@ -34,7 +34,7 @@ MIN_STRETCHES = 24
 """Number of stretches needed for an estimate."""
 
 NUM_PARTS = 4
-"""Parts of the drive, each of which must be predicted from the others."""
+"""Parts of the drive, which are predicted each from the others."""
 
 VEER_PRIOR, SCALE_PRIOR = 0.05, 0.2
 """Standard deviations of the priors of zero of each coefficient of the veer [rad/m], and of the
@@ -113,6 +113,8 @@ def estimate_veer(
     A constant, and a constant with a sine of the heading, are accepted if they predict each part of
     the drive from the other parts better than no veer does. Errors of the odometry that are random,
     however large, or that belong to one place, do not. What was accepted before needs no margin.
+    The scale of the rotation is estimated as well, from the matched turns: on a straight way these
+    are zero, and all that is reported is veer.
     """
     if len(odometry_times) < 2:
         return previous, 0
@@ -126,7 +128,7 @@ def estimate_veer(
     path, middle = reported[:, 0], readings[:-1, 2] + 0.5 * reported[:, 2]
     columns = (
         turns - reported[:, 2],
-        reported[:, 2],
+        turns,
         path,
         path * np.cos(middle),
         path * np.sin(middle),
@@ -146,8 +148,7 @@ def estimate_veer(
             count, best = more, likelihood
     if count == 1:
         return NO_VEER, number
-    scale, *rates = _fit(turned, terms[:, :count], before[:count]).tolist()
-    veer = Veer(*(rate / (1.0 + scale) for rate in rates))
+    veer = Veer(*_fit(turned, terms[:, :count], before[:count]).tolist()[1:])
     return veer if sum(map(abs, veer)) <= MAX_VEER else NO_VEER, number
 
 

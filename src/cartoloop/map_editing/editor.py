@@ -29,6 +29,7 @@ from cartoloop.map_editing.arguments import (
     Rename,
     Split,
     SurveyedPoint,
+    checked,
     made,
 )
 from cartoloop.map_editing.change import Change, change_of
@@ -77,6 +78,7 @@ class Editor(Generic[AnyMap]):
             raise InputError(f"the edits of the map are damaged ({error})") from error
         self._original = original
         self._is_changed = False
+        self._saved = self._original, self._applied
 
     def __enter__(self) -> Self:
         return self
@@ -356,6 +358,21 @@ class Editor(Generic[AnyMap]):
         self._applied = examined(self._applied)
         self._folder.write(self._applied.map)
         self._is_changed = False
+        self._saved = self._original, self._applied
+
+    def discard(self) -> None:
+        """Forget what was changed since the map was opened or saved."""
+        self._original, self._applied = self._saved
+        self._is_changed = False
+
+    def edit_of(self, submap: int, node: int) -> int | None:
+        """Return the last edit in force that removed or added the closure of a pair, if any did."""
+        pair = (self._original_submap(submap), self._original_node(node))
+        found = None
+        for number, edit in enumerate(self.edits):
+            if not edit.is_undone and pair in checked(edit, self._original).pairs_of():
+                found = number if edit.kind in {"drop", "add"} else found
+        return found
 
     def _set_undone(self, edit: int, *, is_undone: bool) -> Change:
         self._require(edit, len(self.edits), "edit")

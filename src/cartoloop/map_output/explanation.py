@@ -101,7 +101,7 @@ class Explainer:
         reason = Reason(int(record.reason[closure]))
         if not self._has_requests:
             requested = [REQUESTS_NOT_RECORDED]
-        elif closure < record.num_requested:
+        elif record.search_status[closure] != Status.NOT_REQUESTED:
             requested = self._sentences.of_request(closure, values)
         else:
             verdict = self._verdict(int(record.submap[closure]), int(record.node[closure]))

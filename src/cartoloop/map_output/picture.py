@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -89,7 +89,8 @@ def draw_map(
     Parameters
     ----------
     occupancy_map : what to show.
-    trajectory : float64 (n, >= 2), positions along the path [m, map frame], to draw it.
+    trajectory : float64 (n, >= 2), positions along the path [m, map frame], to draw it; a line ends
+        where a position is NaN.
     closures : float64 (m, 4), x, y of both ends of each loop closure [m, map frame], to draw them.
     caption : what stands above the map, in parts that are not broken: its name, its facts.
 
@@ -162,8 +163,8 @@ class MapPicture:
             self._draw_lines(lines, CLOSURE_COLOUR, width=1, opacity=0.35)
             legend.append((f"{len(lines)} loop closures", CLOSURE_COLOUR))
         if trajectory is not None:
-            path = self._to_canvas(trajectory[:, :2])[np.newaxis]
-            self._draw_lines(path, TRAJECTORY_COLOUR, width=2, opacity=0.75)
+            paths = _stretches(self._to_canvas(trajectory[:, :2]))
+            self._draw_lines(paths, TRAJECTORY_COLOUR, width=2, opacity=0.75)
             legend.append(("trajectory", TRAJECTORY_COLOUR))
         shown = [place for place in places if self._shows(place.x, place.y)]
         for severity, colour in PLACE_COLOURS.items():
@@ -203,7 +204,9 @@ class MapPicture:
         inside: BoolArray = (x >= left) & (x <= right) & (y >= top) & (y <= bottom)
         return inside
 
-    def _draw_lines(self, lines: FloatArray, colour: Colour, *, width: int, opacity: float) -> None:
+    def _draw_lines(
+        self, lines: Iterable[FloatArray], colour: Colour, *, width: int, opacity: float
+    ) -> None:
         _draw_lines(self.canvas, lines, colour, width=width, opacity=opacity, box=self._box)
 
     def _to_canvas(self, points_map: FloatArray) -> FloatArray:
@@ -252,18 +255,18 @@ def _zoom(longest_edge: int) -> float:
 
 def _draw_lines(
     canvas: Image.Image,
-    lines: FloatArray,
+    lines: Iterable[FloatArray],
     colour: Colour,
     *,
     width: int,
     opacity: float,
     box: Box | None = None,
 ) -> None:
-    """Draw polylines, shape (num_lines, num_points, 2) [px], smoothly over the canvas or a box."""
+    """Draw polylines, shape (num_points, 2) [px] each, smoothly over the canvas or a box."""
     mask = Image.new("L", (canvas.width * _SMOOTHING, canvas.height * _SMOOTHING))
     draw = ImageDraw.Draw(mask)
-    for line in np.round(lines * _SMOOTHING, 2).tolist():
-        points = [(x, y) for x, y in line]
+    for line in lines:
+        points = [(x, y) for x, y in np.round(line * _SMOOTHING, 2).tolist()]
         draw.line(points, fill=round(255 * opacity), width=width * _SMOOTHING, joint="curve")
     mask = mask.reduce(_SMOOTHING)
     if box is not None:
@@ -271,6 +274,12 @@ def _draw_lines(
         inside.paste(mask.crop(box), box)
         mask = inside
     canvas.paste(colour, mask=mask)
+
+
+def _stretches(path: FloatArray) -> list[FloatArray]:
+    """Return the parts of a path between places that are not finite, shape (k, 2) each."""
+    breaks = np.flatnonzero(~np.isfinite(path[:, 0]))
+    return [part[np.isfinite(part[:, 0])] for part in np.split(path, breaks)]
 
 
 def _broken(caption: Sequence[str], width: int) -> list[list[str]]:

@@ -19,7 +19,7 @@ from cartoloop.map_file import schema as map_file
 from cartoloop.map_file.file_set import new_file_set
 from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
-from cartoloop.map_output.main_part import main_scans, main_submaps
+from cartoloop.map_output.main_part import main_path, main_scans, main_submaps
 from cartoloop.map_output.map_facts import map_facts
 from cartoloop.map_output.map_files import pgm_bytes, yaml_text
 from cartoloop.map_output.occupancy_map import compose_map
@@ -125,7 +125,7 @@ def write_file(path: Path, content: str | bytes) -> None:
 def png_bytes(result: MapData, picture: MapPicture, layers: Collection[Layer]) -> bytes:
     """Return the picture of a map as a PNG file, with layers drawn over it."""
     picture.draw(
-        trajectory=result.trajectory[main_scans(result)] if "trajectory" in layers else None,
+        trajectory=main_path(result) if "trajectory" in layers else None,
         closures=_closure_ends(result.graph) if "closures" in layers else None,
         places=result.report.quality.places if "quality" in layers else (),
     )

@@ -5,15 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
-from cartoloop.config import Config, JoinConfig, QualityConfig
-from cartoloop.global_slam.joining import CheckGeometry, GeometryCheck
+from cartoloop.config import JoinConfig, QualityConfig
+from cartoloop.global_slam.joining import GeometryCheck
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality.encounters import Encounters, encounters
 from cartoloop.quality.pairs import compared_pairs, path_lengths
@@ -119,12 +118,3 @@ def _fault(check: GeometryCheck, met: Encounters, join: JoinConfig) -> str:
             "its scans saw free"
         )
     return ""
-
-
-def geometry_check(config: Config) -> CheckGeometry:
-    """Return :func:`check_geometry` with the limits of a configuration."""
-    return partial(
-        check_geometry,
-        quality=config.quality,
-        join=config.global_slam.constraint_search.join,
-    )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Odometry that stands still, jumps, repeats itself, slips or is no number."""
+"""Odometry that stands still, jumps, repeats itself, slips, veers or is no number."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ class OdometryFault(StrEnum):
     REPEAT = "repeat"
     NAN = "nan"
     SLIP = "slip"
+    VEER = "veer"
+    SYNCHRO = "synchro-drive"
 
 
 NUM_SLIPS = 3
@@ -37,6 +39,10 @@ for wheels that are dragged and wheels that spin."""
 
 SLIP_TURN = np.radians(3.0)
 """Largest turn that odometry measures too much for each metre on slippery ground [rad/m]."""
+
+VEER_RATES = (np.radians(1.0), np.radians(3.0))
+"""Smallest and largest turn that odometry with a veer measures too much on each metre [rad/m], to
+one side, or as the amplitude of a sine of its heading."""
 
 NUM_JUMPS = 2
 """How often the odometry jumps."""
@@ -93,6 +99,10 @@ def with_faults(
     count = len(poses)
     if OdometryFault.SLIP in faults:
         found = _slipping(found, path_lengths, rng)
+    if OdometryFault.VEER in faults:
+        found = _veering(found, rng.choice((-1.0, 1.0)) * rng.uniform(*VEER_RATES), 0.0, 0.0)
+    if OdometryFault.SYNCHRO in faults:
+        found = _veering(found, 0.0, rng.uniform(*VEER_RATES), rng.uniform(-np.pi, np.pi))
     if OdometryFault.JUMP in faults:
         found = _jumping(found, rng)
     if OdometryFault.REPEAT in faults:
@@ -128,6 +138,17 @@ def _slipping(poses: FloatArray, path_lengths: FloatArray, rng: np.random.Genera
         slips = within[1:]
         steps[slips, :2] *= factor
         steps[slips, 2] += turn * distances[slips]
+    return _chained(poses[0], steps)
+
+
+def _veering(poses: FloatArray, constant: float, amplitude: float, phase: float) -> FloatArray:
+    """Return odometry whose heading turns too much on each metre, by what depends on it [rad/m]."""
+    steps = relative_all(poses[:-1], poses[1:])
+    heading = float(poses[0, 2])
+    for step in steps:
+        middle = heading + 0.5 * step[2]
+        step[2] += (constant + amplitude * np.sin(middle - phase)) * step[0]
+        heading += step[2]
     return _chained(poses[0], steps)
 
 

@@ -19,8 +19,9 @@ from starlette.responses import Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from cartoloop.errors import CartoloopError
+from cartoloop.errors import CartoloopError, UsageError
 from cartoloop.viewer import protocol, requests
+from cartoloop.viewer.editing import NOT_ALLOWED, Editing
 from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.pictures import Pictures
 from cartoloop.viewer.playback import Playback
@@ -50,6 +51,7 @@ def create_app(
     playback: Playback | None = None,
     token: str = "",
     on_failure: Callable[[Exception], None] | None = None,
+    editing: Editing | None = None,
 ) -> Starlette:
     """Return the application that shows a state.
 
@@ -59,6 +61,7 @@ def create_app(
     playback : playback that pages may pause, or None.
     token : secret that pages must send; "" admits all programs on this machine.
     on_failure : called with what should not have happened; it ends the connection with that page.
+    editing : carries out edits; None refuses them.
     """
     static = static_files()
     pictures = Pictures(state)
@@ -75,7 +78,7 @@ def create_app(
             return
         await websocket.accept()
         try:
-            await _Session(websocket, state, playback, pictures).run()
+            await _Session(websocket, state, playback, pictures, editing).run()
         except Exception as failure:
             if on_failure is not None:
                 on_failure(failure)
@@ -145,11 +148,13 @@ class _Session:
         state: LiveState,
         playback: Playback | None,
         pictures: Pictures,
+        editing: Editing | None,
     ) -> None:
         self._websocket = websocket
         self._state = state
         self._playback = playback
         self._pictures = pictures
+        self._editing = editing
         self._answers: asyncio.Queue[bytes] = asyncio.Queue(_MAX_ANSWERS)
 
     async def run(self) -> None:
@@ -234,10 +239,18 @@ class _Session:
                 self._playback.set_speed(request.value)
         self._state.refresh()
 
-    async def _look_up(self, request: requests.Query) -> bytes:
+    async def _look_up(self, request: requests.Query | requests.EditRequest) -> bytes:
         match request:
+            case requests.DropClosure() | requests.UndoEdit() | requests.RedoEdit():
+                if self._editing is None:
+                    raise UsageError(NOT_ALLOWED)
+                edited = {"id": request.id, "text": await self._editing.carry_out(request)}
+                return protocol.json_message(MessageType.EDITED, edited)
             case requests.ClosureDetails():
                 content = self._state.closure(request.constraint) | {"id": request.id}
+                if self._editing is not None:
+                    edit = self._editing.edit_of(content["submap"], content["node"])
+                    content["edit"] = edit
                 return protocol.json_message(MessageType.CLOSURE, content)
             case requests.AllClosures():
                 content = self._state.closures() | {"id": request.id}

@@ -16,12 +16,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.arrays import FloatArray
+from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.global_slam.closure_status import Status
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.quality.verdict import Quality
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, compose_all, inverse, relative_all
+from cartoloop.session import Session, ranges
+from cartoloop.viewer.beside import Placed, beside
 from cartoloop.viewer.protocol import REJECTED, ConstraintRows
 
 if TYPE_CHECKING:
@@ -68,9 +70,10 @@ def rejected_closures(closures: Closures) -> ConstraintRows:
     """Return the closures that are not in the finished graph although they were in it before.
 
     Those that the last pass rejects have the pose that the search measured, those that the other
-    constraints contradict the pose that the last pass measured.
+    constraints contradict, or that an edit removed, the pose that the last pass measured.
     """
-    found, contradicted = closures.found, closures.with_status(Status.CONTRADICTED)
+    found = closures.found
+    contradicted = closures.with_status(Status.CONTRADICTED, Status.REMOVED)
     status = closures.status[found.row]
     lost = (status == Status.POOR_FIT) | (status == Status.MOVED_TOO_FAR)
     rows = np.concatenate((found.row[lost], contradicted.row))
@@ -90,15 +93,24 @@ class PosesBefore(NamedTuple):
     tf_map_nodes: FloatArray
 
 
-def poses_before(result: Result) -> PosesBefore:
-    """Return the poses of local SLAM, the first node being where it is in the map."""
-    graph = result.graph
+def poses_before(result: Result, placed: Placed | None = None) -> PosesBefore:
+    """Return the poses of local SLAM, the first node of each session being where it is in the map.
+
+    Parameters
+    ----------
+    result : the map.
+    placed : where it is drawn; None: where it is.
+    """
+    graph, placed = result.graph, placed or beside(result)
+    submaps, nodes = placed.submap_poses.copy(), placed.node_poses.copy()
     if graph.num_nodes == 0:
-        return PosesBefore(graph.submap_poses.copy(), graph.node_poses.copy())
+        return PosesBefore(submaps, nodes)
     local = result.local_trajectory[result.node_scan_index]
-    tf_map_local = compose(Pose(*graph.node_poses[0].tolist()), inverse(Pose(*local[0].tolist())))
-    nodes = compose_all(np.array(tf_map_local), local)
-    submaps = graph.submap_poses.copy()
+    for some in ranges([session.first_node for session in result.sessions], len(nodes)):
+        if len(local[some]):
+            begin = Pose(*nodes[some][0].tolist())
+            tf_map_local = compose(begin, inverse(Pose(*local[some][0].tolist())))
+            nodes[some] = compose_all(np.array(tf_map_local), local[some])
     own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
     found, first = np.unique(graph.index_a[own], return_index=True)
     rows = own[first]
@@ -126,6 +138,8 @@ class Update:
     rejected : closures that are not in the finished graph; None while mapping.
     quality : the verdict on the finished map; None while mapping.
     before : the poses before loop closure; None while mapping.
+    sessions : of a finished map; none while mapping.
+    submap_parts, node_parts : part of each submap and node of a finished map; None while mapping.
     match : of the last scan to the map, None where it was not matched.
     last_information : inverse covariance of the last scan's pose, None unless it became a node.
     time : when this was [s, perf_counter].
@@ -146,6 +160,9 @@ class Update:
     rejected: ConstraintRows | None = None
     quality: Quality | None = None
     before: PosesBefore | None = None
+    sessions: tuple[Session, ...] = ()
+    submap_parts: IntArray | None = None
+    node_parts: IntArray | None = None
     stamp: float = 0.0
     recorded_s: float = 0.0
     num_scans: int = 0
@@ -245,10 +262,13 @@ def whole(result: Result) -> Update:
     graph, report = result.graph, result.report
     runs = report.adjustment.each
     stamps = result.stamps[result.node_scan_index]
+    placed = beside(result)
+    pose = Pose(*result.trajectory[-1].tolist()) if len(result.trajectory) else IDENTITY
+    dx, dy = placed.last_offset
     return Update(
-        submap_poses=graph.submap_poses.copy(),
+        submap_poses=placed.submap_poses,
         first_node=0,
-        node_poses=graph.node_poses.copy(),
+        node_poses=placed.node_poses,
         node_stamps=stamps,
         adjusted=True,
         first_constraint=0,
@@ -259,11 +279,14 @@ def whole(result: Result) -> Update:
         node_points=result.node_points,
         rejected=rejected_closures(result.closures),
         quality=report.quality,
-        before=poses_before(result),
+        before=poses_before(result, placed),
+        sessions=result.sessions,
+        submap_parts=result.submap_parts,
+        node_parts=result.node_parts,
         stamp=float(result.stamps[-1]) if len(result.stamps) else 0.0,
         recorded_s=report.input.duration_s,
         num_scans=report.input.scans,
-        pose=Pose(*result.trajectory[-1].tolist()) if len(result.trajectory) else IDENTITY,
+        pose=Pose(pose.x + dx, pose.y + dy, pose.theta),
         num_adjustments=report.adjustment.runs,
         last_adjustment=runs[-1] if runs else None,
         skipped=dict(report.skipped),

@@ -21,6 +21,7 @@ from cartoloop.map_output.evidence_sum import cell_log_odds
 from cartoloop.map_output.map_facts import MapFacts
 from cartoloop.map_output.occupancy_map import MAX_LOG_ODDS
 from cartoloop.map_output.picture import palette
+from cartoloop.session import MAIN_PART, Session
 from cartoloop.version import __version__
 from cartoloop.viewer import protocol
 from cartoloop.viewer.closure_details import closure_details, closure_list
@@ -127,6 +128,9 @@ class LiveState:
         self._apply_finished(update)
         if update.quality is not None:
             self._show_json(MessageType.QUALITY, asdict(update.quality))
+        if update.sessions:
+            content = [_session_content(session) for session in update.sessions]
+            self._show_json(MessageType.SESSIONS, {"sessions": content})
         scan = protocol.scan_message(update.num_scans, update.stamp, update.pose, update.returns)
         if update.num_scans:
             self._show(MessageType.SCAN, scan)
@@ -160,6 +164,10 @@ class LiveState:
         """Show the facts of the map, which grows no more."""
         self._facts = facts
         self._show_json(MessageType.FACTS, {"described": facts.described()} | asdict(facts))
+
+    def show_edits(self, content: dict[str, Any]) -> None:
+        """Show the edits of the map, as the content of an EDITS message."""
+        self._show_json(MessageType.EDITS, content)
 
     def closures(self) -> dict[str, Any]:
         """Return what the record holds of all loop closures.
@@ -242,10 +250,15 @@ class LiveState:
         """Return what a picture of the present map is made of."""
         grids = self._submaps.grids()
         known = [submap for submap in grids if submap < len(self._poses)]
+        nodes = self._nodes.values
+        parts = self.last.submap_parts if self.last is not None else None
+        if parts is not None and self.last is not None:
+            known = [submap for submap in known if parts[submap] == MAIN_PART]
+            nodes = nodes[self.last.node_parts == MAIN_PART]
         return Drawing(
             [grids[submap] for submap in known],
             self._poses.values[known],
-            self._nodes.values,
+            nodes,
             self._config,
             self._caption(),
         )
@@ -302,6 +315,8 @@ _LATEST = (
     MessageType.READINGS,
     MessageType.QUALITY,
     MessageType.FACTS,
+    MessageType.SESSIONS,
+    MessageType.EDITS,
     MessageType.LATEST_CLOSURE,
     MessageType.SCAN,
 )
@@ -322,6 +337,15 @@ def _read(details: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         except ValueError:  # NumPy's: one column had grown, another one not yet
             continue
     raise LookupError("the record of closures is changing; try again")
+
+
+def _session_content(session: Session) -> dict[str, Any]:
+    return {
+        "name": session.name,
+        "first_node": session.first_node,
+        "first_submap": session.first_submap,
+        "part": session.part,
+    }
 
 
 def _hello_content(name: str, config: SubmapConfig, log_odds: list[float]) -> dict[str, Any]:

@@ -63,6 +63,9 @@ class MessageType(IntEnum):
     FACTS = 21
     CLOSURES = 22
     BEFORE = 23
+    SESSIONS = 24
+    EDITS = 25
+    EDITED = 26
 
 
 _TABLE_DTYPES = {

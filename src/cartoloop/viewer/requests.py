@@ -67,6 +67,31 @@ class NodeScan(_Request):
     node: Number
 
 
+class DropClosure(_Request):
+    """Remove a loop closure from the map."""
+
+    type: Literal["drop_closure"]
+    id: Number
+    submap: Number
+    node: Number
+
+
+class UndoEdit(_Request):
+    """Undo an edit of the map."""
+
+    type: Literal["undo_edit"]
+    id: Number
+    edit: Number
+
+
+class RedoEdit(_Request):
+    """Put an edit that was undone in force again."""
+
+    type: Literal["redo_edit"]
+    id: Number
+    edit: Number
+
+
 class Picture(_Request):
     """Send the map as a PNG file."""
 
@@ -84,7 +109,10 @@ class Ping(_Request):
 Query = ClosureDetails | AllClosures | Before | NodeScan | Picture
 """Requests that are looked up in the state."""
 
-Request = Play | Pause | Speed | Query | Ping
+EditRequest = DropClosure | UndoEdit | RedoEdit
+"""Requests that change the map and its files."""
+
+Request = Play | Pause | Speed | Query | EditRequest | Ping
 
 _ANY: TypeAdapter[Request] = TypeAdapter(Annotated[Request, Field(discriminator="type")])
 

@@ -18,6 +18,7 @@ from cartoloop.errors import ServeError
 from cartoloop.viewer.app import create_app, is_loopback
 from cartoloop.viewer.budget import MAX_REST_S, Budget, Clocks
 from cartoloop.viewer.connections import ACCEPTED_AT_ONCE, BoundedConnection
+from cartoloop.viewer.editing import Editing
 from cartoloop.viewer.feed import Feed
 from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.playback import Playback
@@ -53,6 +54,7 @@ class ViewServer:
     feed : source of updates; None where the state does not change.
     playback : what pages may pause.
     host, port : where it is served; where the port is taken, one of the next.
+    editing : carries out the edits of pages; None where they may not edit.
 
     Attributes
     ----------
@@ -72,6 +74,7 @@ class ViewServer:
         playback: Playback | None = None,
         host: str = DEFAULT_HOST,
         port: int = DEFAULT_PORT,
+        editing: Editing | None = None,
     ) -> None:
         self._state = state
         self._feed = feed
@@ -82,7 +85,7 @@ class ViewServer:
         self.port: int = self._socket.getsockname()[1]
         self.url = _url(host, self.port, token)
         config = uvicorn.Config(
-            create_app(state, playback, token, self._note),
+            create_app(state, playback, token, self._note, editing),
             http=BoundedConnection,
             backlog=ACCEPTED_AT_ONCE,
             ws="websockets-sansio",

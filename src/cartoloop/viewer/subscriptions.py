@@ -24,7 +24,8 @@ _ORDER = (
     MessageType.HELLO, MessageType.PLAYBACK, MessageType.READINGS, MessageType.SUBMAP_POSES,
     MessageType.NODES, MessageType.NODE_TIMES, MessageType.SUBMAP_PREVIEW,
     MessageType.SUBMAP, MessageType.CONSTRAINTS, MessageType.QUALITY,
-    MessageType.FACTS, MessageType.LATEST_CLOSURE, MessageType.SCAN,
+    MessageType.FACTS, MessageType.SESSIONS, MessageType.EDITS, MessageType.LATEST_CLOSURE,
+    MessageType.SCAN,
 )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from cartoloop.map_output.map_facts import map_facts
+from cartoloop.viewer.editing import Editing, edits_content
 from cartoloop.viewer.feed import Feed, whole
 from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.playback import Playback
@@ -15,6 +16,7 @@ from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT, ViewServer
 
 if TYPE_CHECKING:
     from cartoloop.config import Config
+    from cartoloop.map_editing.editor import Editor
     from cartoloop.mapper import Mapper
     from cartoloop.result import Result
     from cartoloop.sensor.events import SensorEvent
@@ -133,9 +135,21 @@ class LiveView:
 
 
 def serve_result(
-    result: Result, name: str, host: str = DEFAULT_HOST, port: int = DEFAULT_PORT
+    result: Result,
+    name: str,
+    host: str = DEFAULT_HOST,
+    port: int = DEFAULT_PORT,
+    *,
+    editor: Editor[Result] | None = None,
 ) -> ViewServer:
     """Serve the view of a finished map and return the running server.
+
+    Parameters
+    ----------
+    result : the map.
+    name : under which it is shown.
+    host, port : where it is served.
+    editor : of the map, if pages may edit it.
 
     Raises
     ------
@@ -148,8 +162,12 @@ def serve_result(
     _end(readings, result)
     state.apply(whole(result))
     state.show_facts(map_facts(result))
+    editing = None
+    if editor is not None:
+        editing = Editing(editor, state)
+        state.show_edits(edits_content(editor, can_edit=True))
     state.refresh()
-    return ViewServer(state, host=host, port=port)
+    return ViewServer(state, host=host, port=port, editing=editing)
 
 
 def _end(readings: Readings, result: Result) -> None:

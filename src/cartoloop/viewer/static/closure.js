@@ -66,6 +66,7 @@ export class ClosureCard {
    * @param {import("./state.js").MapState} hooks.state
    * @param {import("./theme.js").Theme} hooks.theme
    * @param {() => void} hooks.onChange
+   * @param {import("./edits.js").Edits} hooks.edits
    * @param {(text: string) => void} hooks.onHint
    * @param {(bounds: import("./view.js").Bounds) => void} hooks.onShow bring it into sight
    */
@@ -74,10 +75,13 @@ export class ClosureCard {
     this.root = byId("closure");
     /** The CLOSURE message that is shown. @type {Record<string, any> | null} */
     this.details = null;
+    /** Pair whose card is opened again after an edit. @type {{submap: number, node: number} | null} */
+    this.reopened = null;
     byId("closure-close").addEventListener("click", () => this.close());
     byId("closure-previous").addEventListener("click", () => this.step(-1));
     byId("closure-next").addEventListener("click", () => this.step(1));
     byId("closure-show").addEventListener("click", () => this.bringIntoSight());
+    byId("closure-edit").addEventListener("click", () => this.edit());
     new ResizeObserver(() => this.drawScans()).observe(byId("closure-scans"));
   }
 
@@ -158,7 +162,53 @@ export class ClosureCard {
     setText(byId("closure-window"), details.window
       ? `±${details.window.linear_m.toFixed(1)} m, ±${((details.window.angular_rad * 180) / Math.PI).toFixed(0)}°`
       : "matched at the end only");
+    this.showEdit();
     this.drawScans();
+  }
+
+  /** Show what can be done with it, where the map may be edited. */
+  showEdit() {
+    const { details } = this;
+    const { edits } = this.hooks;
+    const button = byId("closure-edit");
+    const isEdited = Number.isInteger(details?.edit);
+    const isInGraph = details && this.hooks.state.constraints.kinds.numbers[details.constraint] === Kind.CLOSURE;
+    button.hidden = !edits.canEdit || !(isEdited || isInGraph);
+    button.disabled = edits.isBusy;
+    setText(button, isEdited ? `Undo edit ${details.edit}` : "Drop this closure");
+  }
+
+  /** Remove it from the map, or undo the edit that removed or added it. */
+  async edit() {
+    const { details } = this;
+    const { edits } = this.hooks;
+    if (!details) return;
+    const { edit, submap, node } = details;
+    this.reopened = { submap, node }; // when the map as edited has come
+    const isDone = await edits.change(Number.isInteger(edit) ? { type: "undo_edit", edit }
+      : { type: "drop_closure", submap, node });
+    if (!isDone) this.reopened = null;
+  }
+
+  /** The map was edited: rows may be others. */
+  noteEdit() {
+    const { reopened } = this;
+    this.reopened = null;
+    if (reopened) this.openPair(reopened.submap, reopened.node);
+    else this.close();
+  }
+
+  /** Open the card of a pair again, whose row may be another one. */
+  openPair(submap, node) {
+    const { a, b, kinds } = this.hooks.state.constraints;
+    for (let row = 0; row < kinds.length; row++) {
+      const isClosure = kinds.numbers[row] === Kind.CLOSURE || kinds.numbers[row] === Kind.REJECTED;
+      if (isClosure && a.numbers[row] === submap && b.numbers[row] === node) {
+        this.open(row);
+        return;
+      }
+    }
+    this.close();
   }
 
   /** Draw both scans in the submap's frame, turned as the map is. */
@@ -188,9 +238,12 @@ const REASONS = {
   translation: "the match was too far from the adjusted pose",
   rotation: "the match was turned too far from the adjusted pose",
   disagrees: "the other constraints contradicted it",
+  edit: "an edit removed it",
 };
 
 function verdictOf(details, isRejected, isViolated) {
+  if (details.status === "removed") return "Removed by an edit of the map.";
+  if (details.status === "added" && !isViolated) return "Added by an edit of the map, which agrees with it.";
   if (isRejected) return `Rejected at the end: ${reasonText(details.reason) ?? details.status.replaceAll("_", " ")}.`;
   if (isViolated) return "The map disagrees with it.";
   if (details.overlap === null) return "The map agrees with it.";

@@ -24,7 +24,7 @@ const COLUMNS = [
   { key: "fate", title: "fate", text: (value) => value },
 ];
 /** Fates, the worst first. */
-const FATES = ["violated", "rejected", "agrees"];
+const FATES = ["violated", "rejected", "removed", "agrees"];
 
 /** The table. */
 export class ClosureTable {
@@ -86,7 +86,8 @@ export class ClosureTable {
     const { ask, onHint } = this.hooks;
     try {
       const { content } = await ask({ type: "closures" });
-      this.entries = content.constraint.map((row, i) => this.entryOf(row, content.score[i]))
+      this.entries = content.constraint
+        .map((row, i) => this.entryOf(row, content.score[i], content.reasons[content.reason[i]]))
         .filter((entry) => entry !== null);
     } catch (problem) {
       onHint(problem.message);
@@ -97,7 +98,7 @@ export class ClosureTable {
   }
 
   /** @returns {Entry | null} null for one that has come since the last poses */
-  entryOf(row, found) {
+  entryOf(row, found, reason) {
     const { state, suspects } = this.hooks;
     if (row >= state.constraints.length || !state.knowsEnds(row)) return null;
     const constraint = state.constraints.at(row);
@@ -105,7 +106,8 @@ export class ClosureTable {
     const isRejected = constraint.kind === Kind.REJECTED;
     return {
       row, submap: constraint.a, node: constraint.b, metres, degrees: (radians * 180) / Math.PI,
-      score: found, fate: isRejected ? "rejected" : suspects.violated.has(row) ? "violated" : "agrees",
+      score: found, fate: isRejected ? (reason === "edit" ? "removed" : "rejected")
+        : suspects.violated.has(row) ? "violated" : "agrees",
     };
   }
 

@@ -9,9 +9,12 @@ const FIRST_RETRY_MS = 400;
 const LAST_RETRY_MS = 5000;
 const PING_PERIOD_MS = 5000;
 const ANSWER_TIMEOUT_MS = 20000;
+/** An edit of a large map, which is examined and saved, takes longer. */
+const EDIT_TIMEOUT_MS = 300000;
+const EDITS = new Set(["drop_closure", "undo_edit", "redo_edit"]);
 /** A connection that takes longer to be made is given up. */
 const OPEN_TIMEOUT_MS = 8000;
-const ANSWERS = new Set([Type.CLOSURE, Type.CLOSURES, Type.PROBLEM, Type.PONG]);
+const ANSWERS = new Set([Type.CLOSURE, Type.CLOSURES, Type.PROBLEM, Type.PONG, Type.EDITED]);
 
 /** @typedef {"connected" | "lost" | "silent"} Status silent: the other side may be out of reach */
 
@@ -161,7 +164,7 @@ export class Connection {
       this.send({ ...request, id });
       setTimeout(() => {
         if (this.asked.delete(id)) reject(new Error("The program does not answer."));
-      }, ANSWER_TIMEOUT_MS);
+      }, EDITS.has(request.type) ? EDIT_TIMEOUT_MS : ANSWER_TIMEOUT_MS);
     });
   }
 

@@ -42,6 +42,8 @@ import { beginOf } from "./residual.js";
  * @property {number | null} time that is shown, stamp [s]; null: all there is
  * @property {Record<string, any> | null} readings as the server sent them
  * @property {Record<string, any> | null} quality as the server sent it
+ * @property {object[]} sessions as the server sent them
+ * @property {Record<string, any> | null} edits as the server sent them
  */
 
 /** @param {any} page */
@@ -92,6 +94,8 @@ function stateOf({ connection, state, renderer, motion, stage, closure, measures
     time: playback.time,
     readings: state.readings,
     quality: state.quality,
+    sessions: state.sessions,
+    edits: state.edits,
   };
 }
 

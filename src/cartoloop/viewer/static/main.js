@@ -9,6 +9,7 @@ import { ClosureCard, pickClosure } from "./closure.js";
 import { ClosureTable } from "./closure_table.js";
 import { Connection, socketUrl } from "./connection.js";
 import { byId } from "./dom.js";
+import { Edits } from "./edits.js";
 import { Gestures } from "./gestures.js";
 import { Renderer } from "./gl/renderer.js";
 import { Hint } from "./hint.js";
@@ -24,6 +25,7 @@ import { PlaybackBar } from "./playback.js";
 import { PROTOCOL_VERSION, Type } from "./protocol.js";
 import { drawFoot, saveBlob, savePng } from "./save.js";
 import { ScaleBar } from "./scale_bar.js";
+import { Sessions } from "./sessions.js";
 import { Stage } from "./stage.js";
 import { MapState } from "./state.js";
 import { Status } from "./status.js";
@@ -70,7 +72,9 @@ class Page {
       levelsAround: (point, reach) => this.renderer.work.levelsAround(point, reach),
     };
     this.playback = new PlaybackBar(hooks);
-    this.closure = new ClosureCard(hooks);
+    this.edits = new Edits({ ...hooks, onEdited: () => this.closure.showEdit() });
+    this.closure = new ClosureCard({ ...hooks, edits: this.edits });
+    this.sessions = new Sessions(this.theme);
     this.places = new Places(hooks.onShow);
     this.table = new ClosureTable(hooks);
     this.measures = new Measures(this.view, hooks);
@@ -102,6 +106,8 @@ class Page {
     this.table.close();
     this.places.show(null);
     this.panel.showFacts(null);
+    this.sessions.show([]);
+    this.edits.show();
     this.showBefore();
   }
 
@@ -129,12 +135,29 @@ class Page {
         this.panel.showFacts(message.content);
         this.measures.bringBack(message.content);
         break;
+      case Type.SESSIONS:
+        this.sessions.show(this.state.sessions);
+        this.stage.change();
+        break;
+      case Type.EDITS:
+        this.edits.show();
+        if (this.state.isComplete) this.noteEdit();
+        break;
       case Type.SCAN: case Type.LATEST_CLOSURE: this.stage.touch(); break;
       case Type.COMPLETE: performance.mark("cartoloop:complete"); // falls through
       default:
         this.playback.show();
         this.stage.change();
     }
+  }
+
+  /** The map was edited, here or by another page: what was asked for before is void. */
+  noteEdit() {
+    this.state.before = null;
+    if (this.state.isBefore) this.state.showBefore(false);
+    this.showBefore();
+    if (this.table.isOpen) this.table.load();
+    this.closure.noteEdit();
   }
 
   greet(hello) {
@@ -152,9 +175,11 @@ class Page {
     this.measures.begin(hello.name);
   }
 
-  /** Return where the map is; the facts of a finished one say it best. */
+  /** Return where the map is; the facts of a finished one say it best, but not of parts beside it. */
   bounds() {
-    return this.state.facts?.extent ?? this.renderer.bounds(this.state.submapPoses.rows);
+    const { facts, sessions, submapPoses } = this.state;
+    const extent = sessions.every(({ part }) => part === 0) ? facts?.extent : null;
+    return extent ?? this.renderer.bounds(submapPoses.rows);
   }
 
   noteClosure({ submap, node }) {
@@ -186,6 +211,7 @@ class Page {
     if (!this.stage) return;
     this.renderer.map.colours = this.theme.map;
     this.layers.show();
+    this.sessions.refresh();
     this.closure.drawScans();
     this.stage.change();
   }

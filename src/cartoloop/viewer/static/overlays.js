@@ -8,6 +8,7 @@ import { gridLines, gridStep } from "./grid.js";
 import { chain, poseAt, transform } from "./poses.js";
 import { Kind } from "./protocol.js";
 import { beginOf, residualOf } from "./residual.js";
+import { sessionInk, sessionsOf } from "./sessions.js";
 
 /** Layers, and whether they are on at first. */
 export const LAYERS = Object.freeze({
@@ -136,20 +137,25 @@ export class Overlays {
    * @param {Scene} scene
    * @param {number} apart smallest distance that can be seen [m]
    */
-  setWay({ motion, numNodes }, apart) {
-    const key = [motion.version, numNodes, apart, this.theme.name, this.anchor].join();
+  setWay({ state, motion, numNodes }, apart) {
+    const { sessions } = state;
+    const firsts = sessions.map(({ first_node: first }) => first);
+    const key = [motion.version, numNodes, apart, this.theme.name, this.anchor, firsts].join();
     if (this.way.key === key) return;
     this.way.key = key;
     const poses = motion.nodes.shown;
-    const kept = nodesApart(poses, numNodes, apart);
+    const kept = nodesApart(poses, numNodes, apart, firsts);
     const places = new Float32Array(2 * kept.length);
     const lines = new LineList(kept.length, this.anchor);
-    const ink = inkOf(this.theme.inks.trajectory);
+    const of = sessionsOf(sessions, kept);
+    const inks = sessions.length === 0 ? [inkOf(this.theme.inks.trajectory)]
+      : sessions.map((_, number) => inkOf(sessionInk(this.theme, sessions, number)));
     kept.forEach((node, i) => {
       const [x, y] = poseAt(poses, node);
       places[2 * i] = x - this.anchor[0];
       places[2 * i + 1] = y - this.anchor[1];
-      if (i > 0) lines.add(...poseAt(poses, kept[i - 1]).slice(0, 2), x, y, ink);
+      if (i === 0 || of[i - 1] !== of[i]) return; // each session is a way of its own
+      lines.add(...poseAt(poses, kept[i - 1]).slice(0, 2), x, y, inks[of[i]]);
     });
     this.nodes.set(places, kept.length, this.anchor);
     lines.into(this.way);
@@ -176,7 +182,8 @@ export class Overlays {
     if (numNodes === 0 || numNodes < state.nodes.length) return;
     const last = poseAt(motion.nodes.shown, numNodes - 1);
     const line = new LineList(1, this.anchor);
-    line.add(last[0], last[1], scan.pose[0], scan.pose[1], inkOf(this.theme.inks.trajectory));
+    const rgb = sessionInk(this.theme, state.sessions, Math.max(state.sessions.length - 1, 0));
+    line.add(last[0], last[1], scan.pose[0], scan.pose[1], inkOf(rgb));
     line.into(this.tail);
     this.pen.lines(this.tail, WAY_PX);
   }
@@ -306,13 +313,14 @@ export function endsOf({ motion, numNodes, isOver }) {
   return isOver ? [start, { name: "end", at: poseAt(poses, numNodes - 1) }] : [start];
 }
 
-/** Return nodes that are so far apart from one to the next, and the last. */
-function nodesApart(poses, numNodes, apart) {
+/** Return nodes that are so far apart from one to the next, and the first and last of each session. */
+function nodesApart(poses, numNodes, apart, firsts) {
+  const isEnd = new Set(firsts.flatMap((first) => [first - 1, first]));
   const kept = [];
   let [x, y] = [Infinity, Infinity];
   for (let node = 0; node < numNodes; node++) {
     const far = Math.hypot(poses[3 * node] - x, poses[3 * node + 1] - y);
-    if (!(far < apart) || node === numNodes - 1) {
+    if (!(far < apart) || node === numNodes - 1 || isEnd.has(node)) {
       kept.push(node);
       [x, y] = poseAt(poses, node);
     }

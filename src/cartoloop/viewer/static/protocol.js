@@ -33,6 +33,9 @@ export const Type = Object.freeze({
   FACTS: 21,
   CLOSURES: 22,
   BEFORE: 23,
+  SESSIONS: 24,
+  EDITS: 25,
+  EDITED: 26,
 });
 
 /** Kinds of constraints. @enum {number} */
@@ -112,7 +115,7 @@ const READERS = {
 };
 for (const type of [Type.HELLO, Type.READINGS, Type.PLAYBACK, Type.LATEST_CLOSURE, Type.COMPLETE,
   Type.CLOSURE, Type.PROBLEM, Type.PONG, Type.ANSWER, Type.QUALITY, Type.FACTS,
-  Type.CLOSURES]) {
+  Type.CLOSURES, Type.SESSIONS, Type.EDITS, Type.EDITED]) {
   READERS[type] = (buffer, at, length) => ({
     content: JSON.parse(text.decode(new Uint8Array(buffer, at, length))),
   });

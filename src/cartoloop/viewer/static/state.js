@@ -93,6 +93,10 @@ export class MapState {
     this.quality = null;
     /** Facts of a map that grows no more. */
     this.facts = null;
+    /** Drives that the map is made of. @type {import("./sessions.js").Session[]} */
+    this.sessions = [];
+    /** Edits of the map, and whether this page may edit. */
+    this.edits = null;
     /** Poses before loop closure, once they were asked for; and whether they are shown. */
     this.before = null;
     this.isBefore = false;
@@ -120,6 +124,8 @@ export class MapState {
       case Type.LATEST_CLOSURE: this.latestClosure = message.content; break;
       case Type.QUALITY: this.quality = message.content; break;
       case Type.FACTS: this.facts = message.content; break;
+      case Type.SESSIONS: this.sessions = message.content.sessions; break;
+      case Type.EDITS: this.edits = message.content; break;
       case Type.SCAN: this.scan = message; break;
       case Type.COMPLETE: this.isComplete = true; break;
       case Type.SUBMAP_POSES: return this.setRows("submapPoses", message, message.poses);

@@ -31,6 +31,15 @@ const INKS = {
   },
 };
 
+/**
+ * Colours of sessions, one after the other: as different in lightness as in hue.
+ * @type {Record<"light" | "dark", Rgb[]>}
+ */
+const SESSION_INKS = {
+  light: [[0, 114, 178], [213, 94, 0], [0, 158, 115], [170, 60, 140], [146, 98, 0], [70, 70, 200]],
+  dark: [[86, 180, 233], [240, 150, 60], [40, 190, 145], [230, 150, 210], [230, 210, 80], [170, 170, 255]],
+};
+
 /** From what agrees to what is violated: from blue over yellow-grey to red, ever darker or lighter. */
 const RESIDUALS = {
   light: [[0, 114, 178], [120, 140, 120], [214, 150, 30], [200, 60, 10]],
@@ -59,6 +68,10 @@ export class Theme {
 
   get inks() {
     return INKS[this.name];
+  }
+
+  get sessionInks() {
+    return SESSION_INKS[this.name];
   }
 
   /** Colours of the map; before any has come there is only ground. @returns {MapColours} */

@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``python -m bench lifelong``: one building, driven through again and again."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bench.command_runs import run_command
+from bench.environment import environment
+from bench.record import Figure, Record, Row
+from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.evaluation.trajectories import Trajectory, read_tum
+from cartoloop.evaluation.trajectory_error import TrajectoryError, evaluate_trajectory
+from cartoloop.map_output.occupancy_map import OccupancyMap
+from cartoloop.result import Result, load_map
+from cartoloop.sensor.pose import Pose, compose, inverse, transform_points
+
+DRAWN_WITHIN_M = 0.1
+"""A wall is drawn where a cell is occupied this near to it [m]."""
+
+APART_M = 0.3
+"""Furniture of one drive counts where nothing stands as near as this on the other drive [m]."""
+
+_POINT_SPACING_M = 0.02
+"""Of the places on furniture where the map is looked at [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class LifelongOptions:
+    """What is measured.
+
+    Attributes
+    ----------
+    drives : number of drives through the building.
+    seed : of the building and all noise.
+    lifelong : whether old submaps give way to new ones.
+    """
+
+    drives: int
+    seed: int
+    lifelong: bool = True
+
+
+def run(options: LifelongOptions, progress: Callable[[str], None]) -> Record:
+    """Return size, cost and error of the map after each drive, and what it shows of furniture.
+
+    Notes
+    -----
+    Each drive is added by ``cartoloop map --onto`` in a process of its own. Processor time holds
+    the start of the process, reading and saving.
+    """
+    with tempfile.TemporaryDirectory(prefix="cartoloop-lifelong-") as name:
+        folder = Path(name)
+        progress("warming up: compiling kernels where they are not yet")
+        run_command("demo", "-o", folder / "demo")
+        rows = [_drive(folder, drive, options, progress) for drive in range(1, options.drives + 1)]
+        rows.append(_furniture(folder, options, progress))
+    return Record("lifelong", tuple(rows), environment())
+
+
+def _drive(
+    folder: Path, drive: int, options: LifelongOptions, progress: Callable[[str], None]
+) -> Row:
+    """Add a drive to the map and return the figures."""
+    log, out, before = folder / f"{drive}.log", folder / f"map-{drive}", folder / f"map-{drive - 1}"
+    truth = folder / f"{drive}.tum"
+    run_command(
+        "simulate", "office", "--seed", str(options.seed), "--drive", str(drive),
+        "-o", log, "--truth", truth,
+    )  # fmt: skip
+    onto: list[str | Path] = ["--onto", before] if drive > 1 else []
+    if drive > 1 and options.lifelong:
+        onto.append("--lifelong")
+    cost = run_command("map", log, *onto, "-o", out)
+    result = load_map(out)
+    last = result.sessions[-1]
+    num_new = result.graph.num_nodes - last.first_node
+    error = _error(folder, out, drive)
+    own = _error(folder, out, drive, last.stamp)
+    progress(
+        f"drive {drive}: {result.graph.num_submaps} submaps, {result.graph.num_nodes} nodes, "
+        f"rmse {_rmse(error) * 100:.1f} cm, {cost.cpu_s:.0f} s"
+    )
+    figures = {
+        "sessions": Figure.exact(len(result.sessions)),
+        "submaps": Figure.exact(result.graph.num_submaps),
+        "nodes": Figure.exact(result.graph.num_nodes),
+        "file": Figure.exact((out / "map.cartoloop").stat().st_size / 1e6, "MB"),
+        "peak memory": Figure(cost.peak_memory_mb, "MB"),
+        "time a node": Figure(1e3 * cost.cpu_s / num_new, "ms"),
+        "error": Figure.exact(100 * _rmse(error), "cm"),
+        "error of this drive": Figure.exact(100 * _rmse(own), "cm"),
+        "map frame moved": Figure.exact(100 * _moved(folder, error), "cm"),
+    }
+    apart = sum(session.part != 0 for session in result.sessions)
+    return Row({"drive": str(drive)}, figures, f"{apart} sessions apart" if apart else "")
+
+
+def _rmse(error: TrajectoryError) -> float:
+    """Return the root mean square of the distances [m]."""
+    return float(np.sqrt(np.mean(error.absolute.translation**2)))
+
+
+def _truth(folder: Path, drives: int) -> Trajectory:
+    parts = [read_tum(folder / f"{drive}.tum") for drive in range(1, drives + 1)]
+    return Trajectory(
+        np.concatenate([part.stamps for part in parts]),
+        np.concatenate([part.poses for part in parts]),
+    )
+
+
+def _error(folder: Path, out: Path, drives: int, since: float = 0.0) -> TrajectoryError:
+    """Return the error of the scans of a map from a stamp on."""
+    mapped = read_tum(out / "trajectory.tum")
+    own = mapped.stamps >= since - 1e-3
+    estimate = Trajectory(mapped.stamps[own], mapped.poses[own])
+    return evaluate_trajectory(estimate, _truth(folder, drives))
+
+
+def _moved(folder: Path, error: TrajectoryError) -> float:
+    """Return how far the map frame is from where it was after the first drive [m]."""
+    first = _error(folder, folder / "map-1", 1).tf_truth_estimate
+    x, y, _ = compose(inverse(first), error.tf_truth_estimate)
+    return float(np.hypot(x, y))
+
+
+def _furniture(folder: Path, options: LifelongOptions, progress: Callable[[str], None]) -> Row:
+    """Return how much of the furniture of the last drive the map shows, and of that of the first.
+
+    What counts is what a map of that drive alone shows, and what stands alone: nothing else was
+    near it on the other drive. Furniture of the first drive in places that no later drive saw stays
+    on the map; those that the last drive saw count.
+    """
+    from cartoloop.simulation import make_world
+
+    drives = options.drives
+    progress("mapping the last drive alone")
+    alone = folder / "alone"
+    run_command("map", folder / f"{drives}.log", "-o", alone)
+    first, last = (make_world("office", options.seed, drive) for drive in (1, drives))
+    final = load_map(folder / f"map-{drives}")
+    tf_final = _error(folder, folder / f"map-{drives}", drives).tf_truth_estimate
+    tf_first = _error(folder, folder / "map-1", 1).tf_truth_estimate
+    seen_last = load_map(alone)
+    tf_last = evaluate_trajectory(
+        read_tum(alone / "trajectory.tum"), read_tum(folder / f"{drives}.tum")
+    ).tf_truth_estimate
+
+    gone = _points(first.furniture)
+    gone = gone[_distances(gone, last.walls) > APART_M]
+    gone = gone[_is_drawn(load_map(folder / "map-1"), tf_first, gone)]
+    again = gone[_is_seen(seen_last, tf_last, gone)]
+    new = _points(last.furniture)
+    new = new[_distances(new, first.walls) > APART_M]
+    new = new[_is_drawn(seen_last, tf_last, new)]
+    figures = {
+        "furniture of the last drive shown": Figure.exact(
+            100 * float(_is_drawn(final, tf_final, new).mean()), "%", "more"
+        ),
+        "furniture of the first drive shown": Figure.exact(
+            100 * float(_is_drawn(final, tf_final, gone).mean()), "%"
+        ),
+        "of that, where the last drive looked": Figure.exact(
+            100 * float(_is_drawn(final, tf_final, again).mean()), "%"
+        ),
+    }
+    return Row({"drive": "furniture"}, figures)
+
+
+def _points(segments: FloatArray) -> FloatArray:
+    """Return places along segments, shape (n, 2) [m]."""
+    counts = np.ceil(np.hypot(*(segments[:, 2:] - segments[:, :2]).T) / _POINT_SPACING_M)
+    return np.concatenate(
+        [
+            np.linspace(segment[:2], segment[2:], max(int(count), 2))
+            for segment, count in zip(segments, counts, strict=True)
+        ]
+    )
+
+
+def _distances(points: FloatArray, segments: FloatArray) -> FloatArray:
+    """Return the distance from each point to the nearest segment, shape (n,) [m]."""
+    begin, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
+    length = np.maximum((along**2).sum(axis=1), 1e-12)
+    found = np.empty(len(points))
+    for first in range(0, len(points), 500):
+        offset = points[first : first + 500, None] - begin
+        share = np.clip((offset * along).sum(axis=2) / length, 0.0, 1.0)
+        apart = np.linalg.norm(offset - share[..., None] * along, axis=2)
+        found[first : first + 500] = apart.min(axis=1)
+    return found
+
+
+def _cells(
+    result: Result, tf_truth_map: Pose, points: FloatArray
+) -> tuple[OccupancyMap, FloatArray]:
+    """Return the map, and places of the world as its rows and columns."""
+    occupancy = result.occupancy_map()
+    inside = transform_points(inverse(tf_truth_map), points)
+    corner = np.array((occupancy.origin_x, occupancy.origin_y))
+    return occupancy, np.floor((inside - corner) / occupancy.resolution)[:, ::-1]
+
+
+def _near(
+    result: Result, tf_truth_map: Pose, points: FloatArray, reach: int, above: float
+) -> BoolArray:
+    """Return which places have a cell of more than a probability within so many cells."""
+    occupancy, cells = _cells(result, tf_truth_map, points)
+    shape = np.array(occupancy.probability.shape)
+    found = np.zeros(len(points), dtype=bool)
+    for row in range(-reach, reach + 1):
+        for col in range(-reach, reach + 1):
+            place = (cells + np.array((row, col))).astype(np.int64)
+            inside = ((place >= 0) & (place < shape)).all(axis=1)
+            found[inside] |= occupancy.probability[tuple(place[inside].T)] > above
+    return found
+
+
+def _is_drawn(result: Result, tf_truth_map: Pose, points: FloatArray) -> BoolArray:
+    """Return which places of the world are drawn as walls, shape (n,)."""
+    reach = round(DRAWN_WITHIN_M / result.config.local_slam.submaps.resolution)
+    occupied = result.config.map_output.occupied_thresh
+    return _near(result, tf_truth_map, points, reach, occupied)
+
+
+def _is_seen(result: Result, tf_truth_map: Pose, points: FloatArray) -> BoolArray:
+    """Return which places of the world were observed, shape (n,)."""
+    return _near(result, tf_truth_map, points, 0, -0.5)

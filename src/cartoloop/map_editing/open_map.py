@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A map opened as it was edited."""
+
+from __future__ import annotations
+
+from os import PathLike
+
+from cartoloop.map_data import MapData
+from cartoloop.map_editing.apply import AnyMap, apply_edits
+from cartoloop.map_file.read import damage_reported, map_file_of, read_map
+
+
+def open_map(path: str | PathLike[str]) -> MapData:
+    """Return a map with its edits, given a map database or its folder.
+
+    Raises
+    ------
+    InputError
+        It is not there, is no map database, is damaged, or was written by a newer program.
+    """
+    return as_edited(read_map(path), path)
+
+
+def as_edited(original: AnyMap, path: str | PathLike[str]) -> AnyMap:
+    """Return a map as mapped, which was read from a path, with its edits.
+
+    Raises
+    ------
+    InputError
+        An edit is damaged.
+    """
+    with damage_reported(map_file_of(path)):
+        return apply_edits(original, original.edited_quality).map

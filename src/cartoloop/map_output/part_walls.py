@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Walls of one part of a map through which another part saw: what forbids that they are joined.
+
+Furniture that was moved and doors that were opened leave walls where another session sees floor.
+They are short, or what they hide is small. The end of a corridor that leads on for metres in
+another session is neither: the two sessions are of different places that look alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.config import JoinConfig, SubmapConfig
+from cartoloop.map_output.occupancy_map import CellBox, compose_map
+from cartoloop.sensor.pose import Pose, transform_points
+from cartoloop.submaps.finished_grid import FinishedGrid
+
+WALL, MAYBE_WALL, FLOOR = 0.7, 0.5, 0.3
+"""Least probability of a wall, of a cell that may be one, and largest of floor."""
+
+NEAR_WALL_M = 0.3
+"""A wall with none of the other part within this distance contradicts it, on its floor [m]."""
+
+BRIDGED_M = 0.15
+"""Pieces of wall closer than this belong together [m]."""
+
+BESIDE_M = 0.5
+"""What a wall hides begins within this distance [m]."""
+
+
+class Submaps(NamedTuple):
+    """The submaps of one part.
+
+    Attributes
+    ----------
+    grids : of each.
+    poses : float64, shape (m, 3), in the frame of both parts [m, m, rad].
+    """
+
+    grids: Sequence[FinishedGrid]
+    poses: FloatArray
+
+
+class WallFault(NamedTuple):
+    """A wall of one part where the other saw floor, and went on behind it.
+
+    Attributes
+    ----------
+    x, y : its middle, in the frame of both parts [m].
+    length : of the wall [m].
+    hidden : area behind it that only the other part knows [m^2].
+    """
+
+    x: float
+    y: float
+    length: float
+    hidden: float
+
+
+def wall_faults(
+    one: Submaps, other: Submaps, submaps: SubmapConfig, join: JoinConfig
+) -> list[WallFault]:
+    """Return the walls of either part that the other contradicts, the longest first."""
+    box = _common_box(one, other, submaps.resolution)
+    if box is None:
+        return []
+    maps = [compose_map(each.grids, each.poses, submaps, box).probability for each in (one, other)]
+    faults = [
+        *_faults(maps[0], maps[1], box, submaps.resolution, join),
+        *_faults(maps[1], maps[0], box, submaps.resolution, join),
+    ]
+    return sorted(faults, key=lambda fault: (-fault.length, fault.x, fault.y))
+
+
+def _common_box(one: Submaps, other: Submaps, resolution: float) -> CellBox | None:
+    """Return the cells that both parts may have seen; None if there are none."""
+    lower, upper = np.full(2, -np.inf), np.full(2, np.inf)
+    for part in (one, other):
+        corners = [
+            transform_points(Pose(*pose), _corners(grid))
+            for grid, pose in zip(part.grids, part.poses.tolist(), strict=True)
+            if grid.size
+        ]
+        if not corners:
+            return None
+        lower = np.maximum(lower, np.concatenate(corners).min(axis=0))
+        upper = np.minimum(upper, np.concatenate(corners).max(axis=0))
+    if np.any(upper <= lower):
+        return None
+    first, end = np.floor(lower / resolution), np.ceil(upper / resolution) + 1
+    return CellBox(int(first[0]), int(first[1]), int(end[0]), int(end[1]))
+
+
+def _corners(grid: FinishedGrid) -> FloatArray:
+    width, height = grid.shape[1] * grid.resolution, grid.shape[0] * grid.resolution
+    x, y = grid.origin_x, grid.origin_y
+    return np.array([(x, y), (x + width, y), (x, y + height), (x + width, y + height)])
+
+
+def _faults(
+    walls: NDArray[np.float32],
+    seen: NDArray[np.float32],
+    box: CellBox,
+    resolution: float,
+    join: JoinConfig,
+) -> list[WallFault]:
+    """Return the walls of a map that another one contradicts; both are of the same cells."""
+    from scipy import ndimage  # heavy, and rarely used
+
+    floor = (seen >= 0.0) & (seen < FLOOR)
+    to_wall = ndimage.distance_transform_edt(seen <= MAYBE_WALL) * resolution
+    contradicted = (
+        (walls > WALL) & ndimage.binary_erosion(floor, iterations=1) & (to_wall > NEAR_WALL_M)
+    )
+    if not contradicted.any():
+        return []
+    bridge = max(1, round(BRIDGED_M / resolution))
+    pieces, _ = ndimage.label(_grown(contradicted, bridge), structure=np.ones((3, 3)))
+    behind, count = ndimage.label(floor & (walls < 0.0))
+    areas = np.bincount(behind.ravel(), minlength=count + 1) * resolution**2
+    beside = max(1, round(BESIDE_M / resolution))
+    faults = []
+    for number, (rows, cols) in enumerate(ndimage.find_objects(pieces), start=1):
+        height, width = rows.stop - rows.start - 2 * bridge, cols.stop - cols.start - 2 * bridge
+        length = math.hypot(height, width) * resolution
+        if length < join.max_contradicted_wall:
+            continue
+        around = (
+            slice(max(rows.start - beside, 0), rows.stop + beside),
+            slice(max(cols.start - beside, 0), cols.stop + beside),
+        )
+        touched = np.unique(behind[around][_grown(pieces[around] == number, beside)])
+        hidden = float(areas[touched[touched > 0]].max(initial=0.0))
+        if hidden >= join.min_hidden_area:
+            x = (box.first_col + 0.5 * (cols.start + cols.stop)) * resolution
+            y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
+            faults.append(WallFault(x, y, length, hidden))
+    return faults
+
+
+def _grown(cells: BoolArray, radius: int) -> BoolArray:
+    from scipy import ndimage
+
+    grown: BoolArray = ndimage.binary_dilation(cells, iterations=radius)
+    return grown

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+
+from cartoloop.config import LifelongConfig, SubmapConfig
+from cartoloop.lifelong.selection import select
+from cartoloop.map_output.occupancy_map import UNKNOWN, compose_map
+from cartoloop.submaps.finished_grid import FinishedGrid
+
+SUBMAPS = SubmapConfig()
+R = SUBMAPS.resolution
+FREE, WALL = 20, 240
+
+
+def floor(first_x, end_x, *, walls=(), size=40):
+    """A grid that has seen the floor between two columns, with walls in some rows of cells."""
+    cells = np.zeros((size, 2 * size), np.uint8)
+    cells[:, first_x:end_x] = FREE
+    for row, first, end in walls:
+        cells[row, first:end] = WALL
+    return FinishedGrid(cells, R / 2, R / 2, R)
+
+
+def selected(*grids, sessions=None, poses=None, **limits):
+    sessions = range(len(grids)) if sessions is None else sessions
+    poses = np.zeros((len(grids), 3)) if poses is None else poses
+    return select(grids, poses, np.array(sessions), SUBMAPS, LifelongConfig(**limits))
+
+
+def test_a_submap_that_was_seen_again_is_removed():
+    assert selected(floor(0, 40), floor(0, 40)).kept.tolist() == [False, True]
+
+
+def test_a_submap_that_was_not_seen_again_stays():
+    chosen = selected(floor(0, 40), floor(30, 70))
+    assert chosen.kept.all()
+    assert chosen.num_faded == 0
+
+
+def test_submaps_of_one_session_do_not_remove_each_other():
+    assert selected(floor(0, 40), floor(0, 40), floor(0, 40), sessions=[0, 1, 1]).kept.tolist() == [
+        False, True, True,
+    ]  # fmt: skip
+
+
+def test_several_later_submaps_cover_one_together():
+    chosen = selected(floor(0, 60), floor(0, 32), floor(28, 60), sessions=[0, 1, 1])
+    assert chosen.kept.tolist() == [False, True, True]
+
+
+def test_only_submaps_that_stay_cover_others():
+    """The middle session covers the first, and is covered itself, but for a part."""
+    first, second, third = floor(0, 20), floor(0, 70), floor(3, 70)
+    assert selected(first, second, third).kept.tolist() == [False, False, True]
+    assert selected(first, second, floor(40, 70)).kept.tolist() == [False, True, True]
+
+
+def test_poses_are_taken_into_account():
+    poses = np.array([(5.0, 2.0, 0.3), (5.0, 2.0, 0.3), (5.0, 20.0, 0.3)])
+    chosen = selected(floor(0, 40), floor(0, 40), floor(0, 40), poses=poses)
+    assert chosen.kept.tolist() == [False, True, True]
+
+
+@pytest.mark.parametrize("value", [FREE, WALL])
+def test_what_only_the_removed_one_saw_is_copied(value):
+    old = floor(0, 42, walls=[(5, 40, 42)] if value == WALL else [])
+    chosen = selected(old, floor(0, 40))
+    assert chosen.kept.tolist() == [False, True]
+    assert np.all(chosen.grids[1].cells[5, 40:42] == value)
+    assert not chosen.grids[1].cells[:, 42:].any()
+
+
+def test_what_was_seen_again_is_not_copied():
+    old = floor(0, 40, walls=[(5, 0, 20)])
+    chosen = selected(old, floor(0, 40))
+    assert np.array_equal(chosen.grids[1].cells, floor(0, 40).cells)
+
+
+def test_a_submap_stays_where_its_walls_would_be_lost():
+    old = floor(0, 44, walls=[(5, 40, 44), (6, 40, 44), (9, 40, 44)])
+    small = floor(0, 40)
+    later = FinishedGrid(small.cells[:, :40], small.origin_x, small.origin_y, R)
+    assert selected(old, later).kept.all()
+    assert selected(old, later, max_lost_wall=1.0).kept.tolist() == [False, True]
+
+
+def test_furniture_that_was_moved_fades():
+    old = floor(0, 70, walls=[(5, 2, 30)])
+    chosen = selected(old, floor(0, 40), min_covered_share=0.9)
+    assert chosen.kept.all()
+    assert chosen.num_faded == 28
+    occupancy = compose_map(chosen.grids, np.zeros((2, 3)), SUBMAPS)
+    assert not np.any(occupancy.probability > 0.5)
+
+
+def test_floor_where_furniture_was_put_fades():
+    old, new = floor(0, 70), floor(0, 40, walls=[(5, 2, 30)])
+    chosen = selected(old, new)
+    assert not chosen.grids[0].cells[5, 2:30].any()
+    assert np.all(chosen.grids[0].cells[5, 30:70] == FREE)
+
+
+def test_what_stands_stays():
+    walls = [(5, 2, 30)]
+    chosen = selected(floor(0, 70, walls=walls), floor(0, 40, walls=walls))
+    assert chosen.num_faded == 0
+    assert np.array_equal(chosen.grids[0].cells, floor(0, 70, walls=walls).cells)
+
+
+def test_a_glance_does_not_make_walls_fade():
+    cells = floor(0, 40).cells.copy()
+    cells[cells > 0] = 120  # hardly free
+    glance = FinishedGrid(cells, R / 2, R / 2, R)
+    assert selected(floor(0, 70, walls=[(5, 2, 30)]), glance).num_faded == 0
+
+
+def test_walls_that_nobody_saw_again_stay_on_the_map():
+    old = floor(0, 70, walls=[(5, 60, 70)])
+    chosen = selected(old, floor(0, 40), floor(0, 40), floor(0, 30))
+    probability = compose_map(chosen.grids, np.zeros((4, 3)), SUBMAPS).probability
+    assert np.count_nonzero(probability > 0.5) >= 10
+    assert np.count_nonzero(probability > UNKNOWN) >= 40 * 70
+
+
+def test_nothing_and_empty_grids_are_selected_from():
+    assert len(select([], np.zeros((0, 3)), np.zeros(0, int), SUBMAPS, LifelongConfig()).kept) == 0
+    empty = FinishedGrid(np.zeros((0, 0), np.uint8), 0.0, 0.0, R)
+    assert selected(empty, floor(0, 40), empty).kept[-1]

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A building that is driven through again: the old map gives way to the new drive."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cartoloop import Mapper
+from cartoloop.config import Config, LifelongConfig
+from cartoloop.evaluation.trajectories import align
+from cartoloop.map_file.write import map_bytes
+from cartoloop.result import load_map
+from cartoloop.sensor.events import LaserScan
+from cartoloop.sensor.pose import transform_points
+from cartoloop.session import MAIN_PART
+from tests.conftest import mapped
+
+LIFELONG = Config(lifelong=LifelongConfig(enabled=True))
+
+
+def onto(result, events, config=LIFELONG):
+    mapper = Mapper(config, onto=result)
+    for event in events:
+        mapper.add(event)
+    return mapper.finish()
+
+
+@pytest.fixture(scope="module")
+def rounds(two_rounds):
+    """The events of the first round through the ring, and of the second."""
+    events = list(two_rounds.events())
+    scans = [i for i, event in enumerate(events) if isinstance(event, LaserScan)]
+    middle = scans[len(scans) // 2]
+    return events[:middle], events[middle:]
+
+
+@pytest.fixture(scope="module")
+def first(rounds):
+    return mapped(rounds[0])
+
+
+@pytest.fixture(scope="module")
+def refreshed(first, rounds):
+    return onto(first, rounds[1])
+
+
+def test_the_old_round_gives_way_to_the_new(first, refreshed):
+    removed = refreshed.report.extra["lifelong"]
+    assert removed["removed_submaps"] >= 0.5 * first.graph.num_submaps
+    assert all(session.part == MAIN_PART for session in refreshed.sessions)
+    assert removed["removed_nodes"] > 0
+    assert refreshed.report.input.scans == len(refreshed.stamps)
+
+
+def test_the_new_round_is_there_as_a_whole(refreshed, rounds):
+    stamps = [event.stamp for event in rounds[1] if isinstance(event, LaserScan)]
+    assert np.isin(stamps, refreshed.stamps).all()
+
+
+def mean_error(result, simulated):
+    """Mean distance of the scans from the truth [m], the map as a rigid whole."""
+    truth = simulated.true_poses[np.searchsorted(simulated.stamps, result.stamps - 1e-6), :2]
+    places = result.trajectory[:, :2]
+    return np.hypot(*(transform_points(align(places, truth), places) - truth).T).mean()
+
+
+def test_a_refreshed_map_is_as_true_as_before(first, refreshed, two_rounds):
+    assert mean_error(refreshed, two_rounds) < 1.1 * mean_error(first, two_rounds)
+    assert refreshed.quality.verdict == "good"
+
+
+def test_mapping_goes_on_from_a_refreshed_map(refreshed, rounds, tmp_path):
+    refreshed.save(tmp_path / "map")
+    again = onto(load_map(tmp_path / "map"), rounds[0])
+    assert all(session.part == MAIN_PART for session in again.sessions)
+    assert again.graph.num_nodes < 1.3 * refreshed.graph.num_nodes
+
+
+def test_the_same_drives_yield_the_same_bytes(first, refreshed, rounds):
+    assert map_bytes(onto(first, rounds[1])) == map_bytes(refreshed)
+
+
+def test_without_the_option_everything_is_kept(first, rounds):
+    kept = onto(first, rounds[1][: len(rounds[1]) // 8], Config())
+    assert "lifelong" not in kept.report.extra
+    assert kept.graph.num_submaps > first.graph.num_submaps
