@@ -31,6 +31,7 @@ def writer(path, problems, monkeypatch):
     """A writer whose threads never act by themselves."""
     monkeypatch.setattr("cartoloop.journal.writer.WRITE_PERIOD_S", 3600.0)
     monkeypatch.setattr("cartoloop.journal.writer.SYNC_PERIOD_S", 3600.0)
+    monkeypatch.setattr("cartoloop.journal.writer.LATE_S", 3600.0)
     made = JournalWriter(path, problems.append, header=b"{}")
     yield made
     made.close()
@@ -63,6 +64,16 @@ def test_records_are_written_by_themselves(path, problems, monkeypatch):
     while len(payloads(path)) < 2:
         pass
     writer.close()
+
+
+def test_a_record_is_written_where_the_thread_is_late(writer, path, monkeypatch):
+    writer.put(Kind.SCAN, b"a")
+    assert payloads(path) == [b"{}"]
+    monkeypatch.setattr("cartoloop.journal.writer.LATE_S", 0.0)
+    writer.flush()
+    writer.put(Kind.SCAN, b"b")
+
+    assert payloads(path) == [b"{}", b"a", b"b"]
 
 
 def test_a_torn_end_is_replaced(writer, path, problems):

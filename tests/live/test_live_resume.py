@@ -61,7 +61,9 @@ def test_a_map_is_continued_kill_after_kill(ring_events, tmp_path):
 
     assert [session.part for session in result.sessions] == [MAIN_PART] * 3
     num_scans = 3 * sum(hasattr(event, "ranges") for event in events)
-    assert num_scans - 15 <= len(result.stamps) <= num_scans
+    assert (
+        0.7 * num_scans < len(result.stamps) <= num_scans
+    )  # mapped in seconds, each kill costs one
     assert {path.name for path in two.iterdir()} == FILES
 
 

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from threading import Event, Lock, Thread
+from time import monotonic
 
 from cartoloop.errors import OutputError
 from cartoloop.journal.frames import PREAMBLE, Kind, frame_bytes, record_bytes
@@ -26,6 +27,10 @@ except ImportError:  # Windows has no such locks; there, two runs must not share
 
 WRITE_PERIOD_S = 0.25
 """Period at which records are passed to the system [s]."""
+
+LATE_S = 0.5
+"""With so much time since the last write, whoever puts a record writes: where other programs use all
+processors, the thread may wait long for its turn [s]."""
 
 SYNC_PERIOD_S = 1.0
 """Period at which the system is asked to put them on the disk [s]."""
@@ -64,7 +69,6 @@ class JournalWriter:
         self._on_failure = on_failure
         self._lock = Lock()
         self._waiting: list[bytes] = []
-        self._num_waiting = 0
         self._unwritten = bytearray()
         if header is not None:
             self._unwritten += PREAMBLE + frame_bytes([record_bytes(Kind.HEADER, header)])
@@ -75,6 +79,7 @@ class JournalWriter:
         self._needs_sync = False
         self._end = Event()
         self._writing = Lock()
+        self._late_at = monotonic() + LATE_S
         self.num_written = 0
         if kept_size is not None:
             self._descriptor = _locked(path)
@@ -90,12 +95,13 @@ class JournalWriter:
             thread.start()
 
     def put(self, kind: int, payload: bytes) -> None:
-        """Add a record; returns at once. For any thread."""
+        """Add a record; returns at once, after a write to the system at most. For any thread."""
         record = record_bytes(kind, payload)
         with self._lock:
             if not self._is_full:
                 self._waiting.append(record)
-                self._num_waiting += len(record)
+        if monotonic() > self._late_at:
+            self._write()
 
     def flush(self) -> None:
         """Pass all records to the system, and wait until they are on the disk."""
@@ -138,7 +144,8 @@ class JournalWriter:
         """Write the records that wait, as one frame."""
         with self._writing:
             with self._lock:
-                records, self._waiting, self._num_waiting = self._waiting, [], 0
+                records, self._waiting = self._waiting, []
+            self._late_at = monotonic() + LATE_S
             if records:
                 self._unwritten += frame_bytes(records)
             try:
