@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run of the mapper in a process of its own that says how far it has come, to be killed.
 
-Run: ``python -m bench.resumed_child LOG OUT (begin | resume) JOURNAL``. JOURNAL is ``told``: a line
+Run: ``python -m bench.resumed_child LOG OUT (begin | resume) JOURNAL``. JOURNAL is ``counted``: a line
 is printed when a scan was mapped, at once; ``quiet``; ``kept``, also at the end; or ``without``.
 """
 
@@ -38,7 +38,7 @@ def main() -> None:
     log, out, how, journal = sys.argv[1:]
     set_malloc_thresholds()
     relax_gc()
-    observer = _Counting() if journal == "told" else RunObserver()
+    observer = _Counting() if journal == "counted" else RunObserver()
     if journal == "without":
         recording_run._new_journal = lambda *_: None  # type: ignore[assignment]
     if journal == "kept":

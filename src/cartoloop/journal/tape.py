@@ -40,7 +40,7 @@ class Tape:
 
     @property
     def is_kept(self) -> bool:
-        """Whether records go anywhere: where not, they need not be made."""
+        """Whether records go anywhere; otherwise none have to be made."""
         return self._put is not None
 
     @property

@@ -29,8 +29,8 @@ WRITE_PERIOD_S = 0.25
 """Period at which records are passed to the system [s]."""
 
 LATE_S = 0.5
-"""With so much time since the last write, whoever puts a record writes: where other programs use all
-processors, the thread may wait long for its turn [s]."""
+"""This long after the last write, the thread that puts a record writes: where other programs use all
+processors, the one in the background may wait long for its turn [s]."""
 
 SYNC_PERIOD_S = 1.0
 """Period at which the system is asked to put them on the disk [s]."""
@@ -205,7 +205,7 @@ class JournalWriter:
                     os.fdopen(os.dup(removed), "rb") as old,
                     os.fdopen(os.dup(descriptor), "wb") as new,
                 ):
-                    old.seek(0)
+                    os.lseek(old.fileno(), 0, os.SEEK_SET)
                     shutil.copyfileobj(old, new)
                 os.ftruncate(descriptor, self._size)
             self._append(descriptor)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What local SLAM computes for a scan, as records of a journal: matches and wall steps.
 
-With each goes what the matcher or the comparison remembers after it, so that whoever takes the
-record instead of computing it is in the same state.
+With each goes what the matcher or the comparison remembers after it, so that taking the record
+leaves the same state as computing it.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def damage_reported(file: Path) -> Iterator[None]:
 
 
 def require_cells_to_fit(num_cells: int, num_bytes: int) -> None:
-    """Check that so many cells of submaps can stand in a file of so many bytes.
+    """Check that this number of cells of submaps can stand in a file of this size.
 
     Raises
     ------
