@@ -330,7 +330,7 @@ def bench_localisation(
     before = _earlier(against, "localisation")
     recordings = tuple(only or benchmark.RECORDINGS)
     record = benchmark.run(
-        _data(data), scans, drives, seeds, [name for name in recordings if name != "none"],
+        _data_folder(data), scans, drives, seeds, [name for name in recordings if name != "none"],
         lambda line: typer.echo(line, err=True),
     )  # fmt: skip
     _print_table(record)

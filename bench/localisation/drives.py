@@ -30,7 +30,7 @@ from cartoloop.simulation import World, drive, make_world, simulate
 from cartoloop.stop_request import StopRequest
 
 LEVER_M = 1.0
-"""A heading that differs by a radian counts as this distance when the nearest scan is chosen [m]."""
+"""A heading that differs by a radian counts as this distance for the choice of the nearest [m]."""
 
 BOX_SEGMENTS, MAX_BOX_M = 4, 2.5
 """Furniture of the simulator: closed polygons of four walls, up to this long [m]."""
