@@ -57,9 +57,18 @@ def run(
             progress(f"{path}: absent, left out")
             continue
         progress(f"{name}: mapping both halves")
-        rows += _recording_rows(CutRecording(path).drive(), scans, drives, progress)
-    rows += _simulated_rows(seeds, drives, progress)
+        drive = CutRecording(path).drive()
+        rows += _reported(_recording_rows(drive, scans, drives, progress), progress)
+    rows += _reported(_simulated_rows(seeds, drives, progress), progress)
     return Record("localisation", tuple(rows), environment())
+
+
+def _reported(rows: Iterator[Row], progress: Progress) -> Iterator[Row]:
+    """Yield rows, and report each as it is known."""
+    for row in rows:
+        figures = (f"{name} {figure.text()} {figure.unit}" for name, figure in row.figures.items())
+        progress(f"{', '.join(map(str, row.case.values()))}: {', '.join(figures)}")
+        yield row
 
 
 def _recording_rows(drive: Drive, scans: int, drives: int, progress: Progress) -> Iterator[Row]:
