@@ -25,7 +25,9 @@ def load(name):
 
 
 def test_every_example_is_tested():
-    tested = {"map_a_recording", "feed_your_own_scans", "own_reader", "send_scans"}
+    tested = {
+        "map_a_recording", "feed_your_own_scans", "own_reader", "send_scans", "locate_a_robot",
+    }  # fmt: skip
     assert {path.stem for path in EXAMPLES.glob("*.py")} == tested
 
 
@@ -37,6 +39,11 @@ def test_map_a_recording(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "example-ring" / "map.pgm").stat().st_size > 1000
     lines = (tmp_path / "example-ring" / "trajectory.tum").read_text().splitlines()
     assert len(lines) == 301 + 1
+
+
+def test_locate_a_robot(capsys):
+    assert load("locate_a_robot").main() < 0.15
+    assert "located" in capsys.readouterr().out
 
 
 def test_feed_your_own_scans(capsys):
