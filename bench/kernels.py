@@ -23,13 +23,14 @@ from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score, refine_all
 from cartoloop.local_slam.wall_step import WallStep
+from cartoloop.localisation.known_map import KnownMap
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.quality.encounters import shifts_in
 from cartoloop.quality.pairs import agreement
 from cartoloop.scan_matching import correlative
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
-from cartoloop.sensor.pose import Pose, compose, relative, transform_points
+from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.probability_grid import insert_cells, scan_cells
@@ -38,7 +39,7 @@ from cartoloop.submaps.submap import Submap
 DRIVE_KERNELS = (
     "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
     "wall step",
-    "finish", "precompute", "mean score", "agree", "displace", "branch and bound", "match again",
+    "finish", "precompute", "mean score", "agree", "fit", "displace", "branch and bound", "match again",
     "compose map",
 )  # fmt: skip
 KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
@@ -212,6 +213,15 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
     yield Workload(
         "agree", ("map_agreement",), case,
         partial(agreement, grid, ScanPoints.of(points), np.array(in_submap), math.inf),
+        sum(map(len, points)), "points",
+    )  # fmt: skip
+    known = KnownMap(
+        grid.cells, grid.origin_x, grid.origin_y, grid.resolution, IDENTITY, "a submap"
+    )
+    yield Workload(
+        "fit", ("scan_fit",), case,
+        partial(known.fit_all, ScanPoints.of(points), np.zeros((len(points), 2)),
+                np.array(in_submap)),
         sum(map(len, points)), "points",
     )  # fmt: skip
     group = transform_points(Pose(*in_submap[0]), points[0])

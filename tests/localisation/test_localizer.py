@@ -7,13 +7,13 @@ import math
 
 import numpy as np
 import pytest
-from rooms import BOX, ROOM, START, apart, drive, events, known_map
 
 import cartoloop
 from cartoloop.errors import UsageError
 from cartoloop.localisation.answer import State
 from cartoloop.localisation.localizer import Localizer
 from cartoloop.sensor.pose import Pose
+from tests.localisation.rooms import BOX, ROOM, START, apart, drive, events, known_map
 
 
 @pytest.fixture(scope="module")
