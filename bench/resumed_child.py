@@ -13,7 +13,8 @@ from pathlib import Path
 
 from cartoloop import recording_run
 from cartoloop.mapper import Mapper
-from cartoloop.recording_run import RunObserver, map_recording
+from cartoloop.recording_run import map_recording, resume_recording
+from cartoloop.run_observer import RunObserver
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 from cartoloop.sensor.events import SensorEvent
 
@@ -38,8 +39,9 @@ def main() -> None:
     relax_gc()
     observer = _Counting() if journal == "journal" else RunObserver()
     if journal == "without":
-        recording_run._journal = lambda *_: None  # type: ignore[assignment]
-    map_recording(Path(log), out=Path(out), resume=how == "resume", observer=observer)
+        recording_run._new_journal = lambda *_: None  # type: ignore[assignment]
+    run = resume_recording if how == "resume" else map_recording
+    run(Path(log), out=Path(out), observer=observer)
 
 
 if __name__ == "__main__":
