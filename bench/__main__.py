@@ -412,6 +412,25 @@ def bench_resume(
         raise typer.Exit(1)
 
 
+@app.command("journal")
+def bench_journal(
+    log: Annotated[
+        Path | None, typer.Option("--log", help="A recording instead of the museum.")
+    ] = None,
+    out: OutOption = Path("bench-results"),
+    pairs: Annotated[int, typer.Option(min=1, help="Runs with and without a journal.")] = 3,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Measure what the journal of a run costs, and how long its map takes to load."""
+    from bench import journal_cost
+
+    before = _earlier(against, "journal")
+    record = journal_cost.run(log, pairs, progress=lambda line: typer.echo(line, err=True))
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
 @app.command("page")
 def bench_page(
     records: Annotated[

@@ -194,7 +194,7 @@ def _started(log: Path, out: Path) -> subprocess.Popen[bytes]:
     is_begun = (out / JOURNAL).exists() or (out / "report.json").exists()
     how = "resume" if is_begun else "begin"
     return subprocess.Popen(
-        [sys.executable, "-m", "bench.resumed_child", str(log), str(out), how, "journal"],
+        [sys.executable, "-m", "bench.resumed_child", str(log), str(out), how, "told"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )

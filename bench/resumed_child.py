@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run of the mapper in a process of its own that says how far it has come, to be killed.
 
-Run: ``python -m bench.resumed_child LOG OUT (begin | resume) (journal | without)``. With a journal,
-it prints a line when a scan was mapped, at once.
+Run: ``python -m bench.resumed_child LOG OUT (begin | resume) JOURNAL``. JOURNAL is ``told``: a line
+is printed when a scan was mapped, at once; ``quiet``; ``kept``, also at the end; or ``without``.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from pathlib import Path
 from cartoloop import recording_run
 from cartoloop.mapper import Mapper
 from cartoloop.recording_run import map_recording, resume_recording
+from cartoloop.run_journal import RunJournal
 from cartoloop.run_observer import RunObserver
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 from cartoloop.sensor.events import SensorEvent
@@ -37,11 +38,15 @@ def main() -> None:
     log, out, how, journal = sys.argv[1:]
     set_malloc_thresholds()
     relax_gc()
-    observer = _Counting() if journal == "journal" else RunObserver()
+    observer = _Counting() if journal == "told" else RunObserver()
     if journal == "without":
         recording_run._new_journal = lambda *_: None  # type: ignore[assignment]
-    run = resume_recording if how == "resume" else map_recording
-    run(Path(log), out=Path(out), observer=observer)
+    if journal == "kept":
+        RunJournal.remove = RunJournal.close  # type: ignore[method-assign]
+    if how == "resume":
+        resume_recording(Path(log), out, observer=observer)
+    else:
+        map_recording(Path(log), out=out, observer=observer)
 
 
 if __name__ == "__main__":

@@ -41,6 +41,7 @@ def open_database(
     database = sqlite3.connect(name, uri=True)
     try:
         _limit(database, path.stat().st_size)
+        database.execute("PRAGMA trusted_schema=OFF")
         if is_damaged:
             database.execute("PRAGMA writable_schema=ON")
         for table in tables:

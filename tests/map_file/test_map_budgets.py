@@ -11,6 +11,7 @@ from contextlib import closing
 import pytest
 
 from cartoloop.errors import InputError
+from cartoloop.map_output.output_folder import SavedMap, saved_map
 from cartoloop.map_output.save import save
 from cartoloop.result import load_map
 from tests.map_output.small_result import small_result
@@ -64,3 +65,30 @@ def test_a_map_that_stands_for_too_much_is_refused(tmp_path, change, reported):
     with pytest.raises(InputError, match=reported) as caught:
         load_map(path)
     assert "\n" not in str(caught.value)
+
+
+def test_triggers_and_views_of_others_do_nothing(tmp_path):
+    save(small_result(), tmp_path)
+    path = tmp_path / "map.cartoloop"
+    with closing(sqlite3.connect(path)) as database:
+        database.executescript(
+            "CREATE TRIGGER t AFTER INSERT ON nodes BEGIN DELETE FROM nodes; END;"
+            "CREATE VIEW endless AS WITH RECURSIVE s(n) AS (SELECT 0 UNION ALL SELECT n FROM s) "
+            "SELECT n FROM s;"
+        )
+        database.commit()
+    before = path.read_bytes()
+
+    assert load_map(path).graph.num_nodes == 2
+    assert path.read_bytes() == before
+
+
+def test_a_run_does_not_wait_for_a_hostile_map(tmp_path, monkeypatch):
+    monkeypatch.setattr("cartoloop.foreign_database._FREE_STEPS", 200_000)
+    with closing(sqlite3.connect(tmp_path / "map.cartoloop")) as database:
+        database.executescript(
+            "CREATE VIEW about AS WITH RECURSIVE s(n) AS (SELECT 0 UNION ALL SELECT n FROM s) "
+            "SELECT 'report' AS key, n AS value FROM s;"
+        )
+
+    assert saved_map(tmp_path) == SavedMap(("map.cartoloop",))

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from cartoloop.errors import InputError, OutputError
+from cartoloop.foreign_database import open_database
 from cartoloop.journal.frames import FILE_NAME as JOURNAL
 from cartoloop.journal.writer import in_use, is_locked
 from cartoloop.map_file.file_set import FILES, repair_file_set
@@ -224,8 +225,7 @@ def _report_in_map(path: Path) -> Mapping[str, Any] | None:
     if not path.is_file():
         return None
     try:
-        name = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
-        with closing(sqlite3.connect(name, uri=True)) as database:
+        with closing(open_database(path, ["about"])) as database:
             row = database.execute("SELECT value FROM about WHERE key = 'report'").fetchone()
         report = json.loads(row[0])
     except (sqlite3.Error, ValueError, TypeError):

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Live maps that are continued after a restart."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+from live_room import message_of
+from test_live_run import Recorder, Sender
+
+from cartoloop.config import Config
+from cartoloop.errors import InputError, OutputError
+from cartoloop.journal.frames import FILE_NAME, PREAMBLE, Kind, frame_bytes, record_bytes
+from cartoloop.live.continued import last_pose, map_to_continue
+from cartoloop.live.live_run import LiveOptions, map_live
+from cartoloop.map_file.run_header import RunHeader
+from cartoloop.map_output.save import save
+from cartoloop.result import load_map
+from cartoloop.session import MAIN_PART
+from tests.map_output.small_result import FILES, small_result
+
+
+class Killed(Recorder):
+    """Copies the folder of a run at its end, before anything is saved, as a kill leaves it."""
+
+    def __init__(self, out, copy):
+        super().__init__()
+        self.out, self.copy = out, copy
+
+    def mapped(self, result, failure):
+        shutil.copytree(self.out, self.copy)
+
+
+def drive(events, out, copy, **options):
+    sent = [json.dumps(message_of(event)).encode() + b"\n" for event in events]
+    killed = Killed(out, copy)
+    result = map_live(
+        Sender(sent),
+        None,
+        out,
+        LiveOptions(waits=True, **options),
+        observer=killed,
+        resume=out.exists(),
+    )
+    return result, killed
+
+
+@pytest.mark.slow
+def test_a_map_is_continued_kill_after_kill(ring_events, tmp_path):
+    third = len(ring_events) // 3
+    first, second, rest = (ring_events[part * third : (part + 1) * third] for part in range(3))
+    out, one, two = tmp_path / "out", tmp_path / "one", tmp_path / "two"
+    drive(first, out, one)
+    assert [path.name for path in one.iterdir()] == [FILE_NAME]
+
+    _, killed = drive(second, one, two, starts_at_end=True)
+    assert killed.lines[0] == f"recovering the map of the interrupted run in {one}"
+    assert FILE_NAME in {path.name for path in two.iterdir()}
+    result, _ = drive(rest, two, tmp_path / "three", starts_at_end=True)
+
+    assert [session.part for session in result.sessions] == [MAIN_PART] * 3
+    num_scans = sum(hasattr(event, "ranges") for event in ring_events)
+    assert num_scans - 15 <= len(result.stamps) <= num_scans
+    assert {path.name for path in two.iterdir()} == FILES
+
+
+def test_an_ended_map_is_continued_as_it_is(tmp_path):
+    saved = small_result(finished=True)
+    save(saved, tmp_path)
+    before = (tmp_path / "map.cartoloop").read_bytes()
+
+    found = map_to_continue(tmp_path, lambda _: None)
+
+    assert last_pose(found) == tuple(saved.trajectory[-1])
+    assert (tmp_path / "map.cartoloop").read_bytes() == before
+
+
+def test_a_journal_becomes_the_map_first(tmp_path):
+    write(tmp_path, RunHeader("live", "robot", "12ab", Config()))
+    lines = []
+
+    map_to_continue(tmp_path, lines.append)
+
+    assert lines == [f"recovering the map of the interrupted run in {tmp_path}"]
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+    assert not load_map(tmp_path).report.finished
+
+
+def test_an_interrupted_recording_is_not_continued(tmp_path):
+    write(tmp_path, RunHeader("map", "a.bag", "12ab", Config()))
+
+    with pytest.raises(
+        InputError, match=r"interrupted run of a recording \(a.bag\); end that first"
+    ):
+        map_to_continue(tmp_path, lambda _: None)
+
+
+def test_a_folder_without_a_map_is_not_continued(tmp_path):
+    with pytest.raises(OutputError, match="holds no interrupted run"):
+        map_to_continue(tmp_path, lambda _: None)
+
+
+def write(folder, header):
+    content = frame_bytes([record_bytes(Kind.HEADER, header.to_json())])
+    (folder / FILE_NAME).write_bytes(PREAMBLE + content)
