@@ -151,7 +151,7 @@ def _mapped(events: Sequence[SensorEvent]) -> Result:
 
 
 def _cut_row(drive: Drive, uncut: Result, count: int) -> Row:
-    """Return the figures of a recording in so many sessions."""
+    """Return the figures of a recording cut into `count` sessions."""
     maps = [_mapped(part) for part in sessions_of(drive.events, count)]
     areas = _overlaps(maps, uncut)
     order = list(range(count))

@@ -507,9 +507,14 @@ class JoinConfig(Section):
     Composite scans of one part are searched in all submaps of the others, at all angles.
     """
 
-    min_score: float = Field(0.5, ge=0, le=1, description="matches below are rejected")
+    min_score: float = Field(
+        0.42,
+        ge=0,
+        le=1,
+        description="matches below are rejected; where parts overlap a little, they score low",
+    )
     min_score_ratio: float = Field(
-        0.85, ge=0, le=1, description="or below this share of the score of the submap's own scans"
+        0.75, ge=0, le=1, description="or below this share of the score of the submap's own scans"
     )
     min_margin: float = Field(
         0.03, ge=0, description="the score must exceed that in any other place by this"

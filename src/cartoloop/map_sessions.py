@@ -27,7 +27,7 @@ class EarlierMaps:
 
     Parameters
     ----------
-    maps : in order; none for a map that begins anew.
+    maps : in order; none for a new map.
 
     Attributes
     ----------

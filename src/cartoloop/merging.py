@@ -39,7 +39,7 @@ def merge(
 ) -> Result:
     """Return one map of the sessions of several, as far as their relative poses are found.
 
-    What cannot be joined stays a part of its own: `Session.part` of the sessions tells, and
+    What cannot be joined stays a part of its own: `Session.part` of the sessions states it, and
     ``report.extra["joins"]`` why. The frame is that of the first map. The maps do not change.
 
     >>> merged = cartoloop.merge(["monday", "tuesday"])

@@ -58,8 +58,7 @@ add_command(
     MapOptions,
     [
         "cartoloop map intel.clf.gz -o intel --view",
-        "cartoloop map tuesday.bag --onto monday",
-        "cartoloop map robot.bag --scan-topic /scan --set local_slam.submaps.resolution=0.1",
+        "cartoloop map tuesday.bag --scan-topic /scan --onto monday",
     ],
     group=MAKE,
     cls=ViewingCommand,

@@ -90,7 +90,7 @@ class GraphAdjustment:
         return closures[~is_violated | graph.is_trusted[closures]]
 
     def forget_poses(self) -> None:
-        """Note that poses were changed otherwise: the next run begins anew."""
+        """Note that poses were changed otherwise: the next run plans again."""
         self._adjuster = PoseAdjuster(self._graph)
 
     def _distrust_strained(self, closures: NDArray[np.int64]) -> None:

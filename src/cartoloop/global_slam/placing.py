@@ -170,7 +170,7 @@ def _is_same(claim: Claim, tf_one_other: Pose, wide: WideSearchConfig) -> bool:
 
 
 MAX_SET = 24
-"""Claims of which a set is made, at most: those with the most evidence. The search is exact, and
+"""Claims in a set, at most: those with the most evidence. The search is exact, and
 its time may double with each."""
 
 SAME_PLACE = 3.0

@@ -19,7 +19,7 @@ from cartoloop.sensor.pose import Pose, compose_all
 from cartoloop.sensor.scan_points import ScanPoints
 
 EVERY_NTH_NODE = 4
-"""One in so many nodes of either part is matched to the submaps of the other."""
+"""One in four nodes of either part is matched to the submaps of the other."""
 
 MAX_SUBMAPS = 40
 """Submaps of either part that are matched, at most: those with the most nodes of the other."""
