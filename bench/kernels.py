@@ -18,10 +18,11 @@ from bench.input_kernels import INPUT_KERNELS, input_workloads
 from bench.measuring import alternate
 from bench.record import Case, Figure, Record, Row
 from bench.workload import Workload
-from cartoloop.config import CorrelativeMatcherConfig
+from cartoloop.config import CorrelativeMatcherConfig, LifelongConfig
 from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score, refine_all
+from cartoloop.lifelong.selection import select
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.map_output.occupancy_map import compose_map
@@ -40,7 +41,7 @@ DRIVE_KERNELS = (
     "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
     "wall step",
     "finish", "precompute", "mean score", "agree", "fit", "displace", "branch and bound", "match again",
-    "compose map",
+    "compose map", "fade",
 )  # fmt: skip
 KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
 """The names of the kernels, grouped by the input that they are measured on."""
@@ -259,6 +260,15 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
         "compose map", ("map_composition",), case,
         partial(compose_map, driven.grids, poses, driven.config.local_slam.submaps),
         sum(grid.size for grid in driven.grids), "pixels",
+    )  # fmt: skip
+    twice = np.repeat((0, 1), len(poses))
+    yield Workload(
+        "fade", ("fading", "map_composition"), case,
+        partial(
+            select, [*driven.grids, *driven.grids], np.vstack((poses, poses)), twice,
+            driven.config.local_slam.submaps, LifelongConfig(),
+        ),
+        2 * sum(grid.size for grid in driven.grids), "pixels",
     )  # fmt: skip
 
 

@@ -33,6 +33,7 @@ def test_every_example_is_tested():
         "send_scans",
         "locate_a_robot",
     }
+    tested |= {"continue_a_map", "merge_maps", "refresh_a_map"}
     assert {path.stem for path in EXAMPLES.glob("*.py")} == tested
 
 
@@ -106,6 +107,7 @@ def run(name, *arguments, cwd):
         ("own_reader", "51 scans mapped"),
         ("send_scans", "100 scans"),
         ("merge_maps", "2 of 2 sessions in one map"),
+        ("refresh_a_map", "submaps gave way"),
     ],
 )
 def test_examples_run_as_they_stand(name, says, tmp_path):

@@ -18,8 +18,11 @@ from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.sensor.pose import compose_all, relative_all, wrap_angles
 
+_HELD = 1e-6
+"""Added to what is eliminated: vertices that nothing holds stay where they are."""
+
 _LEAST_INFORMATION = 1e-3
-"""Added to what is inverted: vertices that nothing holds stay where they are."""
+"""Added to what is inverted: directions that nothing determines are known to 30 m."""
 
 _LEAST_COUPLING = 1e-6
 """Blocks of a smaller norm do not connect two submaps."""
@@ -233,7 +236,7 @@ def _reduced(
     hessian = coo_matrix(everything, (size, size)).tocsc()
     kept, across = hessian[cut:, cut:].toarray(), hessian[:cut, cut:].toarray()
     flat = gradient.reshape(-1)
-    inner = hessian[:cut, :cut] + _LEAST_INFORMATION * identity(cut, format="csc")
+    inner = hessian[:cut, :cut] + _HELD * identity(cut, format="csc")
     solved = splu(inner.tocsc()).solve(np.column_stack((across, flat[:cut])))
     kept -= across.T @ solved[:, :-1]
     return (kept + kept.T) / 2, flat[cut:] - across.T @ solved[:, -1]
