@@ -39,8 +39,8 @@ from cartoloop.submaps.submap import Submap
 DRIVE_KERNELS = (
     "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
     "wall step",
-    "finish", "precompute", "mean score", "agree", "fit", "displace", "branch and bound", "match again",
-    "compose map",
+    "finish", "precompute", "mean score", "agree", "fit", "displace", "branch and bound",
+    "match again", "compose map",
 )  # fmt: skip
 KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
 """The names of the kernels, grouped by the input that they are measured on."""

@@ -68,7 +68,7 @@ class Drive:
 
 @dataclass
 class CutRecording:
-    """A recording, of which the first half made the map.
+    """A recording whose first half made the map.
 
     Attributes
     ----------
