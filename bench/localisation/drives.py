@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from cartoloop.first_pass import calibrate
 from cartoloop.mapper import Mapper
 from cartoloop.readers import open_log
 from cartoloop.result import Result
-from cartoloop.sensor.events import LaserScan, SensorEvent
+from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
 from cartoloop.sensor.pose import (
     Pose,
     compose,
@@ -148,9 +148,9 @@ def simulated_drive(
     """
     world = make_world(name, seed)
     first = simulate(world, seed=2 * seed, duration=duration)
-    result = _mapped(list(first.events()), Mapper())
+    result = _map_of_world(name, seed, duration)
     later = world if change is None else change(world, np.random.default_rng(seed))
-    route = np.ascontiguousarray(first_part(first.true_poses)[::-1])
+    route = np.ascontiguousarray(corners_of(first.true_poses)[::-1])
     back = simulate(
         replace(later, route=route), seed=2 * seed + 1, motion=drive(route, *world.pace)
     )
@@ -159,7 +159,13 @@ def simulated_drive(
     return Drive(f"{name} {seed}", result, list(back.events()), truth)
 
 
-def first_part(poses: FloatArray) -> FloatArray:
+@cache
+def _map_of_world(name: str, seed: int, duration: float | None) -> Result:
+    first = simulate(make_world(name, seed), seed=2 * seed, duration=duration)
+    return _mapped(list(first.events()), Mapper())
+
+
+def corners_of(poses: FloatArray) -> FloatArray:
     """Return the corners of a path that was driven, shape (n, 2), without the robot's stops."""
     kept = [0]
     for i in range(1, len(poses)):
@@ -174,9 +180,15 @@ def _aligned(truth: FloatArray, found: FloatArray) -> Pose:
     cos = float((a * b).sum())
     sin = float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
     turn = Pose(0.0, 0.0, float(np.arctan2(sin, cos)))
-    centre = compose(turn, Pose(*truth[:, :2].mean(axis=0).tolist(), 0.0))
+    centre = compose(turn, _at(truth))
     x, y = (found[:, :2].mean(axis=0) - (centre.x, centre.y)).tolist()
     return Pose(x, y, turn.theta)
+
+
+def _at(trajectory: FloatArray) -> Pose:
+    """Return the middle of a trajectory as a pose."""
+    x, y = trajectory[:, :2].mean(axis=0).tolist()
+    return Pose(x, y, 0.0)
 
 
 def with_moved_boxes(world: World, rng: np.random.Generator) -> World:
@@ -229,10 +241,9 @@ def _odometry_jump(before: Sequence[SensorEvent], after: Sequence[SensorEvent]) 
 
 def _shifted(event: SensorEvent, by: float, odom: Pose | None) -> SensorEvent:
     moved = replace(event, stamp=event.stamp - by, time=event.time - by)
-    pose = getattr(moved, "tf_odom_tracking", None)
-    if pose is None or odom is None:
+    if not isinstance(moved, Odometry) or odom is None:
         return moved
-    return replace(moved, tf_odom_tracking=compose(odom, pose))  # type: ignore[call-arg]
+    return replace(moved, tf_odom_tracking=compose(odom, moved.tf_odom_tracking))
 
 
 def error(truth: FloatArray, pose: Pose) -> tuple[float, float]:
