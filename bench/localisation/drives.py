@@ -9,6 +9,8 @@ from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import Config
@@ -32,8 +34,11 @@ from cartoloop.stop_request import StopRequest
 LEVER_M = 1.0
 """A heading that differs by a radian counts as this distance for the choice of the nearest [m]."""
 
-BOX_SEGMENTS, MAX_BOX_M = 4, 2.5
-"""Furniture of the simulator: closed polygons of four walls, up to this long [m]."""
+MIN_WALLS, MAX_BOX_M = 4, 3.0
+"""Furniture of the simulator: at least this number of connected walls, up to this long [m]."""
+
+MOVED_SHARE = 0.2
+"""Share of the furniture that is moved."""
 
 
 @dataclass
@@ -192,26 +197,29 @@ def _at(trajectory: FloatArray) -> Pose:
 
 
 def with_moved_boxes(world: World, rng: np.random.Generator) -> World:
-    """Return a world in which a fifth of the small boxes are gone, or stand half a metre aside."""
+    """Return a world in which a fifth of what is small is gone, or stands 0.3 m aside."""
     walls = world.walls.copy()
     kept = np.ones(len(walls), dtype=bool)
-    for first in range(len(walls) - BOX_SEGMENTS + 1):
-        box = walls[first : first + BOX_SEGMENTS]
-        if not _is_box(box) or rng.random() > 0.2:
+    for part in _connected(walls):
+        ends = walls[part].reshape(-1, 2)
+        is_small = len(part) >= MIN_WALLS and np.ptp(ends, axis=0).max() <= MAX_BOX_M
+        if not is_small or rng.random() > MOVED_SHARE:
             continue
         if rng.random() < 0.5:
-            kept[first : first + BOX_SEGMENTS] = False
+            kept[part] = False
         else:
             turn = rng.uniform(-np.pi, np.pi)
-            walls[first : first + BOX_SEGMENTS] += 0.3 * np.tile((np.cos(turn), np.sin(turn)), 2)
+            walls[part] += 0.3 * np.tile((np.cos(turn), np.sin(turn)), 2)
     return replace(world, walls=walls[kept])
 
 
-def _is_box(segments: FloatArray) -> bool:
-    """Return whether four walls form a closed, small polygon."""
-    ends, starts = segments[:, 2:], np.roll(segments[:, :2], -1, axis=0)
-    lengths = np.hypot(*(segments[:, 2:] - segments[:, :2]).T)
-    return bool(np.allclose(ends, starts) and lengths.max() <= MAX_BOX_M)
+def _connected(walls: FloatArray) -> list[IntArray]:
+    """Return the walls that share ends with each other, as groups of indices."""
+    ends = np.unique(np.round(walls.reshape(-1, 2), 6), axis=0, return_inverse=True)[1].ravel()
+    count = int(ends.max()) + 1
+    graph = coo_matrix((np.ones(len(walls)), (ends[::2], ends[1::2])), shape=(count, count))
+    labels = connected_components(graph, directed=False)[1][ends[::2]]
+    return [np.flatnonzero(labels == label) for label in np.unique(labels)]
 
 
 def carried_away(drive: Drive, at: int, to: int) -> Drive:
