@@ -32,7 +32,7 @@ def main() -> float:
         answer = localizer.add(event)
         if answer is not None and answer.state != state:
             state = answer.state
-            print(f"{answer.stamp:.1f} s: {state} {answer.tf_map_tracking or ''}")
+            print(f"{answer.stamp:.1f} s: {state} {answer.tf_map_tracking or ''}")  # noqa: T201
 
     answer = localizer.finish() or localizer.answer
     if answer is None or answer.state is not State.LOCATED or answer.tf_map_tracking is None:
@@ -44,7 +44,7 @@ def main() -> float:
     x = tf_world_first.x + cos * answer.tf_map_tracking.x - sin * answer.tf_map_tracking.y
     y = tf_world_first.y + sin * answer.tf_map_tracking.x + cos * answer.tf_map_tracking.y
     error = math.dist((x, y), (last.x, last.y))
-    print(f"{localizer.num_located} of {localizer.num_scans} scans located, {error:.3f} m wrong")
+    print(f"{localizer.num_located} of {localizer.num_scans} located, {error:.3f} m wrong")  # noqa: T201
     return error
 
 

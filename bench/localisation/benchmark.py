@@ -22,6 +22,7 @@ from bench.record import Case, Figure, Record, Row
 from cartoloop.evaluation.map_image import MapImage
 from cartoloop.localisation.known_map import KnownMap, known_map_of, known_map_of_image
 from cartoloop.map_output.occupancy_map import OccupancyMap
+from cartoloop.sensor.pose import Pose
 
 RECORDINGS = ("intel", "fr079", "mit-csail", "aces")
 """Recordings whose second half is localised in the map of the first."""
@@ -93,8 +94,6 @@ def _as_image(drive: Drive) -> KnownMap:
 
 
 def _image_of(occupancy_map: OccupancyMap, occupied: float, free: float) -> MapImage:
-    from cartoloop.sensor.pose import Pose
-
     probability = occupancy_map.probability
     occupancy = np.full(probability.shape, -1.0, dtype=np.float32)
     occupancy[(probability >= 0.0) & (probability < free)] = 0.0
@@ -223,8 +222,8 @@ def _simulated_rows(seeds: int, drives: int, progress: Progress) -> Iterator[Row
         yield _carried_row(worlds, carried)
 
 
-def _pose(drive: Drive, scan: int) -> measures.Pose:
-    return measures.Pose(*drive.truth[scan].tolist())
+def _pose(drive: Drive, scan: int) -> Pose:
+    return Pose(*drive.truth[scan].tolist())
 
 
 def _stranger_row(case: Case, runs: Sequence[measures.Followed]) -> Row:

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import Config
@@ -16,7 +18,7 @@ from cartoloop.first_pass import calibrate
 from cartoloop.mapper import Mapper
 from cartoloop.readers import open_log
 from cartoloop.result import Result
-from cartoloop.sensor.events import LaserScan, SensorEvent
+from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
 from cartoloop.sensor.pose import (
     Pose,
     compose,
@@ -32,8 +34,11 @@ from cartoloop.stop_request import StopRequest
 LEVER_M = 1.0
 """A heading that differs by a radian counts as this distance for the choice of the nearest [m]."""
 
-BOX_SEGMENTS, MAX_BOX_M = 4, 2.5
-"""Furniture of the simulator: closed polygons of four walls, up to this long [m]."""
+MIN_WALLS, MAX_BOX_M = 4, 3.0
+"""Furniture of the simulator: at least this number of connected walls, up to this long [m]."""
+
+MOVED_SHARE = 0.2
+"""Share of the furniture that is moved."""
 
 
 @dataclass
@@ -68,7 +73,7 @@ class Drive:
 
 @dataclass
 class CutRecording:
-    """A recording, of which the first half made the map.
+    """A recording whose first half made the map.
 
     Attributes
     ----------
@@ -148,9 +153,9 @@ def simulated_drive(
     """
     world = make_world(name, seed)
     first = simulate(world, seed=2 * seed, duration=duration)
-    result = _mapped(list(first.events()), Mapper())
+    result = _map_of_world(name, seed, duration)
     later = world if change is None else change(world, np.random.default_rng(seed))
-    route = np.ascontiguousarray(first_part(first.true_poses)[::-1])
+    route = np.ascontiguousarray(corners_of(first.true_poses)[::-1])
     back = simulate(
         replace(later, route=route), seed=2 * seed + 1, motion=drive(route, *world.pace)
     )
@@ -159,7 +164,13 @@ def simulated_drive(
     return Drive(f"{name} {seed}", result, list(back.events()), truth)
 
 
-def first_part(poses: FloatArray) -> FloatArray:
+@cache
+def _map_of_world(name: str, seed: int, duration: float | None) -> Result:
+    first = simulate(make_world(name, seed), seed=2 * seed, duration=duration)
+    return _mapped(list(first.events()), Mapper())
+
+
+def corners_of(poses: FloatArray) -> FloatArray:
     """Return the corners of a path that was driven, shape (n, 2), without the robot's stops."""
     kept = [0]
     for i in range(1, len(poses)):
@@ -174,32 +185,41 @@ def _aligned(truth: FloatArray, found: FloatArray) -> Pose:
     cos = float((a * b).sum())
     sin = float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
     turn = Pose(0.0, 0.0, float(np.arctan2(sin, cos)))
-    centre = compose(turn, Pose(*truth[:, :2].mean(axis=0).tolist(), 0.0))
+    centre = compose(turn, _at(truth))
     x, y = (found[:, :2].mean(axis=0) - (centre.x, centre.y)).tolist()
     return Pose(x, y, turn.theta)
 
 
+def _at(trajectory: FloatArray) -> Pose:
+    """Return the middle of a trajectory as a pose."""
+    x, y = trajectory[:, :2].mean(axis=0).tolist()
+    return Pose(x, y, 0.0)
+
+
 def with_moved_boxes(world: World, rng: np.random.Generator) -> World:
-    """Return a world in which a fifth of the small boxes are gone, or stand half a metre aside."""
+    """Return a world in which a fifth of what is small is gone, or stands 0.3 m aside."""
     walls = world.walls.copy()
     kept = np.ones(len(walls), dtype=bool)
-    for first in range(len(walls) - BOX_SEGMENTS + 1):
-        box = walls[first : first + BOX_SEGMENTS]
-        if not _is_box(box) or rng.random() > 0.2:
+    for part in _connected(walls):
+        ends = walls[part].reshape(-1, 2)
+        is_small = len(part) >= MIN_WALLS and np.ptp(ends, axis=0).max() <= MAX_BOX_M
+        if not is_small or rng.random() > MOVED_SHARE:
             continue
         if rng.random() < 0.5:
-            kept[first : first + BOX_SEGMENTS] = False
+            kept[part] = False
         else:
             turn = rng.uniform(-np.pi, np.pi)
-            walls[first : first + BOX_SEGMENTS] += 0.3 * np.tile((np.cos(turn), np.sin(turn)), 2)
+            walls[part] += 0.3 * np.tile((np.cos(turn), np.sin(turn)), 2)
     return replace(world, walls=walls[kept])
 
 
-def _is_box(segments: FloatArray) -> bool:
-    """Return whether four walls form a closed, small polygon."""
-    ends, starts = segments[:, 2:], np.roll(segments[:, :2], -1, axis=0)
-    lengths = np.hypot(*(segments[:, 2:] - segments[:, :2]).T)
-    return bool(np.allclose(ends, starts) and lengths.max() <= MAX_BOX_M)
+def _connected(walls: FloatArray) -> list[IntArray]:
+    """Return the walls that share ends with each other, as groups of indices."""
+    ends = np.unique(np.round(walls.reshape(-1, 2), 6), axis=0, return_inverse=True)[1].ravel()
+    count = int(ends.max()) + 1
+    graph = coo_matrix((np.ones(len(walls)), (ends[::2], ends[1::2])), shape=(count, count))
+    labels = connected_components(graph, directed=False)[1][ends[::2]]
+    return [np.flatnonzero(labels == label) for label in np.unique(labels)]
 
 
 def carried_away(drive: Drive, at: int, to: int) -> Drive:
@@ -229,10 +249,9 @@ def _odometry_jump(before: Sequence[SensorEvent], after: Sequence[SensorEvent]) 
 
 def _shifted(event: SensorEvent, by: float, odom: Pose | None) -> SensorEvent:
     moved = replace(event, stamp=event.stamp - by, time=event.time - by)
-    pose = getattr(moved, "tf_odom_tracking", None)
-    if pose is None or odom is None:
+    if not isinstance(moved, Odometry) or odom is None:
         return moved
-    return replace(moved, tf_odom_tracking=compose(odom, pose))  # type: ignore[call-arg]
+    return replace(moved, tf_odom_tracking=compose(odom, moved.tf_odom_tracking))
 
 
 def error(truth: FloatArray, pose: Pose) -> tuple[float, float]:

@@ -378,7 +378,8 @@ class Localizer:
             return None
         match = refine(known, composite.points, best.tf_map_tracking)
         pose = known.to_map(match.tf_submap_scan)
-        fit = known.fit(composite.points, Pose(*composite.beam_origins[0].tolist(), 0.0), pose)
+        x, y = composite.beam_origins[0].tolist()
+        fit = known.fit(composite.points, Pose(x, y, 0.0), pose)
         least = 0.7 if start.is_certain else CLAIMED_AGREEMENT
         return Claim(pose, match) if fit.agreement >= least * known.usual.agreement else None
 
