@@ -141,7 +141,8 @@ def _loading_row(name: str, out: Path, repeats: int) -> Row:
     code = (
         "import time, json, sys; from cartoloop.result import load_map; "
         "a = time.perf_counter(), time.process_time(); load_map(sys.argv[1]); "
-        "b = time.perf_counter(), time.process_time(); print(json.dumps([b[0] - a[0], b[1] - a[1]]))"
+        "b = time.perf_counter(), time.process_time(); "
+        "print(json.dumps([b[0] - a[0], b[1] - a[1]]))"
     )
     times = []
     for _ in range(repeats):
