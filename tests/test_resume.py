@@ -111,7 +111,7 @@ def test_what_was_computed_is_not_computed_again(log, whole, tmp_path, monkeypat
         "local_slam.wall_step.WallStep.better_pose",
         "submaps.submap.insert_cells",
         "global_slam.constraint_search.search",
-        "global_slam.wide_search.WideSearch._find",
+        "global_slam.wide_search.find_scans",
     ):
         monkeypatch.setattr(f"cartoloop.{place}", compute)
     interrupted(whole, tmp_path, 1.0)
@@ -141,11 +141,11 @@ class StoppingAt(RunObserver):
             self.stop.made = True
 
 
-def stop_at(log, num_scans, out, run=map_recording):
+def stop_at(log, num_scans, out, run=map_recording, **options):
     stop = StopRequest()
     observer = StoppingAt(stop, num_scans)
     with pytest.raises(Interrupted) as error:
-        run(log, out=out, stop=stop, observer=observer)
+        run(log, out=out, stop=stop, observer=observer, **options)
     return observer, str(error.value)
 
 

@@ -305,12 +305,13 @@ class Joining:
         scans = np.array([each.scan for each in outcome.candidates])
         submap = outcome.candidates[0].submap
         requests = self._requests(submap, scans, graph)
-        known = self._closures.has_rows(requests.submap, requests.node)
-        rows = self._closures.request(requests, graph.num_nodes)
-        assert not known.any()
+        # A pair may have been requested otherwise since this search was started.
+        fresh = np.flatnonzero(~self._closures.has_rows(requests.submap, requests.node))
+        candidates = [outcome.candidates[i] for i in fresh.tolist()]
+        rows = self._closures.request(requests.take(fresh), graph.num_nodes)
         self._closures.note_searched(rows, outcome.min_score)
         self._closures.note_hypotheses(rows)
-        for row, candidate in zip(rows.tolist(), outcome.candidates, strict=True):
+        for row, candidate in zip(rows.tolist(), candidates, strict=True):
             self._candidates.setdefault(candidate.scan, []).append(candidate._replace(row=row))
             self._has_news = True
 
