@@ -181,6 +181,8 @@ def _add_live(seeds: Seeds, events: list[SensorEvent]) -> None:
         '{"type": "closure", "id": 1, "constraint": 0}',
         '{"type": "node_scan", "id": 2, "node": 1}',
         '{"type": "picture", "id": 3}', '{"type": "ping", "id": 4}',
+        '{"type": "drop_closure", "id": 5, "submap": 0, "node": 1}',
+        '{"type": "undo_edit", "id": 6, "edit": 0}', '{"type": "redo_edit", "id": 7, "edit": 0}',
     )  # fmt: skip
     seeds.add("request", *(request.encode() for request in requests))
     seeds.add("handshake", _handshake())
