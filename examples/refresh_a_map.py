@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drive through a place again: its map is renewed and does not grow.
 
-``python examples/refresh_a_map.py [OUT]``: a drive twice round a ring of corridors is simulated; the
-second round is added to the map of the first.
+``python examples/refresh_a_map.py [OUT]``: a drive twice round a ring of corridors is simulated;
+the second round is added to the map of the first.
 """
 
 import argparse

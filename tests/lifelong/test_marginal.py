@@ -6,13 +6,9 @@ from hypothesis import strategies as st
 
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.lifelong.marginal import (
-    fitted_informations,
-    host_submaps,
-    lost_information,
-    replacements,
-    touching,
-)
+from cartoloop.lifelong.links import replacements
+from cartoloop.lifelong.marginal import host_submaps, lost_information, touching
+from cartoloop.lifelong.recovery import fitted_informations
 from cartoloop.sensor.pose import relative_all
 from tests.lifelong.graphs import random_graph, random_information
 from tests.reference.naive_marginal import naive_hessian, naive_schur
@@ -163,3 +159,19 @@ def _known(mean, edges, informations):
     jacobians = jacobians[:, :, 3:]
     total = sum(j.T @ w @ j for j, w in zip(jacobians, informations, strict=True))
     return np.stack([np.linalg.inv(j @ np.linalg.inv(total) @ j.T) for j in jacobians])
+
+
+def test_links_of_two_trimmings_are_merged():
+    graph = _chain(np.random.default_rng(2), 5)
+    graph.remove(graph.kinds == ConstraintKind.NODE_TO_NODE)
+    kept = np.array([True, False, False, False, True])
+    links = replacements(graph, kept, _kept_nodes(graph, kept), np.ones(graph.num_constraints), 1.0)
+    once, twice = (_reduced(graph, kept, links) for _ in range(2))
+    moved = links._replace(tf_a_b=links.tf_a_b + np.array((0.02, 0.0, 0.0)))
+
+    moved.add_to(twice)
+
+    assert twice.num_constraints == once.num_constraints
+    assert twice.informations[-1] == pytest.approx(2.0 * once.informations[-1])
+    expected = once.relative_poses[-1] + np.array((0.01, 0.0, 0.0))
+    assert twice.relative_poses[-1] == pytest.approx(expected, abs=1e-6)
