@@ -127,11 +127,11 @@ def _relative(
     blocks = np.swapaxes(covariance.reshape(count, 3, count, 3), 1, 2)
     own = blocks[np.arange(count), np.arange(count)]
     one, other = (index.ravel() for index in np.indices((count, count)))
-    lever = lever(mean[other] - mean[one])
-    across = lever @ blocks[one, other]
+    levers = lever(mean[other] - mean[one])
+    across = levers @ blocks[one, other]
     relative = (
         own[other]
-        + lever @ own[one] @ np.swapaxes(lever, 1, 2)
+        + levers @ own[one] @ np.swapaxes(levers, 1, 2)
         - across
         - np.swapaxes(across, 1, 2)
     )
