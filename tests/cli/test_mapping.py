@@ -32,7 +32,7 @@ class StandIn:
     at_scan = None  # (number, action)
     at_finish = None
 
-    def __init__(self, config, calibration=None):
+    def __init__(self, config, calibration=None, **_):
         type(self).made += 1
         self.config = config
         self.stamps = []
