@@ -16,7 +16,7 @@ def test_a_drive_that_is_seen_again_gives_way(tmp_path, ring_log, capsys):
     assert run(["map", str(ring_log), "--onto", str(first), "--lifelong", "-o", str(both)]) == 0
     assert "submaps and" in capsys.readouterr().out.partition("seen again")[2]
     report = json.loads((both / "report.json").read_text())
-    assert report["extra"]["lifelong"]["removed_submaps"] > 0
+    assert report["lifelong"]["removed_submaps"] > 0
     result = load_map(both)
     assert result.config.lifelong.enabled
     assert result.graph.num_submaps < 1.5 * load_map(first).graph.num_submaps
