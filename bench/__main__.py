@@ -332,6 +332,32 @@ def bench_verdict(
     _conclude(record, out, before, strict)
 
 
+@app.command("localisation")
+def bench_localisation(
+    data: DataOption = None,
+    out: OutOption = Path("bench-results"),
+    scans: Annotated[int, typer.Option(min=2, help="Single scans of each recording.")] = 300,
+    drives: Annotated[int, typer.Option(min=1, help="Drives of each recording and world.")] = 40,
+    seeds: Annotated[int, typer.Option(min=0, help="Simulated worlds.")] = 5,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", help="Recording; may be repeated; or 'none'.")
+    ] = None,
+    against: AgainstOption = None,
+    strict: StrictOption = False,
+) -> None:
+    """Localise in maps that other scans made: time, success, errors, and a particle filter."""
+    from bench.localisation import benchmark
+
+    before = _earlier(against, "localisation")
+    recordings = tuple(only or benchmark.RECORDINGS)
+    record = benchmark.run(
+        _data_folder(data), scans, drives, seeds, [name for name in recordings if name != "none"],
+        lambda line: typer.echo(line, err=True),
+    )  # fmt: skip
+    _print_table(record)
+    _conclude(record, out, before, strict)
+
+
 @app.command("kills")
 def bench_kills(
     out: OutOption = Path("bench-results"),

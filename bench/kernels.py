@@ -18,18 +18,20 @@ from bench.input_kernels import INPUT_KERNELS, input_workloads
 from bench.measuring import alternate
 from bench.record import Case, Figure, Record, Row
 from bench.workload import Workload
-from cartoloop.config import CorrelativeMatcherConfig
+from cartoloop.config import CorrelativeMatcherConfig, LifelongConfig
 from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score, refine_all
+from cartoloop.lifelong.selection import select
 from cartoloop.local_slam.wall_step import WallStep
+from cartoloop.localisation.known_map import KnownMap
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.quality.encounters import shifts_in
 from cartoloop.quality.pairs import agreement
 from cartoloop.scan_matching import correlative
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
-from cartoloop.sensor.pose import Pose, compose, relative, transform_points
+from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.probability_grid import insert_cells, scan_cells
@@ -38,8 +40,8 @@ from cartoloop.submaps.submap import Submap
 DRIVE_KERNELS = (
     "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
     "wall step",
-    "finish", "precompute", "mean score", "agree", "displace", "branch and bound", "match again",
-    "compose map",
+    "finish", "precompute", "mean score", "agree", "fit", "displace", "branch and bound",
+    "match again", "compose map", "fade",
 )  # fmt: skip
 KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
 """The names of the kernels, grouped by the input that they are measured on."""
@@ -214,6 +216,15 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
         partial(agreement, grid, ScanPoints.of(points), np.array(in_submap), math.inf),
         sum(map(len, points)), "points",
     )  # fmt: skip
+    known = KnownMap(
+        grid.cells, grid.origin_x, grid.origin_y, grid.resolution, IDENTITY, "a submap"
+    )
+    yield Workload(
+        "fit", ("scan_fit",), case,
+        partial(known.fit_all, ScanPoints.of(points), np.zeros((len(points), 2)),
+                np.array(in_submap)),
+        sum(map(len, points)), "points",
+    )  # fmt: skip
     group = transform_points(Pose(*in_submap[0]), points[0])
     yield Workload(
         "displace", ("map_agreement",), case,
@@ -249,6 +260,15 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
         "compose map", ("map_composition",), case,
         partial(compose_map, driven.grids, poses, driven.config.local_slam.submaps),
         sum(grid.size for grid in driven.grids), "pixels",
+    )  # fmt: skip
+    twice = np.repeat((0, 1), len(poses))
+    yield Workload(
+        "fade", ("fading", "map_composition"), case,
+        partial(
+            select, [*driven.grids, *driven.grids], np.vstack((poses, poses)), twice,
+            driven.config.local_slam.submaps, LifelongConfig(),
+        ),
+        2 * sum(grid.size for grid in driven.grids), "pixels",
     )  # fmt: skip
 
 

@@ -209,7 +209,7 @@ def _cells(
 def _near(
     result: Result, tf_truth_map: Pose, points: FloatArray, reach: int, above: float
 ) -> BoolArray:
-    """Return which places have a cell of more than a probability within so many cells."""
+    """Return which places have a cell of more than a probability within `reach` cells."""
     occupancy, cells = _cells(result, tf_truth_map, points)
     shape = np.array(occupancy.probability.shape)
     found = np.zeros(len(points), dtype=bool)

@@ -31,7 +31,9 @@ def test_every_example_is_tested():
         "feed_your_own_scans",
         "own_reader",
         "send_scans",
+        "locate_a_robot",
     }
+    tested |= {"continue_a_map", "merge_maps", "refresh_a_map"}
     assert {path.stem for path in EXAMPLES.glob("*.py")} == tested
 
 
@@ -52,6 +54,11 @@ def test_edit_a_map(tmp_path, monkeypatch, capsys):
     assert [edit.is_undone for edit in result.edits] == [False, False, True, False]
     assert result.graph.num_loop_closures == result.original.graph.num_loop_closures
     assert "residuals: root mean square" in capsys.readouterr().out
+
+
+def test_locate_a_robot(capsys):
+    assert load("locate_a_robot").main() < 0.15
+    assert "located" in capsys.readouterr().out
 
 
 def test_feed_your_own_scans(capsys):
@@ -100,6 +107,7 @@ def run(name, *arguments, cwd):
         ("own_reader", "51 scans mapped"),
         ("send_scans", "100 scans"),
         ("merge_maps", "2 of 2 sessions in one map"),
+        ("refresh_a_map", "submaps gave way"),
     ],
 )
 def test_examples_run_as_they_stand(name, says, tmp_path):

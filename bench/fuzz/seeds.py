@@ -13,6 +13,7 @@ import numpy as np
 from cartoloop.config import Config
 from cartoloop.config_file import config_toml
 from cartoloop.mapper import Mapper
+from cartoloop.result import edit
 from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
 from cartoloop.simulation import ring, simulate
 from cartoloop.simulation.recording import Recording
@@ -142,6 +143,13 @@ def _add_map(seeds: Seeds, events: list[SensorEvent]) -> None:
     folder = seeds.folder / "map"
     mapper.finish().save(folder)
     seeds.add("map", (folder / "map.cartoloop").read_bytes())
+    with edit(folder) as editor:
+        editor.pin_node(0, (1.0, 2.0, 0.5))
+        editor.set_control_points([(0, 0, 5, 5), (1, 0, 5, 6)])
+        editor.forget_area(-1.0, -1.0, 1.0, 1.0)
+        editor.forget_time(editor.map.stamps[-1], editor.map.stamps[-1])
+        editor.split_session(0, editor.map.stamps[len(editor.map.stamps) // 2])
+    seeds.add("map", (folder / "map.cartoloop").read_bytes())
     seeds.add("yaml", (folder / "map.yaml").read_bytes())
     seeds.add("png", (folder / "map.png").read_bytes())
     seeds.add("pgm", (folder / "map.pgm").read_bytes())
@@ -173,6 +181,8 @@ def _add_live(seeds: Seeds, events: list[SensorEvent]) -> None:
         '{"type": "closure", "id": 1, "constraint": 0}',
         '{"type": "node_scan", "id": 2, "node": 1}',
         '{"type": "picture", "id": 3}', '{"type": "ping", "id": 4}',
+        '{"type": "drop_closure", "id": 5, "submap": 0, "node": 1}',
+        '{"type": "undo_edit", "id": 6, "edit": 0}', '{"type": "redo_edit", "id": 7, "edit": 0}',
     )  # fmt: skip
     seeds.add("request", *(request.encode() for request in requests))
     seeds.add("handshake", _handshake())

@@ -7,8 +7,6 @@ import resource
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
 from random import Random
 from threading import Thread
 
@@ -16,6 +14,7 @@ import numpy as np
 
 from bench.soak.account import Account
 from bench.soak.day import PERIOD_S, day
+from bench.soak.held import Held, held
 from bench.soak.senders import Network, Sender, Silent
 from cartoloop.live.live_run import LiveObserver
 from cartoloop.live.sockets import MAX_CLIENTS
@@ -34,21 +33,6 @@ _TICK_S = 1e-3
 
 _LIMIT_S = 600.0
 """Time for scans to come: long after that, they never will [s]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Held:
-    """What a process holds at a moment.
-
-    Attributes
-    ----------
-    memory_mb : memory [MB].
-    scans, nodes : mapped so far.
-    """
-
-    memory_mb: float = 0.0
-    scans: int = 0
-    nodes: int = 0
 
 
 class Robot(LiveObserver):
@@ -114,7 +98,7 @@ class Robot(LiveObserver):
         """Measure the memory when the map is of a quarter of the day, and when it is of more."""
         scans = mapper.num_scans
         if scans >= self.end.scans + 100:
-            self.end = Held(_held_mb(), scans, mapper.num_nodes)
+            self.end = held(scans, mapper.num_nodes)
             if not self.settled.scans and scans * PERIOD_S >= SETTLED * self._end_s:
                 self.settled = self.end
 
@@ -201,8 +185,3 @@ def _limit_files(num_bytes: int) -> None:
     """Let this process write no longer files, as if the disk were full."""
     _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (num_bytes, hard))
-
-
-def _held_mb() -> float:
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * resource.getpagesize() / 1e6

@@ -21,6 +21,14 @@ def test_every_scan_of_a_bad_day_is_mapped_or_counted(kind, tmp_path):
     assert (tmp_path / "map.cartoloop").exists()
 
 
+@pytest.mark.slow
+def test_memory_in_use_stays_while_the_robot_stands(tmp_path):
+    result = soak("tcp", hours=0.3, num_faults=60, out=tmp_path, drives_again=False)
+    assert result.end.nodes < result.settled.nodes + 10  # a clock that jumps makes one
+    assert result.end.scans - result.settled.scans > 3000
+    assert not result.end.in_use_mb > result.settled.in_use_mb + 2.0, result.table()
+
+
 def sent(account, count):
     return [account.stamp(0.2 * number) for number in range(count)]
 

@@ -10,7 +10,7 @@ import numpy as np
 from cartoloop.arrays import IntArray
 from cartoloop.config import Config
 from cartoloop.global_slam.closure_search import FinishedSubmap
-from cartoloop.global_slam.joining import CheckGeometry, GeometryCheck
+from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.map_output.part_walls import Submaps, wall_faults
 from cartoloop.quality.joins import check_geometry

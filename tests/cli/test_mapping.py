@@ -18,6 +18,7 @@ from cartoloop.cli.main import run
 from cartoloop.cli.map_command import default_folder
 from cartoloop.cli.mapping import summary
 from cartoloop.errors import InputError
+from cartoloop.journal.frames import FILE_NAME as JOURNAL
 from cartoloop.report import ConstraintSummary, InputSummary, Report
 from cartoloop.sensor.events import LaserScan
 from tests.map_output.small_result import FILES, small_result
@@ -32,7 +33,7 @@ class StandIn:
     at_scan = None  # (number, action)
     at_finish = None
 
-    def __init__(self, config, calibration=None):
+    def __init__(self, config, calibration=None, **_):
         type(self).made += 1
         self.config = config
         self.stamps = []
@@ -81,7 +82,7 @@ def mapper(monkeypatch):
     module.Mapper = Mapper
     monkeypatch.setitem(sys.modules, "cartoloop.mapper", module)
     first_pass = types.ModuleType("cartoloop.first_pass")
-    first_pass.calibrate = lambda *_: None
+    first_pass.recorded_calibration = lambda *_: None
     monkeypatch.setitem(sys.modules, "cartoloop.first_pass", first_pass)
     return Mapper
 
@@ -205,7 +206,7 @@ def test_a_stop_in_the_middle_saves_what_was_mapped(mapper, log, tmp_path, capsy
 
     assert run(["map", str(log), "-o", str(tmp_path / "out")]) == 130
 
-    assert {path.name for path in (tmp_path / "out").iterdir()} == FILES
+    assert {path.name for path in (tmp_path / "out").iterdir()} == FILES | {JOURNAL}
     assert num_poses(tmp_path / "out") == 7
     assert "stopped after 7 scans" in capsys.readouterr().err
 
@@ -235,8 +236,10 @@ def test_a_third_interrupt_says_that_nothing_was_saved(mapper, log, tmp_path, ca
     monkeypatch.setattr("cartoloop.map_output.save.compose_map", once_more)
 
     assert run(["map", str(log), "-o", str(tmp_path / "out")]) == 130
-    assert capsys.readouterr().err.endswith("cartoloop: stopped at once: nothing was saved\n")
-    assert list((tmp_path / "out").iterdir()) == []
+    hint = f"--resume {tmp_path / 'out'} goes on with it"
+    end = f"cartoloop: stopped at once: nothing was saved; {hint}\n"
+    assert capsys.readouterr().err.endswith(end)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [JOURNAL]
 
 
 def test_a_hang_up_that_nohup_ignores_is_ignored(mapper, log, tmp_path):

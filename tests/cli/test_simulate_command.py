@@ -63,6 +63,7 @@ def test_a_recording_without_odometry_is_mapped(tmp_path):
         (["ring", "--lines", "x.lines"], "has no tape lines"),
         (["ring", "--duration=-1"], "not negative"),
         (["ring", "--glass", "2"], "give 0 to 1"),
+        (["ring", "--drive", "2"], "later drives are through office"),
         (["ring", "--pause", "500"], "too short"),
         (["ring", "--odometry-fault", "froze"], "nearest: frozen"),
         (["ring", "--two-scanners"], "needs a bag"),
@@ -80,6 +81,16 @@ def test_impossible_options_are_refused_before_writing(
     assert run(["simulate", "-o", "a.log", *arguments]) == 2
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_later_drive_is_a_day_later(tmp_path):
+    truths = [tmp_path / f"{drive}.tum" for drive in (1, 2)]
+    for drive, truth in enumerate(truths, 1):
+        options = ["--drive", str(drive), "--duration", "1", "--truth", str(truth)]
+        assert run(["simulate", "office", *options, "-o", str(tmp_path / f"{drive}.log")]) == 0
+    first, second = map(np.loadtxt, truths)
+    assert second[0, 0] - first[0, 0] == 86_400.0
+    assert not np.allclose(second[0, 1:3], first[0, 1:3], atol=1.0)
 
 
 def test_sparse_scans_leave_odometry_between_them(tmp_path):

@@ -29,22 +29,33 @@ RECORDINGS = {
     ),
     "other/exp1.dat.gz": (
         756, 75, 46.0, 0.15,
-        ["blind_beams 79", "no_return_is_zero 1", "odometry_offset 756", "repeated_scans 4"],
+        [
+            "blind_beams 79", "no_return_is_zero 1", "odometry_offset 756", "odometry_veer 756",
+            "repeated_scans 4",
+        ],
     ),
     "other/exp2.dat.gz": (
         641, 63, 44.5, 0.16,
         ["blind_beams 66", "no_return_is_zero 1", "odometry_offset 641", "repeated_scans 4"],
     ),
-    "other/loop5.log.gz": (551, 110, 56.1, 0.06, ["odometry_offset 551", "stamps_missing 551"]),
+    "other/loop5.log.gz": (
+        551, 110, 56.1, 0.06, ["odometry_offset 551", "odometry_veer 551", "stamps_missing 551"],
+    ),
     "radish/aces.clf.gz": (7374, 1366, 325.2, -0.09, ["gap 2", "odometry_offset 7374"]),
-    "radish/fr079.clf.gz": (4934, 1061, 392.9, 0.13, ["gap 1", "odometry_offset 4934"]),
+    "radish/fr079.clf.gz": (
+        4934, 1061, 392.9, 0.13, ["gap 1", "odometry_offset 4934", "odometry_veer 4934"],
+    ),
     "radish/intel.clf.gz": (
-        13631, 2692, 508.4, 0.09, ["odometry_offset 13627", "stamps_out_of_order 1171"],
+        13631, 2692, 508.4, 0.09,
+        ["odometry_offset 13627", "odometry_veer 13627", "stamps_out_of_order 1171"],
     ),
     "radish/mit-csail.clf.gz": (
-        1988, 424, 373.6, 0.13, ["odometry_offset 1988", "odometry_scale 1988"],
+        1988, 424, 373.6, 0.13,
+        ["odometry_offset 1988", "odometry_scale 1988", "odometry_veer 1988"],
     ),
-    "radish/mit-killian.clf.gz": (17480, 7677, 1910.8, 0.64, ["odometry_offset 17480"]),
+    "radish/mit-killian.clf.gz": (
+        17480, 7677, 1910.8, 0.64, ["odometry_offset 17480", "odometry_veer 17480"],
+    ),
     "radish-sparse/acapulco.clf.gz": (
         861, 1387, 824.7, 0.08, ["gap 11", "odometry_offset 11281", "sparse_scans 861"],
     ),
@@ -52,7 +63,8 @@ RECORDINGS = {
         340, 739, 332.5, 0.07, ["gap 239", "odometry_offset 6008", "sparse_scans 340"],
     ),
     "radish-sparse/fhw.clf.gz": (
-        488, 2189, 404.4, 0.06, ["gap 24", "odometry_offset 13447", "sparse_scans 488"],
+        488, 2189, 404.4, 0.06,
+        ["gap 24", "odometry_offset 13447", "odometry_veer 13447", "sparse_scans 488"],
     ),
 }  # fmt: skip
 

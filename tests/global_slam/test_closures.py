@@ -9,7 +9,8 @@ import pytest
 from cartoloop.global_slam.closure_matches import FinalMatches
 from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.closures import Closures
-from tests.global_slam.closures import INFORMATION, requests, search_matches
+from tests.global_slam.closures import INFORMATION, closure, record, requests, search_matches
+from tests.global_slam.closures import final_matches as matches_of
 
 POSE = (1.0, 2.0, 0.5)
 
@@ -196,3 +197,20 @@ def test_an_empty_record_has_no_rows():
 def test_codes_fit_their_columns(kind):
     assert [member.value for member in kind] == list(range(len(kind)))
     assert len(kind) < 128
+
+
+def test_a_closure_that_an_edit_removed_can_be_added_again():
+    closures = record(found=[closure(0, 1)], final=[closure(0, 1), closure(0, 2)])
+    closures.note_removed(np.array([0, 1]))
+    assert set(closures.status.tolist()) == {Status.REMOVED}
+
+    for node, row in ((1, 0), (2, 1), (5, 2)):  # the last was never matched
+        added = matches_of([closure(0, node, (1.0, 2.0, 0.5), residual=0.125)], [Reason.EDIT])
+        assert closures.note_added(added) == row
+    measured = closures.with_status(Status.ADDED)
+
+    assert measured.node.tolist() == [1, 2, 5]
+    assert measured.tf_submap_node.tolist() == [[1.0, 2.0, 0.5]] * 3
+    assert measured.residual.tolist() == [0.125] * 3
+    assert closures.found.tf_submap_node.tolist() == [[0.0, 0.0, 0.0]]  # as the search measured it
+    assert closures.copy().with_status(Status.ADDED).row.tolist() == [0, 1, 2]

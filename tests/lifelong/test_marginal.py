@@ -6,13 +6,9 @@ from hypothesis import strategies as st
 
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.lifelong.marginal import (
-    fitted_informations,
-    host_submaps,
-    lost_information,
-    replacements,
-    touching,
-)
+from cartoloop.lifelong.links import replacements
+from cartoloop.lifelong.marginal import host_submaps, lost_information, touching
+from cartoloop.lifelong.recovery import fitted_informations
 from cartoloop.sensor.pose import relative_all
 from tests.lifelong.graphs import random_graph, random_information
 from tests.reference.naive_marginal import naive_hessian, naive_schur
@@ -49,10 +45,14 @@ def test_what_is_lost_equals_that_of_dense_matrices(seed, kept):
     staying = np.flatnonzero(~touching(graph, kept, kept_nodes))
     before, gradient = _dense_marginal(graph, range(graph.num_constraints), kept)
     after, gradient_after = _dense_marginal(graph, staying, kept)
-    assert lost.submaps.tolist() == np.flatnonzero(kept).tolist()
+    numbers = np.searchsorted(np.flatnonzero(kept), lost.submaps)
+    axes = (3 * numbers[:, None] + np.arange(3)).ravel()
     scale = 1e3 + np.abs(before).max() + np.abs(after).max()
-    assert lost.information == pytest.approx(before - after, abs=1e-4 * scale)
-    assert lost.gradient == pytest.approx(gradient - gradient_after, abs=1e-4 * scale)
+    expected, others = np.zeros_like(before), np.delete(gradient - gradient_after, axes)
+    expected[np.ix_(axes, axes)] = lost.information  # nothing is lost about the others
+    assert expected == pytest.approx(before - after, abs=1e-4 * scale)
+    assert lost.gradient == pytest.approx((gradient - gradient_after)[axes], abs=1e-4 * scale)
+    assert others == pytest.approx(np.zeros(len(others)), abs=1e-4 * scale)
 
 
 def _chain(rng, num_submaps):
@@ -163,3 +163,19 @@ def _known(mean, edges, informations):
     jacobians = jacobians[:, :, 3:]
     total = sum(j.T @ w @ j for j, w in zip(jacobians, informations, strict=True))
     return np.stack([np.linalg.inv(j @ np.linalg.inv(total) @ j.T) for j in jacobians])
+
+
+def test_links_of_two_trimmings_are_merged():
+    graph = _chain(np.random.default_rng(2), 5)
+    graph.remove(graph.kinds == ConstraintKind.NODE_TO_NODE)
+    kept = np.array([True, False, False, False, True])
+    links = replacements(graph, kept, _kept_nodes(graph, kept), np.ones(graph.num_constraints), 1.0)
+    once, twice = (_reduced(graph, kept, links) for _ in range(2))
+    moved = links._replace(tf_a_b=links.tf_a_b + np.array((0.02, 0.0, 0.0)))
+
+    moved.add_to(twice)
+
+    assert twice.num_constraints == once.num_constraints
+    assert twice.informations[-1] == pytest.approx(2.0 * once.informations[-1])
+    expected = once.relative_poses[-1] + np.array((0.01, 0.0, 0.0))
+    assert twice.relative_poses[-1] == pytest.approx(expected, abs=1e-6)

@@ -86,7 +86,7 @@ def test_a_submap_stays_where_its_walls_would_be_lost():
 
 def test_furniture_that_was_moved_fades():
     old = floor(0, 70, walls=[(5, 2, 30)])
-    chosen = selected(old, floor(0, 40), min_covered_share=0.9)
+    chosen = selected(old, floor(0, 40))
     assert chosen.kept.all()
     assert chosen.num_faded == 28
     occupancy = compose_map(chosen.grids, np.zeros((2, 3)), SUBMAPS)

@@ -21,6 +21,8 @@ from cartoloop.local_slam.odometry_veer import (
     estimate_veer,
 )
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative_all, wrap_angles
+from cartoloop.simulation import LIDARS, Difficulties, OdometryFault, make_world, simulate
+from tests.local_slam.small_world import run
 
 PERIOD, STEP = 0.2, 0.12
 NOISE = (0.01, 0.003)
@@ -227,3 +229,19 @@ def test_what_is_known_before_a_drive_is_used_at_once():
         track.add(time, Pose(*reading))
         calibration.add(time, Pose(*scan), track)
         assert calibration.model.veer == known.veer
+
+
+def test_the_veer_of_a_simulated_drive_is_found():
+    bad = Difficulties(odometry_faults=(OdometryFault.VEER,))
+    recording = simulate(
+        make_world("ring"), LIDARS["sick-180"], seed=2, duration=120.0, difficulties=bad
+    )
+    steps = [relative_all(p[:-1], p[1:]) for p in (recording.true_poses, recording.odometry_poses)]
+    driven = steps[0][:, 0] > 0.05
+    missing = float(np.median((steps[0] - steps[1])[driven, 2] / steps[0][driven, 0]))
+
+    _, _, slam = run(recording.events())
+
+    veer = slam.extrapolator.odometry_model.veer
+    assert abs(missing) > 0.01
+    assert veer.constant == pytest.approx(missing, abs=0.008)

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
+from PIL import Image
 
 from cartoloop.evaluation.map_image import MapImage
 from cartoloop.kernels.wall_ranges import wall_ranges
@@ -107,5 +109,46 @@ def drive(start, steps, step=0.08, turn=0.0):
 
 def apart(pose, other):
     """Return the distance [m] and the angle [deg] between two poses."""
-    step = relative(pose, other)
+    step = relative(Pose(*pose), Pose(*other))
     return math.hypot(step.x, step.y), abs(math.degrees(step.theta))
+
+
+def write_image(folder, polygons):
+    """Write the map of a room as other programs do; return the path of the YAML file."""
+    shown = image(polygons)
+    shades = np.rint(255.0 * (1.0 - shown.occupancy[::-1])).astype(np.uint8)
+    Image.fromarray(shades).save(folder / "room.pgm")
+    (folder / "room.yaml").write_text(
+        f"image: room.pgm\nresolution: {shown.resolution}\norigin: [0, 0, 0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    )
+    return folder / "room.yaml"
+
+
+def carmen_text(polygons, poses):
+    """Return a drive as a CARMEN log, of the beams ahead."""
+    lines = []
+    for k, pose in enumerate(poses):
+        ahead = " ".join(f"{value:.3f}" for value in ranges(polygons, pose, k)[45:136])
+        x, y, theta = relative(poses[0], pose)
+        at = f"{x:.4f} {y:.4f} {theta:.4f}"
+        lines.append(f"ODOM {at} 0 0 0 {0.1 * k:.2f} host {0.1 * k:.2f}")
+        lines.append(f"FLASER 91 {ahead} {at} {at} {0.1 * k:.2f} host {0.1 * k:.2f}")
+    return "\n".join(lines) + "\n"
+
+
+def message_lines(polygons, poses):
+    """Return a drive as the messages of a live source, lines of JSON."""
+    for event in events(polygons, poses):
+        if isinstance(event, LaserScan):
+            message = {
+                "type": "scan",
+                "stamp": event.stamp,
+                "angle_min": GEOMETRY.angle_min,
+                "angle_increment": GEOMETRY.angle_increment,
+                "ranges": event.ranges.round(4).tolist(),
+            }
+        else:
+            x, y, theta = event.tf_odom_tracking
+            message = {"type": "odometry", "stamp": event.stamp, "x": x, "y": y, "theta": theta}
+        yield json.dumps(message).encode() + b"\n"

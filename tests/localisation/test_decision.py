@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rooms import BOX, ROOM, START, apart, known_map, points
 
 from cartoloop.localisation.decision import MARGIN_OF_PATH, MARGIN_OF_SCAN, decide, needed_margin
 from cartoloop.localisation.trail import Trail
 from cartoloop.sensor.pose import IDENTITY, Pose
+from tests.localisation.rooms import BOX, ROOM, START, apart, known_map, points
 
 
 def composite_of(polygons, pose):

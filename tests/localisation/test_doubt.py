@@ -17,12 +17,12 @@ def steps_until_lost(agreement, path, duration):
     return None
 
 
-def test_a_robot_in_the_wrong_place_is_lost_within_metres_or_seconds():
+def test_a_wrong_place_is_lost_within_metres_or_seconds():
     assert steps_until_lost(0.3, 0.1, 0.1) * 0.1 <= 3.0
     assert steps_until_lost(0.3, 0.0, 0.1) * 0.1 <= 5.0
 
 
-def test_moved_furniture_and_unmapped_places_do_not_make_it_lost():
+def test_moved_furniture_does_not_make_a_robot_lost():
     assert steps_until_lost(0.7, 0.1, 0.1) is None
     assert steps_until_lost(math.nan, 0.1, 0.1) is None
 

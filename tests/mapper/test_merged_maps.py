@@ -152,6 +152,26 @@ def test_session_is_added_to_a_map(rounds, maps, two_rounds):
     assert true_error(result, two_rounds) < 1.1 * np.mean(apart)
 
 
+def test_live_session_is_added_to_a_map(rounds, maps):
+    mapper = Mapper(onto=maps[0], live=True)
+    for event in rounds[1]:
+        mapper.add(event)
+    result = mapper.finish()
+    assert [session.part for session in result.sessions] == [MAIN_PART, MAIN_PART]
+
+
+def test_session_that_is_cut_short_is_kept_with_the_map(rounds, maps):
+    mapper = Mapper(onto=maps[0])
+    for event in rounds[1][:100]:
+        mapper.add(event)
+    mapper.close()
+    result = mapper.result()
+    assert result.sessions[0].part == MAIN_PART
+    assert result.graph.num_nodes > maps[0].graph.num_nodes
+    first = result.graph.node_poses[: maps[0].graph.num_nodes]
+    np.testing.assert_allclose(first, maps[0].graph.node_poses, atol=1e-6)
+
+
 def test_session_is_added_where_it_is_said_to_be(rounds, maps):
     # The second round begins where the first one ends.
     pose = cartoloop.Pose(*maps[0].trajectory[-1].tolist())

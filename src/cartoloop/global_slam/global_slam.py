@@ -10,7 +10,7 @@ import numpy as np
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
-from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score
+from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.graph_adjustment import (
     AdjustmentRun,
@@ -23,12 +23,14 @@ from cartoloop.global_slam.graph_records import (
     recorded_submap,
     submap_record,
 )
-from cartoloop.global_slam.joining import NUM_ROUNDS, CheckGeometry, OnePose
+from cartoloop.global_slam.join_evidence import CheckGeometry, OnePose
+from cartoloop.global_slam.joining import NUM_ROUNDS
 from cartoloop.global_slam.loading import load
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.part_joins import PartJoins
 from cartoloop.global_slam.pose_graph import ClosureConstraints, ConstraintKind
-from cartoloop.global_slam.sessions import MappedSessions, NodeSubmaps
+from cartoloop.global_slam.restoring import finished_submap, restore_closures, restore_nodes
+from cartoloop.global_slam.sessions import MappedSessions
 from cartoloop.global_slam.wide_search import WideSearch, put_requests
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.tape import NO_TAPE, Tape
@@ -111,7 +113,12 @@ class GlobalSlam:
         self._tf_local_last_submap = IDENTITY
         self._tf_map_local = IDENTITY
         if mapped:
-            self._restore(mapped)
+            self._submap_nodes = restore_nodes(
+                mapped, self.graph, self.sessions, self._pairs, self._wide, self._node_points
+            )
+            for index, grid in enumerate(grid for each in mapped for grid in each.grids):
+                self._finished.append(finished_submap(index, grid, self.graph, self.node_points))
+            restore_closures(self.graph, self.closures, self._pairs)
         else:
             self.begin_session()
 
@@ -220,32 +227,6 @@ class GlobalSlam:
         """End the background threads."""
         self.search.close()
 
-    def _restore(self, mapped: Sequence[MappedSessions]) -> None:
-        """Bring all into the state after the nodes of maps."""
-        graph, submaps = self.graph, NodeSubmaps.of(self.graph)
-        begins = set(self.sessions.first_nodes[1:])
-        tf_local_node = np.concatenate([each.tf_local_node for each in mapped])
-        for points in (points for each in mapped for points in each.node_points):
-            self._node_points.append(points)
-        for node, pose in enumerate(tf_local_node.tolist()):
-            if node in begins:
-                self._pairs.begin_session()
-                self._wide.begin_session()
-            own = (int(submaps.first[node]), int(submaps.last[node]))
-            self._pairs.add((pose[0], pose[1]), len(self.node_points[node]), own)
-            self._wide.restore_node(Pose(*pose), self.node_points)
-        own_nodes = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
-        self._submap_nodes = [set() for _ in range(graph.num_submaps)]
-        for submap, node in zip(
-            graph.index_a[own_nodes].tolist(), graph.index_b[own_nodes].tolist(), strict=True
-        ):
-            self._submap_nodes[submap].add(node)
-        for index, grid in enumerate(grid for each in mapped for grid in each.grids):
-            self._finished.append(self._finished_submap(index, grid))
-        self._pairs.note_requested(self.closures)
-        closures, is_violated = violated_closures(graph)
-        self._pairs.note_adjusted(graph, closures[~is_violated])
-
     def _add_to_graph(self, node: Node) -> None:
         graph = self.graph
         pose = node.tf_local_tracking
@@ -275,20 +256,13 @@ class GlobalSlam:
             self._finished.append(finished)
             return finished
         with self._timer.measure("finish submap"):
-            finished = self._finished_submap(submap.index, submap.grid.finish())
+            grid = submap.grid.finish()
+            finished = finished_submap(submap.index, grid, self.graph, self.node_points)
         if self._tape.is_kept:
             record = submap_record(submap.index, finished.grid, finished.own_score)
             self._tape.put(Kind.SUBMAP, record)
         self._finished.append(finished)
         return finished
-
-    def _finished_submap(self, index: int, grid: FinishedGrid) -> FinishedSubmap:
-        own = np.flatnonzero(
-            (self.graph.index_a == index) & (self.graph.kinds == ConstraintKind.INTRA_SUBMAP)
-        )
-        points = self.node_points.take(self.graph.index_b[own])
-        own_score = mean_score(grid, points, self.graph.relative_poses[own])
-        return FinishedSubmap(index, grid, own_score)
 
     def _request_node(self, node: int) -> None:
         """Request searches for a node in the finished submaps nearby."""

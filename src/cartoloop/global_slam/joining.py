@@ -10,11 +10,9 @@ the submaps of the other. A wrong join is worse than none.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, field
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,73 +25,12 @@ from cartoloop.global_slam.composite_scans import CompositeScans
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.graph_records import WideOutcome
 from cartoloop.global_slam.hypotheses import Candidate, best_place
-from cartoloop.global_slam.placing import Claim, Placement, placement, why_not_believed
+from cartoloop.global_slam.join_evidence import GeometryCheck, JoinAttempt, OnePose
+from cartoloop.global_slam.placing import Claim, placement, why_not_believed
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
 from cartoloop.global_slam.wide_search import find_scans
-from cartoloop.sensor.pose import Pose, compose_all, relative_all
-from cartoloop.sensor.scan_points import ScanPoints
-
-
-class GeometryCheck(NamedTuple):
-    """How well two parts agree where they overlap.
-
-    Attributes
-    ----------
-    length : path of either that lies in the other [m].
-    contradicted : of it, the path whose scans contradict the other part [m].
-    on_wall, on_floor : returns that lie on walls and on floor of the other part.
-    fault : why they cannot be joined, as a clause; "" if they can.
-    """
-
-    length: float
-    contradicted: float
-    on_wall: int
-    on_floor: int
-    fault: str
-
-
-CheckGeometry = Callable[
-    [PoseGraph, Sequence[FinishedSubmap], ScanPoints, IntArray, IntArray], GeometryCheck
-]
-"""Examines a graph in which two parts were placed: graph, submaps, returns of the nodes, and the
-parts of nodes and submaps: 0 and 1, others are not examined."""
-
-
-class OnePose(NamedTuple):
-    """Where a part is known to be.
-
-    Attributes
-    ----------
-    part : it.
-    tf_main_part : its frame in that of the main part.
-    """
-
-    part: int
-    tf_main_part: Pose
-
-
-@dataclass
-class JoinAttempt:
-    """What is known of two parts.
-
-    Attributes
-    ----------
-    one, other : the parts.
-    found : the best placement so far.
-    check : of its geometry, if it was tried.
-    why_not : why they are not joined, "" if they are.
-    refused : placements that the geometry contradicts.
-    num_searches : pairs of composite scan and submap searched.
-    """
-
-    one: int
-    other: int
-    found: Placement | None = None
-    check: GeometryCheck | None = None
-    why_not: str = "not searched"
-    refused: list[Pose] = field(default_factory=list)
-    num_searches: int = 0
+from cartoloop.sensor.pose import compose_all, relative_all
 
 
 class Joining:

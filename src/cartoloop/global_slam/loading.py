@@ -93,6 +93,7 @@ def _codes(
     status = closures.search_status.astype(np.int64)
     is_requested = np.arange(len(closures)) < closures.num_requested
     is_final = (closures.status >= Status.REPLACED) & (closures.status <= Status.CONTRADICTED)
+    is_final |= np.isin(closures.status, (Status.REMOVED, Status.ADDED))
     usual = REASON_OF_SEARCH[closures.search_status]
     reason = np.where(is_final & is_requested, usual, closures.reason).astype(np.int64)
     was_found = status[in_graph] == Status.FOUND

@@ -16,7 +16,8 @@ from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.composite_scans import CompositeScans
 from cartoloop.global_slam.constraint_search import ConstraintSearch
-from cartoloop.global_slam.joining import CheckGeometry, JoinAttempt, Joining
+from cartoloop.global_slam.join_evidence import CheckGeometry, JoinAttempt
+from cartoloop.global_slam.joining import Joining
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import SessionRanges
 from cartoloop.global_slam.tentative_join import place_part, tentative_join

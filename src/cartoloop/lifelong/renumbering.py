@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from cartoloop.arrays import BoolArray, IntArray
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import NO_ROW, ConstraintKind, PoseGraph
-from cartoloop.lifelong.marginal import Links, host_submaps, touching
+from cartoloop.lifelong.links import Links
+from cartoloop.lifelong.marginal import host_submaps, touching
 from cartoloop.map_data import MapData
 from cartoloop.session import Session, ranges, session_numbers
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, graph_problem
-from cartoloop.lifelong.marginal import host_submaps, replacements
+from cartoloop.lifelong.links import replacements
+from cartoloop.lifelong.marginal import host_submaps
 from cartoloop.lifelong.renumbering import AnyMap, without
 from cartoloop.lifelong.selection import Selection, select
 from cartoloop.map_data import MapData

@@ -15,8 +15,12 @@ EXPECTED_AGREEMENT = 0.62
 """Agreement relative to the usual one below which a scan raises the doubt, and above which it
 lowers it: half of the furniture may be elsewhere."""
 
-SUSPECT, LOST = 0.15, 0.45
-"""Doubt from which the map is searched for another place, and from which the robot is lost."""
+LOST = 0.45
+"""Doubt from which the robot is lost."""
+
+SUSPECT_AGREEMENT = 0.8
+"""Mean agreement of the latest scans, relative to the usual one, below which the map is searched
+for another place: some places resemble others."""
 
 METRES, SECONDS = 1.0, 3.0
 """Scans over this path or time count once, whichever is sooner [m], [s]."""
@@ -35,6 +39,7 @@ class Doubt:
 
     def __init__(self) -> None:
         self.level = 0.0
+        self._mean = 1.0
 
     @property
     def is_lost(self) -> bool:
@@ -44,7 +49,7 @@ class Doubt:
     @property
     def is_suspect(self) -> bool:
         """Whether another place should be searched for."""
-        return self.level >= SUSPECT
+        return self._mean < SUSPECT_AGREEMENT
 
     def add(self, agreement: float, path: float, duration: float) -> None:
         """Add a scan.
@@ -57,6 +62,7 @@ class Doubt:
         if math.isnan(agreement):
             return
         weight = min(max(path / METRES, duration / SECONDS), MAX_WEIGHT)
+        self._mean += weight * (min(agreement, 1.0) - self._mean)
         missing = EXPECTED_AGREEMENT - min(agreement, 1.0)
         self.level = min(max(self.level + weight * missing, 0.0), 2.0 * LOST)
 

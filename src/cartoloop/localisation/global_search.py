@@ -10,7 +10,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LeastSquaresMatcherConfig
-from cartoloop.localisation.known_map import Fit, KnownMap
+from cartoloop.localisation.known_map import TILE_M, Fit, KnownMap
 from cartoloop.localisation.trail import Composite
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.branch_and_bound import (
@@ -27,9 +27,6 @@ PLACE_DISTANCE_M, PLACE_ANGLE_RAD = 1.0, math.radians(15.0)
 
 MAX_MARGIN = 0.1
 """Other places count down to this below the score of the best one."""
-
-TILE_M = 8.0
-"""Edge of the parts of the map that are searched for their best places [m]."""
 
 MAX_PARTS = 2000
 """Number of parts that are searched, at most: where scans fit everywhere, they prove nothing."""
@@ -150,7 +147,7 @@ class Listing(NamedTuple):
 def list_places(known: KnownMap, points: FloatArray, min_score: float) -> Listing:
     """Return all places of the map where scans fit.
 
-    The map is searched in parts, each of which yields its best place; a part with another place is
+    The map is searched in parts, and each yields its best place; a part with another place is
     divided, and searched again.
 
     Parameters
@@ -158,7 +155,7 @@ def list_places(known: KnownMap, points: FloatArray, min_score: float) -> Listin
     points : float64, shape (n, 2), frame of the robot [m].
     min_score : that places must reach.
     """
-    centres = _tile_centres(known)
+    centres = known.tile_centres
     linear, angular = 0.5 * TILE_M, math.pi
     found: list[BranchAndBoundMatch] = []
     num_searched = 0
@@ -236,21 +233,3 @@ def fit_of_composite(known: KnownMap, composite: Composite, tf_map_newest: Pose)
     """Return how well the scans of a composite fit, given the pose of the newest."""
     poses = compose_all(np.array(tf_map_newest), composite.tf_newest_scans)
     return known.fit_all(composite.scans, composite.beam_origins, poses)
-
-
-def _tile_centres(known: KnownMap) -> FloatArray:
-    """Return the centres of the parts of the map with known cells, shape (n, 3), grid frame."""
-    grid = known.grid
-    cells, edge = grid.cells, max(round(TILE_M / grid.resolution), 1)
-    rows, cols = cells.shape
-    centres = [
-        (
-            grid.origin_x + (col + 0.5 * edge) * grid.resolution,
-            grid.origin_y + (row + 0.5 * edge) * grid.resolution,
-            0.0,
-        )
-        for row in range(0, rows, edge)
-        for col in range(0, cols, edge)
-        if cells[row : row + edge, col : col + edge].any()
-    ]
-    return np.array(centres)

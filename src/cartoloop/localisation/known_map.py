@@ -53,6 +53,9 @@ MAX_CELLS = 2**26
 FOREIGN_SCORE, FOREIGN_AGREEMENT = 0.65, 0.9
 """What scans usually reach in a map without scans of its own, see :class:`Fit`."""
 
+TILE_M = 8.0
+"""Edge of the parts of the map that are searched for their best places [m]."""
+
 NUM_OWN_SCANS = 300
 """Number of the map's own scans that its usual fit is the median of."""
 
@@ -92,6 +95,8 @@ class KnownMap:
     ----------
     matcher : branch and bound in the grid; its precomputed grids are made here, and kept.
     smooth_map : for least squares.
+    tile_centres : float64, shape (n, 3), poses in the middle of the squares of `TILE_M` in which
+        anything is known, grid frame.
     usual : the fit that scans usually reach.
 
     Raises
@@ -131,6 +136,7 @@ class KnownMap:
         self.matcher.match(
             np.zeros((1, 2)), IDENTITY, linear_window=0.0, angular_window=0.0, min_score=0.0
         )
+        self.tile_centres = self._tile_centres()
         self.usual = Fit(FOREIGN_SCORE, FOREIGN_AGREEMENT, 0)
 
     @staticmethod
@@ -142,6 +148,19 @@ class KnownMap:
                 f"{name}: the map has {cells.shape[1]} by {cells.shape[0]} cells, more than can be "
                 "searched; crop it, or give larger cells"
             )
+
+    def _tile_centres(self) -> FloatArray:
+        grid = self._cells
+        edge = max(round(TILE_M / grid.resolution), 1)
+        rows, cols = grid.cells.shape
+        middles = [
+            (row + 0.5 * edge, col + 0.5 * edge)
+            for row in range(0, rows, edge)
+            for col in range(0, cols, edge)
+            if grid.cells[row : row + edge, col : col + edge].any()
+        ]
+        at = np.array(middles) * grid.resolution + (grid.origin_y, grid.origin_x)
+        return np.column_stack((at[:, 1], at[:, 0], np.zeros(len(at))))
 
     def to_grid(self, tf_map: Pose) -> Pose:
         """Return a pose in the map frame as one in the grid's."""
@@ -285,7 +304,7 @@ def _quantized(probability: NDArray[np.float32]) -> ByteArray:
 
 
 def _coarser(cells: ByteArray, factor: int) -> tuple[ByteArray, int]:
-    """Return cells of which each is the maximum of `factor` by `factor`, and the factor."""
+    """Return the maxima of blocks of `factor` by `factor` cells, and the factor."""
     rows, cols = cells.shape
     padded = np.pad(cells, ((0, -rows % factor), (0, -cols % factor)))
     blocks = padded.reshape(padded.shape[0] // factor, factor, padded.shape[1] // factor, factor)

@@ -48,7 +48,7 @@ come from where nothing is mapped."""
 START_WINDOW_M, START_WINDOW_RAD = 1.0, math.radians(20.0)
 """Window around a given pose [m], [rad]."""
 
-CHECK_STEP_M = 1.0
+CHECK_STEP_M = 1.5
 """Path between two searches while a pose is doubted [m]."""
 
 _EVENTS = "a LaserScan, PointCloud, Odometry or Imu"
@@ -266,14 +266,21 @@ class Localizer:
             self._lose()
             result = self._local_slam.add_scan(event)
         scan = self._scan_of(event, result)
-        self._trail.add(scan.tf_local_tracking, thin(scan.points, SCAN_FILTER), scan.beam_origin)
+        self._note(scan)
         agreement = math.nan
         if self._tracker is not None:
             agreement = self._track(self._tracker, scan)
+            if self._doubt.is_lost:
+                self._lose()
+                scan = self._scan_of(event, self._local_slam.add_scan(event))
+                self._note(scan)
         if self._tracker is None:
             self._search(scan)
         self._last = scan
         return self._answer_of(scan, agreement)
+
+    def _note(self, scan: _Scan) -> None:
+        self._trail.add(scan.tf_local_tracking, thin(scan.points, SCAN_FILTER), scan.beam_origin)
 
     def _scan_of(self, event: LaserScan | PointCloud, result: LocalSlamResult) -> _Scan:
         geometry = event.geometry
@@ -287,7 +294,7 @@ class Localizer:
         return _Scan(event.stamp, event.time, result.tf_local_tracking, points, mounting)
 
     def _track(self, tracker: Tracker, scan: _Scan) -> float:
-        """Move and correct the pose; return the agreement. May end in being lost."""
+        """Move and correct the pose; return the agreement."""
         step, duration = IDENTITY, 0.0
         if self._last is not None:
             step = relative(self._last.tf_local_tracking, scan.tf_local_tracking)
@@ -300,11 +307,6 @@ class Localizer:
         self._doubt.add(relative_agreement, math.hypot(step.x, step.y), duration)
         if self._doubt.is_suspect and self._is_due(scan, CHECK_STEP_M):
             self._check(tracker, scan)
-        if self._tracker is not None and self._doubt.is_lost:
-            self._lose()
-            self._trail.add(
-                scan.tf_local_tracking, thin(scan.points, SCAN_FILTER), scan.beam_origin
-            )
         return agreement
 
     def _check(self, tracker: Tracker, scan: _Scan) -> None:
@@ -376,7 +378,8 @@ class Localizer:
             return None
         match = refine(known, composite.points, best.tf_map_tracking)
         pose = known.to_map(match.tf_submap_scan)
-        fit = known.fit(composite.points, Pose(*composite.beam_origins[0].tolist(), 0.0), pose)
+        x, y = composite.beam_origins[0].tolist()
+        fit = known.fit(composite.points, Pose(x, y, 0.0), pose)
         least = 0.7 if start.is_certain else CLAIMED_AGREEMENT
         return Claim(pose, match) if fit.agreement >= least * known.usual.agreement else None
 

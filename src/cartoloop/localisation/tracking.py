@@ -144,12 +144,11 @@ class Tracker:
         """Return information without that along a corridor, where it is due to pixel noise."""
         true_share = max(ratio - self._prediction.spurious_information, 0.0) / max(ratio, 1e-9)
         along = np.array((math.cos(direction), math.sin(direction), 0.0))
-        covariance = np.linalg.inv(information)
+        covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
         variance = float(along @ covariance @ along)
         more = min(variance / max(true_share, 1e-6), UNKNOWN_SIGMA_M**2) - variance
         covariance = covariance + max(more, 0.0) * np.outer(along, along)
-        inverse: FloatArray = np.linalg.inv(covariance)
-        return inverse
+        return np.asarray(np.linalg.inv(covariance), dtype=np.float64)
 
     def _fuse(self, measured: Pose, covariance: FloatArray) -> None:
         """Correct the pose by a measured one, unless that is too far away."""

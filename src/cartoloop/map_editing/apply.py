@@ -41,6 +41,7 @@ from cartoloop.map_editing.working_map import WorkingMap
 from cartoloop.quality.verdict import Quality
 from cartoloop.report import Report, summarize_constraints
 from cartoloop.sensor.pose import IDENTITY, Pose
+from cartoloop.session import ranges
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 AnyMap = TypeVar("AnyMap", bound=MapData)
@@ -159,7 +160,8 @@ def _finished(
 
 def _report(edited: MapData, edits: Sequence[Edit], quality: Quality | None) -> Report:
     report, graph = edited.report, edited.graph
-    path = path_length(edited.trajectory)
+    scans = ranges([session.first_scan for session in edited.sessions], len(edited.stamps))
+    path = sum(path_length(edited.trajectory[some]) for some in scans)
     return replace(
         report,
         input=replace(report.input, path_length_m=path),
@@ -193,10 +195,13 @@ def _points(original: MapData, working: WorkingMap, nodes: IntArray) -> list[Flo
     if working.is_erased is None:
         return [points[node] for node in nodes.tolist()]
     of_all = working.points
+    before = np.concatenate(([0], np.cumsum(working.is_erased)))
+    loses = before[of_all.ends] > before[of_all.firsts]
     left = []
     for node in nodes.tolist():
         some = slice(int(of_all.firsts[node]), int(of_all.ends[node]))
-        left.append(of_all.points[some][~working.is_erased[some]])
+        own = of_all.points[some]
+        left.append(own[~working.is_erased[some]] if loses[node] else own)
     return left
 
 

@@ -137,10 +137,9 @@ def _fit_lines(fit: PointFit) -> list[str]:
         for number, ((dx, dy), distance) in enumerate(shown, 1)
     ]
     rms = math.sqrt(float(np.mean(distances**2)))
-    lines.append(
-        f"  residuals: root mean square {rms:.3f} m, largest {distances.max():.3f} m; the map is "
-        f"{100.0 * (1.0 / fit.scale - 1.0):+.2f}% larger than the survey, which is left so"
-        if fit.scale > 0.0
-        else f"  residuals: root mean square {rms:.3f} m, largest {distances.max():.3f} m"
-    )
+    last = f"  residuals: root mean square {rms:.3f} m, largest {distances.max():.3f} m"
+    if fit.scale > 0.0:
+        larger = round(100.0 * (1.0 / fit.scale - 1.0), 2) + 0.0  # no -0.0
+        last += f"; the map is {larger:+.2f}% larger than the survey, which is left so"
+    lines.append(last)
     return lines

@@ -7,7 +7,8 @@ from os import PathLike
 
 from cartoloop.map_data import MapData
 from cartoloop.map_editing.apply import AnyMap, apply_edits
-from cartoloop.map_file.read import damage_reported, map_file_of, read_map
+from cartoloop.map_file.damage import damage_reported
+from cartoloop.map_file.read import map_file_of, read_map
 
 
 def open_map(path: str | PathLike[str]) -> MapData:

@@ -126,13 +126,17 @@ def without_areas(grid: FinishedGrid, areas: Sequence[Rectangle]) -> FinishedGri
     boxes = [(area, box) for area in areas if (box := _box(grid, area)) is not None]
     if not boxes:
         return grid
-    cells = grid.cells.copy()
+    cells, is_changed = grid.cells.copy(), False
     for area, (rows, cols) in boxes:
         part = cells[rows, cols]
         x = grid.origin_x + np.arange(cols.start, cols.stop) * grid.resolution
         y = grid.origin_y + np.arange(rows.start, rows.stop) * grid.resolution
         positions = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        part[area.contains(positions).reshape(part.shape)] = 0
+        inside = area.contains(positions).reshape(part.shape)
+        is_changed |= bool(part[inside].any())
+        part[inside] = 0
+    if not is_changed:
+        return grid
     return FinishedGrid(cells, grid.origin_x, grid.origin_y, grid.resolution)
 
 

@@ -14,7 +14,7 @@ from cartoloop.session import MAIN_PART, ranges
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 _GAP_M, _GAP_STEPS = 1.0, 10.0
-"""A step of the path is a gap if it is longer than this [m], and than so many usual steps."""
+"""A step of the path is a gap if it is longer than this [m], and than this many usual steps."""
 
 
 class MainSubmaps(NamedTuple):

@@ -51,7 +51,8 @@ def g2o_text(graph: PoseGraph) -> str:
         if num_nodes
         else "# an empty graph"
     ]
-    vertices = np.concatenate((graph.node_poses, graph.submap_poses))
+    # Without -0.0, which a map database does not keep.
+    vertices = np.concatenate((graph.node_poses, graph.submap_poses)) + 0.0
     lines += [f"VERTEX_SE2 {i} {x!r} {y!r} {t!r}" for i, (x, y, t) in enumerate(vertices.tolist())]
     fixed = [*graph.fixed_nodes, *(num_nodes + submap for submap in graph.fixed_submaps)]
     if fixed:
@@ -60,7 +61,7 @@ def g2o_text(graph: PoseGraph) -> str:
         graph.kinds == ConstraintKind.NODE_TO_NODE, graph.index_a, graph.index_a + num_nodes
     )
     upper = _in_frame_of_b(graph.informations, graph.relative_poses[:, 2])[:, *np.triu_indices(3)]
-    values = np.column_stack((graph.relative_poses, upper))
+    values = np.column_stack((graph.relative_poses, upper)) + 0.0
     lines += [
         f"EDGE_SE2 {a} {b} {' '.join(map(repr, numbers))}"
         for a, b, numbers in zip(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import JoinConfig, QualityConfig
-from cartoloop.global_slam.joining import GeometryCheck
+from cartoloop.global_slam.join_evidence import GeometryCheck
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality.encounters import Encounters, encounters
 from cartoloop.quality.pairs import compared_pairs, path_lengths

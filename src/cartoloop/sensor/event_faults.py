@@ -39,10 +39,11 @@ class EventChecker:
         self.first_time = math.nan
         self.last_time = -math.inf
         self._last_time_of: dict[str, float] = {}
+        self._sound: ScanGeometry | None = None
 
     def reason_to_skip(self, event: SensorEvent) -> str | None:
         """Return why an event cannot be used, or None; the next scans are compared with it."""
-        if fault := fault_of(event):
+        if fault := self._fault_of(event):
             return fault
         if isinstance(event, Imu):
             return None
@@ -57,6 +58,18 @@ class EventChecker:
             self.first_time = event.time
         self.last_time = self._last_time_of[event.geometry.sensor] = event.time
         return None
+
+    def _fault_of(self, event: SensorEvent) -> str | None:
+        """Return the fault of an event; the geometry that scans share is examined once."""
+        if not isinstance(event, LaserScan):
+            return fault_of(event)
+        is_known = event.geometry is self._sound and abs(event.time) <= LATEST_STAMP
+        if is_known and event.ranges.shape == (event.geometry.num_beams,):
+            return None
+        fault = fault_of(event)
+        if fault is None:
+            self._sound = event.geometry
+        return fault
 
 
 def fault_of(event: SensorEvent) -> str | None:

@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Localisation in maps that other scans made: of recordings cut in two, and of simulated worlds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from bench.environment import environment
+from bench.localisation import measures
+from bench.localisation.drives import (
+    CutRecording,
+    Drive,
+    carried_away,
+    simulated_drive,
+    with_moved_boxes,
+)
+from bench.record import Case, Figure, Record, Row
+from cartoloop.evaluation.map_image import MapImage
+from cartoloop.localisation.known_map import KnownMap, known_map_of, known_map_of_image
+from cartoloop.map_output.occupancy_map import OccupancyMap
+from cartoloop.sensor.pose import Pose
+
+RECORDINGS = ("intel", "fr079", "mit-csail", "aces")
+"""Recordings whose second half is localised in the map of the first."""
+
+WORLD = "office"
+MAX_PATH_M = 20.0
+"""Path of each drive from nowhere [m]."""
+
+PARTICLES = 5000
+"""Of the particle filter at its start; AMCL's default of 2,000 rarely finds the place."""
+
+Progress = Callable[[str], None]
+
+
+def run(
+    data: Path, scans: int, drives: int, seeds: int, recordings: Sequence[str], progress: Progress
+) -> Record:
+    """Return the figures of all parts.
+
+    Parameters
+    ----------
+    data : folder of the recordings; those that are absent are left out.
+    scans : single scans of each recording.
+    drives : drives from nowhere in each recording, and robots carried away in each world.
+    seeds : simulated worlds.
+    recordings : names of the recordings.
+    progress : called with a line now and then.
+    """
+    rows: list[Row] = []
+    for name in recordings:
+        path = data / "radish" / f"{name}.clf.gz"
+        if not path.exists():
+            progress(f"{path}: absent, left out")
+            continue
+        progress(f"{name}: mapping both halves")
+        drive = CutRecording(path).drive()
+        rows += _reported(_recording_rows(drive, scans, drives, progress), progress)
+    rows += _reported(_simulated_rows(seeds, drives, progress), progress)
+    return Record("localisation", tuple(rows), environment())
+
+
+def _reported(rows: Iterator[Row], progress: Progress) -> Iterator[Row]:
+    """Yield rows, and report each as it is known."""
+    for row in rows:
+        figures = (f"{name} {figure.text()} {figure.unit}" for name, figure in row.figures.items())
+        progress(f"{', '.join(map(str, row.case.values()))}: {', '.join(figures)}")
+        yield row
+
+
+def _recording_rows(drive: Drive, scans: int, drives: int, progress: Progress) -> Iterator[Row]:
+    own = known_map_of(drive.result, drive.name)
+    for map_name, known in (("ours", own), ("pgm and yaml", _as_image(drive))):
+        case: Case = {"drive": drive.name, "map": map_name}
+        progress(f"{drive.name}, {map_name}: single scans")
+        yield _single_row(case, measures.single_scans(known, drive, scans))
+        progress(f"{drive.name}, {map_name}: drives")
+        yield _driving_row(case, known, drive, drives)
+    progress(f"{drive.name}: particle filter")
+    yield _particle_row({"drive": drive.name, "map": "ours"}, own, drive, drives)
+
+
+def _as_image(drive: Drive) -> KnownMap:
+    """Return the map as a reader of its ``map.pgm`` and ``map.yaml`` sees it."""
+    occupancy_map = drive.result.occupancy_map()
+    options = drive.result.config.map_output
+    return known_map_of_image(
+        _image_of(occupancy_map, options.occupied_thresh, options.free_thresh)
+    )
+
+
+def _image_of(occupancy_map: OccupancyMap, occupied: float, free: float) -> MapImage:
+    probability = occupancy_map.probability
+    occupancy = np.full(probability.shape, -1.0, dtype=np.float32)
+    occupancy[(probability >= 0.0) & (probability < free)] = 0.0
+    occupancy[probability > occupied] = 1.0
+    origin = Pose(occupancy_map.origin_x, occupancy_map.origin_y, 0.0)
+    return MapImage(occupancy, occupancy_map.resolution, origin, 0.65, 0.196)
+
+
+def _single_row(case: Case, found: measures.SingleScans) -> Row:
+    claimed, right = np.array(found.claimed), np.array(found.right)
+    overlapping = np.array(found.overlapping)
+    figures = {
+        "scans": Figure.exact(len(claimed), better=None),
+        "overlapping": Figure.exact(100.0 * float(overlapping.mean()), "%", None),
+        "of these claimed": _share(claimed[overlapping], "more"),
+        "claims that are right": _share(right[claimed], "more"),
+        "wrong, of all": Figure.exact(100.0 * float((claimed & ~right).mean()), "%"),
+        "time": Figure.of_samples([1e3 * time for time in found.times], "ms"),
+        "longest": Figure(1e3 * max(found.times), "ms"),
+        "processor time": Figure.of_samples([1e3 * time for time in found.processor], "ms"),
+    }
+    return Row({"what": "one scan from nowhere", **case}, figures)
+
+
+def _share(values: np.ndarray[tuple[int], np.dtype[np.bool_]], better: str) -> Figure:
+    share = 100.0 * float(values.mean()) if len(values) else math.nan
+    return Figure.exact(share, "%", "more" if better == "more" else "less")
+
+
+def _starts(drive: Drive, overlapping: Sequence[float], count: int) -> list[int]:
+    """Return scans to begin with: spread over the drive, where the map shows what they show."""
+    last = len(drive.truth) - 1
+    chosen = []
+    for start in np.linspace(0, 0.95 * last, count).astype(int).tolist():
+        near = next((i for i in range(start, last) if overlapping[i]), None)
+        if near is not None and near not in chosen:
+            chosen.append(near)
+    return chosen
+
+
+def _overlap(known: KnownMap, drive: Drive) -> list[float]:
+    """Return 1 for scans that overlap the map, 0 for others; every fifth is looked at."""
+    seen = [float(measures.overlaps(known, drive, i)) for i in range(0, len(drive.truth), 5)]
+    return [seen[i // 5] for i in range(len(drive.truth))]
+
+
+def _driving_row(case: Case, known: KnownMap, drive: Drive, count: int) -> Row:
+    overlapping = _overlap(known, drive)
+    runs = [
+        measures.follow(known, drive, start, MAX_PATH_M, overlapping=np.array(overlapping))
+        for start in _starts(drive, overlapping, count)
+    ]
+    return Row({"what": "driving from nowhere", **case}, _driving_figures(runs, by_overlap=True))
+
+
+def _driving_figures(runs: Sequence[measures.Followed], *, by_overlap: bool) -> dict[str, Figure]:
+    paths = [run.overlap_path if by_overlap else run.path for run in runs]
+    errors = np.concatenate([run.errors for run in runs])
+    angles = np.concatenate([run.angles for run in runs])
+    located = sum(run.num_located for run in runs)
+    decisions = sum(sum(run.states.values()) for run in runs)
+    processor = 1e3 * np.concatenate([run.processor for run in runs])
+    lost = sum(run.states["lost"] for run in runs)
+    return {
+        "drives": Figure.exact(len(runs), better=None),
+        "located within 3 m": _share(np.array(paths) <= 3.0, "more"),
+        "within 10 m": _share(np.array(paths) <= 10.0, "more"),
+        "located": Figure.exact(100.0 * located / max(decisions, 1), "%", None),
+        "wrong": Figure.exact(100.0 * sum(r.num_wrong for r in runs) / max(decisions, 1), "%"),
+        "lost": Figure.exact(100.0 * lost / max(decisions, 1), "%"),
+        "rmse": Figure.exact(100.0 * _rms(errors), "cm"),
+        "heading rmse": Figure.exact(math.degrees(_rms(angles)), "deg"),
+        "processor time of a scan": Figure(float(np.median(processor)), "ms"),
+        "99%": Figure(float(np.quantile(processor, 0.99)), "ms"),
+    }
+
+
+def _rms(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+    return math.sqrt(float(np.square(values).mean())) if len(values) else math.nan
+
+
+def _particle_row(case: Case, known: KnownMap, drive: Drive, count: int) -> Row:
+    overlapping = _overlap(known, drive)
+    runs = [
+        measures.follow_by_particles(known, drive, start, MAX_PATH_M, PARTICLES)
+        for start in _starts(drive, overlapping, count)
+    ]
+    figures = _driving_figures(runs, by_overlap=False)
+    return Row({"what": f"particle filter, {PARTICLES}", **case}, figures)
+
+
+def _simulated_rows(seeds: int, drives: int, progress: Progress) -> Iterator[Row]:
+    """Return what is measured against the truth of the simulator."""
+    unchanged: list[measures.Followed] = []
+    moved: list[measures.Followed] = []
+    strangers: list[measures.Followed] = []
+    carried: list[measures.CarriedAway] = []
+    before: KnownMap | None = None
+    for seed in range(seeds):
+        progress(f"{WORLD} {seed}: mapping and driving again")
+        drive = simulated_drive(WORLD, seed)
+        known = known_map_of(drive.result)
+        start = _pose(drive, 0)
+        unchanged.append(measures.follow(known, drive, at=start))
+        later = simulated_drive(WORLD, seed, with_moved_boxes)
+        moved.append(measures.follow(known_map_of(later.result), later, at=_pose(later, 0)))
+        if before is not None:
+            strangers.append(measures.follow(before, drive))
+        before = known
+        rng = np.random.default_rng(seed)
+        for _ in range(drives):
+            at = int(rng.integers(20, 60))
+            to = int(rng.integers(200, len(drive.truth) - 200))
+            away = carried_away(drive, at, to)
+            carried.append(measures.carried_away(known, away, at, MAX_PATH_M))
+    if not seeds:
+        return
+    worlds: Case = {"drive": f"{WORLD}, {seeds} seeds", "map": "ours"}
+    yield Row({"what": "tracking", **worlds}, _driving_figures(unchanged, by_overlap=False))
+    yield Row(
+        {"what": "tracking, boxes moved", **worlds}, _driving_figures(moved, by_overlap=False)
+    )
+    if strangers:
+        yield _stranger_row(worlds, strangers)
+    if carried:
+        yield _carried_row(worlds, carried)
+
+
+def _pose(drive: Drive, scan: int) -> Pose:
+    return Pose(*drive.truth[scan].tolist())
+
+
+def _stranger_row(case: Case, runs: Sequence[measures.Followed]) -> Row:
+    decisions = sum(sum(run.states.values()) for run in runs)
+    located = sum(run.num_located for run in runs)
+    return Row(
+        {"what": "in the map of another building", **case},
+        {
+            "drives": Figure.exact(len(runs), better=None),
+            "wrong": Figure.exact(100.0 * located / max(decisions, 1), "%"),
+            "longest located": Figure.exact(max(run.longest_located_s for run in runs), "s"),
+        },
+    )
+
+
+def _carried_row(case: Case, found: Sequence[measures.CarriedAway]) -> Row:
+    noticed = np.array([one.noticed_path <= 3.0 or one.noticed_s <= 5.0 for one in found])
+    again = np.array([one.found_path <= 10.0 for one in found])
+    paths = [one.found_path for one in found if math.isfinite(one.found_path)]
+    return Row(
+        {"what": "carried away", **case},
+        {
+            "drives": Figure.exact(len(found), better=None),
+            "noticed within 3 m or 5 s": _share(noticed, "more"),
+            "within 10 m": _share(again, "more"),
+            "found after": Figure.exact_of_inputs(paths or [math.inf], "m"),
+        },
+    )

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The benchmark of localisation measures what it says, and its particle filter works."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from bench.localisation import measures
+from bench.localisation.drives import Drive, carried_away, corners_of, error, with_moved_boxes
+from bench.localisation.particle_filter import ParticleFilter
+from cartoloop.localisation.known_map import KnownMap
+from cartoloop.sensor.events import LaserScan, Odometry
+from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
+from cartoloop.simulation import make_world
+from tests.localisation import rooms
+
+
+def room_drive(steps=30):
+    poses = rooms.drive(rooms.START, steps, step=0.05, turn=0.04)
+    events = list(rooms.events(rooms.ROOM, poses))
+    return Drive("room", None, events, np.array(poses))
+
+
+@pytest.fixture(scope="module")
+def known() -> KnownMap:
+    return rooms.known_map(rooms.ROOM)
+
+
+def test_a_drive_is_followed_with_its_errors(known):
+    found = measures.follow(known, room_drive())
+
+    assert found.path == 0.0
+    assert found.num_located == sum(found.states.values()) == 31
+    assert found.num_wrong == 0
+    assert max(found.errors) < 0.1
+    assert found.longest_located_s == pytest.approx(3.0)
+
+
+def test_single_scans_are_claimed_rightly(known):
+    found = measures.single_scans(known, room_drive(), 3)
+
+    assert found.overlapping == [True] * 3
+    assert found.claimed == found.right == [True] * 3
+
+
+def test_scans_of_another_place_do_not_overlap_the_map(known):
+    drive = room_drive(2)
+    drive.truth += (30.0, 0.0, 0.0)
+
+    assert not measures.overlaps(known, drive, 0)
+
+
+def test_a_robot_is_carried_away_without_a_trace():
+    drive = room_drive()
+
+    away = carried_away(drive, at=5, to=20)
+
+    assert len(away.truth) == 6 + 11
+    assert len(away.scan_places) == len(away.truth)
+    times = [event.time for event in away.events]
+    assert all(a <= b + 1e-9 for a, b in pairwise(times))
+    odom = [event.tf_odom_tracking for event in away.events if isinstance(event, Odometry)]
+    steps = [math.hypot(*relative(a, b)[:2]) for a, b in pairwise(odom)]
+    assert max(steps) < 0.2
+
+
+def test_the_particle_filter_follows_a_robot(known):
+    drive = room_drive(120)
+    particles = ParticleFilter(known, 3000, 0)
+    odom = IDENTITY
+    for event in drive.events:
+        if isinstance(event, LaserScan):
+            angles = event.geometry.angles
+            points = event.ranges[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
+            particles.add(odom, points)
+        else:
+            odom = event.tf_odom_tracking
+
+    pose, sigma = particles.estimate
+    assert sigma < 1.0
+    assert error(drive.truth[-1], pose)[0] < 0.5
+
+
+def test_errors_are_those_of_distance_and_angle():
+    truth = np.array((1.0, 2.0, 0.5))
+
+    distance, angle = error(truth, compose(Pose(1.0, 2.0, 0.5), Pose(0.3, 0.4, -0.1)))
+
+    assert distance == pytest.approx(0.5)
+    assert angle == pytest.approx(0.1)
+
+
+def test_some_boxes_of_a_world_are_moved():
+    world = make_world("office", 1)
+    moved = with_moved_boxes(world, np.random.default_rng(0))
+
+    assert 0 < len(world.walls) - len(moved.walls) < 0.4 * len(world.walls)
+
+
+def test_corners_of_a_path_are_a_metre_apart():
+    path = np.column_stack((np.linspace(0.0, 5.0, 51), np.zeros(51), np.zeros(51)))
+
+    assert corners_of(path)[:, 0].tolist() == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])

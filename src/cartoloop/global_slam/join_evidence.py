@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of the relative pose of two parts: the search, the placement, the geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from cartoloop.arrays import IntArray
+from cartoloop.global_slam.closure_search import FinishedSubmap
+from cartoloop.global_slam.placing import Placement
+from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.scan_points import ScanPoints
+
+
+class GeometryCheck(NamedTuple):
+    """How well two parts agree where they overlap.
+
+    Attributes
+    ----------
+    length : path of either that lies in the other [m].
+    contradicted : of it, the path whose scans contradict the other part [m].
+    on_wall, on_floor : returns that lie on walls and on floor of the other part.
+    fault : why they cannot be joined, as a clause; "" if they can.
+    """
+
+    length: float
+    contradicted: float
+    on_wall: int
+    on_floor: int
+    fault: str
+
+
+CheckGeometry = Callable[
+    [PoseGraph, Sequence[FinishedSubmap], ScanPoints, IntArray, IntArray], GeometryCheck
+]
+"""Examines a graph in which two parts were placed: graph, submaps, returns of the nodes, and the
+parts of nodes and submaps: 0 and 1, others are not examined."""
+
+
+class OnePose(NamedTuple):
+    """Where a part is known to be.
+
+    Attributes
+    ----------
+    part : it.
+    tf_main_part : its frame in that of the main part.
+    """
+
+    part: int
+    tf_main_part: Pose
+
+
+@dataclass
+class JoinAttempt:
+    """What is known of two parts.
+
+    Attributes
+    ----------
+    one, other : the parts.
+    found : the best placement so far.
+    check : of its geometry, if it was tried.
+    why_not : why they are not joined, "" if they are.
+    refused : placements that the geometry contradicts.
+    num_searches : pairs of composite scan and submap searched.
+    """
+
+    one: int
+    other: int
+    found: Placement | None = None
+    check: GeometryCheck | None = None
+    why_not: str = "not searched"
+    refused: list[Pose] = field(default_factory=list)
+    num_searches: int = 0

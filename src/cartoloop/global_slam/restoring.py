@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Brings what selects and searches pairs into the state after the nodes of earlier maps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score
+from cartoloop.global_slam.closures import Closures
+from cartoloop.global_slam.graph_adjustment import violated_closures
+from cartoloop.global_slam.pair_selection import PairSelection
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.global_slam.sessions import MappedSessions, NodeSubmaps, SessionRanges
+from cartoloop.global_slam.wide_search import WideSearch
+from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.scan_points import NodePoints, ScanPoints
+from cartoloop.submaps.finished_grid import FinishedGrid
+
+
+def restore_nodes(
+    mapped: Sequence[MappedSessions],
+    graph: PoseGraph,
+    sessions: SessionRanges,
+    pairs: PairSelection,
+    wide: WideSearch,
+    node_points: NodePoints,
+) -> list[set[int]]:
+    """Note the nodes of maps; return of each submap the nodes that were inserted into it.
+
+    Parameters
+    ----------
+    mapped : the maps.
+    graph, sessions : of all of them.
+    pairs, wide, node_points : that the nodes are added to.
+    """
+    submaps = NodeSubmaps.of(graph)
+    begins = set(sessions.first_nodes[1:])
+    for points in (points for each in mapped for points in each.node_points):
+        node_points.append(points)
+    all_points = node_points.view
+    tf_local_node = np.concatenate([each.tf_local_node for each in mapped])
+    for node, pose in enumerate(tf_local_node.tolist()):
+        if node in begins:
+            pairs.begin_session()
+            wide.begin_session()
+        own = (int(submaps.first[node]), int(submaps.last[node]))
+        pairs.add((pose[0], pose[1]), len(all_points[node]), own)
+        wide.restore_node(Pose(*pose), all_points)
+    inserted = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
+    submap_nodes: list[set[int]] = [set() for _ in range(graph.num_submaps)]
+    for submap, node in zip(
+        graph.index_a[inserted].tolist(), graph.index_b[inserted].tolist(), strict=True
+    ):
+        submap_nodes[submap].add(node)
+    return submap_nodes
+
+
+def restore_closures(graph: PoseGraph, closures: Closures, pairs: PairSelection) -> None:
+    """Note the requests and closures of maps, of which those that hold connect submaps."""
+    pairs.note_requested(closures)
+    in_graph, is_violated = violated_closures(graph)
+    pairs.note_adjusted(graph, in_graph[~is_violated])
+
+
+def finished_submap(
+    index: int, grid: FinishedGrid, graph: PoseGraph, node_points: ScanPoints
+) -> FinishedSubmap:
+    """Return a finished submap, with the score of its own scans in it."""
+    own = np.flatnonzero((graph.index_a == index) & (graph.kinds == ConstraintKind.INTRA_SUBMAP))
+    points = node_points.take(graph.index_b[own])
+    own_score = mean_score(grid, points, graph.relative_poses[own])
+    return FinishedSubmap(index, grid, own_score)

@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+import json
+
+from cartoloop.cli.main import run
+from cartoloop.result import load_map
+
+
+def test_lifelong_without_a_map_is_refused(tmp_path, capsys):
+    assert run(["map", str(tmp_path / "a.log"), "--lifelong"]) == 2
+    assert "--onto" in capsys.readouterr().err
+
+
+def test_a_drive_that_is_seen_again_gives_way(tmp_path, ring_log, capsys):
+    first, both = tmp_path / "first", tmp_path / "both"
+    assert run(["map", str(ring_log), "-o", str(first)]) == 0
+    assert run(["map", str(ring_log), "--onto", str(first), "--lifelong", "-o", str(both)]) == 0
+    assert "submaps and" in capsys.readouterr().out.partition("seen again")[2]
+    report = json.loads((both / "report.json").read_text())
+    assert report["lifelong"]["removed_submaps"] > 0
+    result = load_map(both)
+    assert result.config.lifelong.enabled
+    assert result.graph.num_submaps < 1.5 * load_map(first).graph.num_submaps

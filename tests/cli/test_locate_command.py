@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``cartoloop locate`` with recordings, on maps of other programs."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+
+from cartoloop.cli.main import run
+from tests.localisation.rooms import BOX, ROOM, START, apart, carmen_text, drive, write_image
+
+POSES = drive(START, 40, step=0.04, turn=0.03)
+HALL = (((0, 0), (30, 0), (30, 2.2), (0, 2.2)),)
+
+
+@pytest.fixture
+def room(tmp_path):
+    return str(write_image(tmp_path, ROOM))
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / "drive.log"
+    path.write_text(carmen_text(ROOM, POSES))
+    return str(path)
+
+
+def answers_in(path):
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def test_each_scan_gets_a_line_with_its_pose_in_the_map(room, log, tmp_path, capsys):
+    poses = tmp_path / "poses.jsonl"
+
+    assert run(["locate", room, log, "--poses", str(poses), "--strict"]) == 0
+
+    answers = answers_in(poses)
+    assert len(answers) == len(POSES)
+    assert answers[-1]["state"] == "located"
+    assert apart(POSES[-1], answers[-1]["map"])[0] < 0.1
+    assert len(answers[-1]["covariance"]) == 9
+    assert 0.8 < answers[-1]["agreement"] <= 1.0
+    assert "located" in capsys.readouterr().out
+
+
+def test_poses_on_standard_output_are_alone_there(room, log, capfd):
+    assert run(["locate", room, log, "--poses", "-"]) == 0
+
+    captured = capfd.readouterr()
+    assert all(json.loads(line)["type"] == "pose" for line in captured.out.splitlines())
+    assert "located" in captured.err
+
+
+def test_a_strict_run_that_never_locates_has_its_own_status(room, tmp_path, capsys):
+    path = tmp_path / "hall.log"
+    path.write_text(carmen_text(HALL, drive(POSES[0]._replace(x=3.0, y=1.1, theta=0.0), 10)))
+
+    assert run(["locate", room, str(path), "--strict"]) == 3
+    assert run(["locate", room, str(path)]) == 0
+    assert "never" in capsys.readouterr().out
+
+
+def test_a_pose_on_the_command_line_decides_between_places(tmp_path, capsys):
+    box = str(write_image(tmp_path, BOX))
+    path = tmp_path / "box.log"
+    path.write_text(carmen_text(BOX, [START]))
+
+    at = ["--at", "4.5", "3.6", str(math.degrees(START.theta) + 5.0)]
+    assert run(["locate", box, str(path), *at, "--strict"]) == 0
+    assert "x 4.70 m, y 3.40 m" in capsys.readouterr().out
+
+
+def test_the_latest_pose_is_kept_and_begun_with(tmp_path):
+    box = str(write_image(tmp_path, BOX))
+    path, kept = tmp_path / "box.log", tmp_path / "kept.json"
+    path.write_text(carmen_text(BOX, [START]))
+    begin = ["--at", "4.7", "3.4", str(math.degrees(START.theta))]
+    assert run(["locate", box, str(path), *begin, "--keep", str(kept)]) == 0
+
+    assert run(["locate", box, str(path), "--keep", str(kept), "--strict"]) == 0
+    assert apart(START, json.loads(kept.read_text())["map"])[0] < 0.1
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"type": "cartoloop pose", "map": [1, 2]}'])
+def test_a_file_that_holds_no_kept_pose_is_refused(room, log, tmp_path, capsys, content):
+    kept = tmp_path / "kept.json"
+    kept.write_text(content)
+
+    assert run(["locate", room, log, "--keep", str(kept)]) == 1
+    message = capsys.readouterr().err.strip()
+    assert "is no pose" in message
+    assert kept.read_text() == content
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["locate", "{folder}/no.yaml", "{log}"], "no.yaml"),
+        (["locate", "{folder}", "{log}"], "is not there"),
+        (["locate", "{room}", "{folder}/no.log"], "no.log"),
+        (["locate", "{room}", "tcp://192.0.2.1:7000"], "--source-host"),
+        (["locate", "{room}", "{log}", "--poses", "{folder}/no/poses"], "--poses"),
+    ],
+)
+def test_errors_are_a_line(room, log, tmp_path, capsys, arguments, says):
+    places = {"folder": tmp_path / "empty", "room": room, "log": log}
+    places["folder"].mkdir()
+
+    status = run([argument.format(**places) for argument in arguments])
+
+    last = capsys.readouterr().err.strip().splitlines()[-1]
+    assert status == 1
+    assert last.startswith("cartoloop: ")
+    assert says in last

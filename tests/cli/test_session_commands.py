@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``cartoloop map --onto`` and ``cartoloop merge`` from the command line."""
+
+from __future__ import annotations
+
+import pytest
+
+from cartoloop.cli.main import run
+from cartoloop.cli.map_command import parse_start
+from cartoloop.cli.session_lines import APART_STATUS
+from cartoloop.result import load_map
+from cartoloop.session import MAIN_PART
+from cartoloop.simulation import ring, simulate
+from tests.map_output.small_result import FILES, small_result
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def ring_folder(ring_result, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ring")
+    ring_result.save(folder)
+    return folder
+
+
+@pytest.fixture
+def own_ring_folder(ring_result, tmp_path):
+    ring_result.save(tmp_path / "own")
+    return tmp_path / "own"
+
+
+@pytest.fixture(scope="module")
+def strange_log(tmp_path_factory):
+    path = tmp_path_factory.mktemp("strange") / "strange.log.gz"
+    simulate(ring(seed=7), seed=2, duration=60.0).write_log(path)
+    return path
+
+
+def parts(folder):
+    return [session.part for session in load_map(folder).sessions]
+
+
+def names(folder):
+    return {path.name for path in folder.iterdir()}
+
+
+def test_recording_is_added_to_a_map_in_its_folder(own_ring_folder, ring_log, capsys):
+    assert run(["map", str(ring_log), "--onto", str(own_ring_folder)]) == 0
+    assert parts(own_ring_folder) == [MAIN_PART, MAIN_PART]
+    assert names(own_ring_folder) == FILES
+    said = capsys.readouterr().out
+    assert "2 of 2 in one map" in said
+    assert "scans agree" in said
+
+
+def test_added_session_has_the_name_of_its_recording(own_ring_folder, ring_log):
+    run(["map", str(ring_log), "--onto", str(own_ring_folder)])
+    _, second = load_map(own_ring_folder).sessions
+    assert second.recording == second.name == ring_log.name
+    assert second.fingerprint
+
+
+def test_trajectory_has_the_scans_of_both_sessions(ring_folder, ring_log, tmp_path):
+    out = tmp_path / "both"
+    assert run(["map", str(ring_log), "--onto", str(ring_folder), "-o", str(out)]) == 0
+    lines = (out / "trajectory.tum").read_text().splitlines()
+    before = (ring_folder / "trajectory.tum").read_text().splitlines()
+    assert len(lines) - 1 == 2 * (len(before) - 1)
+    stamps = [float(line.split()[0]) for line in lines[1:]]
+    assert stamps == sorted(stamps)
+    assert parts(ring_folder) == [MAIN_PART]
+
+
+def test_session_without_a_place_is_kept_apart(own_ring_folder, strange_log, capsys):
+    assert run(["map", str(strange_log), "--onto", str(own_ring_folder)]) == APART_STATUS
+    assert parts(own_ring_folder) == [MAIN_PART, 1]
+    assert "apart" in capsys.readouterr().out
+
+
+def test_maps_of_two_buildings_are_merged_apart(ring_folder, strange_log, tmp_path, capsys):
+    strange, out = tmp_path / "strange", tmp_path / "both"
+    assert run(["map", str(strange_log), "-o", str(strange)]) == 0
+    status = run(["merge", str(ring_folder), str(strange), "-o", str(out)])
+    assert status == APART_STATUS
+    assert names(out) == FILES
+    assert parts(out) == [MAIN_PART, 1]
+    # The same maps may be merged again, in the same folder.
+    assert run(["merge", str(ring_folder), str(strange), "-o", str(out)]) == APART_STATUS
+    capsys.readouterr()
+    assert run(["merge", str(strange), str(ring_folder), "-o", str(ring_folder)]) == 1
+    assert "holds another map" in capsys.readouterr().err
+
+
+def test_one_map_cannot_be_merged(ring_folder, tmp_path, capsys):
+    assert run(["merge", str(ring_folder), "-o", str(tmp_path / "out")]) == 1
+    assert "give at least two" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_map_that_is_not_there_is_one_line(ring_log, tmp_path, capsys):
+    assert run(["map", str(ring_log), "--onto", str(tmp_path / "none"), "-o", str(tmp_path)]) == 1
+    assert run(["merge", str(tmp_path / "none"), str(tmp_path), "-o", str(tmp_path / "out")]) == 1
+    for line in capsys.readouterr().err.splitlines():
+        assert "Traceback" not in line
+
+
+def test_map_without_returns_cannot_be_merged(ring_folder, tmp_path, capsys):
+    small_result().save(tmp_path / "small")
+    status = run(["merge", str(ring_folder), str(tmp_path / "small"), "-o", str(tmp_path / "out")])
+    assert status in (1, APART_STATUS)
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_pose_in_the_map_is_in_degrees():
+    assert parse_start("1,-2,180", has_map=True) == pytest.approx((1.0, -2.0, 3.141593))
+    assert parse_start(None, has_map=False) is None
+
+
+@pytest.mark.parametrize(
+    "given",
+    [["--at", "1,2,3"], ["--onto", "{map}", "--at", "1,2"], ["--onto", "{map}", "--at", "x"]],
+)
+def test_pose_that_is_none_is_refused(given, ring_folder, ring_log, capsys):
+    words = [word.format(map=ring_folder) for word in given]
+    assert run(["map", str(ring_log), *words]) == 2
+    assert "--at" in capsys.readouterr().err

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Walls of one part of a map that another part saw through."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cartoloop.config import JoinConfig, SubmapConfig
+from cartoloop.map_output.part_walls import Submaps, wall_faults
+from cartoloop.submaps.finished_grid import FinishedGrid
+
+UNSEEN, FLOOR, WALL = 0, 1, 255
+RESOLUTION, WIDTH = 0.05, 44
+"""A corridor 2.2 m wide."""
+
+JOIN, SUBMAPS = JoinConfig(), SubmapConfig()
+
+
+def corridor(length, end_at=None, blocks=()):
+    """Return a submap of a corridor along x; it ends at a wall if `end_at` is given [cells]."""
+    cells = np.full((WIDTH + 20, length), UNSEEN, np.uint8)
+    inside = slice(10, 10 + WIDTH)
+    seen = length if end_at is None else end_at
+    cells[inside, :seen] = FLOOR
+    cells[10, :seen] = cells[9 + WIDTH, :seen] = WALL
+    if end_at is not None:
+        cells[inside, end_at - 2 : end_at] = WALL
+    for rows, cols in blocks:
+        cells[rows, cols] = WALL
+    return Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], np.zeros((1, 3)))
+
+
+def test_same_corridor_does_not_contradict_itself():
+    assert wall_faults(corridor(200), corridor(200), SUBMAPS, JOIN) == []
+
+
+def test_corridor_that_goes_on_contradicts_its_end():
+    for one, other in ((0, 1), (1, 0)):
+        parts = (corridor(200, end_at=100), corridor(200))
+        (fault,) = wall_faults(parts[one], parts[other], SUBMAPS, JOIN)
+        assert fault.x == pytest.approx(5.0, abs=0.2)
+        assert fault.length > 1.2
+        assert fault.hidden > 5.0
+
+
+def test_furniture_that_was_moved_does_not_contradict():
+    cupboard = (slice(30, 32), slice(80, 110))
+    parts = corridor(200), corridor(200, blocks=[cupboard])
+    assert wall_faults(*parts, SUBMAPS, JOIN) == []
+
+
+def test_door_that_was_closed_does_not_contradict():
+    # It hides the rest of the corridor, but is 0.9 m wide.
+    closed = corridor(200, end_at=100)
+    opened = corridor(200)
+    cells = opened.grids[0].cells.copy()
+    cells[10:28, 98:100] = cells[46:54, 98:100] = WALL
+    opened = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], opened.poses)
+    assert wall_faults(closed, opened, SUBMAPS, JOIN) == []
+
+
+def test_parts_that_do_not_overlap_do_not_contradict():
+    far = Submaps(corridor(200).grids, np.array([(100.0, 0.0, 0.0)]))
+    assert wall_faults(corridor(200, end_at=100), far, SUBMAPS, JOIN) == []
+
+
+def test_part_without_cells_does_not_contradict():
+    nothing = Submaps([], np.zeros((0, 3)))
+    assert wall_faults(corridor(200), nothing, SUBMAPS, JOIN) == []
