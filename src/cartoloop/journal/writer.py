@@ -29,8 +29,8 @@ WRITE_PERIOD_S = 0.25
 """Period at which records are passed to the system [s]."""
 
 LATE_S = 0.5
-"""This long after the last write, the thread that puts a record writes: where other programs use all
-processors, the one in the background may wait long for its turn [s]."""
+"""This long after the last write, the thread that puts a record writes: where other programs use
+all processors, the one in the background may wait long for its turn [s]."""
 
 SYNC_PERIOD_S = 1.0
 """Period at which the system is asked to put them on the disk [s]."""
