@@ -58,7 +58,7 @@ def restore_nodes(
 
 
 def restore_closures(graph: PoseGraph, closures: Closures, pairs: PairSelection) -> None:
-    """Note the requests and closures of maps, of which those that hold connect submaps."""
+    """Note the requests and closures of maps; closures that hold connect submaps."""
     pairs.note_requested(closures)
     in_graph, is_violated = violated_closures(graph)
     pairs.note_adjusted(graph, in_graph[~is_violated])
