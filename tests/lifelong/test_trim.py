@@ -187,3 +187,45 @@ def test_parts_do_not_cover_each_other(before):
     one, two = before.sessions
     apart = replace(before, sessions=(one, replace(two, part=1)))
     assert trimmed(apart) is apart
+
+
+def test_a_session_with_a_gap_becomes_two_of_the_same_name():
+    """The second drive sees only the middle of the first again."""
+    graph = PoseGraph()
+    seen = [(0, 30), (20, 50), (40, 70), (60, 90), (85, 118)]
+    one, *_ = drive(graph, seen, y=1.0)
+    two, first_submap, first_node = drive(graph, [(15, 60), (50, 95)], y=0.8)
+    graph.fix_submap(0)
+    for submap, node in ((first_submap, 3), (first_submap, 5), (first_submap + 1, 9)):
+        graph.add_constraint(
+            ConstraintKind.LOOP_CLOSURE, submap, node, relative(graph, submap, node), np.eye(3)
+        )
+    num_scans = SCANS_PER_NODE * graph.num_nodes
+    poses = np.repeat(graph.node_poses, SCANS_PER_NODE, axis=0)
+    result = replace(
+        two_drives(joins=[{"sessions": [[0], [1]], "joined": True}]),
+        stamps=np.arange(num_scans, dtype=float),
+        trajectory=poses,
+        local_trajectory=poses,
+        graph=graph,
+        node_scan_index=SCANS_PER_NODE * np.arange(graph.num_nodes),
+        submap_grids=[*one, *two],
+        closures=record(),
+        node_points=[np.zeros((2, 2))] * graph.num_nodes,
+        sessions=(
+            Session("one"),
+            Session(
+                "two",
+                first_scan=SCANS_PER_NODE * first_node,
+                first_node=first_node,
+                first_submap=first_submap,
+            ),
+        ),
+    )
+    left = trimmed(result)
+    assert [session.name for session in left.sessions] == ["one", "one", "two"]
+    assert left.report.extra["joins"][0]["sessions"] == [[0, 1], [2]]
+    begins = [s.stamp for s in left.sessions]
+    firsts = [left.stamps[session.first_scan] for session in left.sessions]
+    assert begins == firsts
+    assert [session.first_submap for session in left.sessions] == [0, 1, 2]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -54,7 +55,7 @@ def without(result: AnyMap, kept_submaps: BoolArray, kept_nodes: BoolArray, link
     hosts = host_submaps(result.graph, kept_submaps)
     closures, rows = _closures(result.closures, submaps, nodes, hosts)
     points = result.node_points
-    left = _sessions_left(result.sessions, scans)
+    stretches = _stretches(result, scans, nodes, submaps, hosts)
     return replace(
         result,
         stamps=result.stamps[scans.kept],
@@ -67,8 +68,8 @@ def without(result: AnyMap, kept_submaps: BoolArray, kept_nodes: BoolArray, link
         ],
         closures=closures,
         node_points=[points[node] for node in np.flatnonzero(kept_nodes[: len(points)]).tolist()],
-        sessions=_sessions(result.sessions, left, scans, nodes, submaps),
-        report=replace(result.report, extra=_with_joins(result.report.extra, Numbers(left))),
+        sessions=tuple(session for some in stretches for session in some),
+        report=replace(result.report, extra=_with_joins(result.report.extra, stretches)),
     )
 
 
@@ -172,42 +173,55 @@ def _narrow(numbers: NDArray[Any]) -> NDArray[np.int32]:
     return numbers.astype(np.int32)
 
 
-def _sessions_left(sessions: Sequence[Session], scans: Numbers) -> BoolArray:
-    """Return which sessions anything is left of; the last one stays."""
-    own = ranges([session.first_scan for session in sessions], len(scans.kept))
-    left = np.array([bool(scans.kept[of_session].any()) for of_session in own])
-    left[-1] = True
+def _stretches(
+    result: MapData, scans: Numbers, nodes: Numbers, submaps: Numbers, hosts: IntArray
+) -> list[list[Session]]:
+    """Return what is left of each session, where it begins now: several stretches, or none.
+
+    A stretch is mapped without interruption, so it is a session of its own. The last session stays.
+
+    Parameters
+    ----------
+    hosts : of each node the first submap that stays and that it was inserted into, or -1.
+    """
+    own_scans = ranges([session.first_scan for session in result.sessions], len(scans.kept))
+    own_nodes = ranges([session.first_node for session in result.sessions], len(nodes.kept))
+    left: list[list[Session]] = []
+    for session, of_scans, of_nodes in zip(result.sessions, own_scans, own_nodes, strict=True):
+        begins = [(session.first_scan, session.first_node, session.first_submap)]
+        kept = nodes.kept[of_nodes]
+        begins += [
+            (int(result.node_scan_index[node]), node, int(hosts[node]))
+            for node in (of_nodes.start + 1 + np.flatnonzero(kept[1:] & ~kept[:-1])).tolist()
+        ]
+        if not kept[:1].all():
+            begins = begins[1:]
+        if not kept.any() and (scans.kept[of_scans].any() or session is result.sessions[-1]):
+            begins = [(session.first_scan, session.first_node, session.first_submap)]
+        left.append(
+            [
+                replace(
+                    session,
+                    first_scan=int(scans.new[scan]),
+                    first_node=int(nodes.new[node]),
+                    first_submap=int(submaps.new[submap]),
+                    stamp=float(result.stamps[scan]) if scan < len(result.stamps) else math.nan,
+                )
+                for scan, node, submap in begins
+            ]
+        )
     return left
 
 
-def _sessions(
-    sessions: Sequence[Session],
-    left: BoolArray,
-    scans: Numbers,
-    nodes: Numbers,
-    submaps: Numbers,
-) -> tuple[Session, ...]:
-    """Return the sessions that are left, and where they begin now."""
-    return tuple(
-        replace(
-            session,
-            first_scan=int(scans.new[session.first_scan]),
-            first_node=int(nodes.new[session.first_node]),
-            first_submap=int(submaps.new[session.first_submap]),
-        )
-        for session, is_left in zip(sessions, left, strict=True)
-        if is_left
-    )
-
-
-def _with_joins(extra: Mapping[str, Any], sessions: Numbers) -> dict[str, Any]:
+def _with_joins(extra: Mapping[str, Any], stretches: Sequence[Sequence[Session]]) -> dict[str, Any]:
     """Return the report's findings, with the new numbers of sessions in what it says of joins."""
     if "joins" not in extra:
         return dict(extra)
+    firsts = np.cumsum([0, *map(len, stretches)]).tolist()
     joins = []
     for join in extra["joins"]:
         groups = [
-            [int(sessions.new[number]) for number in group if sessions.kept[number]]
+            [number for one in group for number in range(firsts[one], firsts[one + 1])]
             for group in join["sessions"]
         ]
         if all(groups):

@@ -13,9 +13,6 @@ from cartoloop.map_data import MapData
 from cartoloop.session import MAIN_PART, ranges
 from cartoloop.submaps.finished_grid import FinishedGrid
 
-_GAP_M, _GAP_STEPS = 1.0, 10.0
-"""A step of the path is a gap if it is longer than this [m], and than this many usual steps."""
-
 
 class MainSubmaps(NamedTuple):
     """The submaps of the main part.
@@ -55,22 +52,13 @@ def main_scans(result: MapData) -> NDArray[np.int64]:
 
 
 def main_path(result: MapData) -> FloatArray:
-    """Return the path of the main part to be drawn: NaN between sessions, and in gaps of them.
-
-    float64, shape (n, 3). Gaps are where scans were removed, since another session replaced them.
-    """
-    if len(result.sessions) == 1 and not result.config.lifelong.enabled:
+    """Return the path of the main part to be drawn: NaN between sessions, float64, shape (n, 3)."""
+    if len(result.sessions) == 1:
         return result.trajectory
     end = np.full((1, 3), np.nan)
     paths: list[FloatArray] = []
     firsts = [session.first_scan for session in result.sessions]
     for session, scans in zip(result.sessions, ranges(firsts, len(result.stamps)), strict=True):
-        if session.part != MAIN_PART:
-            continue
-        path = result.trajectory[scans]
-        steps = np.hypot(*np.diff(path[:, :2], axis=0).T)
-        usual = float(np.median(steps)) if len(steps) else 0.0
-        gaps = np.flatnonzero(steps > max(_GAP_M, _GAP_STEPS * usual)) + 1
-        for part in np.split(path, gaps if result.config.lifelong.enabled else []):
-            paths += [part, end]
+        if session.part == MAIN_PART:
+            paths += [result.trajectory[scans], end]
     return np.concatenate(paths[:-1]) if paths else np.zeros((0, 3))

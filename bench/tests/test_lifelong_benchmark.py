@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the lifelong benchmark counts as drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bench import lifelong
+from cartoloop.sensor.pose import Pose, transform_points
+from tests.map_output.small_result import small_result
+
+SEGMENTS = np.array([(0.0, 0.0, 1.0, 0.0), (2.0, 0.0, 2.0, 0.01)])
+
+
+def test_places_lie_close_together_along_furniture():
+    points = lifelong._points(SEGMENTS)
+    along = points[points[:, 1] == 0.0][:-1, 0]
+    assert np.diff(along).max() < 0.03
+    assert points[-1] == pytest.approx((2.0, 0.01))
+
+
+def test_distances_are_to_the_nearest_segment():
+    points = np.array([(0.5, 0.3), (-0.3, 0.4), (2.0, 1.01)])
+    assert lifelong._distances(points, SEGMENTS) == pytest.approx([0.3, 0.5, 1.0])
+
+
+def test_walls_are_drawn_and_floor_is_seen():
+    """The map has a wall along x at y = 0.525 m, and floor up to x = 3 m."""
+    result, tf_truth_map = small_result(), Pose(4.0, -2.0, 0.7)
+    points = transform_points(tf_truth_map, np.array([(1.0, 0.52), (1.0, 1.2), (9.0, 0.52)]))
+    assert lifelong._is_drawn(result, tf_truth_map, points).tolist() == [True, False, False]
+    assert lifelong._is_seen(result, tf_truth_map, points).tolist() == [True, True, False]
