@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Callbacks of a run, for whoever shows its progress."""
+"""Callbacks of a run, by which its progress is shown."""
 
 from __future__ import annotations
 
