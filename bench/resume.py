@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Thread
@@ -216,6 +217,7 @@ def _kill(log: Path, out: Path, after_s: float, kills: Kills) -> None:
     process.send_signal(signal.SIGKILL)
     process.wait(LIMIT_S)
     lines.wait()
+    _close(process)
     kills.num_kills += 1
     num_kept = _examine(out, kills)
     if num_kept is not None:
@@ -224,6 +226,14 @@ def _kill(log: Path, out: Path, after_s: float, kills: Kills) -> None:
         )
         if kills.lost_s[-1] > ALLOWED_LOSS_S:
             kills.faults.append(f"killed after {after_s:.2f} s: {kills.lost_s[-1]:.2f} s are lost")
+
+
+def _close(process: subprocess.Popen[bytes]) -> None:
+    """Close the streams of a process that has ended."""
+    for stream in (process.stdin, process.stdout, process.stderr):
+        if stream is not None:
+            with suppress(BrokenPipeError):
+                stream.close()
 
 
 def _wait(process: subprocess.Popen[bytes], seconds: float) -> None:
@@ -326,6 +336,7 @@ def _kill_live(
     killer.join()
     process.wait(LIMIT_S)
     poses.wait()
+    _close(process)
     kills.num_kills += 1
     num_kept = _examine(out, kills)
     if num_kept is None:

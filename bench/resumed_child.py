@@ -2,8 +2,7 @@
 """A run of the mapper in a process of its own that says how far it has come, to be killed.
 
 Run: ``python -m bench.resumed_child LOG OUT (begin | resume) JOURNAL``. JOURNAL is ``counted``: a
-line is printed when a scan was mapped, at once; ``quiet``; ``kept``, also at the end; or
-``without``.
+line is printed when a scan was mapped; ``quiet``; ``kept``, also at the end; or ``without``.
 """
 
 from __future__ import annotations
