@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
 
-from cartoloop.kernels.fading import copy_unknown, fade_submap
-from tests.reference.naive_fading import naive_copy, naive_fade
+from cartoloop.kernels.fading import clear_inside, copy_unknown, fade_submap
+from tests.reference.naive_fading import naive_clear, naive_copy, naive_fade
 
 CELLS = st_numpy.arrays(np.uint8, st.tuples(st.integers(1, 8), st.integers(1, 8)))
 PLACE = st.floats(-4, 10)
@@ -39,11 +39,19 @@ def test_fading_equals_its_slow_twin(cells, x, y, theta, seed):
 @given(CELLS, CELLS, PLACE, PLACE, ANGLE)
 def test_copying_equals_its_slow_twin(source, cells, x, y, theta):
     affine = _affine(x, y, theta)
-    left, filled = source.copy(), cells.copy()
+    filled = cells.copy()
 
-    count = copy_unknown(affine, source, left, filled)
+    count = copy_unknown(affine, source, filled)
 
-    expected_left, expected_filled = naive_copy(affine, source, cells)
-    assert np.array_equal(left, expected_left)
-    assert np.array_equal(filled, expected_filled)
+    assert np.array_equal(filled, naive_copy(affine, source, cells))
     assert count == np.count_nonzero(filled != cells)
+
+
+@settings(max_examples=50, deadline=None)
+@given(CELLS, st.integers(0, 6), st.integers(0, 6), PLACE, PLACE, ANGLE)
+def test_clearing_equals_its_slow_twin(cells, rows, cols, x, y, theta):
+    affine, left = _affine(x, y, theta), cells.copy()
+
+    clear_inside(affine, rows, cols, left)
+
+    assert np.array_equal(left, naive_clear(affine, (rows, cols), cells))

@@ -42,11 +42,19 @@ def naive_fade(cells, affine, total, known, free_below, wall_above):
 
 
 def naive_copy(affine, source, cells):
-    """Return what is left of the source, and the cells with what they lacked."""
-    left, filled = source.copy(), cells.copy()
+    """Return the cells with what they lacked."""
+    filled = cells.copy()
     for (row, col), value in np.ndenumerate(cells):
         place = _place(affine, row, col)
         if value == 0 and _is_inside(place, source) and source[place] != 0:
             filled[row, col] = source[place]
-            left[place] = 0
-    return left, filled
+    return filled
+
+
+def naive_clear(affine, shape, cells):
+    """Return the cells without those inside another grid."""
+    left, other = cells.copy(), np.zeros(shape)
+    for row, col in np.ndindex(cells.shape):
+        if _is_inside(_place(affine, row, col), other):
+            left[row, col] = 0
+    return left

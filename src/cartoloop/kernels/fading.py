@@ -71,9 +71,7 @@ def fade_submap(
 
 
 @kernel
-def copy_unknown(
-    affine: FloatArray, source: ByteArray, out_source: ByteArray, out_cells: ByteArray
-) -> int:
+def copy_unknown(affine: FloatArray, source: ByteArray, out_cells: ByteArray) -> int:
     """Copy the cells of a submap into the unknown cells of another, in place.
 
     Parameters
@@ -81,7 +79,6 @@ def copy_unknown(
     affine : float64, shape (6,), as of :func:`fade_submap`, from cells of the target to cells of
         the source.
     source : uint8, shape (rows, cols), 0 where there is nothing to copy.
-    out_source : uint8, as source: set to 0 where a cell was copied.
     out_cells : uint8, the cells of the target.
 
     Returns
@@ -104,6 +101,29 @@ def copy_unknown(
             value = source[from_row, from_col]
             if value != 0:
                 out_cells[row, col] = value
-                out_source[from_row, from_col] = 0
                 num_set += 1
     return num_set
+
+
+@kernel
+def clear_inside(affine: FloatArray, num_rows: int, num_cols: int, out_cells: ByteArray) -> None:
+    """Set the cells of a submap to 0 that lie inside the grid of another.
+
+    Parameters
+    ----------
+    affine : float64, shape (6,), as of :func:`fade_submap`, from these cells to those of the other.
+    num_rows, num_cols : size of the other.
+    out_cells : uint8.
+
+    Notes
+    -----
+    O(cells).
+    """
+    for row in range(out_cells.shape[0]):
+        for col in range(out_cells.shape[1]):
+            if out_cells[row, col] == 0:
+                continue
+            in_col = int(np.floor(affine[0] + affine[1] * col + affine[2] * row))
+            in_row = int(np.floor(affine[3] + affine[4] * col + affine[5] * row))
+            if 0 <= in_row < num_rows and 0 <= in_col < num_cols:
+                out_cells[row, col] = 0

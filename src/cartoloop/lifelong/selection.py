@@ -11,13 +11,13 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from cartoloop.config import LifelongConfig, SubmapConfig
-from cartoloop.kernels.fading import copy_unknown, fade_submap
+from cartoloop.kernels.fading import clear_inside, copy_unknown, fade_submap
 from cartoloop.kernels.map_composition import NEUTRAL
 from cartoloop.map_output.evidence_sum import EvidenceSum, cells_covering
 from cartoloop.sensor.pose import Pose, relative
 from cartoloop.submaps.finished_grid import FinishedGrid
 
-MAX_RECEIVERS = 4
+MAX_RECEIVERS = 16
 """What only a removed submap has seen is copied to this many of the nearest later submaps."""
 
 
@@ -136,12 +136,11 @@ class _Selector:
             target, target_pose = self.grids[receiver], self._poses[receiver]
             cells = target.cells.copy()
             before = cells.copy()
-            offset = relative(pose, target_pose)
-            origin = np.array((grid.origin_x, grid.origin_y)) / grid.resolution - 0.5
-            affine = _cell_to_cell(target, offset, origin, grid.resolution)
-            if copy_unknown(affine, left.copy(), left, cells):
+            affine = _grid_to_grid(target, target_pose, grid, pose)
+            if copy_unknown(affine, left, cells):
                 copies[receiver] = cells
                 additions.append((_like(target, np.where(before == 0, cells, 0)), target_pose))
+            clear_inside(_grid_to_grid(grid, pose, target, target_pose), *target.shape, left)
         if np.count_nonzero(left > NEUTRAL) > self._max_lost_cells:
             return False
         for receiver, cells in copies.items():
@@ -190,6 +189,14 @@ def _cell_to_cell(
             y / resolution - float(lower[1]), scale * sin, scale * cos,
         )
     )  # fmt: skip
+
+
+def _grid_to_grid(
+    grid: FinishedGrid, pose: Pose, other: FinishedGrid, other_pose: Pose
+) -> FloatArray:
+    """Return the transform from a submap's cells to those of another, as kernels take it."""
+    lower = np.array((other.origin_x, other.origin_y)) / other.resolution - 0.5
+    return _cell_to_cell(grid, relative(other_pose, pose), lower, other.resolution)
 
 
 def _like(grid: FinishedGrid, cells: ByteArray) -> FinishedGrid:
