@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drive through a place again: its map is renewed and does not grow.
 
-``python examples/refresh_a_map.py [OUT]``: a drive twice round a ring of corridors is simulated;
-the second round is added to the map of the first.
+``python examples/refresh_a_map.py [OUT]``: 90 s of a drive through an office are mapped; the drive
+from 40 s on is added as another session.
 """
 
 import argparse
@@ -16,17 +16,17 @@ LIFELONG = Config(lifelong=LifelongConfig(enabled=True))
 
 
 def main(out: str = "example-refreshed") -> cartoloop.Result:
-    """Map the first round, add the second, and save the map in the folder `out`."""
-    drive = simulate(make_world("ring"), seed=1)
-    middle = float(drive.stamps[len(drive.stamps) // 2])
-    first, second = cartoloop.Mapper(), None
+    """Map the drive, add the way driven again, and save the map in the folder `out`."""
+    drive = simulate(make_world("office"), seed=1, duration=120.0)
+    start = float(drive.stamps[0])
+    first = cartoloop.Mapper()
     for event in drive.events():
-        if event.stamp <= middle:
+        if event.stamp <= start + 90.0:
             first.add(event)
-            continue
-        second = second or cartoloop.Mapper(LIFELONG, onto=first.finish())
-        second.add(event)
-    assert second is not None
+    second = cartoloop.Mapper(LIFELONG, onto=first.finish())
+    for event in drive.events():
+        if event.stamp > start + 40.0:
+            second.add(event)
     result = second.finish()
     result.save(out)
     removed = result.report.extra["lifelong"]
