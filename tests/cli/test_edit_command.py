@@ -52,7 +52,7 @@ def contents(folder):
 
 CHANGES = {
     ("drop", "2"): {"map.pgm", "trajectory.tum", "graph.g2o", "closures.csv"},
-    ("pin", "--node", "2", "--at", "1", "2", "90"): {"map.pgm", "trajectory.tum", "graph.g2o"},
+    ("pin", "--node", "2", "--at", "1,2,90"): {"map.pgm", "trajectory.tum", "graph.g2o"},
     ("control-points", "--point", "0,0=-5,3", "--point", "8,0=3,3.1"): {"trajectory.tum"},
     ("align",): {"map.pgm", "trajectory.tum", "graph.g2o"},
     ("forget", "--from", "103", "--to", "104"): {"trajectory.tum", "nodes.csv", "graph.g2o"},

@@ -67,7 +67,7 @@ def test_a_pose_on_the_command_line_decides_between_places(tmp_path, capsys):
     path = tmp_path / "box.log"
     path.write_text(carmen_text(BOX, [START]))
 
-    at = ["--at", "4.5", "3.6", str(math.degrees(START.theta) + 5.0)]
+    at = ["--at", f"4.5,3.6,{math.degrees(START.theta) + 5.0}"]
     assert run(["locate", box, str(path), *at, "--strict"]) == 0
     assert "x 4.70 m, y 3.40 m" in capsys.readouterr().out
 
@@ -76,7 +76,7 @@ def test_the_latest_pose_is_kept_and_begun_with(tmp_path):
     box = str(write_image(tmp_path, BOX))
     path, kept = tmp_path / "box.log", tmp_path / "kept.json"
     path.write_text(carmen_text(BOX, [START]))
-    begin = ["--at", "4.7", "3.4", str(math.degrees(START.theta))]
+    begin = ["--at", f"4.7,3.4,{math.degrees(START.theta)}"]
     assert run(["locate", box, str(path), *begin, "--keep", str(kept)]) == 0
 
     assert run(["locate", box, str(path), "--keep", str(kept), "--strict"]) == 0

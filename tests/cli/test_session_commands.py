@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from cartoloop.cli.main import run
-from cartoloop.cli.map_command import parse_start
+from cartoloop.cli.options import parse_pose_deg
 from cartoloop.cli.session_lines import APART_STATUS
 from cartoloop.result import load_map
 from cartoloop.session import MAIN_PART
@@ -112,8 +112,8 @@ def test_map_without_returns_cannot_be_merged(ring_folder, tmp_path, capsys):
 
 
 def test_pose_in_the_map_is_in_degrees():
-    assert parse_start("1,-2,180", has_map=True) == pytest.approx((1.0, -2.0, 3.141593))
-    assert parse_start(None, has_map=False) is None
+    assert parse_pose_deg("1,-2,90", "--at") == pytest.approx((1.0, -2.0, 1.570796))
+    assert parse_pose_deg(None, "--at") is None
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cartoloop.cli.edit_group import DryRunOption, OutArgument
+from cartoloop.cli.options import parse_pose_deg
 from cartoloop.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -34,9 +35,9 @@ def add_command(
     submap: Annotated[int, typer.Argument(metavar="SUBMAP", help="Number of the submap.")],
     node: Annotated[int, typer.Argument(metavar="NODE", help="Number of the node.")],
     near: Annotated[
-        tuple[float, float, float] | None,
+        str | None,
         typer.Option(
-            metavar="X Y DEG",
+            metavar="X,Y,DEG",
             help="About where the node is in the map, with the submap where it is now [m, deg]; "
             "by default where it is now.",
         ),
@@ -54,7 +55,7 @@ def add_command(
 
     What does not fit as well as the closures that mapping finds is refused.
     """
-    pose = None if near is None else _pose(near)
+    pose = parse_pose_deg(near, "--near")
     window_m, window_deg = window
 
     def change(editor: Editor[Result]) -> Change:
@@ -70,15 +71,15 @@ def pin_command(
     node: Annotated[int | None, typer.Option(metavar="N", help="Node to hold.")] = None,
     submap: Annotated[int | None, typer.Option(metavar="N", help="Submap to hold.")] = None,
     at: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(metavar="X Y DEG", help="Pose [m, deg]; by default where it is now."),
+        str | None,
+        typer.Option(metavar="X,Y,DEG", help="Pose [m, deg]; by default where it is now."),
     ] = None,
     dry_run: DryRunOption = False,
 ) -> None:
     """Hold a node or a submap at a pose; the first moves the whole map, further ones bend it."""
     if (node is None) == (submap is None):
         raise ConfigError("give one of --node N and --submap N")
-    pose = None if at is None else _pose(at)
+    pose = parse_pose_deg(at, "--at")
 
     def change(editor: Editor[Result]) -> Change:
         if node is not None:
@@ -204,13 +205,6 @@ def _change(out: Path, change: Callable[[Editor[Result]], Change], *, dry_run: b
             return
         editor.save()
     typer.echo(f"  verdict {editor.map.report.quality.summary()}")
-
-
-def _pose(given: tuple[float, float, float]) -> tuple[float, float, float]:
-    import math
-
-    x, y, degrees = given
-    return x, y, math.radians(degrees)
 
 
 def _point(text: str) -> list[float]:

@@ -37,9 +37,9 @@ _CHANGE = (
     (
         "add",
         edit_changes.add_command,
-        ["cartoloop edit intel add 3 1200 --near 4.5 -2 90 --dry-run"],
+        ["cartoloop edit intel add 3 1200 --near 4.5,-2,90 --dry-run"],
     ),
-    ("pin", edit_changes.pin_command, ["cartoloop edit intel pin --node 0 --at 10 5 90"]),
+    ("pin", edit_changes.pin_command, ["cartoloop edit intel pin --node 0 --at 10,5,90"]),
     (
         "control-points",
         edit_changes.control_points_command,

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import typer
 
 from cartoloop.cli.commands import GroupedCommand
-from cartoloop.cli.map_command import parse_start
 from cartoloop.cli.options import (
     ConfigOptions,
     ImuTopicOption,
@@ -20,6 +19,7 @@ from cartoloop.cli.options import (
     PictureOptions,
     ScanTopicOption,
     parse_pose,
+    parse_pose_deg,
 )
 from cartoloop.cli.view_command import (
     ViewHostOption,
@@ -135,7 +135,7 @@ def live_command(options: LiveCommandOptions) -> None:
     loaded: LoadedConfig | None = options.load()
     out = _folder(options)
     starts_at_end = options.at == "end"
-    start = parse_start(None if starts_at_end else options.at, has_map=options.resume is not None)
+    start = None if starts_at_end else parse_pose_deg(options.at, "--at")
     if options.resume is not None and not (options.settings or options.config):
         loaded = None
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cartoloop.cli.live_command import MESSAGES
-from cartoloop.cli.options import ConfigOptions, ReadingOptions, parse_pose
+from cartoloop.cli.options import ConfigOptions, ReadingOptions, parse_pose, parse_pose_deg
 
 if TYPE_CHECKING:
     from typing import BinaryIO
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from cartoloop.localisation.answer import Answer
     from cartoloop.localisation.localizer import Localizer
     from cartoloop.localisation.run import PoseKeeper, RunSummary
-    from cartoloop.sensor.pose import Pose
     from cartoloop.stop_request import StopRequest
 
 START = "Start"
@@ -65,9 +64,9 @@ class LocateOptions(ReadingOptions, ConfigOptions):
         bool, typer.Option("--strict", help="End with status 3 if the robot was never located.")
     ] = False
     at: Annotated[
-        tuple[float, float, float] | None,
+        str | None,
         typer.Option(
-            metavar="X Y THETA_DEG",
+            metavar="X,Y,DEG",
             help="Pose of the robot at the first scan [m, m, deg], to about a metre and 20 deg.",
             rich_help_panel=START,
         ),
@@ -113,28 +112,10 @@ class LocateOptions(ReadingOptions, ConfigOptions):
         scheme, colon, _ = self.source.partition(":")
         return self.source == "-" or (bool(colon) and scheme.lower() in LIVE_SCHEMES)
 
-    @property
-    def start(self) -> Pose | None:
-        """The pose of --at.
-
-        Raises
-        ------
-        typer.BadParameter
-            It is none.
-        """
-        if self.at is None:
-            return None
-        from cartoloop.sensor.pose import Pose, wrap_angle
-
-        x, y, theta_deg = self.at
-        if not all(map(math.isfinite, self.at)):
-            raise typer.BadParameter("give three numbers, like 1.5 -2 90", param_hint="--at")
-        return Pose(x, y, wrap_angle(math.radians(theta_deg)))
-
 
 def locate_command(options: LocateOptions) -> None:
     """Say where a robot is in a finished map, scan by scan, and when it is not known."""
-    start = options.start
+    start = parse_pose_deg(options.at, "--at")
     read_options = options.read_options()
     loaded = options.load()
 

@@ -104,7 +104,7 @@ add_command(
     LocateOptions,
     [
         "cartoloop locate intel drive.bag --poses poses.jsonl",
-        "cartoloop locate map.yaml tcp://127.0.0.1:7000 --at 1.5 -2 90",
+        "cartoloop locate map.yaml tcp://127.0.0.1:7000 --at 1.5,-2,90",
     ],
     group=USE,
 )

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cartoloop.cli.options import ConfigOptions, PictureOptions, ReadingOptions
+from cartoloop.cli.options import ConfigOptions, PictureOptions, ReadingOptions, parse_pose_deg
 from cartoloop.cli.view_command import ViewOptions, wait_for_stop
 from cartoloop.readers.formats import format_names
 
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from cartoloop.map_output.output_folder import RunFolder
     from cartoloop.map_output.picture import Layer
     from cartoloop.readers.read_options import ReadOptions
-    from cartoloop.sensor.pose import Pose
 
 _LOG_HELP = (
     "Recording; several are parts of one, in order. Its format is recognised by its content: "
@@ -115,7 +113,9 @@ def map_command(options: MapOptions) -> None:
     options.require_view()
     read_options = options.read_options()
     loaded = _loaded(options)
-    pose = parse_start(options.at, has_map=options.onto is not None)
+    if options.at is not None and options.onto is None:
+        raise typer.BadParameter("is a pose in the map of --onto: give that too", param_hint="--at")
+    pose = parse_pose_deg(options.at, "--at")
     out = options.folder
 
     from cartoloop.readers import open_logs
@@ -238,28 +238,3 @@ def default_folder(recording: Path) -> Path:
     if dot and stem and ending.lower() in _WRAPPINGS:
         name = stem
     return Path(f"{Path(name).stem.strip('.-') or 'recording'}-map")
-
-
-def parse_start(text: str | None, *, has_map: bool) -> Pose | None:
-    """Return the pose of --at.
-
-    Raises
-    ------
-    typer.BadParameter
-        It is not three numbers, or there is no map that it is in.
-    """
-    if text is None:
-        return None
-    from cartoloop.sensor.pose import Pose
-
-    if not has_map:
-        raise typer.BadParameter("is a pose in the map of --onto: give that too", param_hint="--at")
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) != 3 or not all(map(math.isfinite, values)):
-        raise typer.BadParameter(
-            f"'{text}' is not X,Y,DEG, like 4.5,-2,90 (m, m, degrees)", param_hint="--at"
-        )
-    return Pose(values[0], values[1], math.radians(values[2]))

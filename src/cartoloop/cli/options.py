@@ -250,6 +250,29 @@ def parse_pose(text: str | None) -> Pose | None:
     return Pose(*values)
 
 
+def parse_pose_deg(text: str | None, option: str) -> Pose | None:
+    """Return a pose in the map, as an option gives it: X,Y,DEG.
+
+    Raises
+    ------
+    typer.BadParameter
+        It is not three numbers.
+    """
+    if text is None:
+        return None
+    from cartoloop.sensor.pose import Pose, wrap_angle
+
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != 3 or not all(map(math.isfinite, values)):
+        raise typer.BadParameter(
+            f"'{text}' is not X,Y,DEG, like 4.5,-2,90 (m, m, degrees)", param_hint=option
+        )
+    return Pose(values[0], values[1], wrap_angle(math.radians(values[2])))
+
+
 def settings_with_threads(settings: list[str] | None, threads: int | None) -> list[str]:
     """Return the settings, with that of the threads."""
     given = [] if threads is None else [f"global_slam.num_threads={threads}"]
