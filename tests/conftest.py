@@ -17,11 +17,12 @@ from cartoloop.simulation import ring, simulate
 from tests.shared_files import SharedFiles
 
 settings.register_profile("ci", derandomize=True, deadline=None)
+settings.register_profile("untimed", deadline=None)
 settings.register_profile("few", derandomize=True, max_examples=10, deadline=None)
 if os.environ.get("NUMBA_DISABLE_JIT") == "1":
     settings.load_profile("few")  # kernels take a hundred times as long
-elif os.environ.get("CI"):
-    settings.load_profile("ci")
+else:
+    settings.load_profile("ci" if os.environ.get("CI") else "untimed")
 
 
 def pytest_configure():

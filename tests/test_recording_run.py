@@ -145,7 +145,7 @@ class Breaking(RunObserver):
 
     def finishing(self, mapper, stage):
         if stage is None:
-            self.folder.rmdir()
+            self.folder.rename(self.folder.with_name("elsewhere"))
             self.folder.write_text("now a file")
 
 

@@ -205,6 +205,8 @@ def _carried_out(
     try:
         outcome = _mapped(run, journal, pose)
         if not outcome.is_complete and outcome.failure is None and not len(outcome.result.stamps):
+            if journal is not None and not journal.num_recorded_scans:
+                journal.remove()
             raise Interrupted("stopped before the first scan: nothing was saved")
         if journal is not None and not outcome.is_complete:
             _keep_journal(journal, outcome)

@@ -3,6 +3,7 @@ import json
 
 from cartoloop.cli.main import run
 from cartoloop.result import load_map
+from cartoloop.simulation import make_world, simulate
 
 
 def test_lifelong_without_a_map_is_refused(tmp_path, capsys):
@@ -10,10 +11,11 @@ def test_lifelong_without_a_map_is_refused(tmp_path, capsys):
     assert "--onto" in capsys.readouterr().err
 
 
-def test_a_drive_that_is_seen_again_gives_way(tmp_path, ring_log, capsys):
-    first, both = tmp_path / "first", tmp_path / "both"
-    assert run(["map", str(ring_log), "-o", str(first)]) == 0
-    assert run(["map", str(ring_log), "--onto", str(first), "--lifelong", "-o", str(both)]) == 0
+def test_a_drive_that_is_seen_again_gives_way(tmp_path, capsys):
+    log, first, both = tmp_path / "office.log", tmp_path / "first", tmp_path / "both"
+    simulate(make_world("office"), seed=1, duration=60.0).write_log(log)
+    assert run(["map", str(log), "-o", str(first)]) == 0
+    assert run(["map", str(log), "--onto", str(first), "--lifelong", "-o", str(both)]) == 0
     assert "submaps and" in capsys.readouterr().out.partition("seen again")[2]
     report = json.loads((both / "report.json").read_text())
     assert report["lifelong"]["removed_submaps"] > 0

@@ -133,8 +133,9 @@ def test_a_killed_process_leaves_the_map(live, tmp_path):
     def has_saved_some():
         command.process.stdin.write(next(to_send, b""))
         command.process.stdin.flush()
-        saved = tmp_path / "map.cartoloop"
-        return saved.exists() and load_map(tmp_path).graph.num_nodes > 5
+        journal = tmp_path / "journal.cartoloop"
+        is_begun = journal.exists() and journal.stat().st_size > 10_000
+        return is_begun and load_map(tmp_path).graph.num_nodes > 5
 
     wait_until(has_saved_some, period_s=0.05)
     command.process.kill()

@@ -177,8 +177,8 @@ class SimulateOptions:
         typer.Option(
             metavar="KIND",
             autocompletion=complete_odometry_fault,
-            help="Fault of the odometry: frozen, frozen-later, jump, repeat, nan or slip; may be "
-            "repeated.",
+            help="Fault of the odometry: frozen, frozen-later, jump, repeat, nan, slip, veer or "
+            "synchro-drive; may be repeated.",
             rich_help_panel=DIFFICULTIES,
         ),
     ] = None
