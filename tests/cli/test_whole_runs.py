@@ -133,7 +133,7 @@ def test_maps_can_be_drawn_with_all_layers_and_evaluated(ring_log, ring_drive, t
     error = json.loads(output[output.index("{") :])
     assert error["num_missing"] == 0
     assert error["absolute_translational"]["mean"] < 0.1
-    assert error["absolute_rotational_deg"]["mean"] < 0.5
+    assert error["absolute_rotational_deg"]["mean"] < 0.3
 
 
 def test_the_demo_maps_an_office_and_names_the_picture(tmp_path, capsys, monkeypatch):

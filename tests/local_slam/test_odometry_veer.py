@@ -95,7 +95,7 @@ def test_the_veer_of_a_synchro_drive_is_found(amplitude, phase, seed):
 
 
 @settings(deadline=None, max_examples=25)
-@given(seed=st.integers(0, 9999), num_scans=st.integers(250, 1500), noise=st.floats(0.0, 0.05))
+@given(seed=st.integers(0, 9999), num_scans=st.integers(520, 1500), noise=st.floats(0.0, 0.05))
 def test_noise_without_veer_gives_next_to_none(seed, num_scans, noise):
     """Random errors of the heading, however large, are nowhere near a veer that matters."""
     found, number = estimated(NO_VEER, num_scans, seed, noise=noise)

@@ -30,7 +30,7 @@ from cartoloop.sensor.pose import Pose, relative_all
 STRETCH_M = 1.0
 """Path over which turns are compared [m]: on a single step, the error of the match is larger."""
 
-MIN_STRETCHES = 24
+MIN_STRETCHES = 60
 """Number of stretches needed for an estimate."""
 
 NUM_PARTS = 4
