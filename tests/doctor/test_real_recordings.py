@@ -30,7 +30,7 @@ RECORDINGS = {
     "other/exp1.dat.gz": (
         756, 75, 46.0, 0.15,
         [
-            "blind_beams 79", "no_return_is_zero 1", "odometry_offset 756", "odometry_veer 756",
+            "blind_beams 79", "no_return_is_zero 1", "odometry_offset 756",
             "repeated_scans 4",
         ],
     ),
@@ -39,7 +39,7 @@ RECORDINGS = {
         ["blind_beams 66", "no_return_is_zero 1", "odometry_offset 641", "repeated_scans 4"],
     ),
     "other/loop5.log.gz": (
-        551, 110, 56.1, 0.06, ["odometry_offset 551", "odometry_veer 551", "stamps_missing 551"],
+        551, 110, 56.1, 0.06, ["odometry_offset 551", "stamps_missing 551"],
     ),
     "radish/aces.clf.gz": (7374, 1366, 325.2, -0.09, ["gap 2", "odometry_offset 7374"]),
     "radish/fr079.clf.gz": (
@@ -47,7 +47,7 @@ RECORDINGS = {
     ),
     "radish/intel.clf.gz": (
         13631, 2692, 508.4, 0.09,
-        ["odometry_offset 13627", "odometry_veer 13627", "stamps_out_of_order 1171"],
+        ["odometry_offset 13627", "stamps_out_of_order 1171"],
     ),
     "radish/mit-csail.clf.gz": (
         1988, 424, 373.6, 0.13,
