@@ -15,6 +15,7 @@ from cartoloop.errors import InputError, OutputError
 from cartoloop.journal.frames import FILE_NAME, PREAMBLE, Kind, frame_bytes, record_bytes
 from cartoloop.live.continued import last_pose, map_to_continue
 from cartoloop.live.live_run import LiveOptions, map_live
+from cartoloop.live.message_loop import MessageOptions
 from cartoloop.map_file.run_header import RunHeader
 from cartoloop.map_output.save import save
 from cartoloop.result import load_map
@@ -40,7 +41,7 @@ def drive(events, out, copy, **options):
         Sender(sent),
         None,
         out,
-        LiveOptions(waits=True, **options),
+        LiveOptions(MessageOptions(waits=True), **options),
         observer=killed,
         resume=out.exists(),
     )

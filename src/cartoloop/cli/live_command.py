@@ -12,13 +12,10 @@ import typer
 
 from cartoloop.cli.commands import GroupedCommand
 from cartoloop.cli.options import (
+    MESSAGES,
     ConfigOptions,
-    ImuTopicOption,
-    LaserPoseOption,
-    OdomTopicOption,
+    LiveSourceOptions,
     PictureOptions,
-    ScanTopicOption,
-    parse_pose,
     parse_pose_deg,
 )
 from cartoloop.cli.view_command import (
@@ -31,9 +28,6 @@ from cartoloop.cli.view_command import (
 if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
 
-MESSAGES = "Messages"
-"""Group of options in the help."""
-
 
 class LiveCommand(GroupedCommand):
     """``cartoloop live``, where --host once meant the messages, and elsewhere the view."""
@@ -42,7 +36,7 @@ class LiveCommand(GroupedCommand):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LiveCommandOptions(ConfigOptions, PictureOptions):
+class LiveCommandOptions(ConfigOptions, PictureOptions, LiveSourceOptions):
     """Options of ``cartoloop live``."""
 
     source: Annotated[
@@ -74,15 +68,6 @@ class LiveCommandOptions(ConfigOptions, PictureOptions):
             "degrees, or end: where it was last.",
         ),
     ] = None
-    source_host: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Accept messages of other machines, too: listen at 0.0.0.0, or at one address of "
-            "this machine.",
-            rich_help_panel=MESSAGES,
-        ),
-    ] = None
     poses: Annotated[
         str | None,
         typer.Option(
@@ -91,37 +76,6 @@ class LiveCommandOptions(ConfigOptions, PictureOptions):
             rich_help_panel=MESSAGES,
         ),
     ] = None
-    max_delay_ms: Annotated[
-        float,
-        typer.Option(
-            metavar="MS",
-            min=0.0,
-            max=10_000.0,
-            help="How long a scan waits for late odometry [ms].",
-            rich_help_panel=MESSAGES,
-        ),
-    ] = 50.0
-    end_after: Annotated[
-        float | None,
-        typer.Option(
-            min=0.1,
-            metavar="SECONDS",
-            help="End when no message has arrived for this time [s].",
-            rich_help_panel=MESSAGES,
-        ),
-    ] = None
-    no_drop: Annotated[
-        bool,
-        typer.Option(
-            "--no-drop",
-            help="Hold up the source instead of dropping scans.",
-            rich_help_panel=MESSAGES,
-        ),
-    ] = False
-    scan_topics: ScanTopicOption = None
-    odom_topic: OdomTopicOption = None
-    imu_topic: ImuTopicOption = None
-    laser_pose: LaserPoseOption = None
     view: ViewOption = False
     view_host: ViewHostOption = None
     view_port: ViewPortOption = None
@@ -131,7 +85,7 @@ def live_command(options: LiveCommandOptions) -> None:
     """Map the messages of a robot while it drives; their formats are in docs/live.md."""
     layers = options.layers
     require_view(options.view, view_host=options.view_host, view_port=options.view_port)
-    laser_pose = parse_pose(options.laser_pose)
+    messages = options.message_options()
     loaded: LoadedConfig | None = options.load()
     out = _folder(options)
     starts_at_end = options.at == "end"
@@ -142,17 +96,8 @@ def live_command(options: LiveCommandOptions) -> None:
     from cartoloop.cli.live_mapping import map_source, poses_stream
     from cartoloop.cli.mapping import require_good
     from cartoloop.cli.session_lines import require_joined
-    from cartoloop.live.address import SourceOptions, make_source
 
-    source = make_source(
-        options.source,
-        SourceOptions(
-            options.source_host,
-            tuple(options.scan_topics or ()),
-            options.odom_topic,
-            options.imu_topic,
-        ),
-    )
+    source = options.make_source(options.source)
     with poses_stream(options.poses) as poses:
         from cartoloop.live.live_run import LiveOptions
 
@@ -161,10 +106,7 @@ def live_command(options: LiveCommandOptions) -> None:
             loaded,
             out,
             LiveOptions(
-                max_delay=1e-3 * options.max_delay_ms,
-                end_after=options.end_after,
-                waits=options.no_drop,
-                laser_pose=laser_pose,
+                messages,
                 poses=poses,
                 start=start,
                 starts_at_end=starts_at_end,

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from secrets import token_hex
 from typing import BinaryIO
@@ -15,6 +15,7 @@ from cartoloop.config_file import LoadedConfig
 from cartoloop.errors import InputError, Interrupted
 from cartoloop.live.continued import last_pose, map_to_continue
 from cartoloop.live.inbox import Inbox
+from cartoloop.live.message_loop import MessageOptions
 from cartoloop.live.notices import Notices
 from cartoloop.live.poses import PoseWriter
 from cartoloop.live.sequencer import Sequencer
@@ -38,24 +39,18 @@ from cartoloop.stop_request import StopRequest
 
 @dataclass(frozen=True, slots=True)
 class LiveOptions:
-    """How messages of a live source are treated.
+    """How a live source is mapped.
 
     Attributes
     ----------
-    max_delay : time that a scan waits for late odometry [s].
-    end_after : end when no message has arrived for this time [s]; None: never.
-    waits : whether the source is held up instead of dropping scans.
-    laser_pose : pose of the first scanner on the robot; None: as the source states it.
+    messages : how its messages are treated.
     poses : stream for a line of JSON with the pose of each scan, or None.
     start : where the robot is at first, in the map that is continued: to a metre or two and 20
         degrees; None: it is searched for everywhere.
     starts_at_end : whether it is still where that map ends.
     """
 
-    max_delay: float = 0.05
-    end_after: float | None = None
-    waits: bool = False
-    laser_pose: Pose | None = None
+    messages: MessageOptions = field(default_factory=MessageOptions)
     poses: BinaryIO | None = None
     start: Pose | None = None
     starts_at_end: bool = False
@@ -126,11 +121,9 @@ def map_live(
         mapper = Mapper(
             loaded.config, live=True, onto=base, onto_pose=start_pose, tapes=journal.tapes
         )
+        files = _Files(notices, options.poses)
         try:
-            files = _Files(notices, options.poses)
-            session = _session(source, mapper, notices, options, files, observer)
-            observer.say(f"{source.open()} (Ctrl-C ends)")
-            failure = _map_until_end(session, mapper, stop)
+            failure = _map_source(source, mapper, notices, options, files, observer, stop)
         except BaseException:
             mapper.close()
             if mapper.num_scans == 0:
@@ -207,32 +200,33 @@ class _Files:
             self._poses.close()
 
 
-def _session(
+def _map_source(
     source: Source,
     mapper: Mapper,
     notices: Notices,
     options: LiveOptions,
     files: _Files,
     observer: LiveObserver,
-) -> LiveSession:
+    stop: StopRequest,
+) -> Exception | None:
+    """Map until the source ends; return its failure if there is still a map to save."""
+
     def after_scan(scan: AddedScan) -> None:
         files.after_scan(scan)
         observer.changed(mapper)
 
-    return LiveSession(
+    messages = options.messages
+    session = LiveSession(
         source,
         mapper,
-        Inbox(waits=options.waits),
-        Sequencer(notices, options.max_delay, options.laser_pose),
+        Inbox(waits=messages.waits),
+        Sequencer(notices, messages.max_delay, messages.laser_pose),
         notices,
         after_scan=after_scan,
         idle=lambda: observer.changed(mapper),
-        end_after=options.end_after,
+        end_after=messages.end_after,
     )
-
-
-def _map_until_end(session: LiveSession, mapper: Mapper, stop: StopRequest) -> Exception | None:
-    """Run the session; return its failure if there is still a map to save."""
+    observer.say(f"{source.open()} (Ctrl-C ends)")
     try:
         session.run(lambda: stop.made)
     except KeyboardInterrupt:
