@@ -109,7 +109,7 @@ def locate_command(options: LocateOptions) -> None:
         log = open_log(options.source, read_options)
     with poses_stream(options.poses) as poses, compilation_notice(), stop_signals() as stop:
         localizer = Localizer(options.map_, loaded.config, at=start, live=options.is_live)
-        keeper = None if options.keep is None else PoseKeeper(options.keep, localizer)
+        keeper = None if options.keep is None else PoseKeeper(options.keep, localizer, _warn)
         run = _Run(RunSummary(), keeper, poses, is_quiet=options.poses == "-")
         if options.is_live:
             _locate_source(options, localizer, run, stop)
@@ -186,6 +186,10 @@ class _Run:
             self.poses = None  # the reader has left
         except OSError as error:
             raise OutputError(f"--poses: cannot be written: {error.strerror}") from error
+
+
+def _warn(line: str) -> None:
+    typer.echo(f"warning: {line}", err=True)
 
 
 def change(answer: Answer) -> str:
