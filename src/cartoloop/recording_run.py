@@ -19,7 +19,7 @@ from cartoloop.arguments import as_path, require_type, shown
 from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig
 from cartoloop.errors import InputError, Interrupted, UsageError
-from cartoloop.journal.tape import NO_TAPES
+from cartoloop.journal.outcomes import NO_RUN_OUTCOMES
 from cartoloop.map_file.run_header import RunHeader
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.run_end import Outcome, Saved, completed, save_outcome, timed
@@ -286,7 +286,7 @@ def _keep_journal(journal: RunJournal, outcome: Outcome) -> None:
     Exception
         The run had not come as far as before it was resumed: less than that is not saved.
     """
-    is_behind = journal.tapes.is_replayed
+    is_behind = journal.outcomes.is_replaying
     journal.close()
     if not is_behind:
         return
@@ -309,11 +309,13 @@ def _mapped(run: _Run, journal: RunJournal | None, pose: Pose | None) -> Outcome
 
     config = run.loaded.config
     run.observer.started(run.log.num_scans)
-    tapes = NO_TAPES if journal is None else journal.tapes
+    outcomes = NO_RUN_OUTCOMES if journal is None else journal.outcomes
     if journal is not None and journal.num_recorded_scans:
         run.observer.resumed(journal.num_recorded_scans)
-    calibration = recorded_calibration(run.log, config, run.stop, tapes.local)
-    mapper = Mapper(config, calibration=calibration, tapes=tapes, onto=run.base, onto_pose=pose)
+    calibration = recorded_calibration(run.log, config, run.stop, outcomes.local)
+    mapper = Mapper(
+        config, calibration=calibration, outcomes=outcomes, onto=run.base, onto_pose=pose
+    )
     return map_events(run.log, mapper, run.observer, run.stop)
 
 

@@ -15,7 +15,7 @@ from cartoloop.global_slam.closure_search import SearchOutcome
 from cartoloop.global_slam.hypotheses import Candidate
 from cartoloop.journal.fields import FieldReader, pack_columns
 from cartoloop.journal.frames import Kind
-from cartoloop.journal.tape import Tape
+from cartoloop.journal.outcomes import RecordedOutcomes
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 _SUBMAP = struct.Struct("<Id2I3d")
@@ -34,7 +34,7 @@ _POSES = ("<f8",), ((3,),)
 
 
 SUBMAPS_OF_AN_ADJUSTMENT = 50
-"""Poses of submaps that may be put down for each adjustment: 1200 bytes, as nodes take 100 times as
+"""Poses of submaps that may be recorded for each adjustment: 1200 bytes, as nodes take 100 times as
 much in between."""
 
 
@@ -229,14 +229,14 @@ def poses_record(poses: FloatArray) -> bytes:
 
 
 class PoseNotes:
-    """Puts down the poses of the submaps after adjustments, so that a journal opens as a good map.
+    """Records the poses of the submaps after adjustments, so that a journal opens as a good map.
 
-    A large graph is adjusted often and its poses are many: they are put down only when as much has
+    A large graph is adjusted often and its poses are many: they are recorded only when as much has
     been added to the graph since the last time, so that the journal grows with the map.
     """
 
-    def __init__(self, tape: Tape) -> None:
-        self._tape = tape
+    def __init__(self, outcomes: RecordedOutcomes) -> None:
+        self._recorded = outcomes
         self._num_skipped = 0
 
     def note(self, submap_poses: FloatArray) -> None:
@@ -245,8 +245,8 @@ class PoseNotes:
         if self._num_skipped * SUBMAPS_OF_AN_ADJUSTMENT < len(submap_poses):
             return
         self._num_skipped = 0
-        if self._tape.take(Kind.POSES) is None and self._tape.is_kept:
-            self._tape.put(Kind.POSES, poses_record(submap_poses))
+        if self._recorded.replay(Kind.POSES) is None and self._recorded.is_recording:
+            self._recorded.record(Kind.POSES, poses_record(submap_poses))
 
 
 def recorded_poses(payload: memoryview) -> FloatArray:

@@ -162,7 +162,7 @@ class _Collected:
             self.closures.note_dropped(self._rows(recorded_rows(payload)))
             return
         requests, num_nodes = recorded_requests(payload)
-        # Global SLAM requests pairs of nodes that were put down before.
+        # Global SLAM requests pairs of nodes that were recorded before.
         self._check(requests.submap, len(self.origins))
         self._check(requests.node_submap, len(self.origins))
         self._check(requests.node, len(self.nodes))
