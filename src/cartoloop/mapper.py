@@ -14,6 +14,7 @@ import numpy as np
 from cartoloop.arguments import require_type
 from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
+from cartoloop.earlier_sessions import whole_trajectory, with_parts
 from cartoloop.errors import UsageError
 from cartoloop.global_slam.background import BackgroundGlobalSlam
 from cartoloop.global_slam.global_slam import GlobalSlam
@@ -24,7 +25,7 @@ from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes
 from cartoloop.lifelong.trim import trimmed
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult, SensorCalibration
 from cartoloop.map_data import MapData
-from cartoloop.map_sessions import earlier_maps, whole_trajectory, with_parts
+from cartoloop.map_sessions import earlier_maps
 from cartoloop.part_check import part_check
 from cartoloop.quality.examine import examine
 from cartoloop.report import (

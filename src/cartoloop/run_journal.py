@@ -81,10 +81,11 @@ class InterruptedRun:
                 f"{self.folder}: holds a live run that was interrupted, which no recording "
                 "resumes; `cartoloop view` and `cartoloop export` open its map"
             )
-        is_same = header.fingerprint == fingerprint if fingerprint else header.name == name
+        own_name, own_fingerprint = header.recording
+        is_same = own_fingerprint == fingerprint if fingerprint else own_name == name
         if not is_same:
             raise InputError(
-                f"{self.folder}: holds an interrupted run of another recording ({header.name}), "
+                f"{self.folder}: holds an interrupted run of another recording ({own_name}), "
                 f"not of {name}; give that one, or another folder"
             )
         if header.program != __version__:
@@ -105,6 +106,18 @@ class InterruptedRun:
         if config_hash(loaded.config) != config_hash(self.header.config):
             keys = changed_keys(self.header.config, loaded.config)
             raise self._refusal(f"it was begun with other parameters ({', '.join(keys[:3])})")
+
+    def check_pose(self, pose: Pose) -> None:
+        """Check that a pose where the robot is at first is that of the run.
+
+        Raises
+        ------
+        InputError
+            It is not.
+        """
+        base = self.header.base
+        if base is None or base.pose != pose:
+            raise self._refusal("it was begun with another pose at first, or with none")
 
     def check_options(self, options: ReadOptions) -> None:
         """Check that the recording is read as the run did.

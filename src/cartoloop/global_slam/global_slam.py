@@ -108,6 +108,7 @@ class GlobalSlam:
             self._wide.scans,
             self.sessions,
             check_geometry,
+            outcomes,
         )
         self._submap_nodes: list[set[int]] = []
         self._tf_local_last_submap = IDENTITY

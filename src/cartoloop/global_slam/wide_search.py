@@ -43,7 +43,7 @@ from cartoloop.submaps.node import Node
 
 
 @dataclass(slots=True, eq=False)
-class _Task:
+class SearchTask:
     """The search of composite scans in one submap.
 
     Attributes
@@ -87,7 +87,7 @@ class WideSearch:
         self._scans = CompositeScans(self._config)
         self._waiting: list[tuple[int, int, int]] = []
         self._released: list[tuple[int, int, int]] = []
-        self._running: list[_Task] = []
+        self._running: list[SearchTask] = []
         self._candidates: dict[int, list[Candidate]] = {}
         self._has_news = False
 
@@ -153,7 +153,7 @@ class WideSearch:
                 requests=requests,
                 least=(self._config.min_score, self._config.min_score_ratio),
             )
-            self._running.append(_Task(task, self._submaps[submap]))
+            self._running.append(SearchTask(task, self._submaps[submap]))
         if not self._recorded.is_replaying:
             self._launch()
 
