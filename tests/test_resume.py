@@ -197,7 +197,7 @@ def test_another_recording_does_not_resume_a_run(whole, tmp_path):
     interrupted(whole, out, 0.5)
     before = (out / FILE_NAME).read_bytes()
 
-    with pytest.raises(OutputError, match=r"holds an interrupted run \(of ring.log\)"):
+    with pytest.raises(InputError, match=r"interrupted run of another recording \(ring.log\)"):
         resume_recording(other, out=out)
     with pytest.raises(OutputError, match=r"holds an interrupted run \(of ring.log\)"):
         map_recording(other, out=out)

@@ -119,7 +119,7 @@ def map_live(
         get_ready()
         start_pose = last_pose(base) if options.starts_at_end and base else options.start
         mapper = Mapper(
-            loaded.config, live=True, onto=base, onto_pose=start_pose, tapes=journal.tapes
+            loaded.config, live=True, onto=base, onto_pose=start_pose, outcomes=journal.outcomes
         )
         files = _Files(notices, options.poses)
         try:

@@ -22,7 +22,7 @@ from cartoloop.config import (
 )
 from cartoloop.errors import InputError
 from cartoloop.journal.frames import Kind
-from cartoloop.journal.tape import NO_TAPES, Tapes, unfit
+from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes, unfit
 from cartoloop.local_slam.match_records import (
     match_record,
     recorded_match,
@@ -198,7 +198,7 @@ class LocalSlam:
     timer : measures the stages.
     known : what is known about the sensors before; by default nothing.
     first_node, first_submap : indices of the first ones: those of earlier sessions come before.
-    tapes : of the run; matches are taken from there, or put there.
+    outcomes : of the run; matches are replayed from there, or recorded there.
     """
 
     def __init__(
@@ -208,18 +208,18 @@ class LocalSlam:
         node_filter: AdaptiveVoxelFilterConfig,
         timer: StageTimer,
         known: SensorCalibration | None = None,
-        tapes: Tapes = NO_TAPES,
+        outcomes: RunOutcomes = NO_RUN_OUTCOMES,
         *,
         first_node: int = 0,
         first_submap: int = 0,
     ) -> None:
         self._config = config
-        self._tape = tapes.local
+        self._recorded = outcomes.local
         self._node_filter = node_filter
         self._timer = timer
         self._range_filter = RangeFilter(sensor)
         self._scanners: dict[str, _Scanner] = {}
-        self._active = ActiveSubmaps(config.submaps, first_submap, tapes.finished_submaps)
+        self._active = ActiveSubmaps(config.submaps, first_submap, outcomes.finished_submaps)
         self._clocks = ScannerClocks(known.scanner_offsets if known else None)
         self._next_node = first_node
         self.extrapolator = PoseExtrapolator(config, known.odometry if known else None)
@@ -298,7 +298,7 @@ class LocalSlam:
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))
             scanner.is_in_map = True
-        self._put_scan(scan.stamp, pose)
+        self._record_scan(scan.stamp, pose)
         fit = match.match if match else None
         return LocalSlamResult(pose, match is not None, node, filtered.data.returns, fit)
 
@@ -332,13 +332,13 @@ class LocalSlam:
     ) -> MatchedScan:
         """Return the match of a scan to the older active submap, which exists."""
         submap = self._active.submaps[0]
-        if (recorded := self._tape.take(Kind.MATCH)) is not None:
+        if (recorded := self._recorded.replay(Kind.MATCH)) is not None:
             match, matcher.memory = recorded_match(recorded)
             return matched_scan(submap, match)
         with self._timer.measure("match"):
             matched = matcher.match(submap, filtered.points, prediction)
-        if self._tape.is_replayable:
-            self._tape.put(Kind.MATCH, match_record(matched.match, matcher.memory))
+        if self._recorded.is_replayable:
+            self._recorded.record(Kind.MATCH, match_record(matched.match, matcher.memory))
         return matched
 
     def _deskew_again(
@@ -412,7 +412,7 @@ class LocalSlam:
         prediction: Prediction,
     ) -> Pose | None:
         """Return a better pose along bare walls; see `WallStep.better_pose`."""
-        if (recorded := self._tape.take(Kind.WALL_STEP)) is not None:
+        if (recorded := self._recorded.replay(Kind.WALL_STEP)) is not None:
             better, wall_step.memory = recorded_wall_step(recorded)
             return better
         with self._timer.measure("match"):
@@ -423,25 +423,25 @@ class LocalSlam:
                 by_odometry=prediction.by_odometry,
                 stands=prediction.by_odometry and prediction.stands,
             )
-        if self._tape.is_replayable:
-            self._tape.put(Kind.WALL_STEP, wall_record(better, wall_step.memory))
+        if self._recorded.is_replayable:
+            self._recorded.record(Kind.WALL_STEP, wall_record(better, wall_step.memory))
         return better
 
-    def _put_scan(self, stamp: float, pose: Pose) -> None:
-        """Put down a mapped scan, or check that it is the same as recorded."""
-        if not self._tape.is_kept:
+    def _record_scan(self, stamp: float, pose: Pose) -> None:
+        """Record a mapped scan, or check that it is the same as recorded."""
+        if not self._recorded.is_recording:
             return
         record = scan_record(stamp, pose)
-        recorded = self._tape.take(Kind.SCAN)
+        recorded = self._recorded.replay(Kind.SCAN)
         if recorded is None:
-            self._tape.put(Kind.SCAN, record)
+            self._recorded.record(Kind.SCAN, record)
         elif recorded != record:
             raise unfit(f"the scan with stamp {stamp:.6f} has another pose")
 
-    def _put_calibration(self) -> None:
-        """Put down what is known about the sensors, once for each submap."""
-        if self._tape.take(Kind.CALIBRATION) is None and self._tape.is_kept:
-            self._tape.put(Kind.CALIBRATION, json.dumps(self.calibration.to_dict()).encode())
+    def _record_calibration(self) -> None:
+        """Record what is known about the sensors, once for each submap."""
+        if self._recorded.replay(Kind.CALIBRATION) is None and self._recorded.is_recording:
+            self._recorded.record(Kind.CALIBRATION, json.dumps(self.calibration.to_dict()).encode())
 
     def _information(self, match: MatchedScan | None) -> FloatArray:
         """Return the information matrix of a scan's pose in the older active submap."""
@@ -487,8 +487,8 @@ class LocalSlam:
                 insertion.finished,
             )
         self._next_node += 1
-        if self._tape.take(Kind.NODE) is None and self._tape.is_kept:
-            self._tape.put(Kind.NODE, node_record(node, data.tf_tracking_sensor))
+        if self._recorded.replay(Kind.NODE) is None and self._recorded.is_recording:
+            self._recorded.record(Kind.NODE, node_record(node, data.tf_tracking_sensor))
         if insertion.finished is not None:
-            self._put_calibration()
+            self._record_calibration()
         return node
