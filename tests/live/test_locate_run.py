@@ -41,7 +41,7 @@ class Sender:
 
 def located(source, options=None, said=None):
     answers = []
-    localizer = Localizer(known_map(ROOM), live=True)
+    localizer = Localizer(known_map(ROOM), live=True, waits=True)
     locate_live(
         source, localizer, options or MessageOptions(waits=True),
         Notices((said if said is not None else []).append),

@@ -108,7 +108,9 @@ def locate_command(options: LocateOptions) -> None:
 
         log = open_log(options.source, read_options)
     with poses_stream(options.poses) as poses, compilation_notice(), stop_signals() as stop:
-        localizer = Localizer(options.map_, loaded.config, at=start, live=options.is_live)
+        localizer = Localizer(
+            options.map_, loaded.config, at=start, live=options.is_live, waits=options.no_drop
+        )
         keeper = None if options.keep is None else PoseKeeper(options.keep, localizer, _warn)
         run = _Run(RunSummary(), keeper, poses, is_quiet=options.poses == "-")
         if options.is_live:
