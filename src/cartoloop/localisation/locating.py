@@ -72,7 +72,7 @@ class Locating:
                 self._lose()
                 scan = self._moved(event)
         if self._following is None:
-            self._seek(scan, tf_odom_tracking)
+            self._find(scan, tf_odom_tracking)
         return self._answer_of(scan)
 
     def _moved(self, event: LaserScan | PointCloud) -> LocalScan:
@@ -94,7 +94,7 @@ class Locating:
         else:
             self._believe(claim, scan)
 
-    def _seek(self, scan: LocalScan, tf_odom_tracking: Pose | None) -> None:
+    def _find(self, scan: LocalScan, tf_odom_tracking: Pose | None) -> None:
         """Search for the robot, near a given pose or in the whole map."""
         if len(scan.points) < MIN_POINTS:
             return
