@@ -15,8 +15,8 @@ from cartoloop.config import Config
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import RecordedOutcomes
 from cartoloop.local_slam.clock_offset import FIRST_ESTIMATE
-from cartoloop.local_slam.local_slam import SensorCalibration
 from cartoloop.local_slam.odometry_veer import MIN_STRETCHES
+from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import Odometry
 from cartoloop.stop_request import StopRequest

@@ -23,7 +23,8 @@ from cartoloop.global_slam.trajectory import path_length
 from cartoloop.growing_array import GrowingArray
 from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes
 from cartoloop.lifelong.trim import trimmed
-from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult, SensorCalibration
+from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
+from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.map_data import MapData
 from cartoloop.map_sessions import earlier_maps
 from cartoloop.part_check import part_check

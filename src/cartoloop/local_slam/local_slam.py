@@ -5,9 +5,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections import deque
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -17,7 +16,6 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import (
     AdaptiveVoxelFilterConfig,
     LocalSlamConfig,
-    MotionFilterConfig,
     SensorConfig,
 )
 from cartoloop.errors import InputError
@@ -29,7 +27,6 @@ from cartoloop.local_slam.match_records import (
     recorded_wall_step,
     wall_record,
 )
-from cartoloop.local_slam.odometry_calibration import OdometryParameters
 from cartoloop.local_slam.odometry_trust import Evidence
 from cartoloop.local_slam.pose_extrapolator import (
     MAX_SWEEP_S,
@@ -43,21 +40,20 @@ from cartoloop.local_slam.scan_matcher import (
     degenerate_direction,
     matched_scan,
 )
+from cartoloop.local_slam.scanner import Scanner
 from cartoloop.local_slam.scanner_clocks import ScannerClocks
+from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
-from cartoloop.sensor.pose import Pose, compose, transform_points, wrap_angle
+from cartoloop.sensor.pose import Pose, compose, transform_points
 from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
 from cartoloop.sensor.sweep_motion import SweepMotion
 from cartoloop.sensor.wall_normals import normal_ratio
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.node_records import node_record, scan_record
 from cartoloop.submaps.submap import ActiveSubmaps, Submap
-
-MAX_RECENT = 64
-"""Number of scans of a scanner that are kept for a comparison: more than a second of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,40 +76,6 @@ class LocalSlamResult:
     match: LeastSquaresMatch | None = None
 
 
-class SensorCalibration(NamedTuple):
-    """What local SLAM has found out about the sensors.
-
-    Attributes
-    ----------
-    odometry : clock offset, scales and errors of the odometry.
-    scanner_offsets : by name: scans show the robot this much later than those of the first scanner
-        with the same stamps [s]; 0 for the first.
-    """
-
-    odometry: OdometryParameters
-    scanner_offsets: Mapping[str, float]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as values of JSON, None for what is not known."""
-        odometry = self.odometry.to_dict()
-        return {"odometry": odometry, "scanner_offsets": dict(self.scanner_offsets)}
-
-    @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> SensorCalibration:
-        """Return what :meth:`to_dict` made values of JSON of.
-
-        Raises
-        ------
-        ValueError, TypeError, AttributeError
-            They are of something else.
-        """
-        offsets = content.get("scanner_offsets", {})
-        return cls(
-            OdometryParameters.from_dict(content.get("odometry", {})),
-            {str(name): float(offset) for name, offset in offsets.items()},
-        )
-
-
 class FilteredScan(NamedTuple):
     """A scan after deskewing and filtering.
 
@@ -127,64 +89,6 @@ class FilteredScan(NamedTuple):
     motion: SweepMotion | None
     data: RangeData
     points: FloatArray
-
-
-class MotionFilter:
-    """Lets a scan pass if time, distance or rotation since the last one passed is large enough."""
-
-    def __init__(self, config: MotionFilterConfig) -> None:
-        self._config = config
-        self._last_time = -math.inf
-        self._last_pose = Pose(math.inf, math.inf, 0.0)
-
-    def is_new(self, time: float, pose: Pose) -> bool:
-        """Return whether the scan is to be inserted; if so, compare the next ones with it."""
-        config = self._config
-        if (
-            time - self._last_time <= config.max_time_seconds
-            and math.hypot(pose.x - self._last_pose.x, pose.y - self._last_pose.y)
-            <= config.max_distance_meters
-            and abs(wrap_angle(pose.theta - self._last_pose.theta))
-            <= math.radians(config.max_angle_degrees)
-        ):
-            return False
-        self._last_time, self._last_pose = time, pose
-        return True
-
-
-@dataclass(slots=True)
-class _Scanner:
-    """The state of one scanner.
-
-    Attributes
-    ----------
-    matcher : holds the typical residual of its scans.
-    motion_filter : one for each scanner, so that each contributes to the map.
-    wall_step : compares its scans with each other where nothing else measures the motion.
-    num_scans : number of its scans.
-    is_in_map : whether one of its scans was inserted.
-    recent : its latest scans.
-    """
-
-    matcher: ScanMatcher
-    motion_filter: MotionFilter
-    wall_step: WallStep
-    num_scans: int = 0
-    is_in_map: bool = False
-    recent: deque[LaserScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
-
-    def change_since(self, time: float) -> float:
-        """Return the median change of the ranges since a time [m]; inf if it is not known."""
-        first = next((scan for scan in self.recent if scan.time >= time), None)
-        if first is None or first is self.recent[-1]:
-            return math.inf
-        before, now = first.ranges, self.recent[-1].ranges
-        if len(before) != len(now):
-            return math.inf
-        limit = first.geometry.range_max
-        both = (before > 0.0) & (now > 0.0) & (before < limit) & (now < limit)
-        changes = np.abs(now[both] - before[both])
-        return float(np.median(changes)) if len(changes) else math.inf
 
 
 class LocalSlam:
@@ -218,7 +122,7 @@ class LocalSlam:
         self._node_filter = node_filter
         self._timer = timer
         self._range_filter = RangeFilter(sensor)
-        self._scanners: dict[str, _Scanner] = {}
+        self._scanners: dict[str, Scanner] = {}
         self._active = ActiveSubmaps(config.submaps, first_submap, outcomes.finished_submaps)
         self._clocks = ScannerClocks(known.scanner_offsets if known else None)
         self._next_node = first_node
@@ -302,19 +206,13 @@ class LocalSlam:
         fit = match.match if match else None
         return LocalSlamResult(pose, match is not None, node, filtered.data.returns, fit)
 
-    def _scanner_of(self, scan: LaserScan | PointCloud) -> _Scanner:
+    def _scanner_of(self, scan: LaserScan | PointCloud) -> Scanner:
         """Return the state of a scan's scanner, and count the scan."""
         name = scan.geometry.sensor
         scanner = self._scanners.get(name)
         if scanner is None:
-            scanner = self._scanners[name] = _Scanner(
-                ScanMatcher(self._config),
-                MotionFilter(self._config.motion_filter),
-                WallStep(self._config.wall_step),
-            )
-        scanner.num_scans += 1
-        if isinstance(scan, LaserScan):
-            scanner.recent.append(scan)
+            scanner = self._scanners[name] = Scanner.of(self._config)
+        scanner.count(scan)
         return scanner
 
     def _filter(self, scan: LaserScan | PointCloud, time: float) -> FilteredScan:
@@ -362,7 +260,7 @@ class LocalSlam:
         return filtered, self._match(filtered, prediction, matcher)
 
     def _evidence(
-        self, match: MatchedScan | None, scanner: _Scanner, points: FloatArray, *, by_walls: bool
+        self, match: MatchedScan | None, scanner: Scanner, points: FloatArray, *, by_walls: bool
     ) -> Evidence | None:
         """Return what a match of a scanner says about the motion, None without a match."""
         if match is None:
@@ -384,7 +282,7 @@ class LocalSlam:
         time: float,
         filtered: FilteredScan,
         match: MatchedScan,
-        scanner: _Scanner,
+        scanner: Scanner,
         prediction: Prediction,
     ) -> tuple[MatchedScan, bool]:
         """Return a match, repeated where the scan before shows another step along bare walls.

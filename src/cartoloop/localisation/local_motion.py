@@ -8,7 +8,8 @@ from typing import NamedTuple
 from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.errors import InputError
-from cartoloop.local_slam.local_slam import LocalSlam, SensorCalibration
+from cartoloop.local_slam.local_slam import LocalSlam
+from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.localisation.trail import SCAN_FILTER, Trail
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud

@@ -11,7 +11,7 @@ from os import PathLike
 from cartoloop.arguments import as_numbers, as_path, require_type
 from cartoloop.config import Config
 from cartoloop.errors import UsageError
-from cartoloop.local_slam.local_slam import SensorCalibration
+from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.localisation.answer import Answer, State
 from cartoloop.localisation.known_map import KnownMap, known_map_of, load_known_map
 from cartoloop.localisation.locating import Locating

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 from cartoloop.config import Config
-from cartoloop.local_slam.local_slam import SensorCalibration
+from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.localisation.answer import Answer, State
 from cartoloop.localisation.decision import MIN_POINTS, Claim
 from cartoloop.localisation.following import Following
