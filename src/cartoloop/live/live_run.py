@@ -160,7 +160,7 @@ def _loaded(
 ) -> LoadedConfig:
     """Return the configuration: that of the map that is added to if none is given.
 
-    Whether old gives way to new is no matter of that map: it is decided anew for each session.
+    Whether old gives way to new is no matter of that map: it is decided for each session.
     """
     if isinstance(config, LoadedConfig):
         loaded = config
