@@ -124,7 +124,7 @@ def test_what_was_computed_is_not_computed_again(log, whole, tmp_path, monkeypat
 def test_a_journal_has_records_of_all_kinds(whole):
     kinds = {record.kind for record in read_journal(whole / FILE_NAME)[1].records}
 
-    assert kinds == set(Kind) - {Kind.HEADER, Kind.DROPPED}
+    assert kinds == set(Kind) - {Kind.HEADER, Kind.DROPPED, Kind.JOIN_SEARCHED, Kind.JOIN_DECIDED}
 
 
 class StoppingAt(RunObserver):

@@ -350,7 +350,7 @@ class Mapper:
         graph = self._global_slam.graph
         node_scan_index = np.array(self._node_scan_index[: graph.num_nodes], dtype=np.int64)
         local = self._local_poses.view[:num_scans].copy()
-        sessions = self._sessions()
+        sessions = self.sessions
         trajectory = whole_trajectory(sessions, local, node_scan_index, graph.node_poses)
         return Result(
             self._stamps.view[:num_scans].copy(),
@@ -366,8 +366,9 @@ class Mapper:
             sessions=sessions,
         )
 
-    def _sessions(self) -> tuple[Session, ...]:
-        """Return all sessions, the last of them the one that is mapped."""
+    @property
+    def sessions(self) -> tuple[Session, ...]:
+        """All sessions, the last of them the one that is mapped, with the parts so far."""
         own = Session(
             first_scan=self._first_scan,
             first_node=len(self._earlier.node_scan_index),

@@ -65,15 +65,12 @@ def base_of_new_run(
         It cannot be added to with this configuration.
     """
     content = _opened(onto, config)
-    path = "" if isinstance(onto, MapData) else str(as_path(onto, "onto").absolute())
-    if is_same_folder(onto, out):
-        assert out is not None and not isinstance(onto, MapData)
-        if map_file_of(as_path(onto, "onto")).name == JOURNAL:
-            raise OutputError(
-                f"{out}: holds an interrupted run and no map yet; go on with that first, or choose "
-                "another output folder"
-            )
-        path = "."
+    path = path_of_base(onto, out)
+    if path == "." and map_file_of(as_path(onto, "onto")).name == JOURNAL:
+        raise OutputError(
+            f"{out}: holds an interrupted run and no map yet; go on with that first, or choose "
+            "another output folder"
+        )
     digest = "" if out is None else map_digest(content)
     return RunBase(content, BaseOfRun(path, digest, recording, pose))
 
@@ -116,13 +113,20 @@ def base_of_resumed_run(
     return RunBase(content, about)
 
 
+def path_of_base(onto: MapData | str | PathLike[str], out: Path | None) -> str:
+    """Return where a map that is added to is, as the journal of a run in `out` has it."""
+    if isinstance(onto, MapData):
+        return ""
+    return "." if is_same_folder(onto, out) else str(as_path(onto, "onto").absolute())
+
+
 def is_same_folder(onto: object, out: str | PathLike[str] | None) -> bool:
     """Return whether a map that is added to is in the folder that the new one is saved in."""
     if out is None or not isinstance(onto, str | PathLike):
         return False
     given: str | PathLike[str] = onto
     path = Path(given)
-    return (path if path.is_dir() else path.parent).resolve() == Path(out).resolve()
+    return (path.parent if path.is_file() else path).resolve() == Path(out).resolve()
 
 
 def _opened(onto: MapData | str | PathLike[str], config: Config) -> MapData:

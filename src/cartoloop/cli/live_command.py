@@ -16,6 +16,7 @@ from cartoloop.cli.options import (
     ConfigOptions,
     LiveSourceOptions,
     PictureOptions,
+    folder_of_map,
     parse_pose_deg,
 )
 from cartoloop.cli.view_command import (
@@ -48,15 +49,35 @@ class LiveCommandOptions(ConfigOptions, PictureOptions, LiveSourceOptions):
         ),
     ]
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map.")
+        Path | None,
+        typer.Option(
+            "-o", "--out", metavar="OUT", help="Folder for the map; with --onto, by default MAP."
+        ),
     ] = None
+    onto: Annotated[
+        Path | None,
+        typer.Option(
+            "--onto",
+            metavar="MAP",
+            help="Add the drive to a map as a session. The robot is searched for in it; while it "
+            "is not found, the session is kept apart. If it never is, the status is 4.",
+        ),
+    ] = None
+    lifelong: Annotated[
+        bool,
+        typer.Option(
+            "--lifelong",
+            help="With --onto or --resume: where the drive shows a place again, older submaps and "
+            "scans are removed in the end, and furniture that was moved fades.",
+        ),
+    ] = False
     resume: Annotated[
         Path | None,
         typer.Option(
             "--resume",
             metavar="OUT",
-            help="Continue the map in this folder, of a run that ended or was interrupted. The "
-            "robot is searched for in it; while it is not found, the status is 4.",
+            help="Continue the map in this folder, of a run that ended or was interrupted; the "
+            "same as --onto OUT.",
         ),
     ] = None
     at: Annotated[
@@ -90,7 +111,8 @@ def live_command(options: LiveCommandOptions) -> None:
     out = _folder(options)
     starts_at_end = options.at == "end"
     start = None if starts_at_end else parse_pose_deg(options.at, "--at")
-    if options.resume is not None and not (options.settings or options.config):
+    onto = options.resume or options.onto
+    if onto is not None and not (options.settings or options.config):
         loaded = None
 
     from cartoloop.cli.live_mapping import map_source, poses_stream
@@ -115,7 +137,8 @@ def live_command(options: LiveCommandOptions) -> None:
             (options.view_host, options.view_port) if options.view else None,
             is_quiet=options.poses == "-",
             overwrite=options.overwrite,
-            resume=options.resume is not None,
+            onto=onto,
+            lifelong=options.lifelong,
         )
     require_joined(result)
     require_good(result.report, options.strict)
@@ -129,16 +152,20 @@ def _folder(options: LiveCommandOptions) -> Path:
     typer.BadParameter
         None is given, or two.
     """
-    if options.resume is None:
-        if options.out is None:
-            raise typer.BadParameter("give the folder for the map", param_hint="--out")
-        if options.at is not None:
-            raise typer.BadParameter(
-                "is a pose in the map of --resume: give that too", param_hint="--at"
-            )
-        return options.out
-    if options.out is not None and options.out != options.resume:
-        raise typer.BadParameter(
-            "names the folder of the map already; leave -o out", param_hint="--resume"
-        )
-    return options.resume
+    if options.resume is not None:
+        for given, name in ((options.out, "-o"), (options.onto, "--onto")):
+            if given is not None and given != options.resume:
+                raise typer.BadParameter(
+                    f"names the folder of the map already; leave {name} out", param_hint="--resume"
+                )
+        return options.resume
+    if options.onto is None:
+        for is_given, name in ((options.at is not None, "--at"), (options.lifelong, "--lifelong")):
+            if is_given:
+                raise typer.BadParameter(
+                    "is about a map that is added to: give it with --onto or --resume",
+                    param_hint=name,
+                )
+    if (out := options.out or folder_of_map(options.onto)) is None:
+        raise typer.BadParameter("give the folder for the map", param_hint="--out")
+    return out

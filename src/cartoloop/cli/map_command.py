@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cartoloop.cli.options import ConfigOptions, PictureOptions, ReadingOptions, parse_pose_deg
+from cartoloop.cli.options import (
+    ConfigOptions,
+    PictureOptions,
+    ReadingOptions,
+    folder_of_map,
+    parse_pose_deg,
+)
 from cartoloop.cli.view_command import ViewOptions, wait_for_stop
 from cartoloop.readers.formats import format_names
 
@@ -95,7 +101,7 @@ class MapOptions(ViewOptions, ReadingOptions, ConfigOptions, PictureOptions):
             Two are given.
         """
         if self.resume is None:
-            return self.out or self.onto or default_folder(self.logs[0])
+            return self.out or folder_of_map(self.onto) or default_folder(self.logs[0])
         if self.out is not None and self.out != self.resume:
             raise typer.BadParameter(
                 "names the folder of the map already; leave -o out", param_hint="--resume"

@@ -363,3 +363,8 @@ def settings_with_threads(settings: list[str] | None, threads: int | None) -> li
     """Return the settings, with that of the threads."""
     given = [] if threads is None else [f"global_slam.num_threads={threads}"]
     return [*(settings or []), *given]
+
+
+def folder_of_map(path: Path | None) -> Path | None:
+    """Return the folder of a map that is given by its folder or its file."""
+    return path.parent if path is not None and path.is_file() else path

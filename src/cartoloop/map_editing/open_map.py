@@ -12,7 +12,7 @@ from cartoloop.map_file.damage import damage_reported
 from cartoloop.map_file.read import map_file_of, read_map
 
 _MAX_DEPTH = 8
-"""Interrupted runs, each of which adds to another one."""
+"""How many interrupted runs are opened, where each adds to the next."""
 
 
 def open_map(path: str | PathLike[str]) -> MapData:

@@ -73,6 +73,7 @@ class RunFolder:
     overwrite : whether the map of another recording may be replaced.
     adds : whether the new map is that in the folder with a session more, so that it may replace it;
         an interrupted run of another recording it may not.
+    adds_for_good : the same, even if the run is stopped: it cannot be repeated.
     """
 
     path: Path
@@ -80,6 +81,7 @@ class RunFolder:
     fingerprint: str
     overwrite: bool = False
     adds: bool = False
+    adds_for_good: bool = False
 
     def check(self) -> None:
         """Check that the folder can be written, or made, and that nothing else is lost by it.
@@ -169,7 +171,8 @@ class RunFolder:
         """
         folder = prepare_folder(self.path)
         saved = saved_map(folder)
-        if saved is None or (self._may_replace(saved) and (finished or not saved.finished)):
+        is_better = finished or self.adds_for_good
+        if saved is None or (self._may_replace(saved) and (is_better or not saved.finished)):
             return folder
         return prepare_folder(folder / (SECOND if finished else STOPPED))
 
@@ -178,7 +181,7 @@ class RunFolder:
         return "" if place == self.path else f", since {self.path} holds a finished map"
 
     def _may_replace(self, saved: SavedMap) -> bool:
-        if self.overwrite or self.adds:
+        if self.overwrite or self.adds or self.adds_for_good:
             return True
         return saved.is_of(self.name, self.fingerprint) and not saved.num_edits
 
