@@ -22,6 +22,7 @@ from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.journal.frames import FILE_NAME as JOURNAL
 from cartoloop.map_data import MapData
+from cartoloop.map_file.adjustment_tables import read_adjustment_tables
 from cartoloop.map_file.closure_tables import constraints_and_closures
 from cartoloop.map_file.closure_tables_v2 import constraints_and_closures_v2
 from cartoloop.map_file.damage import damage_reported, require_cells_to_fit
@@ -53,6 +54,8 @@ _TABLES = [
     "constraints",
     "closures",
     "matches",
+    "trusted",
+    "held",
     "statuses",
     "reasons",
     "trajectory",
@@ -171,7 +174,9 @@ def _graph(database: sqlite3.Connection) -> tuple[PoseGraph, Closures]:
         graph.fix_submap(0)
     version = database.execute("PRAGMA user_version").fetchone()[0]
     read = constraints_and_closures_v2 if version == 2 else constraints_and_closures
-    return graph, read(database, graph)
+    closures = read(database, graph)
+    read_adjustment_tables(database, graph)
+    return graph, closures
 
 
 def _scan_index(nodes: Sequence[Row], num_scans: int) -> NDArray[np.int64]:
