@@ -107,6 +107,7 @@ def run(name, *arguments, cwd):
         ("own_reader", "51 scans mapped"),
         ("send_scans", "100 scans"),
         ("merge_maps", "2 of 2 sessions in one map"),
+        ("continue_a_map", "session 2 found its place"),
         ("refresh_a_map", "submaps gave way"),
     ],
 )

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from cartoloop.map_output.map_facts import map_facts
+from cartoloop.map_output.map_facts import map_facts, saved_facts
 from cartoloop.viewer.editing import Editing, edits_content
 from cartoloop.viewer.feed import Feed, whole
 from cartoloop.viewer.live_state import LiveState
@@ -161,7 +161,7 @@ def serve_result(
     readings.real_time_factor = result.report.real_time_factor or None
     _end(readings, result)
     state.apply(whole(result))
-    state.show_facts(map_facts(result))
+    state.show_facts(saved_facts(result) or map_facts(result))
     editing = None
     if editor is not None:
         editing = Editing(editor, state)
