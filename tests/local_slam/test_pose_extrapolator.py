@@ -77,7 +77,7 @@ def test_odometry_has_precedence_over_the_velocity(extrapolator):
 
 
 @pytest.mark.parametrize("speed", [0.8, 0.25])
-def test_odometry_that_catches_up_tells_where_the_robot_is(extrapolator, speed):
+def test_odometry_that_catches_up_shows_where_the_robot_is(extrapolator, speed):
     # At 0.25 m/s, only the long step afterwards shows that readings were repeated.
     def at(k):
         return Pose(0.2 * k * speed, 0.0, 0.0)
