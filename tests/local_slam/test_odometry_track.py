@@ -160,7 +160,7 @@ def test_jitter_of_the_stamps_makes_no_resets():
 
 
 def repeating(readings, first, count):
-    """Return readings some of them repeating the one before."""
+    """Return readings, some of them repeating the one before."""
     return [
         (time, *readings[first - 1][1:]) if first <= k < first + count else (time, x, theta)
         for k, (time, x, theta) in enumerate(readings)
