@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S, MAX_HOLD_SHARE, OdometryTrack
-from cartoloop.sensor.pose import Pose, relative
+from cartoloop.sensor.pose import Pose, relative, wrap_angle
 
 
 def track(*readings):
@@ -124,3 +126,103 @@ def test_motion_after_a_reset_is_known_at_the_next_reading():
     readings = track((1.0, 0.0, 0.0), (1.2, 0.1, 0.0), (1.4, 50.0, 0.0))
     assert readings.jumps_between(1.4, 1.5)
     assert not readings.jumps_between(1.0, 1.2)
+
+
+def drive(until, period=0.2, speed=0.8, rate=0.5):
+    """Return readings of a robot that has moved for a while: time, x, theta."""
+    number = round(until / period)
+    return [
+        (k * period, k * period * speed / math.sqrt(5.0), k * period * rate)
+        for k in range(number + 1)
+    ]
+
+
+def test_a_step_much_faster_than_all_before_is_a_reset():
+    readings = drive(20.0)
+    time, x, theta = readings[-1]
+    jumped = track(*readings, (time + 0.2, x + 0.6, theta), (time + 0.4, x + 0.65, theta))
+    assert jumped.num_jumps == 1
+    assert relative(jumped.at(time), jumped.at(time + 0.2)) == pytest.approx(Pose(0.0, 0.0, 0.0))
+    # At the beginning, nobody knows how fast the robot can be.
+    assert track((0.0, 0.0, 0.0), (0.2, 0.05, 0.0), (0.4, 0.65, 0.0)).num_jumps == 0
+
+
+def test_a_turn_much_faster_than_all_before_is_a_reset():
+    readings = drive(20.0)
+    time, x, theta = readings[-1]
+    assert track(*readings, (time + 0.2, x, theta + 0.9)).num_jumps == 1
+    assert track(*readings, (time + 0.2, x, theta + 0.4)).num_jumps == 0
+
+
+def test_jitter_of_the_stamps_makes_no_resets():
+    readings = [(time + 0.09 * (k % 3), x, theta) for k, (time, x, theta) in enumerate(drive(40.0))]
+    assert track(*readings).num_jumps == 0
+
+
+def repeating(readings, first, count):
+    """Return readings, some of them repeating the one before."""
+    return [
+        (time, *readings[first - 1][1:]) if first <= k < first + count else (time, x, theta)
+        for k, (time, x, theta) in enumerate(readings)
+    ]
+
+
+def test_a_reading_repeated_at_speed_is_left_out():
+    true = drive(20.0, rate=0.1)
+    readings = track(*repeating(true, 60, 9))
+    assert readings.num_jumps == 0
+    assert readings.num_late == 1
+    assert readings.late_since == pytest.approx(true[59][0])
+    for time, x, theta in true[60:69]:
+        assert readings.at(time) == pytest.approx(Pose(x, 2.0 * x, theta))
+
+
+def test_while_a_reading_is_repeated_the_motion_is_soon_unknown():
+    true = drive(13.6)
+    readings = track(*repeating(true, 60, 9))
+    assert readings.at(12.0).x == pytest.approx(true[60][1])
+    assert readings.at(12.5) is None
+
+
+def test_a_robot_that_brakes_and_stands_is_believed():
+    at, speed, readings = 0.0, 0.8, []
+    for k in range(120):
+        readings.append((0.2 * k, at, 0.0))
+        at += 0.2 * speed / math.sqrt(5.0)
+        if k > 60:
+            speed = max(speed - 0.3, 0.0)
+    stopped = track(*readings)
+    assert stopped.num_late == 0
+    assert stopped.at(20.0) == pytest.approx(stopped.at(22.0))
+
+
+def test_a_robot_that_stands_for_long_is_believed_in_the_end():
+    true = drive(20.0)
+    readings = track(*repeating(true, 60, 40), (20.2, true[59][1] + 0.01, true[59][2]))
+    assert readings.at(16.0) == pytest.approx(readings.at(19.0))
+
+
+def test_that_readings_were_repeated_may_show_afterwards():
+    true = [
+        (time, x if k < 55 else true_x(k), theta) for k, (time, x, theta) in enumerate(drive(20.0))
+    ]
+    readings = track(*repeating(true, 60, 9))
+    assert readings.num_late == 1
+    assert readings.late_since == pytest.approx(true[59][0])
+    time, x, theta = true[64]
+    found = readings.at(time)
+    assert found.x == pytest.approx(x)
+    assert wrap_angle(found.theta - theta) == pytest.approx(0.0, abs=1e-9)
+
+
+def true_x(k):
+    """Place of a robot that turns almost on the spot, where a repeated reading is no surprise."""
+    return 54 * 0.2 * 0.8 / math.sqrt(5.0) + (k - 54) * 0.2 * 0.2 / math.sqrt(5.0)
+
+
+def test_a_robot_that_sets_off_has_repeated_nothing():
+    readings = drive(20.0)
+    time, x, theta = readings[-1]
+    stands = [(time + 0.2 * k, x, theta) for k in range(1, 20)]
+    goes = [(time + 4.0 + 0.2 * k, x + 0.04 * k, theta + 0.1 * k) for k in range(10)]
+    assert track(*readings, (time + 0.2, x, theta), *stands, *goes).num_late == 0

@@ -157,3 +157,10 @@ def test_calibrated_odometry_may_differ_by_less(is_calibrated):
         trust.add(k * PERIOD, pose, said, evidence(), lambda *_: False, is_calibrated)
         pose = compose(pose, STEP)
     assert trust.is_trusted != is_calibrated
+
+
+def test_a_fault_that_the_odometry_explains_is_forgotten():
+    trust, _ = follow([STEP] * 20, [STEP] * 10 + [STAND] * 10)
+    assert not trust.forgive(since=10.0)
+    assert trust.forgive(since=2.0)
+    assert not trust.faults

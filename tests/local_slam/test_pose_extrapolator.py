@@ -76,6 +76,24 @@ def test_odometry_has_precedence_over_the_velocity(extrapolator):
     assert extrapolator.predict(2.0).tf_local_tracking == pytest.approx(Pose(1.0, 0.0, 0.0))
 
 
+@pytest.mark.parametrize("speed", [0.8, 0.25])
+def test_odometry_that_catches_up_shows_where_the_robot_is(extrapolator, speed):
+    # At 0.25 m/s, only the long step afterwards shows that readings were repeated.
+    def at(k):
+        return Pose(0.2 * k * speed, 0.0, 0.0)
+
+    for k in range(101):
+        reading = at(k) if k < 90 else at(89)
+        extrapolator.add_odometry(0.2 * k, reading)
+        # Between bare walls, matches stay where the odometry stays.
+        extrapolator.add_pose(0.2 * k, reading)
+    extrapolator.add_odometry(20.2, at(101))
+    prediction = extrapolator.predict(20.2)
+    assert prediction.by_odometry
+    assert prediction.tf_local_tracking == pytest.approx(at(101), abs=1e-6)
+    assert prediction.information[0] < extrapolator.predict(20.2).information[0] / 10.0
+
+
 def test_odometry_that_began_after_the_last_pose_is_not_used(extrapolator):
     extrapolator.add_pose(0.0, IDENTITY)
     extrapolator.add_pose(1.0, Pose(0.5, 0.0, 0.0))

@@ -71,3 +71,15 @@ def test_impossible_limits_are_refused(limits):
 def test_a_route_without_points_is_refused():
     with pytest.raises(ConfigError, match="no points"):
         drive(np.empty((0, 2)))
+
+
+def test_a_short_step_between_turns_on_the_spot_takes_time():
+    route = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 0.012], [0.0, 0.012]])
+    motion = drive(route, speed=1.0, turn_rate=0.9, acceleration=0.6, corner_radius=0.5)
+    seconds = np.diff(motion.times)
+    assert np.all(np.isfinite(seconds))
+    assert np.all(seconds > 0.0)
+    steps = np.hypot(*np.diff(motion.poses[:, :2], axis=0).T)
+    short = int(np.argmax(np.abs(motion.poses[1:, 1] - motion.poses[:-1, 1])))
+    # Half of it speeding up, half slowing down.
+    assert seconds[short] == pytest.approx(2.0 * np.sqrt(steps[short] / 0.6))

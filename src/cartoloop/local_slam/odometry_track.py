@@ -34,15 +34,54 @@ no robot on wheels is so fast."""
 MAX_STEP_RAD, MAX_TURN_RATE = 1.0, 10.0
 """The same for the heading [rad], [rad/s]."""
 
+KNOWN_STEP_M, KNOWN_STEP_RAD, TIMES_FASTEST = 0.3, 0.3, 3.0
+"""Once a robot has shown how fast it is, a step longer than KNOWN_STEP + TIMES_FASTEST * duration *
+its largest speed is a reset, too [m], [rad]. Steps of real robots remain below half of that."""
+
+LEAST_FASTEST, LEAST_FASTEST_RATE = 0.3, 0.6
+"""Least of these largest speeds [m/s], [rad/s]: a robot may not have turned yet."""
+
+PACE_S, NUM_PACES, MIN_PACE = 1.0, 10, 0.1
+"""Time over which a speed is measured [s], so that jitter of the stamps is not in it; number of
+such times in which the robot moved by more than the third [m], [rad], after which its largest speed
+is known."""
+
+SPEED_OVER_S = 0.3
+"""Time before a reading over which its speed is measured [s]."""
+
+MIN_SPEED, MAX_DECELERATION = 0.3, 2.0
+"""A robot faster than both does not stand at once [m/s], [m/s^2]: a reading equal to the last one
+repeats it."""
+
+MAX_REPEAT_S = 3.0
+"""Longest time for which odometry repeats a reading and catches up [s]; beyond, it stands."""
+
+HASTY_M, HASTY_RAD, HASTY_TIMES_FASTEST = 0.1, 0.1, 1.5
+"""A step from repeated readings that is longer than the first and this many times the largest speed
+[m], [rad] is that of the time in which they were repeated."""
+
 
 class OdometryTrack:
     """The odometry readings so far, by their time.
 
     A jump further than a robot can move is a reset: the track continues from its last pose, as if
     the robot had not moved. The motion across a jump is not known: see `jumps_between`.
+
+    A reading that is repeated while the robot moves, because the odometry is slower than its
+    stamps, is left out: the motion is uniform until the odometry catches up. That it was repeated
+    shows in the speed before, or only afterwards.
+
+    Attributes
+    ----------
+    num_late : how often it caught up.
+    late_since : time of the reading that it last repeated before it caught up [s].
     """
 
     def __init__(self) -> None:
+        self.num_late = 0
+        self.late_since = math.nan
+        self._is_repeating = False
+        self._pace = _Pace()
         self._jump_times: list[float] = []
         self._tf_track_odom = IDENTITY
         self._times: list[float] = []
@@ -67,19 +106,64 @@ class OdometryTrack:
         self._append(time, tf_odom_tracking)
 
     def _append(self, time: float, tf_odom_tracking: Pose) -> None:
+        pose = self._in_track(time, tf_odom_tracking)
+        was_repeating, self._is_repeating = self._is_repeating, self._repeats(time, pose)
+        if self._is_repeating:
+            return
+        if self._times:
+            if self._drop_repeated(time, pose) or (was_repeating and pose != self._poses[-1]):
+                self.num_late += 1
+                self.late_since = self._times[-1]
+            self._pace.add(time, self._poses[-1], pose)
         self._times.append(time)
-        self._poses.append(self._in_track(time, tf_odom_tracking))
+        self._poses.append(pose)
+
+    def _drop_repeated(self, time: float, pose: Pose) -> bool:
+        """Drop readings that were repeated, if the next one shows it; return whether it does."""
+        times, poses = self._times, self._poses
+        if (
+            len(times) < 2
+            or poses[-1] != poses[-2]
+            or not self._pace.is_hasty(poses[-1], pose, time - times[-1])
+        ):
+            return False
+        while len(times) > 1 and poses[-1] == poses[-2] and time - times[-2] <= MAX_REPEAT_S:
+            times.pop()
+            poses.pop()
+        return True
 
     def _in_track(self, time: float, tf_odom_tracking: Pose) -> Pose:
         """Return a new reading in the frame of the track, which is shifted if it jumps."""
         pose = tf_odom_tracking
         if self.num_jumps:
             pose = compose(self._tf_track_odom, pose)
-        if self._poses and _is_jump(self._poses[-1], pose, time - self._times[-2]):
+        if self._poses and self._is_jump(self._poses[-1], pose, time):
             self._jump_times.append(time)
             self._tf_track_odom = compose(self._poses[-1], inverse(tf_odom_tracking))
             return self._poses[-1]
         return pose
+
+    def _is_jump(self, before: Pose, after: Pose, time: float) -> bool:
+        """Return whether the robot cannot have moved from one pose to the other until a time."""
+        distance = math.hypot(after.x - before.x, after.y - before.y)
+        turn = abs(wrap_angle(after.theta - before.theta))
+        return _is_too_far(distance, turn, time - self._times[-1]) or self._pace.is_exceeded(
+            distance, turn, time
+        )
+
+    def _repeats(self, time: float, pose: Pose) -> bool:
+        """Return whether a reading repeats the last one though the robot moves."""
+        times, poses = self._times, self._poses
+        # At a jump, the track repeats its last pose.
+        if len(times) < 2 or pose != poses[-1] or time in self._jump_times[-1:]:
+            return False
+        since = time - times[-1]
+        if self._is_repeating:
+            return since <= MAX_REPEAT_S
+        before = min(bisect_left(times, times[-1] - SPEED_OVER_S), len(times) - 2)
+        moved = math.hypot(pose.x - poses[before].x, pose.y - poses[before].y)
+        speed = moved / (times[-1] - times[before])
+        return speed > max(MIN_SPEED, MAX_DECELERATION * since)
 
     def at(self, time: float) -> Pose | None:
         """Return tf_odom_tracking at a time, or None where the readings do not reach."""
@@ -122,10 +206,58 @@ class OdometryTrack:
         return np.array(self._times), poses.reshape(-1, 3)
 
 
-def _is_jump(before: Pose, after: Pose, duration: float) -> bool:
-    """Return whether no robot can move from one pose to the other in a time [s]."""
-    distance = math.hypot(after.x - before.x, after.y - before.y)
-    turn = abs(wrap_angle(after.theta - before.theta))
+class _Pace:
+    """The largest speeds of the odometry so far."""
+
+    def __init__(self) -> None:
+        self._begin, self._changed = math.nan, math.nan
+        self._moved, self._turned = 0.0, 0.0
+        self._num_paces = 0
+        self._fastest, self._fastest_rate = LEAST_FASTEST, LEAST_FASTEST_RATE
+
+    def add(self, time: float, before: Pose, after: Pose) -> None:
+        """Add the step to a reading."""
+        if math.isnan(self._begin):
+            self._begin = self._changed = time
+            return
+        if after != before:
+            self._changed = time
+        self._moved += math.hypot(after.x - before.x, after.y - before.y)
+        self._turned += abs(wrap_angle(after.theta - before.theta))
+        duration = time - self._begin
+        if duration < PACE_S:
+            return
+        self._num_paces += self._moved > MIN_PACE or self._turned > MIN_PACE
+        self._fastest = max(self._fastest, self._moved / duration)
+        self._fastest_rate = max(self._fastest_rate, self._turned / duration)
+        self._begin, self._moved, self._turned = time, 0.0, 0.0
+
+    def is_hasty(self, before: Pose, after: Pose, duration: float) -> bool:
+        """Return whether a step took longer than a duration, by the largest speeds so far."""
+        distance = math.hypot(after.x - before.x, after.y - before.y)
+        turn = abs(wrap_angle(after.theta - before.theta))
+        times = HASTY_TIMES_FASTEST * duration
+        return self._num_paces >= NUM_PACES and (
+            distance > HASTY_M + times * self._fastest
+            or turn > HASTY_RAD + times * self._fastest_rate
+        )
+
+    def is_exceeded(self, distance: float, turn: float, time: float) -> bool:
+        """Return whether the step to a reading at a time is much faster than any so far.
+
+        It may be that of all the time since the last reading that was another.
+        """
+        if self._num_paces < NUM_PACES:
+            return False
+        duration = TIMES_FASTEST * (time - self._changed)
+        return (
+            distance > KNOWN_STEP_M + self._fastest * duration
+            or turn > KNOWN_STEP_RAD + self._fastest_rate * duration
+        )
+
+
+def _is_too_far(distance: float, turn: float, duration: float) -> bool:
+    """Return whether no robot can move so far [m] and turn so much [rad] in a time [s]."""
     return (
         distance > MAX_STEP_M + MAX_SPEED * duration
         or turn > MAX_STEP_RAD + MAX_TURN_RATE * duration

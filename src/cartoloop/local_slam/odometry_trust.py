@@ -204,6 +204,18 @@ class OdometryTrust:
                 num_faulty = len(steps)
         return num_faulty
 
+    def forgive(self, since: float) -> bool:
+        """Forget a fault that began after a time, as the odometry has explained what it did.
+
+        Returns whether the odometry is trusted. The motion since then is not compared.
+        """
+        if not self.is_trusted and self.faults[-1].begin >= since - WINDOW_S:
+            self.is_trusted = True
+            self.faults.pop()
+        for window in self._windows.values():
+            window.clear()
+        return self.is_trusted
+
     def _restore(self, begin: float, is_good: bool) -> None:
         if is_good:
             self.is_trusted = True

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
@@ -35,6 +36,10 @@ increment, and its beams count as measured at once."""
 STALE_M, STALE_RAD, STALE_SHARE = 0.03, 0.03, 0.5
 """Odometry that does not change at all while the scans move by more than this [m], [rad] repeats an
 old reading. It is new again when it agrees with the scans up to that and a share of the motion."""
+
+MAX_RECENT = 256
+"""Number of latest scans whose poses are kept for odometry that catches up: some seconds of them.
+"""
 
 KNOWN_SHIFTS_S: tuple[float, ...] = (-0.1, 0.1)
 """Times by which odometry may be late once its clock is known [s]."""
@@ -106,6 +111,8 @@ class PoseExtrapolator:
         self._velocity = VelocityFilter(config.prediction)
         self._middle_time, self._middle = 0.0, IDENTITY
         self._middles: dict[str, tuple[float, Pose]] = {}
+        self._recent: deque[tuple[float, Pose]] = deque(maxlen=MAX_RECENT)
+        self._num_late = 0
         self._num_poses = 0
         self.imu: ImuTrack | None = None
         self.imu_calibration = ImuCalibration()
@@ -175,6 +182,7 @@ class PoseExtrapolator:
         self._middle_time, self._middle = middle_time, middle
         self._middles[scanner] = middle_time, middle
         self._time, self._tf_local_tracking = time, tf_local_tracking
+        self._recent.append((time, tf_local_tracking))
         self._num_poses += 1
         if len(self._odometry):
             self._calibration.add(middle_time, middle, self._odometry, num_faulty, scanner)
@@ -229,6 +237,11 @@ class PoseExtrapolator:
         """Return the motion prior of a scan at a time not before the last pose."""
         if self._num_poses == 0:
             return self.prediction_from(time, IDENTITY)
+        if self._num_late < self._odometry.num_late:
+            self._num_late = self._odometry.num_late
+            caught_up = self._caught_up(time)
+            if caught_up is not None:
+                return caught_up
         step = self._odometry_step(self._time, time)
         if step is None:
             return self.prediction_from(time, self._at_constant_velocity(time))
@@ -239,6 +252,28 @@ class PoseExtrapolator:
             self._odometry_information(),
             partial(self._fallbacks, time),
             stands=step == IDENTITY,
+        )
+
+    def _caught_up(self, time: float) -> Prediction | None:
+        """Return the motion prior once the odometry has caught up, None if that is not possible.
+
+        While it repeated a reading, matches along bare walls could not know how far the robot
+        moved. So the motion since the last scan before is taken, not since the last scan.
+        """
+        since = self._odometry.late_since + self._calibration.model.time_offset
+        number = sum(1 for scan_time, _ in self._recent if scan_time > since)
+        if number == len(self._recent):
+            return None
+        begin, pose = self._recent[len(self._recent) - number - 1]
+        step = self._measured_step(begin, time)
+        self._is_stale = False
+        if step is None or not self._trust.forgive(since):
+            return None
+        return Prediction(
+            compose(pose, self._with_gyro_turn(step, begin, time)),
+            True,
+            self._odometry_information() / (number + 1),
+            partial(self._fallbacks, time),
         )
 
     def prediction_from(self, time: float, tf_local_tracking: Pose) -> Prediction:

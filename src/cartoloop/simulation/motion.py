@@ -187,5 +187,9 @@ def _timed(path: FloatArray, speed: float, turn_rate: float, acceleration: float
 
     mean_speeds = (speeds[:-1] + speeds[1:]) / 2
     seconds = np.where(spins, turns / turn_rate, 0.0)
-    seconds[~spins] = steps[~spins] / mean_speeds[~spins]
+    # A step between two turns on the spot begins and ends at rest.
+    rests = ~spins & (mean_speeds == 0.0)
+    seconds[rests] = 2.0 * np.sqrt(steps[rests] / acceleration)
+    moves = ~spins & ~rests
+    seconds[moves] = steps[moves] / mean_speeds[moves]
     return np.concatenate(([0.0], np.cumsum(seconds)))
