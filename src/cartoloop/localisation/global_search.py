@@ -25,9 +25,6 @@ from cartoloop.sensor.scan_points import ScanPoints
 PLACE_DISTANCE_M, PLACE_ANGLE_RAD = 1.0, math.radians(15.0)
 """Poses farther apart than the first, or turned by more than the second, are different places."""
 
-MAX_MARGIN = 0.1
-"""Other places count down to this below the score of the best one."""
-
 MAX_PARTS = 2000
 """Number of parts that are searched, at most: where scans fit everywhere, they prove nothing."""
 
@@ -56,24 +53,6 @@ class FoundPlace(NamedTuple):
     score: float
 
 
-class Found(NamedTuple):
-    """The best place, and the best elsewhere.
-
-    Attributes
-    ----------
-    best : the place, to a cell.
-    runner_up : upper limit of the score of any other place; its score where it was found.
-    """
-
-    best: FoundPlace
-    runner_up: float
-
-    @property
-    def margin(self) -> float:
-        """By which the best place exceeds any other; `MAX_MARGIN` and more count as that."""
-        return min(self.best.score - self.runner_up, MAX_MARGIN)
-
-
 def is_same_place(tf_map_a: Pose, tf_map_b: Pose) -> bool:
     """Return whether two poses are in the same place."""
     apart = relative(tf_map_a, tf_map_b)
@@ -83,26 +62,35 @@ def is_same_place(tf_map_a: Pose, tf_map_b: Pose) -> bool:
     )
 
 
-def find(known: KnownMap, points: FloatArray, min_score: float) -> Found | None:
+def find(known: KnownMap, points: FloatArray, min_score: float) -> FoundPlace | None:
     """Return the best place in the whole map at any angle, None where none reaches a score.
 
     Parameters
     ----------
     points : float64, shape (n, 2), frame of the robot [m].
-    min_score : that places must reach; worse ones are as good as that for all that is known.
+    min_score : that places must reach.
     """
+    found = known.matcher.match_full_submap(points, min_score=min_score)
+    return None if found is None else FoundPlace(known.to_map(found.tf_submap_scan), found.score)
+
+
+def runner_up_score(known: KnownMap, points: FloatArray, best: FoundPlace, margin: float) -> float:
+    """Return the score of the best place elsewhere, or an upper limit of it.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2), frame of the robot [m].
+    best : what :func:`find` returned for them.
+    margin : places whose score is lower by more than this are not searched; the limit is what they
+        may have at most.
+    """
+    limit = best.score - margin
     found = known.matcher.match_full_submap(
         points,
-        min_score=min_score,
-        runner_up=RunnerUp(PLACE_DISTANCE_M, PLACE_ANGLE_RAD, MAX_MARGIN),
+        min_score=max(limit, 0.0),
+        runner_up=RunnerUp(PLACE_DISTANCE_M, PLACE_ANGLE_RAD, 2.0 * margin),
     )
-    if found is None:
-        return None
-    # Where no runner-up was found, there may be one just below what was searched for.
-    least = max(found.score - MAX_MARGIN, min_score)
-    return Found(
-        FoundPlace(known.to_map(found.tf_submap_scan), found.score), max(found.runner_up, least)
-    )
+    return limit if found is None else max(found.runner_up, limit)
 
 
 def find_near(
