@@ -38,8 +38,8 @@ LISTED_BELOW = 0.15
 """Places are listed from a score that is lower by this than that of a claim."""
 
 AGREEMENT_OF_SCAN = 0.97
-"""The same for the agreement of a single scan; from `FULL_PATH_M` on, that which nine of ten scans
-of the map reach."""
+"""The same for the agreement of a single scan; of `LENGTH_M` of path, that which nine of ten
+scans of the map reach."""
 
 REFUTED_PATH_M = 2.0
 """Path that a claim needs for each claim before that the scans then refuted [m]."""
@@ -136,7 +136,7 @@ def needed_of(known: KnownMap, path: float, num_refuted: int = 0) -> Needed | No
     """
     if path < min(num_refuted * REFUTED_PATH_M, MAX_REFUTED_PATH_M):
         return None
-    usual, share = known.usual, min(path / FULL_PATH_M, 1.0)
+    usual, share = known.usual, min(path / LENGTH_M, 1.0)
     single = AGREEMENT_OF_SCAN * usual.agreement
     agreement = single + share * (min(known.low_agreement, single) - single)
     return Needed(_claimed_score(path) * usual.score, agreement)

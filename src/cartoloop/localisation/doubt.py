@@ -36,7 +36,7 @@ SLOW_SHARE, SLOW_LIMIT = 0.85, 1.2
 """Of the agreement that nine of ten scans of the map reach, the share that scans have on average
 where things were moved; and the limit of the sum."""
 
-NEW_SHARE, NEW_LIMIT = 1.0, 0.3
+NEW_SHARE, NEW_LIMIT = 1.0, 0.15
 """The same for the first metres after a claim, until it is proved."""
 
 PROOF_M = 15.0

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +27,13 @@ from cartoloop.sensor.scan_points import ScanPoints
 PLACE_DISTANCE_M, PLACE_ANGLE_RAD = 1.0, math.radians(15.0)
 """Poses farther apart than the first, or turned by more than the second, are different places."""
 
+HIGH_SCORES = (0.9, 0.75)
+"""Scores relative to the usual one that are searched for first: that takes less time by far."""
+
+NUM_PARTS = 2
+"""Number of parts of the rotations, and of the windows of a list, that threads search. Results do
+not depend on it."""
+
 MAX_PARTS = 2000
 """Number of parts that are searched, at most: where scans fit everywhere, they prove nothing."""
 
@@ -36,6 +45,11 @@ REFINEMENT_SIGMA_CELLS, REFINEMENT_LEVER_M = 2.0, 5.0
 
 USUAL_RESIDUAL = 0.4
 """Root mean square of 1 - M at the returns of scans that fit."""
+
+_HEADINGS = [(2 * part + 1) * math.pi / NUM_PARTS for part in range(NUM_PARTS)]
+"""The middles of the parts of the rotations."""
+
+_threads = ThreadPoolExecutor(NUM_PARTS, thread_name_prefix="places")
 
 _MATCHER = LeastSquaresMatcherConfig()
 
@@ -65,13 +79,29 @@ def is_same_place(tf_map_a: Pose, tf_map_b: Pose) -> bool:
 def find(known: KnownMap, points: FloatArray, min_score: float) -> FoundPlace | None:
     """Return the best place in the whole map at any angle, None where none reaches a score.
 
+    Threads search parts of the rotations, first for high scores: as soon as any part has a place,
+    the best of all parts is the best of the map.
+
     Parameters
     ----------
     points : float64, shape (n, 2), frame of the robot [m].
     min_score : that places must reach.
     """
-    found = known.matcher.match_full_submap(points, min_score=min_score)
-    return None if found is None else FoundPlace(known.to_map(found.tf_submap_scan), found.score)
+    usual = known.usual.score
+    rungs = [share * usual for share in HIGH_SCORES if share * usual > min_score]
+    for least in (*rungs, min_score):
+        search = partial(
+            known.matcher.match_full_submap,
+            points,
+            min_score=least,
+            angular_window=math.pi / NUM_PARTS,
+        )
+        parts = [_threads.submit(search, heading=heading) for heading in _HEADINGS]
+        found = [match for part in parts if (match := part.result()) is not None]
+        if found:
+            best = max(found, key=lambda match: match.score)
+            return FoundPlace(known.to_map(best.tf_submap_scan), best.score)
+    return None
 
 
 def runner_up_score(known: KnownMap, points: FloatArray, best: FoundPlace, margin: float) -> float:
@@ -171,18 +201,26 @@ def _match_in(
     angular: float,
     min_score: float,
 ) -> list[BranchAndBoundMatch | None]:
-    """Return the best match in each of many windows, with its runner-up."""
-    count = len(centres)
-    return known.matcher.match_all(
-        ScanPoints.of([points]).take(np.zeros(count, dtype=np.int64)),
-        centres,
-        linear_windows=np.full(count, linear),
-        angular_windows=np.full(count, angular),
-        min_score=min_score,
-        groups=np.arange(count),
-        max_of_group=1,
-        runner_up=RunnerUp(PLACE_DISTANCE_M, PLACE_ANGLE_RAD, 1.0),
-    ).matches
+    """Return the best match in each of many windows, with its runner-up; threads share them."""
+
+    def search(part: FloatArray) -> list[BranchAndBoundMatch | None]:
+        count = len(part)
+        return known.matcher.match_all(
+            ScanPoints.of([points]).take(np.zeros(count, dtype=np.int64)),
+            np.ascontiguousarray(part),
+            linear_windows=np.full(count, linear),
+            angular_windows=np.full(count, angular),
+            min_score=min_score,
+            groups=np.arange(count),
+            max_of_group=1,
+            runner_up=RunnerUp(PLACE_DISTANCE_M, PLACE_ANGLE_RAD, 1.0),
+        ).matches
+
+    matches: list[BranchAndBoundMatch | None] = [None] * len(centres)
+    parts = [slice(first, None, NUM_PARTS) for first in range(NUM_PARTS)]
+    for part, found in zip(parts, _threads.map(search, [centres[p] for p in parts]), strict=True):
+        matches[part] = found
+    return matches
 
 
 def _divided(centres: FloatArray, linear: float, angular: float) -> FloatArray:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from cartoloop.config import Config
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
@@ -59,6 +60,10 @@ class Locating:
         self._was_located = False
         self._num_refuted = 0
         self.start = start
+
+    def call_when_searched(self, function: Callable[[], None]) -> None:
+        """Call a function, in any thread, when the search has ended; at once if none is running."""
+        self._runner.call_when_ended(function)
 
     def answer(self, event: LaserScan | PointCloud, tf_odom_tracking: Pose | None) -> Answer:
         """Return the answer to a scan.
