@@ -7,9 +7,11 @@ import math
 
 from cartoloop.localisation.doubt import Doubt
 
+LOW = 0.8
+
 
 def steps_until_lost(agreement, path, duration):
-    doubt = Doubt()
+    doubt = Doubt(LOW)
     for step in range(1, 1000):
         doubt.add(agreement, path, duration)
         if doubt.is_lost:
@@ -28,7 +30,7 @@ def test_moved_furniture_does_not_make_a_robot_lost():
 
 
 def test_people_passing_by_are_forgotten():
-    doubt = Doubt()
+    doubt = Doubt(LOW)
     for _ in range(3):
         doubt.add(0.2, 0.1, 0.1)
     before = doubt.level
@@ -40,7 +42,7 @@ def test_people_passing_by_are_forgotten():
 
 
 def test_a_search_that_finds_no_better_place_halves_the_doubt():
-    doubt = Doubt()
+    doubt = Doubt(LOW)
     doubt.add(0.0, 1.0, 0.0)
     before = doubt.level
     doubt.reduce()

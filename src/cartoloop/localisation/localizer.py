@@ -127,6 +127,13 @@ class Localizer:
         pose = Pose(*as_numbers(tf_map_tracking, "Localizer.set_pose: tf_map_tracking", 3))
         self._locating.begin_again(StartPose(pose, True))
 
+    def call_when_searched(self, function: Callable[[], None]) -> None:
+        """Call a function, in any thread, when the search of the map in the background has ended.
+
+        The next scan is answered with its result. Without such a search, it is called at once.
+        """
+        self._locating.call_when_searched(function)
+
     def add(
         self, event: SensorEvent, on_answer: Callable[[Answer], None] | None = None
     ) -> Answer | None:

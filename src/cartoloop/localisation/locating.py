@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from cartoloop.config import Config
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
@@ -47,6 +48,7 @@ class Locating:
         self._known, self._config = known, config
         self._runner = SearchRunner(in_background=in_background)
         self._was_located = False
+        self._num_refuted = 0
         self._following: Following | None = None
         self._search = PlaceSearch(known, self._runner)
         self.motion = LocalMotion(config, calibration)
@@ -56,7 +58,12 @@ class Locating:
         """Forget where the robot is, and all that the scans so far have shown."""
         self._lose()
         self._was_located = False
+        self._num_refuted = 0
         self.start = start
+
+    def call_when_searched(self, function: Callable[[], None]) -> None:
+        """Call a function, in any thread, when the search has ended; at once if none is running."""
+        self._runner.call_when_ended(function)
 
     def answer(self, event: LaserScan | PointCloud, tf_odom_tracking: Pose | None) -> Answer:
         """Return the answer to a scan.
@@ -69,6 +76,7 @@ class Locating:
         if self._following is not None:
             self._follow(self._following, scan)
             if self._following.doubt.is_lost:
+                self._num_refuted += not self._following.doubt.is_proved
                 self._lose()
                 scan = self._moved(event)
         if self._following is None:
@@ -85,6 +93,8 @@ class Locating:
     def _follow(self, following: Following, scan: LocalScan) -> None:
         """Track the robot, and search for another place while the pose is doubted."""
         following.add(scan)
+        if following.doubt.is_proved:
+            self._num_refuted = 0
         suspect = following.doubt.is_suspect and len(scan.points) >= MIN_POINTS
         claim = self._search.check(scan, self.motion.trail, is_wanted=suspect)
         if claim is None:
@@ -98,22 +108,27 @@ class Locating:
         """Search for the robot, near a given pose or in the whole map."""
         if len(scan.points) < MIN_POINTS:
             return
-        claim = self._claim_at_start(tf_odom_tracking)
-        if claim is None:
-            claim = self._search.search(scan, self.motion.trail)
+        start, self.start = self.start, None
+        if start is not None:
+            claim = self._claim_at(start, tf_odom_tracking)
+            if claim is not None:
+                self._believe(claim, scan, is_proved=start.is_certain)
+                return
+        claim = self._search.search(scan, self.motion.trail, self._num_refuted)
         if claim is not None:
             self._believe(claim, scan)
 
-    def _claim_at_start(self, tf_odom_tracking: Pose | None) -> Claim | None:
-        start, self.start = self.start, None
+    def _claim_at(self, start: StartPose, tf_odom_tracking: Pose | None) -> Claim | None:
         composite = self.motion.trail.composite(0.0)
-        if start is None or composite is None:
+        if composite is None:
             return None
         return claim_near(self._known, composite, start, tf_odom_tracking)
 
-    def _believe(self, claim: Claim, scan: LocalScan) -> None:
+    def _believe(self, claim: Claim, scan: LocalScan, *, is_proved: bool = False) -> None:
         """Follow the robot from a place that is claimed."""
-        self._following = Following(self._known, self._config.local_slam, claim.tf_map_tracking)
+        self._following = Following(
+            self._known, self._config.local_slam, claim.tf_map_tracking, is_proved=is_proved
+        )
         self._following.begin(scan)
         self._was_located = True
 
