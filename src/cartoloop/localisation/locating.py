@@ -5,6 +5,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.localisation.answer import Answer, State
@@ -34,6 +37,8 @@ class Locating:
     ----------
     motion : of the robot, by local SLAM.
     start : pose to try at the next scan, None: there is none.
+    given_fits : whether the scan fitted at the pose that a user gave; None while it was not tried.
+    returns : of the last scan, float64, shape (n, 2), tracking frame [m].
     """
 
     def __init__(
@@ -51,12 +56,13 @@ class Locating:
         self._search = PlaceSearch(known, self._runner)
         self.motion = LocalMotion(config, calibration)
         self.start: StartPose | None = None
+        self._given: StartPose | None = None
+        self.given_fits: bool | None = None
+        self.returns: FloatArray = np.zeros((0, 2))
 
-    def begin_again(self, start: StartPose) -> None:
-        """Forget where the robot is, and all that the scans so far have shown."""
-        self._lose()
-        self._was_located = False
-        self.start = start
+    def give(self, start: StartPose) -> None:
+        """Begin again at a pose that a user gives if the next scan fits there."""
+        self._given, self.given_fits = start, None
 
     def answer(self, event: LaserScan | PointCloud, tf_odom_tracking: Pose | None) -> Answer:
         """Return the answer to a scan.
@@ -66,13 +72,19 @@ class Locating:
         tf_odom_tracking : the odometry's pose now, None without any.
         """
         scan = self._moved(event)
-        if self._following is not None:
+        given = self._claim_at_given(scan, tf_odom_tracking)
+        if given is not None:
+            self._lose()
+            scan = self._moved(event)
+            self._believe(given, scan)
+        elif self._following is not None:
             self._follow(self._following, scan)
             if self._following.doubt.is_lost:
                 self._lose()
                 scan = self._moved(event)
         if self._following is None:
             self._find(scan, tf_odom_tracking)
+        self.returns = scan.points
         return self._answer_of(scan)
 
     def _moved(self, event: LaserScan | PointCloud) -> LocalScan:
@@ -110,6 +122,15 @@ class Locating:
         if start is None or composite is None:
             return None
         return claim_near(self._known, composite, start, tf_odom_tracking)
+
+    def _claim_at_given(self, scan: LocalScan, tf_odom_tracking: Pose | None) -> Claim | None:
+        """Return the claim at the pose that a user has given, None without, or if nothing fits."""
+        composite = self.motion.trail.composite(0.0)
+        if self._given is None or composite is None or len(scan.points) < MIN_POINTS:
+            return None
+        claim = claim_near(self._known, composite, self._given, tf_odom_tracking)
+        self._given, self.given_fits = None, claim is not None
+        return claim
 
     def _believe(self, claim: Claim, scan: LocalScan) -> None:
         """Follow the robot from a place that is claimed."""
