@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from os import PathLike
 
 from cartoloop.arguments import as_numbers, as_path, require_type
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.errors import UsageError
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
@@ -123,9 +124,22 @@ class Localizer:
         self._locating.start = StartPose(tf_map_tracking, False, tf_odom_tracking)
 
     def set_pose(self, tf_map_tracking: Pose | tuple[float, float, float]) -> None:
-        """Begin again near a pose that a user gives, at the next scan."""
+        """Begin again near a pose that a user gives if the next scan fits there.
+
+        Otherwise nothing changes; `given_pose_fits` says which.
+        """
         pose = Pose(*as_numbers(tf_map_tracking, "Localizer.set_pose: tf_map_tracking", 3))
-        self._locating.begin_again(StartPose(pose, True))
+        self._locating.give(StartPose(pose, True))
+
+    @property
+    def given_pose_fits(self) -> bool | None:
+        """Whether the scan fitted at the pose of `set_pose`; None while it was not tried."""
+        return self._locating.given_fits
+
+    @property
+    def returns(self) -> FloatArray:
+        """Returns of the last scan, thinned, float64, shape (n, 2), tracking frame [m]."""
+        return self._locating.returns
 
     def call_when_searched(self, function: Callable[[], None]) -> None:
         """Call a function, in any thread, when the search of the map in the background has ended.

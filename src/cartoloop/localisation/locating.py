@@ -6,6 +6,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
+
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.localisation.answer import Answer, State
@@ -35,6 +38,8 @@ class Locating:
     ----------
     motion : of the robot, by local SLAM.
     start : pose to try at the next scan, None: there is none.
+    given_fits : whether the scan fitted at the pose that a user gave; None while it was not tried.
+    returns : of the last scan, float64, shape (n, 2), tracking frame [m].
     """
 
     def __init__(
@@ -53,13 +58,13 @@ class Locating:
         self._search = PlaceSearch(known, self._runner)
         self.motion = LocalMotion(config, calibration)
         self.start: StartPose | None = None
+        self._given: StartPose | None = None
+        self.given_fits: bool | None = None
+        self.returns: FloatArray = np.zeros((0, 2))
 
-    def begin_again(self, start: StartPose) -> None:
-        """Forget where the robot is, and all that the scans so far have shown."""
-        self._lose()
-        self._was_located = False
-        self._num_refuted = 0
-        self.start = start
+    def give(self, start: StartPose) -> None:
+        """Begin again at a pose that a user gives if the next scan fits there."""
+        self._given, self.given_fits = start, None
 
     def call_when_searched(self, function: Callable[[], None]) -> None:
         """Call a function, in any thread, when the search has ended; at once if none is running."""
@@ -73,7 +78,13 @@ class Locating:
         tf_odom_tracking : the odometry's pose now, None without any.
         """
         scan = self._moved(event)
-        if self._following is not None:
+        given = self._claim_at_given(scan, tf_odom_tracking)
+        if given is not None:
+            self._lose()
+            self._num_refuted = 0
+            scan = self._moved(event)
+            self._believe(given, scan, is_proved=True)
+        elif self._following is not None:
             self._follow(self._following, scan)
             if self._following.doubt.is_lost:
                 self._num_refuted += not self._following.doubt.is_proved
@@ -81,6 +92,7 @@ class Locating:
                 scan = self._moved(event)
         if self._following is None:
             self._find(scan, tf_odom_tracking)
+        self.returns = scan.points
         return self._answer_of(scan)
 
     def _moved(self, event: LaserScan | PointCloud) -> LocalScan:
@@ -123,6 +135,14 @@ class Locating:
         if composite is None:
             return None
         return claim_near(self._known, composite, start, tf_odom_tracking)
+
+    def _claim_at_given(self, scan: LocalScan, tf_odom_tracking: Pose | None) -> Claim | None:
+        """Return the claim at the pose that a user has given, None without, or if nothing fits."""
+        if self._given is None or len(scan.points) < MIN_POINTS:
+            return None
+        claim = self._claim_at(self._given, tf_odom_tracking)
+        self._given, self.given_fits = None, claim is not None
+        return claim
 
     def _believe(self, claim: Claim, scan: LocalScan, *, is_proved: bool = False) -> None:
         """Follow the robot from a place that is claimed."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 from cartoloop.map_output.map_facts import map_facts, saved_facts
@@ -65,7 +66,7 @@ class LiveView:
             self._playback,
         )
         self._feed = Feed()
-        self._server = ViewServer(self._state, self._feed, self._playback, host, port)
+        self._server = ViewServer(self._state, self._next_update, self._playback, host, port)
 
     @property
     def url(self) -> str:
@@ -128,6 +129,10 @@ class LiveView:
             self._state.refresh()
 
         self._server.call_and_wait(show)
+
+    def _next_update(self) -> Callable[[], None] | None:
+        update = self._feed.take()
+        return None if update is None else partial(self._state.apply, update)
 
     def close(self) -> None:
         """Close all connections."""
