@@ -126,7 +126,7 @@ class Found:
     num_found: int
     num_things: int
 
-    def __add__(self, other: Found) -> Found:  # type: ignore[override]
+    def __add__(self, other: Found) -> Found:
         pairs = zip(self.values, other.values, strict=True)
         return Found(*(mine + others for mine, others in pairs))
 
@@ -207,7 +207,8 @@ def _could_be_seen(day: LaterDay, known: KnownMap, kind: Kind, points: FloatArra
     else:
         mapped_so = (values >= mean_value(WALL)).any(axis=0)
         scans = passes[rows, cols]
-    return points[mapped_so & (scans >= MIN_SCANS)]
+    seen: FloatArray = points[mapped_so & (scans >= MIN_SCANS)]
+    return seen
 
 
 def _cells_at(known: KnownMap, points: FloatArray) -> tuple[IntArray, IntArray]:

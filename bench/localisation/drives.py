@@ -114,6 +114,7 @@ def _is_skipped(event: SensorEvent, stamps: set[float]) -> bool:
 
 
 def mapped(events: Sequence[SensorEvent], mapper: Mapper) -> Result:
+    """Return the map of events."""
     for event in events:
         mapper.add(event)
     return mapper.finish()

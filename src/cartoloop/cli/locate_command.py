@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cartoloop.cli.locate_changes import NEVER_LOCATED_STATUS, ChangeOptions, update
 from cartoloop.cli.options import (
     ConfigOptions,
     LiveSourceOptions,
@@ -29,15 +30,12 @@ if TYPE_CHECKING:
 START = "Start"
 """Group of options in the help."""
 
-NEVER_LOCATED_STATUS = 3
-"""Exit status of a strict run in which the robot was never located."""
-
 LIVE_SCHEMES = ("tcp", "ws", "ros2")
 """What the address of a live source begins with."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class LocateOptions(ReadingOptions, LiveSourceOptions, ConfigOptions):
+class LocateOptions(ChangeOptions, ReadingOptions, LiveSourceOptions, ConfigOptions):
     """Options of ``cartoloop locate``."""
 
     map_: Annotated[
@@ -103,13 +101,24 @@ def locate_command(options: LocateOptions) -> None:
     from cartoloop.localisation.localizer import Localizer
     from cartoloop.localisation.run import PoseKeeper, RunSummary
 
+    options.check(options.map_, is_live=options.is_live)
     if not options.is_live:
         from cartoloop.readers import open_log
 
         log = open_log(options.source, read_options)
-    with poses_stream(options.poses) as poses, compilation_notice(), stop_signals() as stop:
+        options.check_recording(options.map_, log)
+    with (
+        poses_stream(options.poses) as poses,
+        compilation_notice() as compiler,
+        stop_signals() as stop,
+    ):
         localizer = Localizer(
-            options.map_, loaded.config, at=start, live=options.is_live, waits=options.no_drop
+            options.map_,
+            loaded.config,
+            at=start,
+            live=options.is_live,
+            waits=options.no_drop,
+            watch_changes=options.changes is not None,
         )
         keeper = None if options.keep is None else PoseKeeper(options.keep, localizer, _warn)
         run = _Run(RunSummary(), keeper, poses, is_quiet=options.poses == "-")
@@ -124,7 +133,11 @@ def locate_command(options: LocateOptions) -> None:
                 run.write(answer)
         if keeper is not None:
             keeper.write()
-    run.say(run.summary.text())
+        run.say(run.summary.text())
+        options.report(localizer, run.say)
+        if options.update:
+            at = run.summary.first_pose
+            update(options.map_, log, loaded, at, stop, compiler, run.say)
     if options.strict and run.summary.pose is None:
         raise typer.Exit(NEVER_LOCATED_STATUS)
 

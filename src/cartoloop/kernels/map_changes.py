@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What scans show of a map that has changed: walls that beams pass through, returns on its floor."""
+"""What scans show of a map that has changed: walls passed through by beams, returns on floor."""
 
 from __future__ import annotations
 
@@ -133,8 +133,8 @@ def _note_end(
 ) -> None:
     """Note a return: near walls it confirms them, and on floor something has appeared."""
     num_rows, num_cols = cells.shape
-    col, row = np.int64(np.floor(end_col + 0.5)), np.int64(np.floor(end_row + 0.5))
-    reach = np.int64(np.ceil(tolerance))
+    col, row = int(np.floor(end_col + 0.5)), int(np.floor(end_row + 0.5))
+    reach = int(np.ceil(tolerance))
     is_wall_near = False
     for i in range(max(row - reach, 0), min(row + reach + 1, num_rows)):
         for j in range(max(col - reach, 0), min(col + reach + 1, num_cols)):
@@ -145,7 +145,7 @@ def _note_end(
                     _deny(limits, i, j, out)
     if is_wall_near or not (1 <= row < num_rows - 1 and 1 <= col < num_cols - 1):
         return
-    if not is_floor(cells, row, col, limits.floor):
+    if not is_floor(cells, np.int64(row), np.int64(col), limits.floor):
         return
     out.ends[row, col] = min(out.ends[row, col] + 1, MOST)
     for i in range(row - 1, row + 2):
@@ -172,7 +172,7 @@ def _note_beam(
     num_rows, num_cols = cells.shape
     for k in range(1, passed + 1):
         at_col, at_row = start_col + k * across, start_row + k * up
-        col, row = np.int64(np.floor(at_col + 0.5)), np.int64(np.floor(at_row + 0.5))
+        col, row = int(np.floor(at_col + 0.5)), int(np.floor(at_row + 0.5))
         if not (0 <= col < num_cols and 0 <= row < num_rows):
             continue
         value = cells[row, col]
@@ -194,7 +194,7 @@ def _note_beam(
 def is_wall_at(cells: ByteArray, wall: int, at_col: float, at_row: float) -> bool:
     """Return whether the cell at a place, or one of the eight around it, is a wall."""
     num_rows, num_cols = cells.shape
-    col, row = np.int64(np.floor(at_col + 0.5)), np.int64(np.floor(at_row + 0.5))
+    col, row = int(np.floor(at_col + 0.5)), int(np.floor(at_row + 0.5))
     for i in range(max(row - 1, 0), min(row + 2, num_rows)):
         for j in range(max(col - 1, 0), min(col + 2, num_cols)):
             if cells[i, j] >= wall:
@@ -203,7 +203,7 @@ def is_wall_at(cells: ByteArray, wall: int, at_col: float, at_row: float) -> boo
 
 
 @kernel
-def _show(limits: LookLimits, row: np.int64, col: np.int64, time: float, out: LookGrids) -> None:
+def _show(limits: LookLimits, row: int, col: int, time: float, out: LookGrids) -> None:
     """Count a look that shows a change of a cell."""
     if out.shown[row, col] == 0:
         out.first[row, col] = time
@@ -213,7 +213,7 @@ def _show(limits: LookLimits, row: np.int64, col: np.int64, time: float, out: Lo
 
 
 @kernel
-def _deny(limits: LookLimits, row: np.int64, col: np.int64, out: LookGrids) -> None:
+def _deny(limits: LookLimits, row: int, col: int, out: LookGrids) -> None:
     """Count a look that denies a change of a cell."""
     out.denied[row, col] = min(out.denied[row, col] + 1, MOST)
     out.balance[row, col] = max(out.balance[row, col] - 1, -limits.max_balance)

@@ -212,7 +212,8 @@ class MapPicture:
             ring_px = self._to_canvas(ring + np.array((place.x, place.y)))
             self._draw_lines(ring_px[np.newaxis], colour, width=4, opacity=0.9)
             if self._is_shown(ring_px[9]):  # at the upper right
-                self._draw_number(number, *ring_px[9].tolist(), colour)
+                x, y = ring_px[9].tolist()
+                self._draw_number(number, x, y, colour)
 
     def _shows(self, x: float, y: float) -> bool:
         """Return whether a position of the map [m] is in the picture."""
@@ -255,8 +256,7 @@ def _any_of_blocks(cells: BoolArray, factor: int) -> BoolArray:
     """Return whether any cell of each block of `factor` by `factor` is true."""
     rows, cols = cells.shape
     blocks = cells.reshape(rows // factor, factor, cols // factor, factor)
-    any_of: BoolArray = blocks.any(axis=(1, 3))
-    return any_of
+    return np.asarray(blocks.any(axis=(1, 3)))
 
 
 def palette() -> ByteArray:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scans of a robot that is located, compared with the map, cell by cell.
 
-Of two cells that differ one is a wall of the map that beams pass through, the other floor of the map
-with returns on it. Both are counted in scans, each of which tells something new: the robot has moved
-since the last one. Returns near a wall are of that wall, as near as the pose may be wrong.
+A cell differs if it is a wall of the map and beams pass through it, or floor of the map and returns
+lie on it. Both are counted in scans, each of which tells something new: the robot has moved since
+the last one. A return is of a wall if it is as near to it as the pose may be wrong.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ STEP_M, TURN_RAD, PERIOD_S = 0.2, math.radians(10.0), 1.0
 time since the last one [m], [rad], [s]."""
 
 REACH_CELLS = 1.5
-"""Tolerance where the pose is exact [cells]: the rounding of returns to cells, and that of walls."""
+"""Tolerance where the pose is exact [cells]: returns and walls are rounded to cells."""
 
 NUM_SIGMAS = 2.0
 """Standard deviations of the pose that are tolerated."""
