@@ -15,9 +15,11 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from bench.localisation.drives import Drive, aligned, mapped
+from bench.localisation.measures import Followed, follow, points_of
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.localisation.changes.areas import Changes, Kind
 from cartoloop.localisation.known_map import KnownMap
+from cartoloop.localisation.localizer import Localizer
 from cartoloop.mapper import Mapper
 from cartoloop.quality.pairs import FLOOR, WALL
 from cartoloop.result import Result
@@ -170,6 +172,15 @@ def centres(known: KnownMap, cells: BoolArray) -> FloatArray:
     )
 
 
+def follow_and_judge(day: LaterDay, known: KnownMap) -> tuple[Followed, dict[Kind, Found]]:
+    """Localise along a drive of a later day; return how well, and what is right of the changes."""
+    start = Pose(*day.drive.truth[0].tolist())
+    localizer = Localizer(known, at=start, watch_changes=True)
+    followed = follow(known, day.drive, localizer=localizer)
+    localizer.finish()
+    return followed, judged(day, known, localizer.changes())
+
+
 def _num_right(known: KnownMap, changes: Changes, kind: Kind, changed: FloatArray) -> int:
     """Return the number of areas most of whose cells are near an outline that has changed."""
     cells = changes.appeared if kind is Kind.APPEARED else changes.disappeared
@@ -219,8 +230,6 @@ def _cells_at(known: KnownMap, points: FloatArray) -> tuple[IntArray, IntArray]:
 
 def _counts(drive: Drive, known: KnownMap) -> tuple[IntArray, IntArray]:
     """Return in how many scans each cell has a return, and is passed through; from true poses."""
-    from bench.localisation.measures import points_of
-
     grid = known.cell_grid
     ends, passes = (np.zeros(grid.cells.shape, dtype=np.int64) for _ in range(2))
     for scan, pose in enumerate(drive.truth.tolist()):
