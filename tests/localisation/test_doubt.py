@@ -41,7 +41,7 @@ def test_a_changed_room_does_not_make_a_robot_lost():
     assert not doubt_after([0.95] * 100 + gradual).is_lost
 
 
-def test_a_robot_carried_away_is_lost_however_long_it_was_followed():
+def test_a_robot_carried_away_is_lost_after_any_path():
     carried = [0.3] * 15  # 1.5 m
 
     assert doubt_after([0.95] * 10 + carried).is_lost

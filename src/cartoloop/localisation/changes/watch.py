@@ -2,7 +2,7 @@
 """Scans of a robot that is located, compared with the map, cell by cell.
 
 A cell differs if it is a wall of the map and beams pass through it, or floor of the map and returns
-lie on it. Both are counted in scans, each of which tells something new: the robot has moved since
+lie on it. Both are counted in scans that show something new: the robot has moved since
 the last one. A return is of a wall if it is as near to it as the pose may be wrong.
 """
 
