@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cartoloop.cli.locate_changes import NEVER_LOCATED_STATUS, ChangeOptions, update
 from cartoloop.cli.options import (
     VIEW,
     ConfigOptions,
@@ -36,15 +37,12 @@ if TYPE_CHECKING:
 START = "Start"
 """Group of options in the help."""
 
-NEVER_LOCATED_STATUS = 3
-"""Exit status of a strict run in which the robot was never located."""
-
 LIVE_SCHEMES = ("tcp", "ws", "ros2")
 """What the address of a live source begins with."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class LocateOptions(ReadingOptions, LiveSourceOptions, ConfigOptions, ViewOptions):
+class LocateOptions(ChangeOptions, ReadingOptions, LiveSourceOptions, ConfigOptions, ViewOptions):
     """Options of ``cartoloop locate``."""
 
     map_: Annotated[
@@ -135,20 +133,27 @@ def locate_command(options: LocateOptions) -> None:
     from cartoloop.localisation.localizer import Localizer
     from cartoloop.localisation.run import PoseKeeper, RunSummary
 
+    options.check(options.map_, is_live=options.is_live)
     is_quiet = options.poses == "-"
     log = None
     if not options.is_live:
         from cartoloop.readers import open_log
 
         log = open_log(options.source, read_options)
+        options.check_recording(options.map_, log)
     with ExitStack() as closing:
-        with poses_stream(options.poses) as poses, compilation_notice(), stop_signals() as stop:
+        with (
+            poses_stream(options.poses) as poses,
+            compilation_notice() as compiler,
+            stop_signals() as stop,
+        ):
             localizer = Localizer(
                 options.map_,
                 loaded.config,
                 at=start,
                 live=options.is_live,
                 waits=options.no_drop,
+                watch_changes=options.changes is not None,
             )
             keeper = None if options.keep is None else PoseKeeper(options.keep, localizer, _warn)
             view = closing.enter_context(open_view(options, localizer, log, is_quiet=is_quiet))
@@ -159,7 +164,11 @@ def locate_command(options: LocateOptions) -> None:
                 _locate_recording(log, localizer, run, stop)
             if keeper is not None:
                 keeper.write()
-        run.say(run.summary.text())
+            run.say(run.summary.text())
+            options.report(localizer, run.say)
+            if options.update and log is not None:
+                at = run.summary.first_pose
+                update(options.map_, log, loaded, at, stop, compiler, run.say)
         if view is not None and not stop.made:
             stay_open(view, is_quiet=is_quiet)
     if options.strict and run.summary.pose is None:

@@ -6,7 +6,9 @@ share of returns on walls, of those where the map is known, relative to that of 
 Sums of what is missing, which never fall below zero, end in doubt and then in being lost
 (E. S. Page, Continuous inspection schemes, 1954). There are three of them: a quick one, which finds
 a robot that was carried away; a slow one, which finds a map that is of another building or
-outdated; and one of the first metres after a claim, which has to prove itself.
+outdated; and one of the first metres after a claim, which has to prove itself. A robot that is
+followed for long after that is lost later, unless the agreement falls at once: it was not carried
+away, so the place has changed.
 """
 
 from __future__ import annotations
@@ -52,6 +54,14 @@ METRES, SECONDS = 1.0, 3.0
 MAX_WEIGHT = 0.25
 """A single scan counts no more than this."""
 
+TRUST_M, TRUSTED = 10.0, 3.0
+"""After this path on which scans agree, once the claim is proved, a robot is lost from this
+multiple of the limits only [m]: whole rooms may have been changed since the map was made."""
+
+SUDDEN = 0.3
+"""Decrease of the agreement from one scan to the next that ends this trust: a robot that drives
+into a changed place sees more and more of it, one that is carried away another place at once."""
+
 
 class Doubt:
     """How much the latest scans contradict the map.
@@ -70,15 +80,16 @@ class Doubt:
         slow = Watch(SLOW_SHARE * low, SLOW_LIMIT)
         self._watches = [QUICK, slow, Watch(NEW_SHARE * low, NEW_LIMIT)]
         self._sums = [0.0, 0.0, 0.0]
-        self._mean = 1.0
+        self._mean = self._last = 1.0
+        self._trust = 0.0
         self._unproved = 0.0 if is_proved else PROOF_M
 
     @property
     def level(self) -> float:
         """The doubt: the robot is lost from 1 on."""
-        num_watches = 3 if self._unproved > 0.0 else 2
+        num_watches = 2 if self.is_proved else 3
         pairs = zip(self._sums[:num_watches], self._watches[:num_watches], strict=True)
-        return max(total / watch.limit for total, watch in pairs)
+        return max(total / watch.limit for total, watch in pairs) / self._trusted
 
     @property
     def is_lost(self) -> bool:
@@ -95,6 +106,11 @@ class Doubt:
         """Whether another place should be searched for."""
         return self._mean < SUSPECT_AGREEMENT
 
+    @property
+    def _trusted(self) -> float:
+        """Multiple of the limits from which the robot is lost."""
+        return 1.0 + (TRUSTED - 1.0) * self._trust
+
     def add(self, agreement: float, path: float, duration: float) -> None:
         """Add a scan.
 
@@ -107,10 +123,15 @@ class Doubt:
             return
         weight = min(max(path / METRES, duration / SECONDS), MAX_WEIGHT)
         agreement = min(agreement, 1.0)
+        if self._last - agreement > SUDDEN:
+            self._trust = 0.0
+        elif self.is_proved and agreement >= SUSPECT_AGREEMENT:
+            self._trust = min(self._trust + path / TRUST_M, 1.0)
+        self._last = agreement
         self._mean += weight * (agreement - self._mean)
         for i, (expected, limit) in enumerate(self._watches):
             total = self._sums[i] + weight * (expected - agreement)
-            self._sums[i] = min(max(total, 0.0), 2.0 * limit)
+            self._sums[i] = min(max(total, 0.0), 2.0 * limit * self._trusted)
         self._unproved -= path
 
     def reduce(self) -> None:

@@ -168,6 +168,11 @@ class KnownMap:
         at = np.array(middles) * grid.resolution + (grid.origin_y, grid.origin_x)
         return np.column_stack((at[:, 1], at[:, 0], np.zeros(len(at))))
 
+    @property
+    def cell_grid(self) -> CellGrid:
+        """The cells, as kernels take them; read only."""
+        return self._cells
+
     def to_grid(self, tf_map: Pose) -> Pose:
         """Return a pose in the map frame as one in the grid's."""
         return compose(self._tf_grid_map, tf_map)

@@ -14,6 +14,8 @@ from cartoloop.config import Config
 from cartoloop.errors import UsageError
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.localisation.answer import Answer, State
+from cartoloop.localisation.changes.areas import Changes
+from cartoloop.localisation.changes.watch import ChangeWatch
 from cartoloop.localisation.known_map import KnownMap, known_map_of, load_known_map
 from cartoloop.localisation.locating import Locating
 from cartoloop.localisation.start_pose import StartPose
@@ -44,6 +46,7 @@ class Localizer:
         searched in a thread, so that :meth:`add` returns soon.
     waits : whether live events wait while the map is searched: answers are those of a recording.
     calibration : what is known about the sensors before, as `Mapper.calibration`.
+    watch_changes : whether scans are compared with the map, for `changes`: 27 bytes a cell.
 
     Raises
     ------
@@ -60,10 +63,12 @@ class Localizer:
         live: bool = False,
         waits: bool = False,
         calibration: SensorCalibration | None = None,
+        watch_changes: bool = False,
     ) -> None:
         if config is not None:
             require_type(config, Config, "Localizer: config", "a cartoloop.Config")
         self._known = _as_known_map(map_)
+        self._watch = ChangeWatch(self._known) if watch_changes else None
         self._live = live
         self._locating = Locating(
             self._known, config or Config(), calibration, in_background=live and not waits
@@ -111,6 +116,18 @@ class Localizer:
     def calibration(self) -> SensorCalibration:
         """What is known about the sensors by now."""
         return self._locating.motion.calibration
+
+    def changes(self) -> Changes:
+        """Return what differs between the map and what was seen by now.
+
+        Raises
+        ------
+        UsageError
+            `watch_changes` was not given.
+        """
+        if self._watch is None:
+            raise UsageError("Localizer.changes: give watch_changes=True to Localizer")
+        return self._watch.changes()
 
     def start_near(self, tf_map_tracking: Pose, tf_odom_tracking: Pose | None = None) -> None:
         """Try a pose at the next scan, and believe it only if the scan fits as well as for a claim.
@@ -192,6 +209,9 @@ class Localizer:
             self._answer = answer = self._locating.answer(event, self._odom)
             self._num_scans += 1
             self._num_located += answer.state is State.LOCATED
+            scan = self._locating.motion.scan
+            if self._watch is not None and scan is not None:
+                self._watch.add(answer, scan.returns, scan.beam_origin)
             if on_answer is not None:
                 on_answer(answer)
         return answer
