@@ -43,7 +43,14 @@ Progress = Callable[[str], None]
 
 
 def run(
-    data: Path, scans: int, drives: int, seeds: int, recordings: Sequence[str], progress: Progress
+    data: Path,
+    scans: int,
+    drives: int,
+    seeds: int,
+    recordings: Sequence[str],
+    progress: Progress,
+    *,
+    changes_alone: bool = False,
 ) -> Record:
     """Return the figures of all parts.
 
@@ -55,6 +62,7 @@ def run(
     seeds : simulated worlds.
     recordings : names of the recordings.
     progress : called with a line now and then.
+    changes_alone : whether of the simulated worlds only drives on a later day are measured.
     """
     rows: list[Row] = []
     for name in recordings:
@@ -65,7 +73,8 @@ def run(
         progress(f"{name}: mapping both halves")
         drive = CutRecording(path).drive()
         rows += _reported(_recording_rows(drive, scans, drives, progress), progress)
-    rows += _reported(_simulated_rows(seeds, drives, progress), progress)
+    if not changes_alone:
+        rows += _reported(_simulated_rows(seeds, drives, progress), progress)
     rows += _reported(_changed_rows(seeds, progress), progress)
     return Record("localisation", tuple(rows), environment())
 

@@ -61,7 +61,8 @@ class ChangeOptions:
         """
         if self.update and is_live:
             raise typer.BadParameter(
-                "needs a recording: record the drive, and localise the recording with --update",
+                "needs a recording: record the drive and localise the recording, or add the live "
+                "drive with 'cartoloop live SOURCE --onto MAP --lifelong'",
                 param_hint="--update",
             )
         if self.update:

@@ -185,10 +185,14 @@ class MapPicture:
         self.canvas.paste(colour, (left, top), large)
 
     def draw_numbers(self, points_map: FloatArray, colours: Sequence[Colour]) -> None:
-        """Draw numbers from 1 on at positions, shape (n, 2) [m], on discs of a colour each."""
-        for number, ((x, y), colour) in enumerate(
-            zip(self._to_canvas(points_map).tolist(), colours, strict=True), 1
-        ):
+        """Draw numbers from 1 on, on discs of a colour each, to the upper right of positions.
+
+        Parameters
+        ----------
+        points_map : float64, shape (n, 2) [m, map frame].
+        """
+        beside = self._to_canvas(points_map) + np.array((_FONT_SIZE, -_FONT_SIZE))
+        for number, ((x, y), colour) in enumerate(zip(beside.tolist(), colours, strict=True), 1):
             self._draw_number(number, x, y, colour)
 
     def draw_footer(self, legend: Sequence[tuple[str, Colour]]) -> None:
