@@ -94,5 +94,6 @@ def test_a_robot_does_not_wait_for_a_search(monkeypatch):
     later = list(events(ROOM, poses))[20:]
     answers = [answer for event in later if (answer := localizer.add(event)) is not None]
     assert answers[0].state is State.LOCATED
-    assert apart(poses[10], answers[0].tf_map_tracking)[0] < 0.05
+    # Which scan was searched depends on the threads; it was up to 10 scans ago.
+    assert apart(poses[10], answers[0].tf_map_tracking)[0] < 0.1
     assert apart(poses[-1], answers[-1].tf_map_tracking)[0] < 0.05
