@@ -80,8 +80,30 @@ def test_a_submap_stays_where_its_walls_would_be_lost():
     old = floor(0, 44, walls=[(5, 40, 44), (6, 40, 44), (9, 40, 44)])
     small = floor(0, 40)
     later = FinishedGrid(small.cells[:, :40], small.origin_x, small.origin_y, R)
-    assert selected(old, later).kept.all()
-    assert selected(old, later, max_lost_wall=1.0).kept.tolist() == [False, True]
+    assert selected(old, later, max_growth=0.0).kept.all()
+    limits = {"max_lost_wall": 1.0, "max_growth": 0.0}
+    assert selected(old, later, **limits).kept.tolist() == [False, True]
+
+
+def test_later_grids_grow_to_take_walls_just_outside():
+    old = floor(0, 44, walls=[(5, 40, 44), (6, 40, 44), (9, 40, 44)])
+    small = floor(0, 40)
+    later = FinishedGrid(small.cells[:, :40], small.origin_x, small.origin_y, R)
+
+    chosen = selected(old, later)
+
+    assert chosen.kept.tolist() == [False, True]
+    grown = chosen.grids[1]
+    assert grown.shape == (40, 44)
+    assert (grown.origin_x, grown.origin_y) == pytest.approx((R / 2, R / 2))
+    assert np.array_equal(grown.cells, old.cells[:, :44])
+
+
+def test_a_submap_with_walls_far_outside_stays():
+    old = floor(0, 76, walls=[(5, 70, 76), (6, 70, 76), (9, 70, 76)])
+    later = FinishedGrid(floor(0, 66).cells[:, :48], R / 2, R / 2, R)
+    limits = {"min_covered_share": 0.5, "max_growth": 1.0}
+    assert selected(old, later, **limits).kept.all()
 
 
 def test_furniture_that_was_moved_fades():

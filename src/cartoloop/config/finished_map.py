@@ -97,6 +97,13 @@ class LifelongConfig(Section):
         description="and if at most so much wall lies outside the grids of later submaps, where it "
         "cannot be copied to [m]",
     )
+    max_growth: float = Field(
+        1.0,
+        ge=0,
+        le=100,
+        description="by which the grids of later submaps grow on each side to take walls just "
+        "outside, as the far sides of outer walls [m]",
+    )
     min_certainty: float = Field(
         0.7,
         gt=0.5,

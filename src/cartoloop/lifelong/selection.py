@@ -81,6 +81,7 @@ class _Selector:
         self._poses = [Pose(*pose) for pose in poses.tolist()]
         self._min_covered_share = config.min_covered_share
         self._max_lost_cells = config.max_lost_wall / submaps.resolution
+        self._max_growth_cells = math.ceil(config.max_growth / submaps.resolution)
         odds = math.log(config.min_certainty / (1.0 - config.min_certainty))
         hit = math.log(submaps.hit_probability / (1.0 - submaps.hit_probability))
         miss = math.log((1.0 - submaps.miss_probability) / submaps.miss_probability)
@@ -127,24 +128,25 @@ class _Selector:
 
     def _copy_rest(self, grid: FinishedGrid, pose: Pose, unseen: ByteArray) -> bool:
         """Copy cells that were not seen later to later submaps; return whether no wall is lost."""
-        copies: dict[int, ByteArray] = {}
+        copies: dict[int, FinishedGrid] = {}
         additions: list[tuple[FinishedGrid, Pose]] = []
-        left = unseen.copy()
-        for receiver in self._nearest(pose):
-            if not left.any():
-                break
-            target, target_pose = self.grids[receiver], self._poses[receiver]
-            cells = target.cells.copy()
-            before = cells.copy()
-            affine = _grid_to_grid(target, target_pose, grid, pose)
-            if copy_unknown(affine, left, cells):
-                copies[receiver] = cells
-                additions.append((_like(target, np.where(before == 0, cells, 0)), target_pose))
-            clear_inside(_grid_to_grid(grid, pose, target, target_pose), *target.shape, left)
+        left, receivers = unseen.copy(), self._nearest(pose)
+        for growth in (0, self._max_growth_cells):
+            for receiver in receivers:
+                if not (left if growth == 0 else left > NEUTRAL).any():
+                    break
+                before = _grown(copies.get(receiver, self.grids[receiver]), growth)
+                cells, target_pose = before.cells.copy(), self._poses[receiver]
+                affine = _grid_to_grid(before, target_pose, grid, pose)
+                if copy_unknown(affine, left, cells):
+                    after = _like(before, cells)
+                    copies[receiver] = _cropped(after) if growth else after
+                    new = np.where(before.cells == 0, cells, 0)
+                    additions.append((_like(before, new), target_pose))
+                clear_inside(_grid_to_grid(grid, pose, before, target_pose), *before.shape, left)
         if np.count_nonzero(left > NEUTRAL) > self._max_lost_cells:
             return False
-        for receiver, cells in copies.items():
-            self.grids[receiver] = _like(self.grids[receiver], cells)
+        self.grids = [copies.get(index, old) for index, old in enumerate(self.grids)]
         for addition in additions:
             self._evidence.add(*addition)
         return True
@@ -197,6 +199,27 @@ def _grid_to_grid(
     """Return the transform from a submap's cells to those of another, as kernels take it."""
     lower = np.array((other.origin_x, other.origin_y)) / other.resolution - 0.5
     return _cell_to_cell(grid, relative(other_pose, pose), lower, other.resolution)
+
+
+def _grown(grid: FinishedGrid, by: int) -> FinishedGrid:
+    """Return a grid with `by` more rows and columns of unknown cells on each side."""
+    if by == 0:
+        return grid
+    origin_x, origin_y = (o - by * grid.resolution for o in (grid.origin_x, grid.origin_y))
+    return FinishedGrid(np.pad(grid.cells, by), origin_x, origin_y, grid.resolution)
+
+
+def _cropped(grid: FinishedGrid) -> FinishedGrid:
+    """Return a grid without the rows and columns around it in which nothing is known."""
+    cells = grid.cells
+    rows, cols = (np.flatnonzero((cells != 0).any(axis=axis)) for axis in (1, 0))
+    first_row, first_col = int(rows[0]), int(cols[0])
+    return FinishedGrid(
+        np.ascontiguousarray(cells[first_row : rows[-1] + 1, first_col : cols[-1] + 1]),
+        grid.origin_x + first_col * grid.resolution,
+        grid.origin_y + first_row * grid.resolution,
+        grid.resolution,
+    )
 
 
 def _like(grid: FinishedGrid, cells: ByteArray) -> FinishedGrid:
