@@ -8,6 +8,7 @@ import pytest
 from cartoloop.cli.main import run
 from cartoloop.cli.options import parse_pose_deg
 from cartoloop.cli.session_lines import APART_STATUS
+from cartoloop.errors import InputError
 from cartoloop.result import load_map
 from cartoloop.session import MAIN_PART
 from cartoloop.simulation import ring, simulate
@@ -75,6 +76,30 @@ def test_session_without_a_place_is_kept_apart(own_ring_folder, strange_log, cap
     assert run(["map", str(strange_log), "--onto", str(own_ring_folder)]) == APART_STATUS
     assert parts(own_ring_folder) == [MAIN_PART, 1]
     assert "apart" in capsys.readouterr().out
+
+
+def test_an_interrupted_addition_says_how_to_go_on(own_ring_folder, ring_log, capsys, monkeypatch):
+    def fail(*_, **__):
+        raise InputError("the last pass failed")
+
+    before = (own_ring_folder / "map.cartoloop").read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr("cartoloop.mapper.Mapper.finish", fail)
+        assert run(["map", str(ring_log), "--onto", str(own_ring_folder)]) == 1
+    assert (own_ring_folder / "map.cartoloop").read_bytes() == before
+    capsys.readouterr()
+
+    assert run(["info", str(own_ring_folder)]) == 0
+    command = f"cartoloop map {ring_log.name} --resume {own_ring_folder}"
+    assert f"`{command}` goes on with it" in capsys.readouterr().err
+    assert run(["map", str(ring_log), "--resume", str(own_ring_folder), "--at", "1,2,3"]) == 1
+    assert "another pose at first" in capsys.readouterr().err
+    onto = ["--onto", str(own_ring_folder), "--resume", str(own_ring_folder)]
+    assert run(["map", str(ring_log), *onto]) == 0
+    assert "2 of 2 in one map" in capsys.readouterr().out
+    assert parts(own_ring_folder) == [MAIN_PART, MAIN_PART]
+    assert run(["map", str(ring_log), "--resume", str(own_ring_folder)]) == 0
+    assert "nothing to resume" in capsys.readouterr().out
 
 
 def test_maps_of_two_buildings_are_merged_apart(ring_folder, strange_log, tmp_path, capsys):
