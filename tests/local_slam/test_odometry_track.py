@@ -154,6 +154,13 @@ def test_a_turn_much_faster_than_all_before_is_a_reset():
     assert track(*readings, (time + 0.2, x, theta + 0.4)).num_jumps == 0
 
 
+def test_a_long_step_right_after_a_gap_may_be_of_the_gap():
+    readings = drive(20.0)
+    time, x, theta = readings[-1]
+    late = track(*readings, (time + 3.0, x, theta + 0.4), (time + 3.2, x, theta + 1.4))
+    assert late.num_jumps == 0
+
+
 def test_jitter_of_the_stamps_makes_no_resets():
     readings = [(time + 0.09 * (k % 3), x, theta) for k, (time, x, theta) in enumerate(drive(40.0))]
     assert track(*readings).num_jumps == 0

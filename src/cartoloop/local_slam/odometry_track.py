@@ -210,7 +210,7 @@ class _Pace:
     """The largest speeds of the odometry so far."""
 
     def __init__(self) -> None:
-        self._begin, self._changed = math.nan, math.nan
+        self._begin, self._last, self._changed = math.nan, math.nan, math.nan
         self._moved, self._turned = 0.0, 0.0
         self._num_paces = 0
         self._fastest, self._fastest_rate = LEAST_FASTEST, LEAST_FASTEST_RATE
@@ -218,10 +218,12 @@ class _Pace:
     def add(self, time: float, before: Pose, after: Pose) -> None:
         """Add the step to a reading."""
         if math.isnan(self._begin):
-            self._begin = self._changed = time
+            self._begin = self._last = self._changed = time
             return
-        if after != before:
+        # The first reading after a gap in the recording may be of before it.
+        if after != before and time - self._last <= MAX_PERIOD_S:
             self._changed = time
+        self._last = time
         self._moved += math.hypot(after.x - before.x, after.y - before.y)
         self._turned += abs(wrap_angle(after.theta - before.theta))
         duration = time - self._begin
