@@ -137,7 +137,7 @@ def replay(path: Path, num_first: int, paces: Sequence[tuple[float, float]]) -> 
     with tempfile.TemporaryDirectory(prefix="cartoloop-live-") as folder:
         header = RunHeader("live", path.name, "", CONFIG)
         journal = begin_journal(Path(folder), header, notices.say)
-        mapper = Mapper(CONFIG, live=True, tapes=journal.tapes)
+        mapper = Mapper(CONFIG, live=True, outcomes=journal.outcomes)
         for event in islice(events, num_first):
             mapper.add(event)
         _catch_up(mapper)

@@ -3,7 +3,7 @@
 
     python docs/make_parameters.py
 
-The sources are parsed, not imported. Parameters are read from `config.py`, constants from the
+The sources are parsed, not imported. Parameters are read from `config/`, constants from the
 assignments at the top of modules; the meaning of a constant is the docstring under it, or the
 comment behind it.
 """
@@ -40,8 +40,6 @@ class Entry(NamedTuple):
 
 def page() -> str:
     """Return the page as Markdown."""
-    config = ast.parse((PRODUCT / "config.py").read_text(encoding="utf-8"))
-    sections = {node.name: node for node in config.body if isinstance(node, ast.ClassDef)}
     lines = [
         "# Parameters and constants",
         "",
@@ -49,14 +47,14 @@ def page() -> str:
         "",
         "## Parameters",
         "",
-        "Given in a TOML file or by `--set key=value`; see `src/cartoloop/config.py`.",
+        "Given in a TOML file or by `--set key=value`; see `src/cartoloop/config/`.",
         "",
         "| key | default | unit | meaning |",
         "|---|---|---|---|",
     ]
     lines += [
         f"| `{entry.name}` | {entry.value} | {entry.unit} | {entry.meaning} |"
-        for entry in parameters(sections, "Config", "", {})
+        for entry in parameters(config_sections(), "Config", "", {})
     ]
     lines += [
         "",
@@ -74,6 +72,16 @@ def page() -> str:
             for entry in constants(path)
         ]
     return "\n".join(lines) + "\n"
+
+
+def config_sections() -> dict[str, ast.ClassDef]:
+    """Return the sections of the configuration by the names of their classes."""
+    return {
+        node.name: node
+        for path in (PRODUCT / "config").glob("*.py")
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef)
+    }
 
 
 def parameters(

@@ -30,8 +30,7 @@ def test_page_of_parameters_is_up_to_date(maker):
 
 
 def test_page_holds_every_parameter_with_its_default(maker):
-    config = ast.parse((maker.PRODUCT / "config.py").read_text(encoding="utf-8"))
-    sections = {node.name: node for node in config.body if isinstance(node, ast.ClassDef)}
+    sections = maker.config_sections()
     found = {entry.name: entry.value for entry in maker.parameters(sections, "Config", "", {})}
     for key, value in found.items():
         at = Config()

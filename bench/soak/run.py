@@ -27,6 +27,7 @@ from bench.soak.senders import Network, Watched
 from bench.soak.socket_senders import tcp_network, web_socket_network
 from cartoloop.config import Config
 from cartoloop.live.live_run import LiveOptions, map_live
+from cartoloop.live.message_loop import MessageOptions
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
 
@@ -141,7 +142,7 @@ def soak(
             Watched(network.source, robot.account.came),
             config,
             out,
-            LiveOptions(waits=True, end_after=network.end_after),
+            LiveOptions(MessageOptions(waits=True, end_after=network.end_after)),
             observer=robot,
             stop=robot.stop,
             overwrite=True,

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 from cartoloop.config import Config
 from cartoloop.journal.frames import Kind
-from cartoloop.journal.tape import Tape
+from cartoloop.journal.outcomes import RecordedOutcomes
 from cartoloop.local_slam.clock_offset import FIRST_ESTIMATE
-from cartoloop.local_slam.local_slam import SensorCalibration
 from cartoloop.local_slam.odometry_veer import MIN_STRETCHES
+from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import Odometry
 from cartoloop.stop_request import StopRequest
@@ -93,18 +93,18 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
 
 
 def recorded_calibration(
-    log: Log, config: Config, stop: StopRequest, tape: Tape
+    log: Log, config: Config, stop: StopRequest, outcomes: RecordedOutcomes
 ) -> SensorCalibration | None:
-    """Return :func:`calibrate`, taken from a tape if it is there; otherwise it is put there."""
-    recorded = tape.take(Kind.CALIBRATION)
+    """Return :func:`calibrate`: replayed if it was recorded before, otherwise recorded."""
+    recorded = outcomes.replay(Kind.CALIBRATION)
     if recorded is not None:
         found = json.loads(bytes(recorded))
         return None if found is None else SensorCalibration.from_dict(found)
     calibration = calibrate(log, config, stop)
     # A pass that was stopped says less than a whole one.
-    if tape.is_kept and not stop.made:
+    if outcomes.is_recording and not stop.made:
         content = None if calibration is None else calibration.to_dict()
-        tape.put(Kind.CALIBRATION, json.dumps(content).encode())
+        outcomes.record(Kind.CALIBRATION, json.dumps(content).encode())
     return calibration
 
 

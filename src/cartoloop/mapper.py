@@ -14,17 +14,19 @@ import numpy as np
 from cartoloop.arguments import require_type
 from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
+from cartoloop.earlier_sessions import whole_trajectory, with_parts
 from cartoloop.errors import UsageError
 from cartoloop.global_slam.background import BackgroundGlobalSlam
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.trajectory import path_length
 from cartoloop.growing_array import GrowingArray
-from cartoloop.journal.tape import NO_TAPES, Tapes
+from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes
 from cartoloop.lifelong.trim import trimmed
-from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult, SensorCalibration
+from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
+from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.map_data import MapData
-from cartoloop.map_sessions import earlier_maps, whole_trajectory, with_parts
+from cartoloop.map_sessions import earlier_maps
 from cartoloop.part_check import part_check
 from cartoloop.quality.examine import examine
 from cartoloop.report import (
@@ -76,7 +78,7 @@ class Mapper:
         map that is given does not change.
     onto_pose : where the robot is in that map at the first scan, to a metre or two and 20 degrees;
         then it is only searched for there.
-    tapes : of a run with a journal, which takes outcomes from there or puts them there.
+    outcomes : of a run with a journal; those of earlier steps are replayed, new ones are recorded.
 
     Raises
     ------
@@ -94,7 +96,7 @@ class Mapper:
         calibration: SensorCalibration | None = None,
         onto: MapData | str | PathLike[str] | None = None,
         onto_pose: Pose | None = None,
-        tapes: Tapes = NO_TAPES,
+        outcomes: RunOutcomes = NO_RUN_OUTCOMES,
     ) -> None:
         if config is not None:
             require_type(config, Config, "Mapper: config", "a cartoloop.Config")
@@ -108,14 +110,14 @@ class Mapper:
             config.global_slam.constraint_search.adaptive_voxel_filter,
             self._timer,
             calibration,
-            tapes,
+            outcomes,
             first_node=len(earlier.node_scan_index),
             first_submap=earlier.num_submaps,
         )
         self._global_slam = GlobalSlam(
             config.global_slam,
             self._timer,
-            tapes.graph,
+            outcomes.graph,
             wait_for_searches=not live,
             mapped=earlier.mapped,
             check_geometry=part_check(config),
@@ -348,7 +350,7 @@ class Mapper:
         graph = self._global_slam.graph
         node_scan_index = np.array(self._node_scan_index[: graph.num_nodes], dtype=np.int64)
         local = self._local_poses.view[:num_scans].copy()
-        sessions = self._sessions()
+        sessions = self.sessions
         trajectory = whole_trajectory(sessions, local, node_scan_index, graph.node_poses)
         return Result(
             self._stamps.view[:num_scans].copy(),
@@ -364,8 +366,9 @@ class Mapper:
             sessions=sessions,
         )
 
-    def _sessions(self) -> tuple[Session, ...]:
-        """Return all sessions, the last of them the one that is mapped."""
+    @property
+    def sessions(self) -> tuple[Session, ...]:
+        """All sessions, the last of them the one that is mapped, with the parts so far."""
         own = Session(
             first_scan=self._first_scan,
             first_node=len(self._earlier.node_scan_index),

@@ -9,16 +9,11 @@ from os import PathLike
 
 from cartoloop.arguments import shown
 from cartoloop.config import Config
+from cartoloop.earlier_sessions import EarlierMaps, whole_trajectory, with_parts
 from cartoloop.errors import UsageError
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.map_data import MapData
-from cartoloop.map_sessions import (
-    EarlierMaps,
-    map_of,
-    require_resolution,
-    whole_trajectory,
-    with_parts,
-)
+from cartoloop.map_sessions import map_of, require_resolution
 from cartoloop.part_check import part_check
 from cartoloop.quality.examine import examine
 from cartoloop.report import (

@@ -19,7 +19,7 @@ from cartoloop.arguments import as_path, require_type, shown
 from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig
 from cartoloop.errors import InputError, Interrupted, UsageError
-from cartoloop.journal.tape import NO_TAPES
+from cartoloop.journal.outcomes import NO_RUN_OUTCOMES
 from cartoloop.map_file.run_header import RunHeader
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.run_end import Outcome, Saved, completed, save_outcome, timed
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from cartoloop.map_output.picture import Layer
     from cartoloop.readers import Log, ReadOptions
     from cartoloop.result import Result
+    from cartoloop.run_base import RunBase
     from cartoloop.sensor.pose import Pose
 
 
@@ -91,24 +92,23 @@ def map_recording(
         The run was stopped; what was mapped until then is saved, unless it was stopped again.
     """
     from cartoloop.map_output.picture import DEFAULT_LAYERS, known_layers
-    from cartoloop.map_sessions import map_of
 
     loaded = _loaded(config)
     drawn = DEFAULT_LAYERS if layers is None else known_layers(layers)
     out = None if out is None else as_path(out, "map_recording: out")
-    overwrite = overwrite or is_same_folder(onto, out)
-    log = _opened(recording, options, out, overwrite)
-    base = None if onto is None else map_of(onto, "map_recording: onto")
+    log = _opened(recording, options, out if onto is None else None, overwrite)
+    base = None
+    if onto is not None:
+        from cartoloop.run_base import base_of_new_run
+
+        base = base_of_new_run(onto, onto_pose, out, loaded.config, (log.name, log.fingerprint))
     run = _Run(log, loaded, drawn, observer or RunObserver(), stop or StopRequest(), base)
     if out is None:
-        return _carried_out(run, None, None, onto_pose)
-    folder = run.folder(Path(out), overwrite=overwrite)
+        return _carried_out(run, None, None)
+    folder = run.folder(out, overwrite=overwrite)
     folder.check()
     prepare_folder(folder.path)
-    journal = None
-    if base is None:  # otherwise the map stays as it was, and the run begins again
-        journal = _new_journal(run, folder, options_document(options))
-    return _carried_out(run, folder, journal, onto_pose)
+    return _carried_out(run, folder, _new_journal(run, folder, options_document(options)))
 
 
 def resume_recording(
@@ -120,6 +120,7 @@ def resume_recording(
     layers: Collection[Layer] | None = None,
     observer: RunObserver | None = None,
     stop: StopRequest | None = None,
+    onto: MapData | str | PathLike[str] | None = None,
 ) -> Result:
     """Go on with a run of `map_recording` that was interrupted: killed, stopped or failed.
 
@@ -132,15 +133,18 @@ def resume_recording(
     out : the folder of the run.
     config, options, layers : as in `map_recording`; what is not given is as the run had it.
     observer, stop : as in `map_recording`.
+    onto : the map that the run adds to, where it is not where it was.
 
     Raises
     ------
     InputError, Interrupted
-        As `map_recording`; or the run was of another recording, or had other parameters.
+        As `map_recording`; or the run was of another recording, or had other parameters, or the
+        map that it adds to has changed.
     OutputError
         As `map_recording`; or there is nothing to resume.
     """
     from cartoloop.map_output.picture import known_layers
+    from cartoloop.run_base import base_of_resumed_run
 
     path = Path(as_path(out, "resume_recording: out"))
     observer, stop = observer or RunObserver(), stop or StopRequest()
@@ -149,15 +153,18 @@ def resume_recording(
     if before is not None:
         loaded, options = _as_before(before, loaded, options)
     overwrite = before is not None and before.header.overwrite
-    log = _opened(recording, options, out, overwrite)
+    log = _opened(recording, options, None, overwrite)
     if before is None:
         folder = RunFolder(path, log.name, log.fingerprint, overwrite)
         return _finished_map(folder, observer)
+    before.check_recording(log.name, log.fingerprint)
+    if (result := _result_of_ended(before, observer)) is not None:
+        return result
     drawn = known_layers(before.header.layers if layers is None else layers)
-    run = _Run(log, loaded or before.loaded, drawn, observer, stop)
+    base = base_of_resumed_run(before, onto)
+    run = _Run(log, loaded or before.loaded, drawn, observer, stop, base)
     folder = run.folder(path, overwrite=overwrite)
     folder.check()
-    before.check_recording(folder.name, folder.fingerprint)
     return _carried_out(run, folder, resume_journal(before, observer.journal_failed))
 
 
@@ -176,15 +183,16 @@ class _Run:
     layers: Collection[Layer]
     observer: RunObserver
     stop: StopRequest
-    base: MapData | None = None
+    base: RunBase | None = None
     start: float = field(default_factory=time.perf_counter)
 
     @property
     def identity(self) -> tuple[str, str]:
         """Name and fingerprint of the map: those of all its recordings."""
-        log, base = self.log, self.base
-        if base is None:
+        log = self.log
+        if self.base is None:
             return log.name, log.fingerprint
+        base = self.base.content
         from cartoloop.readers.fingerprint import joint_fingerprint
 
         return (
@@ -194,16 +202,15 @@ class _Run:
 
     def folder(self, path: Path, *, overwrite: bool) -> RunFolder:
         """Return the folder to save the map in."""
-        return RunFolder(path, *self.identity, overwrite)
+        adds = self.base is not None and self.base.is_in_folder
+        return RunFolder(path, *self.identity, overwrite, adds)
 
 
-def _carried_out(
-    run: _Run, folder: RunFolder | None, journal: RunJournal | None, pose: Pose | None = None
-) -> Result:
+def _carried_out(run: _Run, folder: RunFolder | None, journal: RunJournal | None) -> Result:
     """Map, save, and raise what has to be raised."""
     log, observer, stop = run.log, run.observer, run.stop
     try:
-        outcome = _mapped(run, journal, pose)
+        outcome = _mapped(run, journal)
         if not outcome.is_complete and outcome.failure is None and not len(outcome.result.stamps):
             if journal is not None and not journal.num_recorded_scans:
                 journal.remove()
@@ -242,6 +249,15 @@ def _new_journal(run: _Run, folder: RunFolder, options: Mapping[str, Any]) -> Ru
         tuple(run.layers),
         folder.overwrite,
     )
+    if run.base is not None:
+        graph = run.base.content.graph
+        header = replace(
+            header,
+            continues=True,
+            first_node=graph.num_nodes,
+            first_submap=graph.num_submaps,
+            base=run.base.about,
+        )
     return begin_journal(folder.path, header, run.observer.journal_failed)
 
 
@@ -278,6 +294,19 @@ def _finished_map(folder: RunFolder, observer: RunObserver) -> Result:
     return load_map(folder.path)
 
 
+def _result_of_ended(run: InterruptedRun, observer: RunObserver) -> Result | None:
+    """Return the map of a run that has replaced the one that it adds to, and was killed just then.
+
+    Its journal is of no use any more, and is removed.
+    """
+    header = run.header
+    folder = RunFolder(run.folder, header.name, header.fingerprint)
+    if header.base is None or header.base.path != "." or not folder.is_finished():
+        return None
+    resume_journal(run, observer.journal_failed).remove()
+    return _finished_map(folder, observer)
+
+
 def _keep_journal(journal: RunJournal, outcome: Outcome) -> None:
     """Close the journal of a run that ended early.
 
@@ -286,7 +315,7 @@ def _keep_journal(journal: RunJournal, outcome: Outcome) -> None:
     Exception
         The run had not come as far as before it was resumed: less than that is not saved.
     """
-    is_behind = journal.tapes.is_replayed
+    is_behind = journal.outcomes.is_replaying
     journal.close()
     if not is_behind:
         return
@@ -302,28 +331,25 @@ def _hint(journal: RunJournal | None) -> str:
     return "" if journal is None else f"; --resume {journal.path.parent} goes on with it"
 
 
-def _mapped(run: _Run, journal: RunJournal | None, pose: Pose | None) -> Outcome:
+def _mapped(run: _Run, journal: RunJournal | None) -> Outcome:
     # Loads the kernels: part of the measured time.
     from cartoloop.first_pass import recorded_calibration
     from cartoloop.mapper import Mapper
 
     config = run.loaded.config
     run.observer.started(run.log.num_scans)
-    tapes = NO_TAPES if journal is None else journal.tapes
+    outcomes = NO_RUN_OUTCOMES if journal is None else journal.outcomes
     if journal is not None and journal.num_recorded_scans:
         run.observer.resumed(journal.num_recorded_scans)
-    calibration = recorded_calibration(run.log, config, run.stop, tapes.local)
-    mapper = Mapper(config, calibration=calibration, tapes=tapes, onto=run.base, onto_pose=pose)
+    calibration = recorded_calibration(run.log, config, run.stop, outcomes.local)
+    mapper = Mapper(
+        config,
+        calibration=calibration,
+        outcomes=outcomes,
+        onto=None if run.base is None else run.base.content,
+        onto_pose=None if run.base is None else run.base.about.pose,
+    )
     return map_events(run.log, mapper, run.observer, run.stop)
-
-
-def is_same_folder(onto: object, out: str | PathLike[str] | None) -> bool:
-    """Return whether a map that is added to is in the folder that the new one is saved in."""
-    if out is None or not isinstance(onto, str | PathLike):
-        return False
-    given: str | PathLike[str] = onto
-    path = Path(given)
-    return (path if path.is_dir() else path.parent).resolve() == Path(out).resolve()
 
 
 def _reported(result: Result, run: _Run) -> Result:

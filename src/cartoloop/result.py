@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cartoloop.arguments import as_path
@@ -91,12 +92,19 @@ def load_map(path: str | PathLike[str], *, edits: bool = True) -> Result:
     """
     from cartoloop.map_file.read import read_map
 
-    original = Result(**vars(read_map(path)))
+    original = Result(**vars(read_map(path, _open_base)))
     if not (edits and original.edits):
         return original
     from cartoloop.map_editing.open_map import as_edited
 
     return as_edited(original, path)
+
+
+def _open_base(path: Path) -> MapData:
+    """Return the map that an interrupted run adds to."""
+    from cartoloop.map_editing.open_map import open_map
+
+    return open_map(path)
 
 
 def edit(path: str | PathLike[str]) -> Editor[Result]:

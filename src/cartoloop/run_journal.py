@@ -14,7 +14,7 @@ from cartoloop.config_file import LoadedConfig, changed_keys, config_hash
 from cartoloop.errors import InputError, OutputError
 from cartoloop.global_slam.graph_records import index_of_submap
 from cartoloop.journal.frames import FILE_NAME, LOCAL_KINDS, Content, Kind
-from cartoloop.journal.tape import Tape, Tapes
+from cartoloop.journal.outcomes import RecordedOutcomes, RunOutcomes
 from cartoloop.journal.writer import JournalWriter
 from cartoloop.map_file.run_header import RunHeader, environment, read_journal
 from cartoloop.sensor.pose import Pose
@@ -81,10 +81,11 @@ class InterruptedRun:
                 f"{self.folder}: holds a live run that was interrupted, which no recording "
                 "resumes; `cartoloop view` and `cartoloop export` open its map"
             )
-        is_same = header.fingerprint == fingerprint if fingerprint else header.name == name
+        own_name, own_fingerprint = header.recording
+        is_same = own_fingerprint == fingerprint if fingerprint else own_name == name
         if not is_same:
             raise InputError(
-                f"{self.folder}: holds an interrupted run of another recording ({header.name}), "
+                f"{self.folder}: holds an interrupted run of another recording ({own_name}), "
                 f"not of {name}; give that one, or another folder"
             )
         if header.program != __version__:
@@ -105,6 +106,18 @@ class InterruptedRun:
         if config_hash(loaded.config) != config_hash(self.header.config):
             keys = changed_keys(self.header.config, loaded.config)
             raise self._refusal(f"it was begun with other parameters ({', '.join(keys[:3])})")
+
+    def check_pose(self, pose: Pose) -> None:
+        """Check that a pose where the robot is at first is that of the run.
+
+        Raises
+        ------
+        InputError
+            It is not.
+        """
+        base = self.header.base
+        if base is None or base.pose != pose:
+            raise self._refusal("it was begun with another pose at first, or with none")
 
     def check_options(self, options: ReadOptions) -> None:
         """Check that the recording is read as the run did.
@@ -133,14 +146,16 @@ class RunJournal:
     Attributes
     ----------
     path : of the file.
-    tapes : for the mapper.
+    outcomes : for the mapper.
     num_recorded_scans : scans that were mapped before it was resumed.
     """
 
-    def __init__(self, writer: JournalWriter, path: Path, tapes: Tapes, num_scans: int = 0) -> None:
+    def __init__(
+        self, writer: JournalWriter, path: Path, outcomes: RunOutcomes, num_scans: int = 0
+    ) -> None:
         self._writer = writer
         self.path = path
-        self.tapes = tapes
+        self.outcomes = outcomes
         self.num_recorded_scans = num_scans
 
     @property
@@ -185,8 +200,8 @@ def begin_journal(folder: Path, header: RunHeader, on_failure: Callable[[str], N
     path = folder / FILE_NAME
     writer = JournalWriter(path, on_failure, header=header.to_json())
     is_replayable = header.kind == "map"
-    local, graph = (Tape(writer.put, is_replayable=is_replayable) for _ in range(2))
-    return RunJournal(writer, path, Tapes(local, graph))
+    local, graph = (RecordedOutcomes(writer.append, is_replayable=is_replayable) for _ in range(2))
+    return RunJournal(writer, path, RunOutcomes(local, graph))
 
 
 def resume_journal(run: InterruptedRun, on_failure: Callable[[str], None]) -> RunJournal:
@@ -215,13 +230,13 @@ def resume_journal(run: InterruptedRun, on_failure: Callable[[str], None]) -> Ru
     finished = frozenset(
         index_of_submap(record.payload) for record in graph if record.kind == Kind.SUBMAP
     )
-    tapes = Tapes(
-        Tape(writer.put, local, is_replayable=True),
-        Tape(writer.put, graph, is_replayable=True),
+    outcomes = RunOutcomes(
+        RecordedOutcomes(writer.append, local, is_replayable=True),
+        RecordedOutcomes(writer.append, graph, is_replayable=True),
         finished,
     )
     num_scans = sum(record.kind == Kind.SCAN for record in local)
-    return RunJournal(writer, path, tapes, num_scans)
+    return RunJournal(writer, path, outcomes, num_scans)
 
 
 def options_document(options: ReadOptions | None) -> dict[str, Any]:

@@ -9,6 +9,8 @@ import math
 import pytest
 
 from cartoloop.cli.main import run
+from cartoloop.errors import OutputError
+from cartoloop.localisation import run as localisation_run
 from tests.localisation.rooms import BOX, ROOM, START, apart, carmen_text, drive, write_image
 
 POSES = drive(START, 40, step=0.04, turn=0.03)
@@ -114,3 +116,33 @@ def test_errors_are_a_line(room, log, tmp_path, capsys, arguments, says):
     assert status == 1
     assert last.startswith("cartoloop: ")
     assert says in last
+
+
+def test_an_unwritable_keep_file_is_refused_at_once(room, log, tmp_path, capsys):
+    assert run(["locate", room, log, "--keep", str(tmp_path / "nowhere" / "kept.json")]) == 1
+
+    captured = capsys.readouterr()
+    assert "cannot be written; give a file in a folder that can be" in captured.err
+    assert "located" not in captured.out
+
+
+def test_locating_goes_on_without_room_for_the_pose(room, log, tmp_path, monkeypatch, capsys):
+    def full(path, kept):
+        raise OutputError(f"{path}: cannot be written: No space left on device")
+
+    monkeypatch.setattr(localisation_run, "KEEP_PERIOD_S", 0.1)
+    monkeypatch.setattr(localisation_run, "write_pose_file", full)
+    poses = tmp_path / "poses.jsonl"
+    given = ["--poses", str(poses), "--keep", str(tmp_path / "kept.json")]
+
+    assert run(["locate", room, log, *given]) == 1
+    assert len(answers_in(poses)) == len(POSES)
+    assert capsys.readouterr().err.count("localising goes on") == 1
+
+
+def test_a_map_in_place_of_a_recording_is_named(room, tmp_path, capsys):
+    (tmp_path / "map.cartoloop").write_bytes(b"")
+
+    for path in (tmp_path, tmp_path / "map.cartoloop"):
+        assert run(["locate", room, str(path)]) == 1
+        assert "is a map, not a recording" in capsys.readouterr().err

@@ -124,3 +124,10 @@ def test_pose_that_is_none_is_refused(given, ring_folder, ring_log, capsys):
     words = [word.format(map=ring_folder) for word in given]
     assert run(["map", str(ring_log), *words]) == 2
     assert "--at" in capsys.readouterr().err
+
+
+def test_a_map_that_is_merged_twice_is_refused(ring_folder, tmp_path, capsys):
+    twice = [str(ring_folder), str(ring_folder / "map.cartoloop")]
+    assert run(["merge", *twice, "-o", str(tmp_path / "out")]) == 1
+    assert "is given twice" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from cartoloop.config import Config
+from cartoloop.earlier_sessions import EarlierMaps, whole_trajectory, with_parts
 from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.global_slam.loading import load, settled
 from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.global_slam.submap_paths import FAR_M
-from cartoloop.map_sessions import EarlierMaps, whole_trajectory, with_parts
 from cartoloop.runtime.stage_timer import StageTimer
 
 

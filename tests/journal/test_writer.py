@@ -49,7 +49,7 @@ def test_a_new_journal_has_its_header_at_once(writer, path):
 
 def test_records_are_written_in_their_order(writer, path):
     for number in range(5):
-        writer.put(Kind.SCAN, str(number).encode())
+        writer.append(Kind.SCAN, str(number).encode())
         if number == 2:
             writer.flush()
     writer.close()
@@ -60,31 +60,31 @@ def test_records_are_written_in_their_order(writer, path):
 def test_records_are_written_by_themselves(path, problems, monkeypatch):
     monkeypatch.setattr("cartoloop.journal.writer.WRITE_PERIOD_S", 0.001)
     writer = JournalWriter(path, problems.append, header=b"{}")
-    writer.put(Kind.SCAN, b"a")
+    writer.append(Kind.SCAN, b"a")
     while len(payloads(path)) < 2:
         pass
     writer.close()
 
 
 def test_a_record_is_written_where_the_thread_is_late(writer, path, monkeypatch):
-    writer.put(Kind.SCAN, b"a")
+    writer.append(Kind.SCAN, b"a")
     assert payloads(path) == [b"{}"]
     monkeypatch.setattr("cartoloop.journal.writer.LATE_S", 0.0)
     writer.flush()
-    writer.put(Kind.SCAN, b"b")
+    writer.append(Kind.SCAN, b"b")
 
     assert payloads(path) == [b"{}", b"a", b"b"]
 
 
 def test_a_torn_end_is_replaced(writer, path, problems):
-    writer.put(Kind.SCAN, b"a")
+    writer.append(Kind.SCAN, b"a")
     writer.close()
     size = path.stat().st_size
     path.write_bytes(path.read_bytes() + b"torn")
 
     again = JournalWriter(path, problems.append, kept_size=lambda: read_content(path).size)
     assert path.stat().st_size == size
-    again.put(Kind.SCAN, b"b")
+    again.append(Kind.SCAN, b"b")
     again.close()
 
     assert payloads(path) == [b"{}", b"a", b"b"]
@@ -111,14 +111,14 @@ def test_a_full_disk_delays_what_is_written(writer, path, problems, monkeypatch)
 
     monkeypatch.setattr("cartoloop.journal.writer.os.write", full)
     for number in (b"1", b"2"):
-        writer.put(Kind.SCAN, number)
+        writer.append(Kind.SCAN, number)
         writer.flush()
         assert payloads(path) == [b"{}"]
     assert len(problems) == 1
     assert "No space left on device; it is tried again" in problems[0]
 
     monkeypatch.setattr("cartoloop.journal.writer.os.write", write)
-    writer.put(Kind.SCAN, b"3")
+    writer.append(Kind.SCAN, b"3")
     writer.flush()
 
     assert payloads(path) == [b"{}", b"1", b"2", b"3"]
@@ -128,9 +128,9 @@ def test_a_journal_ends_where_too_much_waits(writer, path, monkeypatch):
     monkeypatch.setattr("cartoloop.journal.writer.MAX_WAITING_BYTES", 10)
     shutil.rmtree(path.parent)
     path.parent.write_text("a file in its place")
-    writer.put(Kind.SCAN, b"a long record")
+    writer.append(Kind.SCAN, b"a long record")
     writer.flush()
-    writer.put(Kind.SCAN, b"lost")
+    writer.append(Kind.SCAN, b"lost")
     path.parent.unlink()
     writer.flush()
 
@@ -138,10 +138,10 @@ def test_a_journal_ends_where_too_much_waits(writer, path, monkeypatch):
 
 
 def test_a_removed_folder_is_made_again(writer, path, problems):
-    writer.put(Kind.SCAN, b"a")
+    writer.append(Kind.SCAN, b"a")
     writer.flush()
     shutil.rmtree(path.parent)
-    writer.put(Kind.SCAN, b"b")
+    writer.append(Kind.SCAN, b"b")
     writer.flush()
 
     assert payloads(path) == [b"{}", b"a", b"b"]
@@ -150,7 +150,7 @@ def test_a_removed_folder_is_made_again(writer, path, problems):
 
 
 def test_a_journal_of_another_run_is_not_replaced(writer, path, problems):
-    writer.put(Kind.SCAN, b"a")
+    writer.append(Kind.SCAN, b"a")
     path.unlink()
     other = JournalWriter(path, problems.append, header=b"other")
     writer.flush()

@@ -5,20 +5,24 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 from live_room import message_of
 from test_live_run import Recorder, Sender
 
 from cartoloop.config import Config
-from cartoloop.errors import InputError, OutputError
+from cartoloop.errors import InputError, Interrupted, OutputError
 from cartoloop.journal.frames import FILE_NAME, PREAMBLE, Kind, frame_bytes, record_bytes
 from cartoloop.live.continued import last_pose, map_to_continue
 from cartoloop.live.live_run import LiveOptions, map_live
+from cartoloop.live.message_loop import MessageOptions
 from cartoloop.map_file.run_header import RunHeader
 from cartoloop.map_output.save import save
 from cartoloop.result import load_map
+from cartoloop.sensor.pose import IDENTITY
 from cartoloop.session import MAIN_PART
+from cartoloop.stop_request import StopRequest
 from tests.map_output.small_result import FILES, small_result
 
 
@@ -33,16 +37,17 @@ class Killed(Recorder):
         shutil.copytree(self.out, self.copy)
 
 
-def drive(events, out, copy, **options):
+def drive(events, out, copy, onto=None, lifelong=False, **options):
     sent = [json.dumps(message_of(event)).encode() + b"\n" for event in events]
     killed = Killed(out, copy)
     result = map_live(
         Sender(sent),
         None,
         out,
-        LiveOptions(waits=True, **options),
+        LiveOptions(MessageOptions(waits=True), **options),
         observer=killed,
-        resume=out.exists(),
+        onto=onto or (out if out.exists() else None),
+        lifelong=lifelong,
     )
     return result, killed
 
@@ -65,6 +70,73 @@ def test_a_map_is_continued_kill_after_kill(ring_events, tmp_path):
         0.7 * num_scans < len(result.stamps) <= num_scans
     )  # mapped in seconds, each kill costs one
     assert {path.name for path in two.iterdir()} == FILES
+
+
+@pytest.mark.slow
+def test_a_drive_added_to_another_map_is_recovered(ring_result, ring_events, tmp_path):
+    base, out, killed = tmp_path / "base", tmp_path / "out", tmp_path / "killed"
+    ring_result.save(base)
+    before = {path.name: path.read_bytes() for path in base.iterdir()}
+
+    result, _ = drive(ring_events, out, killed, onto=base, start=IDENTITY)
+    assert [session.part for session in result.sessions] == [MAIN_PART] * 2
+    assert [path.name for path in killed.iterdir()] == [FILE_NAME]
+    found = map_to_continue(killed, lambda _: None)
+
+    assert {path.name: path.read_bytes() for path in base.iterdir()} == before
+    assert [session.part for session in found.sessions] == [MAIN_PART] * 2
+    # The closures of the drive were in its journal.
+    num_before = ring_result.graph.num_nodes
+    rows = found.graph.closure_rows >= 0
+    assert (found.graph.index_b[rows] >= num_before).any()
+    assert found.graph.num_nodes > 1.7 * num_before
+
+
+@pytest.mark.slow
+def test_the_old_map_gives_way_to_a_lifelong_drive(ring_result, ring_events, tmp_path):
+    base = tmp_path / "base"
+    ring_result.save(base)
+
+    result, _ = drive(
+        ring_events, base, tmp_path / "copy", onto=base, lifelong=True, start=IDENTITY
+    )
+
+    assert result.report.extra["lifelong"]["removed_nodes"] > 0
+    again, _ = drive(ring_events[:200], base, tmp_path / "again", starts_at_end=True)
+    assert not again.config.lifelong.enabled
+
+
+@pytest.mark.slow
+def test_a_drive_that_is_cut_short_replaces_the_map(ring_result, ring_events, tmp_path):
+    base = tmp_path / "base"
+    ring_result.save(base)
+    stop = StopRequest()
+
+    class Stopping(Recorder):
+        def finishing(self, mapper, stage):
+            stop.made = True
+
+    sent = [json.dumps(message_of(event)).encode() + b"\n" for event in ring_events[:300]]
+    options = LiveOptions(MessageOptions(waits=True), start=IDENTITY)
+    with pytest.raises(Interrupted):
+        map_live(Sender(sent), None, base, options, observer=Stopping(), stop=stop, onto=base)
+
+    found = load_map(base)
+    assert len(found.sessions) == 2
+    assert not found.report.finished
+    assert {path.name for path in base.iterdir()} == FILES
+
+
+def test_a_map_that_was_saved_is_not_recovered_again(tmp_path):
+    saved = small_result(finished=True)
+    save(replace(saved, report=replace(saved.report, fingerprint="12ab")), tmp_path)
+    before = (tmp_path / "map.cartoloop").read_bytes()
+    write(tmp_path, RunHeader("live", "robot", "12ab", Config(), continues=True))
+
+    map_to_continue(tmp_path, pytest.fail)
+
+    assert (tmp_path / "map.cartoloop").read_bytes() == before
+    assert not (tmp_path / FILE_NAME).exists()
 
 
 def test_an_ended_map_is_continued_as_it_is(tmp_path):

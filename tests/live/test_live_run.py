@@ -11,6 +11,7 @@ from live_room import lines
 
 from cartoloop.errors import InputError, OutputError
 from cartoloop.live.live_run import LiveObserver, LiveOptions, map_live
+from cartoloop.live.message_loop import MessageOptions
 from cartoloop.live.messages import EndMessage, parse_message
 from cartoloop.map_output.save import save
 from cartoloop.report import InputSummary
@@ -52,7 +53,7 @@ class Recorder(LiveObserver):
 
 def test_map_and_poses_of_all_scans_are_written(tmp_path):
     recorder, poses = Recorder(), io.BytesIO()
-    options = LiveOptions(waits=True, poses=poses)
+    options = LiveOptions(MessageOptions(waits=True), poses=poses)
     result = map_live(Sender(lines(4.0)), None, tmp_path, options, observer=recorder)
 
     report = json.loads((tmp_path / "report.json").read_text())
@@ -66,7 +67,7 @@ def test_map_and_poses_of_all_scans_are_written(tmp_path):
 def test_a_source_that_fails_leaves_its_map(tmp_path):
     source = Sender(lines(4.0), InputError("sender: connection lost"))
     with pytest.raises(InputError, match="connection lost"):
-        map_live(source, None, tmp_path, LiveOptions(waits=True))
+        map_live(source, None, tmp_path, LiveOptions(MessageOptions(waits=True)))
 
     assert len((tmp_path / "trajectory.tum").read_text().splitlines()) > 15
 
@@ -109,7 +110,7 @@ def test_a_finished_map_is_replaced_only_at_the_end(kept):
         Sender(lines(4.0)),
         None,
         kept,
-        LiveOptions(waits=True),
+        LiveOptions(MessageOptions(waits=True)),
         observer=watcher,
         overwrite=True,
     )
@@ -125,7 +126,7 @@ def test_a_drive_that_fails_is_saved_beside_a_finished_map(kept):
     source = Sender(lines(4.0), InputError("sender: connection lost"))
 
     with pytest.raises(InputError, match="connection lost"):
-        map_live(source, None, kept, LiveOptions(waits=True), overwrite=True)
+        map_live(source, None, kept, LiveOptions(MessageOptions(waits=True)), overwrite=True)
 
     assert contents(kept) == before
     assert set(contents(kept / "stopped")) == FILES
@@ -152,7 +153,13 @@ def test_a_drive_that_is_killed_opens_as_a_map(tmp_path):
             (tmp_path / "killed" / "journal.cartoloop").write_bytes(journal)
 
     killed = Killed()
-    map_live(Sender(lines(60.0)), None, tmp_path / "out", LiveOptions(waits=True), observer=killed)
+    map_live(
+        Sender(lines(60.0)),
+        None,
+        tmp_path / "out",
+        LiveOptions(MessageOptions(waits=True)),
+        observer=killed,
+    )
 
     opened = load_map(tmp_path / "killed")
     whole = killed.result

@@ -6,7 +6,8 @@ from __future__ import annotations
 import pytest
 
 from cartoloop.errors import InputError
-from cartoloop.live.locate_run import LocateOptions, get_ready_to_locate, locate_live
+from cartoloop.live.locate_run import get_ready_to_locate, locate_live
+from cartoloop.live.message_loop import MessageOptions
 from cartoloop.live.messages import EndMessage, parse_message
 from cartoloop.live.notices import Notices
 from cartoloop.localisation.localizer import Localizer
@@ -40,9 +41,9 @@ class Sender:
 
 def located(source, options=None, said=None):
     answers = []
-    localizer = Localizer(known_map(ROOM), live=True)
+    localizer = Localizer(known_map(ROOM), live=True, waits=True)
     locate_live(
-        source, localizer, options or LocateOptions(waits=True),
+        source, localizer, options or MessageOptions(waits=True),
         Notices((said if said is not None else []).append),
         lambda answer, latency: answers.append((answer, latency)), StopRequest(),
     )  # fmt: skip
@@ -65,7 +66,7 @@ def test_the_failure_of_a_source_is_raised_after_the_answers():
 
 def test_a_silent_source_ends_after_a_time():
     said = []
-    answers = located(Sender(ends=False), LocateOptions(waits=True, end_after=0.3), said)
+    answers = located(Sender(ends=False), MessageOptions(waits=True, end_after=0.3), said)
 
     assert len(answers) == len(POSES)
     assert any("the source has ended" in line for line in said)

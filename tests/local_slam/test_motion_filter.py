@@ -8,7 +8,7 @@ import math
 import pytest
 
 from cartoloop.config import MotionFilterConfig
-from cartoloop.local_slam.local_slam import MotionFilter
+from cartoloop.local_slam.motion_filter import MotionFilter
 from cartoloop.sensor.pose import Pose
 
 LIMITS = MotionFilterConfig(max_time_seconds=5.0, max_distance_meters=0.2, max_angle_degrees=1.0)

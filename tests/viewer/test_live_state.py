@@ -10,6 +10,9 @@ import pytest
 
 from cartoloop import Config, Mapper
 from cartoloop.global_slam.pose_graph import ConstraintKind
+from cartoloop.session import MAIN_PART
+from cartoloop.simulation import ring, simulate
+from cartoloop.viewer.beside import GAP_M
 from cartoloop.viewer.closure_details import closure_details
 from cartoloop.viewer.feed import Feed, whole
 from cartoloop.viewer.live_state import LiveState
@@ -36,6 +39,25 @@ def state():
     return LiveState(
         "ring", "recording", Config().local_slam.submaps, Readings(None, None), Playback()
     )
+
+
+def test_a_session_without_a_place_lies_beside_the_map(state, ring_result):
+    mapper, feed = Mapper(onto=ring_result), Feed()
+    for event in list(simulate(ring(seed=7), seed=2, duration=8.0).events()):
+        mapper.add(event)
+        feed.after_event(mapper)
+        if (update := feed.take()) is not None:
+            state.apply(update)
+    mapper.close()
+
+    last = state.last
+    assert [session.part for session in last.sessions] == [MAIN_PART, 1]
+    main, apart = (last.submap_poses[last.submap_parts == part] for part in (MAIN_PART, 1))
+    assert np.allclose(main, ring_result.graph.submap_poses, atol=0.01)
+    assert apart[:, 0].min() > main[:, 0].max() + GAP_M
+    nodes = state.drawing().trajectory
+    assert len(nodes) == ring_result.graph.num_nodes
+    assert last.pose.x > main[:, 0].max() + GAP_M
 
 
 def everything(subscription, state):

@@ -12,13 +12,11 @@ import typer
 
 from cartoloop.cli.commands import GroupedCommand
 from cartoloop.cli.options import (
+    MESSAGES,
     ConfigOptions,
-    ImuTopicOption,
-    LaserPoseOption,
-    OdomTopicOption,
+    LiveSourceOptions,
     PictureOptions,
-    ScanTopicOption,
-    parse_pose,
+    folder_of_map,
     parse_pose_deg,
 )
 from cartoloop.cli.view_command import (
@@ -31,9 +29,6 @@ from cartoloop.cli.view_command import (
 if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
 
-MESSAGES = "Messages"
-"""Group of options in the help."""
-
 
 class LiveCommand(GroupedCommand):
     """``cartoloop live``, where --host once meant the messages, and elsewhere the view."""
@@ -42,7 +37,7 @@ class LiveCommand(GroupedCommand):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LiveCommandOptions(ConfigOptions, PictureOptions):
+class LiveCommandOptions(ConfigOptions, PictureOptions, LiveSourceOptions):
     """Options of ``cartoloop live``."""
 
     source: Annotated[
@@ -54,15 +49,35 @@ class LiveCommandOptions(ConfigOptions, PictureOptions):
         ),
     ]
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="OUT", help="Folder for the map.")
+        Path | None,
+        typer.Option(
+            "-o", "--out", metavar="OUT", help="Folder for the map; with --onto, by default MAP."
+        ),
     ] = None
+    onto: Annotated[
+        Path | None,
+        typer.Option(
+            "--onto",
+            metavar="MAP",
+            help="Add the drive to a map as a session. The robot is searched for in it; while it "
+            "is not found, the session is kept apart. If it never is, the status is 4.",
+        ),
+    ] = None
+    lifelong: Annotated[
+        bool,
+        typer.Option(
+            "--lifelong",
+            help="With --onto or --resume: where the drive shows a place again, older submaps and "
+            "scans are removed in the end, and furniture that was moved fades.",
+        ),
+    ] = False
     resume: Annotated[
         Path | None,
         typer.Option(
             "--resume",
             metavar="OUT",
-            help="Continue the map in this folder, of a run that ended or was interrupted. The "
-            "robot is searched for in it; while it is not found, the status is 4.",
+            help="Continue the map in this folder, of a run that ended or was interrupted; the "
+            "same as --onto OUT.",
         ),
     ] = None
     at: Annotated[
@@ -74,15 +89,6 @@ class LiveCommandOptions(ConfigOptions, PictureOptions):
             "degrees, or end: where it was last.",
         ),
     ] = None
-    source_host: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Accept messages of other machines, too: listen at 0.0.0.0, or at one address of "
-            "this machine.",
-            rich_help_panel=MESSAGES,
-        ),
-    ] = None
     poses: Annotated[
         str | None,
         typer.Option(
@@ -91,37 +97,6 @@ class LiveCommandOptions(ConfigOptions, PictureOptions):
             rich_help_panel=MESSAGES,
         ),
     ] = None
-    max_delay_ms: Annotated[
-        float,
-        typer.Option(
-            metavar="MS",
-            min=0.0,
-            max=10_000.0,
-            help="How long a scan waits for late odometry [ms].",
-            rich_help_panel=MESSAGES,
-        ),
-    ] = 50.0
-    end_after: Annotated[
-        float | None,
-        typer.Option(
-            min=0.1,
-            metavar="SECONDS",
-            help="End when no message has arrived for this time [s].",
-            rich_help_panel=MESSAGES,
-        ),
-    ] = None
-    no_drop: Annotated[
-        bool,
-        typer.Option(
-            "--no-drop",
-            help="Hold up the source instead of dropping scans.",
-            rich_help_panel=MESSAGES,
-        ),
-    ] = False
-    scan_topics: ScanTopicOption = None
-    odom_topic: OdomTopicOption = None
-    imu_topic: ImuTopicOption = None
-    laser_pose: LaserPoseOption = None
     view: ViewOption = False
     view_host: ViewHostOption = None
     view_port: ViewPortOption = None
@@ -131,28 +106,20 @@ def live_command(options: LiveCommandOptions) -> None:
     """Map the messages of a robot while it drives; their formats are in docs/live.md."""
     layers = options.layers
     require_view(options.view, view_host=options.view_host, view_port=options.view_port)
-    laser_pose = parse_pose(options.laser_pose)
+    messages = options.message_options()
     loaded: LoadedConfig | None = options.load()
     out = _folder(options)
     starts_at_end = options.at == "end"
     start = None if starts_at_end else parse_pose_deg(options.at, "--at")
-    if options.resume is not None and not (options.settings or options.config):
+    onto = options.resume or options.onto
+    if onto is not None and not (options.settings or options.config):
         loaded = None
 
     from cartoloop.cli.live_mapping import map_source, poses_stream
     from cartoloop.cli.mapping import require_good
     from cartoloop.cli.session_lines import require_joined
-    from cartoloop.live.address import SourceOptions, make_source
 
-    source = make_source(
-        options.source,
-        SourceOptions(
-            options.source_host,
-            tuple(options.scan_topics or ()),
-            options.odom_topic,
-            options.imu_topic,
-        ),
-    )
+    source = options.make_source(options.source)
     with poses_stream(options.poses) as poses:
         from cartoloop.live.live_run import LiveOptions
 
@@ -161,10 +128,7 @@ def live_command(options: LiveCommandOptions) -> None:
             loaded,
             out,
             LiveOptions(
-                max_delay=1e-3 * options.max_delay_ms,
-                end_after=options.end_after,
-                waits=options.no_drop,
-                laser_pose=laser_pose,
+                messages,
                 poses=poses,
                 start=start,
                 starts_at_end=starts_at_end,
@@ -173,7 +137,8 @@ def live_command(options: LiveCommandOptions) -> None:
             (options.view_host, options.view_port) if options.view else None,
             is_quiet=options.poses == "-",
             overwrite=options.overwrite,
-            resume=options.resume is not None,
+            onto=onto,
+            lifelong=options.lifelong,
         )
     require_joined(result)
     require_good(result.report, options.strict)
@@ -187,16 +152,20 @@ def _folder(options: LiveCommandOptions) -> Path:
     typer.BadParameter
         None is given, or two.
     """
-    if options.resume is None:
-        if options.out is None:
-            raise typer.BadParameter("give the folder for the map", param_hint="--out")
-        if options.at is not None:
-            raise typer.BadParameter(
-                "is a pose in the map of --resume: give that too", param_hint="--at"
-            )
-        return options.out
-    if options.out is not None and options.out != options.resume:
-        raise typer.BadParameter(
-            "names the folder of the map already; leave -o out", param_hint="--resume"
-        )
-    return options.resume
+    if options.resume is not None:
+        for given, name in ((options.out, "-o"), (options.onto, "--onto")):
+            if given is not None and given != options.resume:
+                raise typer.BadParameter(
+                    f"names the folder of the map already; leave {name} out", param_hint="--resume"
+                )
+        return options.resume
+    if options.onto is None:
+        for is_given, name in ((options.at is not None, "--at"), (options.lifelong, "--lifelong")):
+            if is_given:
+                raise typer.BadParameter(
+                    "is about a map that is added to: give it with --onto or --resume",
+                    param_hint=name,
+                )
+    if (out := options.out or folder_of_map(options.onto)) is None:
+        raise typer.BadParameter("give the folder for the map", param_hint="--out")
+    return out

@@ -13,6 +13,7 @@ import typer
 
 from cartoloop.cli.lost_output import would_wait
 from cartoloop.cli.mapping import compilation_notice, show_stage, summary
+from cartoloop.cli.session_lines import session_lines
 from cartoloop.cli.stop_signals import stop_signals
 from cartoloop.cli.view_command import wait_for_stop
 from cartoloop.errors import OutputError
@@ -39,21 +40,23 @@ def map_source(
     *,
     is_quiet: bool = False,
     overwrite: bool = False,
-    resume: bool = False,
+    onto: Path | None = None,
+    lifelong: bool = False,
 ) -> Result:
     """Map what a source sends, save the map and print the summary; see `live_run.map_live`.
 
     Parameters
     ----------
     source : of messages.
-    loaded : the configuration; None: that of the map that is continued.
+    loaded : the configuration; None: that of the map that is added to.
     out : folder for the map.
     options : how messages are treated.
     layers : drawn over the picture.
     view_address : host and port of the view, None each for the default; None: no view.
     is_quiet : whether standard output is for poses.
     overwrite : whether a map in `out` may be replaced.
-    resume : whether to continue the map in `out`.
+    onto : the map that the drive is added to, or None.
+    lifelong : whether what the drive shows again gives way to it.
     """
     set_malloc_thresholds()
     relax_gc()
@@ -72,7 +75,8 @@ def map_source(
             observer=display,
             stop=stop,
             overwrite=overwrite,
-            resume=resume,
+            onto=onto,
+            lifelong=lifelong,
         )
         if view is not None:
             wait_for_stop(f"view           {view.url}")
@@ -126,6 +130,7 @@ class _Display(LiveObserver):
 
     def saved(self, result: Result, failure: Exception | None) -> None:
         text = summary(result.report, self._out)
+        text = "\n".join((text, *session_lines(result)))
         if self._is_quiet:
             self.say(text)
         else:

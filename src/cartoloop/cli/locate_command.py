@@ -11,8 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cartoloop.cli.live_command import MESSAGES
-from cartoloop.cli.options import ConfigOptions, ReadingOptions, parse_pose, parse_pose_deg
+from cartoloop.cli.options import (
+    ConfigOptions,
+    LiveSourceOptions,
+    ReadingOptions,
+    parse_pose_deg,
+)
 
 if TYPE_CHECKING:
     from typing import BinaryIO
@@ -33,7 +37,7 @@ LIVE_SCHEMES = ("tcp", "ws", "ros2")
 
 
 @dataclass(frozen=True, kw_only=True)
-class LocateOptions(ReadingOptions, ConfigOptions):
+class LocateOptions(ReadingOptions, LiveSourceOptions, ConfigOptions):
     """Options of ``cartoloop locate``."""
 
     map_: Annotated[
@@ -79,32 +83,6 @@ class LocateOptions(ReadingOptions, ConfigOptions):
             rich_help_panel=START,
         ),
     ] = None
-    source_host: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Accept messages of other machines, too: listen at 0.0.0.0, or at one address of "
-            "this machine.",
-            rich_help_panel=MESSAGES,
-        ),
-    ] = None
-    end_after: Annotated[
-        float | None,
-        typer.Option(
-            min=0.1,
-            metavar="SECONDS",
-            help="End when no message has arrived for this time [s].",
-            rich_help_panel=MESSAGES,
-        ),
-    ] = None
-    no_drop: Annotated[
-        bool,
-        typer.Option(
-            "--no-drop",
-            help="Hold up the source instead of dropping scans.",
-            rich_help_panel=MESSAGES,
-        ),
-    ] = False
 
     @property
     def is_live(self) -> bool:
@@ -130,8 +108,10 @@ def locate_command(options: LocateOptions) -> None:
 
         log = open_log(options.source, read_options)
     with poses_stream(options.poses) as poses, compilation_notice(), stop_signals() as stop:
-        localizer = Localizer(options.map_, loaded.config, at=start, live=options.is_live)
-        keeper = None if options.keep is None else PoseKeeper(options.keep, localizer)
+        localizer = Localizer(
+            options.map_, loaded.config, at=start, live=options.is_live, waits=options.no_drop
+        )
+        keeper = None if options.keep is None else PoseKeeper(options.keep, localizer, _warn)
         run = _Run(RunSummary(), keeper, poses, is_quiet=options.poses == "-")
         if options.is_live:
             _locate_source(options, localizer, run, stop)
@@ -210,6 +190,10 @@ class _Run:
             raise OutputError(f"--poses: cannot be written: {error.strerror}") from error
 
 
+def _warn(line: str) -> None:
+    typer.echo(f"warning: {line}", err=True)
+
+
 def change(answer: Answer) -> str:
     """Return the line that says a new state."""
     line = f"{answer.stamp:.3f}  {answer.state}"
@@ -234,7 +218,6 @@ def _locate_source(
     """Localise by the messages of a live source."""
     from cartoloop.cli.lost_output import would_wait
     from cartoloop.live import locate_run
-    from cartoloop.live.address import SourceOptions, make_source
     from cartoloop.live.notices import Notices
     from cartoloop.live.poses import PoseWriter
     from cartoloop.localisation.lines import answer_content
@@ -244,11 +227,7 @@ def _locate_source(
             typer.echo(line, err=True)
 
     notices = Notices(report)
-    topics = tuple(options.scan_topics or ())
-    source = make_source(
-        options.source,
-        SourceOptions(options.source_host, topics, options.odom_topic, options.imu_topic),
-    )
+    source = options.make_source(options.source)
     locate_run.get_ready_to_locate(localizer.known_map)
     writer = None if run.poses is None else PoseWriter(run.poses, notices)
 
@@ -257,13 +236,9 @@ def _locate_source(
             writer.put_content(answer_content(answer, latency))
         run.add(answer)
 
-    given = locate_run.LocateOptions(
-        end_after=options.end_after,
-        waits=options.no_drop,
-        laser_pose=parse_pose(options.laser_pose),
-    )
+    messages = options.message_options()
     try:
-        locate_run.locate_live(source, localizer, given, notices, on_answer, stop)
+        locate_run.locate_live(source, localizer, messages, notices, on_answer, stop)
     finally:
         if writer is not None:
             writer.close()

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cartoloop.cli.options import ConfigOptions, PictureOptions, ReadingOptions, parse_pose_deg
+from cartoloop.cli.options import (
+    ConfigOptions,
+    PictureOptions,
+    ReadingOptions,
+    folder_of_map,
+    parse_pose_deg,
+)
 from cartoloop.cli.view_command import ViewOptions, wait_for_stop
 from cartoloop.readers.formats import format_names
 
@@ -19,6 +25,7 @@ if TYPE_CHECKING:
     from cartoloop.map_output.output_folder import RunFolder
     from cartoloop.map_output.picture import Layer
     from cartoloop.readers.read_options import ReadOptions
+    from cartoloop.sensor.pose import Pose
 
 _LOG_HELP = (
     "Recording; several are parts of one, in order. Its format is recognised by its content: "
@@ -91,15 +98,10 @@ class MapOptions(ViewOptions, ReadingOptions, ConfigOptions, PictureOptions):
         Raises
         ------
         typer.BadParameter
-            Two are given, or a run that adds to a map is to be resumed.
+            Two are given.
         """
         if self.resume is None:
-            return self.out or self.onto or default_folder(self.logs[0])
-        if self.onto is not None:
-            raise typer.BadParameter(
-                "a run with --onto cannot be resumed; its map is as it was: map again",
-                param_hint="--resume",
-            )
+            return self.out or folder_of_map(self.onto) or default_folder(self.logs[0])
         if self.out is not None and self.out != self.resume:
             raise typer.BadParameter(
                 "names the folder of the map already; leave -o out", param_hint="--resume"
@@ -113,24 +115,23 @@ def map_command(options: MapOptions) -> None:
     options.require_view()
     read_options = options.read_options()
     loaded = _loaded(options)
-    if options.at is not None and options.onto is None:
+    if options.at is not None and options.onto is None and options.resume is None:
         raise typer.BadParameter("is a pose in the map of --onto: give that too", param_hint="--at")
     pose = parse_pose_deg(options.at, "--at")
     out = options.folder
 
     from cartoloop.readers import open_logs
     from cartoloop.readers.spool import regular_files
-    from cartoloop.recording_run import folder_of, is_same_folder
+    from cartoloop.recording_run import folder_of
 
     files = regular_files(options.logs)
-    overwrite = options.overwrite or is_same_folder(options.onto, out)
-    folder = folder_of(out, files, overwrite=overwrite)
+    folder = folder_of(out, files, overwrite=options.overwrite)
     if options.resume is None:
-        if options.onto is None or overwrite:
+        if options.onto is None:  # otherwise when that map is open, whose name the new one shares
             folder.check()
         _note_interrupted(folder)
     else:
-        before = _as_before(options, loaded, read_options, folder)
+        before = _as_before(options, loaded, read_options, folder, pose)
         if before is None:
             typer.echo(f"{out} holds the finished map of this recording: nothing to resume")
             return
@@ -152,7 +153,7 @@ def map_command(options: MapOptions) -> None:
         out,
         layers,
         options=read_options,
-        overwrite=overwrite,
+        overwrite=options.overwrite,
         resume=options.resume is not None,
         onto=options.onto,
         pose=pose,
@@ -176,7 +177,11 @@ def map_command(options: MapOptions) -> None:
 
 
 def _as_before(
-    options: MapOptions, loaded: LoadedConfig, read_options: ReadOptions, folder: RunFolder
+    options: MapOptions,
+    loaded: LoadedConfig,
+    read_options: ReadOptions,
+    folder: RunFolder,
+    pose: Pose | None,
 ) -> tuple[LoadedConfig, ReadOptions] | None:
     """Return configuration and reading options of the interrupted run; None if it is finished.
 
@@ -195,8 +200,10 @@ def _as_before(
             return None
         raise nothing_to_resume(folder.path)
     run.check_recording(folder.name, folder.fingerprint)
-    if options.settings or options.config:
+    if options.settings or options.config or options.lifelong:
         run.check_config(loaded)
+    if pose is not None:
+        run.check_pose(pose)
     if read_options != ReadOptions():
         run.check_options(read_options)
     config = run.header.config
@@ -220,7 +227,7 @@ def _loaded(options: MapOptions) -> LoadedConfig:
     """Return the configuration, with what options of their own say."""
     if not options.lifelong:
         return options.load()
-    if options.onto is None:
+    if options.onto is None and options.resume is None:
         raise typer.BadParameter(
             "is about a map that is added to: give it with --onto", param_hint="--lifelong"
         )

@@ -65,7 +65,14 @@ def map_log(
     ):
         if resume:
             return resume_recording(
-                log, out, loaded, options=options, layers=layers, observer=display, stop=stop
+                log,
+                out,
+                loaded,
+                options=options,
+                layers=layers,
+                observer=display,
+                stop=stop,
+                onto=onto,
             )
         return map_recording(
             log,

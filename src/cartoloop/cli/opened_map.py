@@ -32,5 +32,19 @@ def open_map(path: Path) -> Result:
         what = "this is its map so far"
         if (path / FILE_NAME).is_file():
             what = f"this is the map before it; give {journal} for its map so far"
-        typer.echo(f"note: a run in {path} {state}; {what}", err=True)
+        how = "" if is_locked(journal) else _how_to_go_on(path)
+        typer.echo(f"note: a run in {path} {state}; {what}{how}", err=True)
     return result
+
+
+def _how_to_go_on(folder: Path) -> str:
+    """Return by which command the interrupted run in a folder is resumed, as a clause."""
+    from cartoloop.run_journal import interrupted_run
+
+    run = interrupted_run(folder)
+    if run is None:
+        return ""
+    if run.header.kind == "live":
+        return f"; `cartoloop live SOURCE --resume {folder}` goes on with it"
+    recording, _ = run.header.recording
+    return f"; `cartoloop map {recording} --resume {folder}` goes on with it"

@@ -14,12 +14,15 @@ from cartoloop.cli.completion import complete_echo, complete_key, complete_layer
 
 if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
+    from cartoloop.live.message_loop import MessageOptions
+    from cartoloop.live.source import Source
     from cartoloop.map_output.picture import Layer
     from cartoloop.readers.read_options import ReadOptions
     from cartoloop.sensor.pose import Pose
 
 CONFIGURATION = "Configuration"
 RECORDING = "Recording"
+MESSAGES = "Messages"
 VIEW = "View"
 """Groups of options in the help."""
 
@@ -111,12 +114,93 @@ class ConfigOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReadingOptions:
-    """Options for reading a recording."""
+class SensorOptions:
+    """Options that choose the sensors of a recording or a robot."""
 
     scan_topics: ScanTopicOption = None
     odom_topic: OdomTopicOption = None
     imu_topic: ImuTopicOption = None
+    laser_pose: LaserPoseOption = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveSourceOptions(SensorOptions):
+    """Options for the messages of a live source."""
+
+    source_host: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Accept messages of other machines, too: listen at 0.0.0.0, or at one address of "
+            "this machine.",
+            rich_help_panel=MESSAGES,
+        ),
+    ] = None
+    max_delay_ms: Annotated[
+        float,
+        typer.Option(
+            metavar="MS",
+            min=0.0,
+            max=10_000.0,
+            help="How long a scan waits for late odometry [ms].",
+            rich_help_panel=MESSAGES,
+        ),
+    ] = 50.0
+    end_after: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1,
+            metavar="SECONDS",
+            help="End when no message has arrived for this time [s].",
+            rich_help_panel=MESSAGES,
+        ),
+    ] = None
+    no_drop: Annotated[
+        bool,
+        typer.Option(
+            "--no-drop",
+            help="Hold up the source instead of dropping scans.",
+            rich_help_panel=MESSAGES,
+        ),
+    ] = False
+
+    def make_source(self, address: str) -> Source:
+        """Return the source of an address, not opened yet.
+
+        Raises
+        ------
+        InputError
+            There is no such source.
+        """
+        from cartoloop.live.address import SourceOptions, make_source
+
+        topics = tuple(self.scan_topics or ())
+        return make_source(
+            address, SourceOptions(self.source_host, topics, self.odom_topic, self.imu_topic)
+        )
+
+    def message_options(self) -> MessageOptions:
+        """Return how the messages are treated.
+
+        Raises
+        ------
+        typer.BadParameter
+            The pose of the scanner is none.
+        """
+        from cartoloop.live.message_loop import MessageOptions
+
+        return MessageOptions(
+            max_delay=1e-3 * self.max_delay_ms,
+            end_after=self.end_after,
+            waits=self.no_drop,
+            laser_pose=parse_pose(self.laser_pose),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadingOptions(SensorOptions):
+    """Options for reading a recording."""
+
     urdf: Annotated[
         Path | None,
         typer.Option(
@@ -126,7 +210,6 @@ class ReadingOptions:
             rich_help_panel=RECORDING,
         ),
     ] = None
-    laser_pose: LaserPoseOption = None
     echo: Annotated[
         str,
         typer.Option(
@@ -234,20 +317,13 @@ def parse_pose(text: str | None) -> Pose | None:
         return None
     from cartoloop.sensor.pose import Pose
 
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) != 3 or not all(map(math.isfinite, values)):
+    x, y, yaw = _three_numbers(text, "X,Y,YAW, like 0.2,0,3.14 (m, rad)", "--laser-pose")
+    if abs(yaw) > math.tau:
         raise typer.BadParameter(
-            f"'{text}' is not X,Y,YAW, like 0.2,0,3.14 (m, rad)", param_hint="--laser-pose"
-        )
-    if abs(values[2]) > math.tau:
-        raise typer.BadParameter(
-            f"a yaw of {values[2]:g} rad is more than a turn: give radians, like 3.14, not degrees",
+            f"a yaw of {yaw:g} rad is more than a turn: give radians, like 3.14, not degrees",
             param_hint="--laser-pose",
         )
-    return Pose(*values)
+    return Pose(x, y, yaw)
 
 
 def parse_pose_deg(text: str | None, option: str) -> Pose | None:
@@ -262,18 +338,33 @@ def parse_pose_deg(text: str | None, option: str) -> Pose | None:
         return None
     from cartoloop.sensor.pose import Pose, wrap_angle
 
+    x, y, heading_deg = _three_numbers(text, "X,Y,DEG, like 4.5,-2,90 (m, m, degrees)", option)
+    return Pose(x, y, wrap_angle(math.radians(heading_deg)))
+
+
+def _three_numbers(text: str, form: str, option: str) -> tuple[float, float, float]:
+    """Return three numbers with commas between them.
+
+    Raises
+    ------
+    typer.BadParameter
+        The text has not this form.
+    """
     try:
-        values = [float(word) for word in text.split(",")]
+        first, second, third = (float(word) for word in text.split(","))
     except ValueError:
-        values = []
-    if len(values) != 3 or not all(map(math.isfinite, values)):
-        raise typer.BadParameter(
-            f"'{text}' is not X,Y,DEG, like 4.5,-2,90 (m, m, degrees)", param_hint=option
-        )
-    return Pose(values[0], values[1], wrap_angle(math.radians(values[2])))
+        first = second = third = math.nan
+    if not all(map(math.isfinite, (first, second, third))):
+        raise typer.BadParameter(f"'{text}' is not {form}", param_hint=option)
+    return first, second, third
 
 
 def settings_with_threads(settings: list[str] | None, threads: int | None) -> list[str]:
     """Return the settings, with that of the threads."""
     given = [] if threads is None else [f"global_slam.num_threads={threads}"]
     return [*(settings or []), *given]
+
+
+def folder_of_map(path: Path | None) -> Path | None:
+    """Return the folder of a map that is given by its folder or its file."""
+    return path.parent if path is not None and path.is_file() else path

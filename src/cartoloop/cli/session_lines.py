@@ -18,14 +18,8 @@ APART_STATUS = 4
 
 def show_sessions(result: MapData) -> None:
     """Print what was joined and what is apart, if the map is of several sessions."""
-    if len(result.sessions) > 1:
-        typer.echo("\n".join(session_lines(result)))
-    if removed := result.report.extra.get("lifelong"):
-        typer.echo(
-            f"{'seen again':<15}{removed['removed_submaps']} submaps and "
-            f"{removed['removed_nodes']} nodes of before removed, {removed['faded_cells']} cells "
-            "faded"
-        )
+    if lines := session_lines(result):
+        typer.echo("\n".join(lines))
 
 
 def require_joined(result: MapData) -> None:
@@ -35,7 +29,21 @@ def require_joined(result: MapData) -> None:
 
 
 def session_lines(result: MapData) -> list[str]:
-    """Return lines for the terminal: how many sessions are joined, and why the others are not."""
+    """Return lines for the terminal: which sessions are joined, which not and why, what gave way.
+
+    None of a map of one session.
+    """
+    lines = _part_lines(result) if len(result.sessions) > 1 else []
+    if removed := result.report.extra.get("lifelong"):
+        lines.append(
+            f"{'seen again':<15}{removed['removed_submaps']} submaps and "
+            f"{removed['removed_nodes']} nodes of before removed, {removed['faded_cells']} cells "
+            "faded"
+        )
+    return lines
+
+
+def _part_lines(result: MapData) -> list[str]:
     names = [session.name or f"session {i}" for i, session in enumerate(result.sessions)]
     apart = [i for i, session in enumerate(result.sessions) if session.part != MAIN_PART]
     count = len(names) - len(apart)

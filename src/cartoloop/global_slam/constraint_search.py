@@ -21,7 +21,7 @@ from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.graph_records import outcomes_record, recorded_outcomes, rows_record
 from cartoloop.growing_array import GrowingArray
 from cartoloop.journal.frames import Kind
-from cartoloop.journal.tape import NO_TAPE, Tape
+from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
 from cartoloop.sensor.scan_points import NodePoints
 
 Item = TypeVar("Item")
@@ -71,7 +71,7 @@ class ConstraintSearch:
     num_threads : how many threads search; 0: as many as there are processors, at most 4;
         one less with a bound.
     max_backlog : with more searches than this waiting, new ones are dropped; None: never.
-    tape : outcomes are taken from there, or put there.
+    outcomes : of a run with a journal; those of earlier steps are replayed, new ones are recorded.
 
     Attributes
     ----------
@@ -86,9 +86,9 @@ class ConstraintSearch:
         node_points: NodePoints,
         num_threads: int,
         max_backlog: int | None = None,
-        tape: Tape = NO_TAPE,
+        outcomes: RecordedOutcomes = NO_OUTCOMES,
     ) -> None:
-        self._tape = tape
+        self._recorded = outcomes
         self._config = config
         self._closures = closures
         self._submaps = submaps
@@ -146,7 +146,7 @@ class ConstraintSearch:
                 )
                 requests = self._closures.requests(batch)
                 self._pending.append(_Task(submap, batch, requests))
-        if not self._tape.is_replayed:
+        if not self._recorded.is_replaying:
             self._launch()
 
     def _defer(self, waiting: dict[int, RowArray]) -> None:
@@ -169,13 +169,13 @@ class ConstraintSearch:
         wait : for all searches that were started; otherwise unfinished ones are left for the next
             call.
         """
-        if (recorded := self._tape.take(Kind.SEARCHED)) is not None:
+        if (recorded := self._recorded.replay(Kind.SEARCHED)) is not None:
             places, outcomes = recorded_outcomes(recorded)
         else:
             self._launch()
             places, outcomes = self._outcomes(wait=wait)
-            if self._tape.is_kept and (outcomes or self._tape.is_replayable):
-                self._tape.put(Kind.SEARCHED, outcomes_record(places, outcomes))
+            if self._recorded.is_recording and (outcomes or self._recorded.is_replayable):
+                self._recorded.record(Kind.SEARCHED, outcomes_record(places, outcomes))
         taken = frozenset(places)
         self._pending = [task for i, task in enumerate(self._pending) if i not in taken]
         self._note(outcomes)
@@ -196,15 +196,15 @@ class ConstraintSearch:
         return places, outcomes
 
     def _launch(self) -> None:
-        """Start the searches that were not, since their outcomes might have been on the tape."""
+        """Start the searches that were not, since their outcomes might have been recorded."""
         for task in self._pending:
             if task.future is None:
                 task.future = self._threads.submit(self._run, task)
 
     def _note_dropped(self, rows: RowArray) -> None:
         self._closures.note_dropped(rows)
-        if self._tape.is_kept and len(rows):
-            self._tape.put(Kind.DROPPED, rows_record(rows))
+        if self._recorded.is_recording and len(rows):
+            self._recorded.record(Kind.DROPPED, rows_record(rows))
 
     def _note(self, outcomes: Sequence[SearchOutcome]) -> None:
         """Note in the record what was searched, and what was not."""

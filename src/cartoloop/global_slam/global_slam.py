@@ -31,9 +31,9 @@ from cartoloop.global_slam.part_joins import PartJoins
 from cartoloop.global_slam.pose_graph import ClosureConstraints, ConstraintKind
 from cartoloop.global_slam.restoring import finished_submap, restore_closures, restore_nodes
 from cartoloop.global_slam.sessions import MappedSessions
-from cartoloop.global_slam.wide_search import WideSearch, put_requests
+from cartoloop.global_slam.wide_search import WideSearch, record_requests
 from cartoloop.journal.frames import Kind
-from cartoloop.journal.tape import NO_TAPE, Tape
+from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
 from cartoloop.sensor.scan_points import NodePoints, ScanPoints
@@ -49,7 +49,7 @@ class GlobalSlam:
     ----------
     config : its parameters.
     timer : takes its times.
-    tape : outcomes are taken from there, or put there.
+    outcomes : of a run with a journal; those of earlier steps are replayed, new ones are recorded.
     wait_for_searches : whether an adjustment waits for the searches that were started before it,
         so that the result is always the same. Otherwise what is found joins when it is found, and
         requests beyond ``max_live_backlog`` are dropped.
@@ -71,14 +71,14 @@ class GlobalSlam:
         self,
         config: GlobalSlamConfig,
         timer: StageTimer,
-        tape: Tape = NO_TAPE,
+        outcomes: RecordedOutcomes = NO_OUTCOMES,
         *,
         wait_for_searches: bool = True,
         mapped: Sequence[MappedSessions] = (),
         check_geometry: CheckGeometry | None = None,
     ) -> None:
-        self._tape = tape
-        self._poses = PoseNotes(tape)
+        self._recorded = outcomes
+        self._poses = PoseNotes(outcomes)
         self._config = config
         self._timer = timer
         self._waits_while_mapping = wait_for_searches
@@ -93,12 +93,12 @@ class GlobalSlam:
             self._node_points,
             config.num_threads,
             max_backlog=None if wait_for_searches else config.max_live_backlog,
-            tape=tape,
+            outcomes=outcomes,
         )
         self.num_put_off = 0
         self._pairs = PairSelection(config.constraint_search)
         self._wide = WideSearch(
-            config.constraint_search, self.closures, self._finished, self.search, tape
+            config.constraint_search, self.closures, self._finished, self.search, outcomes
         )
         self.joins = PartJoins(
             config,
@@ -108,6 +108,7 @@ class GlobalSlam:
             self._wide.scans,
             self.sessions,
             check_geometry,
+            outcomes,
         )
         self._submap_nodes: list[set[int]] = []
         self._tf_local_last_submap = IDENTITY
@@ -251,16 +252,16 @@ class GlobalSlam:
         )
 
     def _finish(self, submap: Submap) -> FinishedSubmap:
-        if (recorded := self._tape.take(Kind.SUBMAP)) is not None:
+        if (recorded := self._recorded.replay(Kind.SUBMAP)) is not None:
             finished = FinishedSubmap(submap.index, *recorded_submap(recorded))
             self._finished.append(finished)
             return finished
         with self._timer.measure("finish submap"):
             grid = submap.grid.finish()
             finished = finished_submap(submap.index, grid, self.graph, self.node_points)
-        if self._tape.is_kept:
+        if self._recorded.is_recording:
             record = submap_record(submap.index, finished.grid, finished.own_score)
-            self._tape.put(Kind.SUBMAP, record)
+            self._recorded.record(Kind.SUBMAP, record)
         self._finished.append(finished)
         return finished
 
@@ -316,7 +317,7 @@ class GlobalSlam:
     def _submit(self, requests: Requests) -> None:
         if len(requests.submap):
             num_nodes = self.graph.num_nodes
-            self.search.submit(put_requests(self._tape, self.closures, requests, num_nodes))
+            self.search.submit(record_requests(self._recorded, self.closures, requests, num_nodes))
 
     def _close_loops(self, max_num_iterations: int, *, wait: bool) -> None:
         """Take in the loop closures that searches found, and adjust all poses."""
@@ -334,8 +335,8 @@ class GlobalSlam:
             self._timer.record("search", duration)
         is_new = False
         while (found := self._wide.decide(self._pairs, self.graph)) is not None:
-            if self._tape.take(Kind.BELIEVED) is None and self._tape.is_kept:
-                self._tape.put(Kind.BELIEVED, matches_record(found))
+            if self._recorded.replay(Kind.BELIEVED) is None and self._recorded.is_recording:
+                self._recorded.record(Kind.BELIEVED, matches_record(found))
             self._add_closures(found, are_trusted=True)
             with self._timer.measure("adjust"):
                 self._adjust(max_num_iterations)

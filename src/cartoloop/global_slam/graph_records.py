@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cartoloop.arrays import FloatArray, RowArray
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
@@ -15,7 +16,7 @@ from cartoloop.global_slam.closure_search import SearchOutcome
 from cartoloop.global_slam.hypotheses import Candidate
 from cartoloop.journal.fields import FieldReader, pack_columns
 from cartoloop.journal.frames import Kind
-from cartoloop.journal.tape import Tape
+from cartoloop.journal.outcomes import RecordedOutcomes
 from cartoloop.submaps.finished_grid import FinishedGrid
 
 _SUBMAP = struct.Struct("<Id2I3d")
@@ -24,17 +25,17 @@ _OUTCOME = struct.Struct("<Id?")
 _WIDE = struct.Struct("<Id")
 
 _ROW = ("<i4",), ((),)
-_REQUESTS = ("<i4", "<i4", "<i4", "<f8", "<f8", "<f8"), ((), (), (), (3,), (), ())
-_MATCHES = (
+REQUESTS = ("<i4", "<i4", "<i4", "<f8", "<f8", "<f8"), ((), (), (), (3,), (), ())
+MATCHES = (
     ("<i4", "<f8", "<f8", "<f8", "<f8", "<f8", "<f8", "<f8"),
     ((), (3,), (3, 3), (), (), (), (), ()),
 )
-_CANDIDATES = ("<i4", "<i4", "<i4", "<f8", "<f8", "<f8"), ((), (), (), (3,), (), ())
+CANDIDATES = ("<i4", "<i4", "<i4", "<f8", "<f8", "<f8"), ((), (), (), (3,), (), ())
 _POSES = ("<f8",), ((3,),)
 
 
 SUBMAPS_OF_AN_ADJUSTMENT = 50
-"""Poses of submaps that may be put down for each adjustment: 1200 bytes, as nodes take 100 times as
+"""Poses of submaps that may be recorded for each adjustment: 1200 bytes, as nodes take 100 times as
 much in between."""
 
 
@@ -98,7 +99,7 @@ def recorded_submap(payload: memoryview) -> tuple[FinishedGrid, float]:
 
 def requests_record(requests: Requests, num_nodes: int) -> bytes:
     """Return requests that were made when the graph had `num_nodes` as a payload."""
-    return _COUNT.pack(num_nodes) + pack_columns(requests, _REQUESTS[0])
+    return _COUNT.pack(num_nodes) + pack_columns(requests, REQUESTS[0])
 
 
 def recorded_requests(payload: memoryview) -> tuple[Requests, int]:
@@ -111,7 +112,7 @@ def recorded_requests(payload: memoryview) -> tuple[Requests, int]:
     """
     reader = FieldReader(payload)
     [num_nodes] = reader.numbers(_COUNT)
-    return Requests(*reader.columns(*_REQUESTS)), num_nodes
+    return Requests(*reader.columns(*REQUESTS)), num_nodes
 
 
 def rows_record(rows: RowArray) -> bytes:
@@ -164,7 +165,7 @@ def recorded_outcomes(payload: memoryview) -> tuple[list[int], list[SearchOutcom
     while not reader.is_at_end:
         place, min_score, is_empty = reader.numbers(_OUTCOME)
         searched, not_searched, ambiguous = (reader.columns(*_ROW)[0] for _ in range(3))
-        matches = SearchMatches(*reader.columns(*_MATCHES))
+        matches = SearchMatches(*reader.columns(*MATCHES))
         places.append(place)
         outcomes.append(
             SearchOutcome(min_score, is_empty, searched, not_searched, ambiguous, matches)
@@ -174,7 +175,7 @@ def recorded_outcomes(payload: memoryview) -> tuple[list[int], list[SearchOutcom
 
 def matches_record(matches: SearchMatches) -> bytes:
     """Return closures that were found as a payload."""
-    return pack_columns(matches, _MATCHES[0])
+    return pack_columns(matches, MATCHES[0])
 
 
 def recorded_matches(payload: memoryview) -> SearchMatches:
@@ -185,21 +186,32 @@ def recorded_matches(payload: memoryview) -> SearchMatches:
     struct.error, ValueError
         The payload is damaged.
     """
-    return SearchMatches(*FieldReader(payload).columns(*_MATCHES))
+    return SearchMatches(*FieldReader(payload).columns(*MATCHES))
 
 
 def wide_record(places: Sequence[int], outcomes: Sequence[WideOutcome]) -> bytes:
     """Return what searches of composite scans came to as a payload; see `outcomes_record`."""
     parts = []
     for place, outcome in zip(places, outcomes, strict=True):
-        columns = [np.array(column) for column in zip(*outcome.candidates, strict=True)]
-        columns = columns or [np.zeros((0, *shape)) for shape in _CANDIDATES[1]]
         parts += [
             _WIDE.pack(place, outcome.min_score),
             rows_record(outcome.rows),
-            pack_columns(columns, _CANDIDATES[0]),
+            pack_columns(candidate_columns(outcome.candidates), CANDIDATES[0]),
         ]
     return b"".join(parts)
+
+
+def candidate_columns(candidates: Sequence[Candidate]) -> list[NDArray[Any]]:
+    """Return candidates as columns of the types and shapes of `CANDIDATES`."""
+    columns = [np.array(column) for column in zip(*candidates, strict=True)]
+    return columns or [np.zeros((0, *shape)) for shape in CANDIDATES[1]]
+
+
+def recorded_candidates(reader: FieldReader) -> list[Candidate]:
+    """Return candidates whose columns follow."""
+    row, scan, submap, pose, score, other = reader.columns(*CANDIDATES)
+    numbers = (row.tolist(), scan.tolist(), submap.tolist(), pose, score.tolist())
+    return [Candidate(*each) for each in zip(*numbers, other.tolist(), strict=True)]
 
 
 def recorded_wide_outcomes(payload: memoryview) -> tuple[list[int], list[WideOutcome]]:
@@ -215,11 +227,8 @@ def recorded_wide_outcomes(payload: memoryview) -> tuple[list[int], list[WideOut
     while not reader.is_at_end:
         place, min_score = reader.numbers(_WIDE)
         [rows] = reader.columns(*_ROW)
-        row, scan, submap, pose, score, other = reader.columns(*_CANDIDATES)
-        numbers = (row.tolist(), scan.tolist(), submap.tolist(), pose, score.tolist())
-        found = [Candidate(*each) for each in zip(*numbers, other.tolist(), strict=True)]
         places.append(place)
-        outcomes.append(WideOutcome(rows, min_score, found))
+        outcomes.append(WideOutcome(rows, min_score, recorded_candidates(reader)))
     return places, outcomes
 
 
@@ -229,14 +238,14 @@ def poses_record(poses: FloatArray) -> bytes:
 
 
 class PoseNotes:
-    """Puts down the poses of the submaps after adjustments, so that a journal opens as a good map.
+    """Records the poses of the submaps after adjustments, so that a journal opens as a good map.
 
-    A large graph is adjusted often and its poses are many: they are put down only when as much has
+    A large graph is adjusted often and its poses are many: they are recorded only when as much has
     been added to the graph since the last time, so that the journal grows with the map.
     """
 
-    def __init__(self, tape: Tape) -> None:
-        self._tape = tape
+    def __init__(self, outcomes: RecordedOutcomes) -> None:
+        self._recorded = outcomes
         self._num_skipped = 0
 
     def note(self, submap_poses: FloatArray) -> None:
@@ -245,8 +254,8 @@ class PoseNotes:
         if self._num_skipped * SUBMAPS_OF_AN_ADJUSTMENT < len(submap_poses):
             return
         self._num_skipped = 0
-        if self._tape.take(Kind.POSES) is None and self._tape.is_kept:
-            self._tape.put(Kind.POSES, poses_record(submap_poses))
+        if self._recorded.replay(Kind.POSES) is None and self._recorded.is_recording:
+            self._recorded.record(Kind.POSES, poses_record(submap_poses))
 
 
 def recorded_poses(payload: memoryview) -> FloatArray:

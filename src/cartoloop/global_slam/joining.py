@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import Future
 from functools import partial
 
 import numpy as np
@@ -26,10 +25,18 @@ from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.graph_records import WideOutcome
 from cartoloop.global_slam.hypotheses import Candidate, best_place
 from cartoloop.global_slam.join_evidence import GeometryCheck, JoinAttempt, OnePose
+from cartoloop.global_slam.join_records import (
+    NO_REQUESTS,
+    JoinSearch,
+    join_searches_record,
+    recorded_join_searches,
+)
 from cartoloop.global_slam.placing import Claim, placement, why_not_believed
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
-from cartoloop.global_slam.wide_search import find_scans
+from cartoloop.global_slam.wide_search import SearchTask, find_scans
+from cartoloop.journal.frames import Kind
+from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
 from cartoloop.sensor.pose import compose_all, relative_all
 
 
@@ -44,6 +51,7 @@ class Joining:
     search : runs the searches in its background threads.
     scans : the composite scans; the owner adds to them.
     sessions : their parts.
+    outcomes : of a run with a journal; those of earlier steps are replayed, new ones are recorded.
 
     Attributes
     ----------
@@ -58,7 +66,9 @@ class Joining:
         search: ConstraintSearch,
         scans: CompositeScans,
         sessions: SessionRanges,
+        outcomes: RecordedOutcomes = NO_OUTCOMES,
     ) -> None:
+        self._recorded = outcomes
         self._config = config
         self._closures = closures
         self._submaps = submaps
@@ -66,7 +76,7 @@ class Joining:
         self._scans = scans
         self._sessions = sessions
         self._waiting: dict[int, list[int]] = {}
-        self._running: list[Future[tuple[WideOutcome, float]]] = []
+        self._running: list[SearchTask] = []
         self._searched: set[tuple[int, int]] = set()
         self._candidates: dict[int, list[Candidate]] = {}
         self._num_searches = 0
@@ -127,20 +137,31 @@ class Joining:
                 requests=self._requests(submap, scans, graph),
                 least=(self._config.join.min_score, self._config.join.min_score_ratio),
             )
-            self._running.append(self._search.run(task, self._submaps[submap]))
+            self._running.append(SearchTask(task, self._submaps[submap]))
         self._waiting = {}
+        if not self._recorded.is_replaying:
+            self._launch()
 
     def collect(self, graph: PoseGraph, *, wait: bool) -> list[float]:
         """Note what the searches found; return the time that each of them took [s]."""
-        left, durations = [], []
-        for future in self._running:
-            if wait or future.done():
-                outcome, duration = future.result()
-                self._note(outcome, graph)
-                durations.append(duration)
-            else:
-                left.append(future)
-        self._running = left
+        durations: list[float] = []
+        if (recorded := self._recorded.replay(Kind.JOIN_SEARCHED)) is not None:
+            searches = recorded_join_searches(recorded)
+            for each in searches:
+                self._note(each, graph)
+        else:
+            self._launch()
+            searches = []
+            for place, task in enumerate(self._running):
+                if task.future is not None and (wait or task.future.done()):
+                    outcome, duration = task.future.result()
+                    searches.append(self._new_pairs(place, outcome, graph))
+                    self._note(searches[-1], graph)
+                    durations.append(duration)
+            if self._recorded.is_recording and (searches or self._recorded.is_replayable):
+                self._recorded.record(Kind.JOIN_SEARCHED, join_searches_record(searches))
+        taken = frozenset(each.place for each in searches)
+        self._running = [task for i, task in enumerate(self._running) if i not in taken]
         return durations
 
     def best(self, graph: PoseGraph) -> JoinAttempt | None:
@@ -235,20 +256,31 @@ class Joining:
             angular,
         )
 
-    def _note(self, outcome: WideOutcome, graph: PoseGraph) -> None:
-        """Note the matches of a search: only they get a row in the record."""
+    def _launch(self) -> None:
+        """Start the searches that were not, since their outcomes might have been recorded."""
+        for each in self._running:
+            if each.future is None:
+                each.future = self._search.run(each.find, each.submap)
+
+    def _new_pairs(self, place: int, outcome: WideOutcome, graph: PoseGraph) -> JoinSearch:
+        """Return the matches of a search, without pairs that were requested otherwise since."""
         if not outcome.candidates:
-            return
-        scans = np.array([each.scan for each in outcome.candidates])
+            return JoinSearch(place, outcome.min_score, [], NO_REQUESTS)
         submap = outcome.candidates[0].submap
+        scans = np.array([each.scan for each in outcome.candidates], dtype=np.int64)
         requests = self._requests(submap, scans, graph)
-        # A pair may have been requested otherwise since this search was started.
         fresh = np.flatnonzero(~self._closures.has_rows(requests.submap, requests.node))
         candidates = [outcome.candidates[i] for i in fresh.tolist()]
-        rows = self._closures.request(requests.take(fresh), graph.num_nodes)
-        self._closures.note_searched(rows, outcome.min_score)
+        return JoinSearch(place, outcome.min_score, candidates, requests.take(fresh))
+
+    def _note(self, search: JoinSearch, graph: PoseGraph) -> None:
+        """Note the matches of a search: only they get a row in the record."""
+        if not search.candidates:
+            return
+        rows = self._closures.request(search.requests, graph.num_nodes)
+        self._closures.note_searched(rows, search.min_score)
         self._closures.note_hypotheses(rows)
-        for row, candidate in zip(rows.tolist(), candidates, strict=True):
+        for row, candidate in zip(rows.tolist(), search.candidates, strict=True):
             self._candidates.setdefault(candidate.scan, []).append(candidate._replace(row=row))
             self._has_news = True
 

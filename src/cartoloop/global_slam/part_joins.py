@@ -16,12 +16,19 @@ from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.composite_scans import CompositeScans
 from cartoloop.global_slam.constraint_search import ConstraintSearch
-from cartoloop.global_slam.join_evidence import CheckGeometry, JoinAttempt
+from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, JoinAttempt
+from cartoloop.global_slam.join_records import (
+    JoinDecision,
+    join_decision_record,
+    recorded_join_decision,
+)
 from cartoloop.global_slam.joining import Joining
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import SessionRanges
 from cartoloop.global_slam.tentative_join import place_part, tentative_join
 from cartoloop.global_slam.wide_search import refined
+from cartoloop.journal.frames import Kind
+from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
 from cartoloop.sensor.scan_points import ScanPoints
 
 
@@ -87,6 +94,7 @@ class PartJoins:
     config : parameters.
     closures, submaps, search, scans, sessions : as of `Joining`.
     check : examines the geometry; without it nothing is joined.
+    outcomes : of a run with a journal; those of earlier steps are replayed, new ones are recorded.
 
     Attributes
     ----------
@@ -103,13 +111,17 @@ class PartJoins:
         scans: CompositeScans,
         sessions: SessionRanges,
         check: CheckGeometry | None,
+        outcomes: RecordedOutcomes = NO_OUTCOMES,
     ) -> None:
+        self._recorded = outcomes
         self._config = config
         self._submaps = submaps
         self._scans = scans
         self._sessions = sessions
         self._check = check
-        self.joining = Joining(config.constraint_search, closures, submaps, search, scans, sessions)
+        self.joining = Joining(
+            config.constraint_search, closures, submaps, search, scans, sessions, outcomes
+        )
         self.done: list[JoinRecord] = []
 
     @property
@@ -128,19 +140,7 @@ class PartJoins:
             search = self._config.constraint_search
             found = refined(candidates, self._scans.points, self._submaps, search)
             nodes, submaps = self._two_parts(attempt, graph)
-            of_submap = np.array([each.submap for each in candidates], dtype=np.int64)
-            of_node = self._scans.nodes[np.array([each.scan for each in candidates])]
-            joined = tentative_join(
-                self._config,
-                graph,
-                attempt.found.tf_one_other,
-                (found, of_submap, of_node),
-                nodes,
-                submaps,
-                self._submaps,
-                node_points,
-            )
-            check = self._check(joined, self._submaps, node_points, nodes, submaps)
+            check = self._examined(attempt, found, (nodes, submaps), graph, node_points)
             if check.fault:
                 self.joining.refuse(attempt, check)
                 continue
@@ -155,6 +155,42 @@ class PartJoins:
             self.joining.joined(attempt)
             return Join(attempt, found)
         return None
+
+    def _examined(
+        self,
+        attempt: JoinAttempt,
+        found: SearchMatches,
+        parts: tuple[IntArray, IntArray],
+        graph: PoseGraph,
+        node_points: ScanPoints,
+    ) -> GeometryCheck:
+        """Return how well two parts agree where they are placed, with these closures between them.
+
+        Parameters
+        ----------
+        parts : 0 and 1 for the nodes and submaps of the two parts.
+        """
+        if (recorded := self._recorded.replay(Kind.JOIN_DECIDED)) is not None:
+            return recorded_join_decision(recorded).check
+        assert attempt.found is not None and self._check is not None
+        candidates = [claim.candidate for claim in attempt.found.claims]
+        of_submap = np.array([each.submap for each in candidates], dtype=np.int64)
+        of_node = self._scans.nodes[np.array([each.scan for each in candidates])]
+        placed = attempt.found.tf_one_other
+        joined = tentative_join(
+            self._config,
+            graph,
+            placed,
+            (found, of_submap, of_node),
+            *parts,
+            self._submaps,
+            node_points,
+        )
+        check = self._check(joined, self._submaps, node_points, *parts)
+        if self._recorded.is_recording:
+            decision = JoinDecision(attempt.one, attempt.other, placed, check, found)
+            self._recorded.record(Kind.JOIN_DECIDED, join_decision_record(decision))
+        return check
 
     def summary(self) -> dict[str, list[dict[str, Any]]]:
         """Return what was joined, and what was not and why, for the report; empty if nothing."""

@@ -34,7 +34,7 @@ from cartoloop.global_slam.hypotheses import Candidate, Hypothesis, best_place, 
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.journal.frames import Kind
-from cartoloop.journal.tape import NO_TAPE, Tape
+from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
 from cartoloop.scan_matching.branch_and_bound import RunnerUp
 from cartoloop.scan_matching.least_squares import match_informations
 from cartoloop.sensor.pose import Pose, compose_all, wrap_angles
@@ -43,7 +43,7 @@ from cartoloop.submaps.node import Node
 
 
 @dataclass(slots=True, eq=False)
-class _Task:
+class SearchTask:
     """The search of composite scans in one submap.
 
     Attributes
@@ -67,7 +67,7 @@ class WideSearch:
     closures : the record; requests and what became of them are noted in it.
     submaps : the finished submaps by their index; the owner adds to it.
     search : runs the searches in its background threads.
-    tape : outcomes are taken from there, or put there.
+    outcomes : of a run with a journal; those of earlier steps are replayed, new ones are recorded.
     """
 
     def __init__(
@@ -76,9 +76,9 @@ class WideSearch:
         closures: Closures,
         submaps: Sequence[FinishedSubmap],
         search: ConstraintSearch,
-        tape: Tape = NO_TAPE,
+        outcomes: RecordedOutcomes = NO_OUTCOMES,
     ) -> None:
-        self._tape = tape
+        self._recorded = outcomes
         self._all = config
         self._config = config.wide_search
         self._closures = closures
@@ -87,7 +87,7 @@ class WideSearch:
         self._scans = CompositeScans(self._config)
         self._waiting: list[tuple[int, int, int]] = []
         self._released: list[tuple[int, int, int]] = []
-        self._running: list[_Task] = []
+        self._running: list[SearchTask] = []
         self._candidates: dict[int, list[Candidate]] = {}
         self._has_news = False
 
@@ -122,7 +122,7 @@ class WideSearch:
         if len(self._scans.points[scan]) < self._all.min_num_points or len(new) == 0:
             return
         requests = found.take(new)
-        rows = put_requests(self._tape, self._closures, requests, graph.num_nodes)
+        rows = record_requests(self._recorded, self._closures, requests, graph.num_nodes)
         for submap, row in zip(requests.submap.tolist(), rows.tolist(), strict=True):
             self._waiting.append((submap, scan, row))
 
@@ -153,8 +153,8 @@ class WideSearch:
                 requests=requests,
                 least=(self._config.min_score, self._config.min_score_ratio),
             )
-            self._running.append(_Task(task, self._submaps[submap]))
-        if not self._tape.is_replayed:
+            self._running.append(SearchTask(task, self._submaps[submap]))
+        if not self._recorded.is_replaying:
             self._launch()
 
     def collect(self, *, wait: bool) -> list[float]:
@@ -165,7 +165,7 @@ class WideSearch:
         wait : for all that were started; otherwise unfinished ones are left for the next call.
         """
         durations: list[float] = []
-        if (recorded := self._tape.take(Kind.WIDE_SEARCHED)) is not None:
+        if (recorded := self._recorded.replay(Kind.WIDE_SEARCHED)) is not None:
             places, outcomes = recorded_wide_outcomes(recorded)
         else:
             self._launch()
@@ -176,8 +176,8 @@ class WideSearch:
                     places.append(place)
                     outcomes.append(outcome)
                     durations.append(duration)
-            if self._tape.is_kept and (outcomes or self._tape.is_replayable):
-                self._tape.put(Kind.WIDE_SEARCHED, wide_record(places, outcomes))
+            if self._recorded.is_recording and (outcomes or self._recorded.is_replayable):
+                self._recorded.record(Kind.WIDE_SEARCHED, wide_record(places, outcomes))
         taken = frozenset(places)
         self._running = [task for i, task in enumerate(self._running) if i not in taken]
         for outcome in outcomes:
@@ -185,7 +185,7 @@ class WideSearch:
         return durations
 
     def _launch(self) -> None:
-        """Start the searches that were not, since their outcomes might have been on the tape."""
+        """Start the searches that were not, since their outcomes might have been recorded."""
         for each in self._running:
             if each.future is None:
                 each.future = self._search.run(each.find, each.submap)
@@ -329,10 +329,12 @@ def _refined(
     )
 
 
-def put_requests(tape: Tape, closures: Closures, requests: Requests, num_nodes: int) -> RowArray:
-    """Add requests to the record, and put them down; return their rows."""
-    if tape.take(Kind.REQUESTS) is None and tape.is_kept:
-        tape.put(Kind.REQUESTS, requests_record(requests, num_nodes))
+def record_requests(
+    outcomes: RecordedOutcomes, closures: Closures, requests: Requests, num_nodes: int
+) -> RowArray:
+    """Add requests to the record of closures and to the journal; return their rows."""
+    if outcomes.replay(Kind.REQUESTS) is None and outcomes.is_recording:
+        outcomes.record(Kind.REQUESTS, requests_record(requests, num_nodes))
     return closures.request(requests, num_nodes)
 
 

@@ -60,6 +60,10 @@ class Kind(IntEnum):
     """Closures of hypotheses that agree."""
     POSES = 12
     """Poses of the submaps after an adjustment."""
+    JOIN_SEARCHED = 13
+    """What searches of parts of the map in each other came to (`global_slam/join_records.py`)."""
+    JOIN_DECIDED = 14
+    """Whether two parts were joined, where, and by which closures."""
 
 
 LOCAL_KINDS = frozenset({Kind.CALIBRATION, Kind.MATCH, Kind.WALL_STEP, Kind.SCAN, Kind.NODE})

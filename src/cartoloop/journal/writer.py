@@ -29,7 +29,7 @@ WRITE_PERIOD_S = 0.25
 """Period at which records are passed to the system [s]."""
 
 LATE_S = 0.5
-"""This long after the last write, the thread that puts a record writes: where other programs use
+"""This long after the last write, the thread that appends a record writes: where other programs use
 all processors, the one in the background may wait long for its turn [s]."""
 
 SYNC_PERIOD_S = 1.0
@@ -94,7 +94,7 @@ class JournalWriter:
         for thread in self._threads:
             thread.start()
 
-    def put(self, kind: int, payload: bytes) -> None:
+    def append(self, kind: int, payload: bytes) -> None:
         """Add a record; returns at once, after a write to the system at most. For any thread."""
         record = record_bytes(kind, payload)
         with self._lock:
@@ -109,7 +109,7 @@ class JournalWriter:
         self._sync()
 
     def close(self) -> None:
-        """Write what is left and release the file; nothing may be put any more."""
+        """Write what is left and release the file; nothing may be appended any more."""
         if self._end.is_set():
             return
         self._end.set()

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from os import PathLike
 from pathlib import Path
 from secrets import token_hex
 from typing import BinaryIO
@@ -13,8 +14,9 @@ from typing import BinaryIO
 from cartoloop.config import Config
 from cartoloop.config_file import LoadedConfig
 from cartoloop.errors import InputError, Interrupted
-from cartoloop.live.continued import last_pose, map_to_continue
+from cartoloop.live.continued import last_pose, map_to_add_to
 from cartoloop.live.inbox import Inbox
+from cartoloop.live.message_loop import MessageOptions
 from cartoloop.live.notices import Notices
 from cartoloop.live.poses import PoseWriter
 from cartoloop.live.sequencer import Sequencer
@@ -22,11 +24,12 @@ from cartoloop.live.session import AddedScan, LiveSession
 from cartoloop.live.source import Source
 from cartoloop.live.warm_up import get_ready
 from cartoloop.map_data import MapData
-from cartoloop.map_file.run_header import RunHeader
+from cartoloop.map_file.run_header import BaseOfRun, RunHeader
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer
 from cartoloop.mapper import Mapper
 from cartoloop.result import Result
+from cartoloop.run_base import base_of_new_run, is_same_folder, path_of_base
 from cartoloop.run_end import Outcome, Saved, completed, save_outcome, timed
 from cartoloop.run_events import finish
 from cartoloop.run_journal import RunJournal, begin_journal
@@ -38,24 +41,18 @@ from cartoloop.stop_request import StopRequest
 
 @dataclass(frozen=True, slots=True)
 class LiveOptions:
-    """How messages of a live source are treated.
+    """How a live source is mapped.
 
     Attributes
     ----------
-    max_delay : time that a scan waits for late odometry [s].
-    end_after : end when no message has arrived for this time [s]; None: never.
-    waits : whether the source is held up instead of dropping scans.
-    laser_pose : pose of the first scanner on the robot; None: as the source states it.
+    messages : how its messages are treated.
     poses : stream for a line of JSON with the pose of each scan, or None.
     start : where the robot is at first, in the map that is continued: to a metre or two and 20
         degrees; None: it is searched for everywhere.
     starts_at_end : whether it is still where that map ends.
     """
 
-    max_delay: float = 0.05
-    end_after: float | None = None
-    waits: bool = False
-    laser_pose: Pose | None = None
+    messages: MessageOptions = field(default_factory=MessageOptions)
     poses: BinaryIO | None = None
     start: Pose | None = None
     starts_at_end: bool = False
@@ -81,14 +78,15 @@ def map_live(
     observer: LiveObserver | None = None,
     stop: StopRequest | None = None,
     overwrite: bool = False,
-    resume: bool = False,
+    onto: MapData | str | PathLike[str] | None = None,
+    lifelong: bool = False,
 ) -> Result:
     """Map what a source sends until it ends or the run is stopped, and save the map.
 
     Parameters
     ----------
     source : of messages; opened here.
-    config : by default the defaults.
+    config : by default that of the map that is added to, or the defaults.
     out : folder to save in. While mapping, a journal is written there, which opens as a map. A
         finished map in it is only replaced when the run comes to its end.
     options : how messages are treated.
@@ -96,8 +94,10 @@ def map_live(
     observer : is informed of the progress.
     stop : ends the session when made; made again during the last pass, it skips that.
     overwrite : whether a map in `out` may be replaced.
-    resume : whether to continue the map in `out`, of a live run that ended or was interrupted. The
-        drive becomes a session of it, and is apart until the robot is found in the map.
+    onto : a map, or its path, that the drive is added to as a session, which is apart until the
+        robot is found in the map. It may be that in `out`, also of a live run that was interrupted;
+        then it is replaced in the end, also if the run is stopped.
+    lifelong : whether what the drive shows again gives way to it in the end; only with `onto`.
 
     Raises
     ------
@@ -112,25 +112,30 @@ def map_live(
     start = time.perf_counter()
     options, observer = options or LiveOptions(), observer or LiveObserver()
     stop = stop or StopRequest()
-    base = map_to_continue(out, observer.say) if resume else None
-    loaded = _loaded(config, base)
+    base = None if onto is None else map_to_add_to(onto, out, observer.say)
+    loaded = _loaded(config, base, lifelong=lifelong)
     # No drive is the same as another.
-    folder = RunFolder(out, source.name, token_hex(8), overwrite or resume)
+    adds = is_same_folder(onto, out)
+    folder = RunFolder(out, source.name, token_hex(8), overwrite, adds_for_good=adds)
     folder.check()
+    start_pose = last_pose(base) if options.starts_at_end and base else options.start
+    about = None
+    if base is not None and onto is not None:
+        run_base = base_of_new_run(
+            base, start_pose, out, loaded.config, (folder.name, folder.fingerprint)
+        )
+        about = replace(run_base.about, path=path_of_base(onto, out))
     prepare_folder(out)
     notices = Notices(observer.say)
-    journal = _journal(folder, loaded, layers, notices, base)
+    journal = _journal(folder, loaded, layers, notices, base, about)
     try:
         get_ready()
-        start_pose = last_pose(base) if options.starts_at_end and base else options.start
         mapper = Mapper(
-            loaded.config, live=True, onto=base, onto_pose=start_pose, tapes=journal.tapes
+            loaded.config, live=True, onto=base, onto_pose=start_pose, outcomes=journal.outcomes
         )
+        files = _Files(notices, options.poses)
         try:
-            files = _Files(notices, options.poses)
-            session = _session(source, mapper, notices, options, files, observer)
-            observer.say(f"{source.open()} (Ctrl-C ends)")
-            failure = _map_until_end(session, mapper, stop)
+            failure = _map_source(source, mapper, notices, options, files, observer, stop)
         except BaseException:
             mapper.close()
             if mapper.num_scans == 0:
@@ -150,11 +155,24 @@ def map_live(
     return saved.outcome.result
 
 
-def _loaded(config: Config | LoadedConfig | None, base: MapData | None) -> LoadedConfig:
-    """Return the configuration: that of the map that is continued if none is given."""
+def _loaded(
+    config: Config | LoadedConfig | None, base: MapData | None, *, lifelong: bool
+) -> LoadedConfig:
+    """Return the configuration: that of the map that is added to if none is given.
+
+    Whether old gives way to new is no matter of that map: it is decided for each session.
+    """
     if isinstance(config, LoadedConfig):
-        return config
-    return LoadedConfig(config or (base.config if base else Config()), {})
+        loaded = config
+    elif config is not None or base is None:
+        loaded = LoadedConfig(config or Config(), {})
+    else:
+        off = base.config.lifelong.model_copy(update={"enabled": False})
+        loaded = LoadedConfig(base.config.model_copy(update={"lifelong": off}), {})
+    if not lifelong:
+        return loaded
+    section = loaded.config.lifelong.model_copy(update={"enabled": True})
+    return replace(loaded, config=loaded.config.model_copy(update={"lifelong": section}))
 
 
 def _journal(
@@ -163,6 +181,7 @@ def _journal(
     layers: Collection[Layer],
     notices: Notices,
     base: MapData | None,
+    about: BaseOfRun | None,
 ) -> RunJournal:
     """Return the journal of a new run in a folder."""
 
@@ -180,6 +199,7 @@ def _journal(
         continues=base is not None,
         first_node=base.graph.num_nodes if base else 0,
         first_submap=base.graph.num_submaps if base else 0,
+        base=about,
     )
     return begin_journal(folder.path, header, note)
 
@@ -207,32 +227,33 @@ class _Files:
             self._poses.close()
 
 
-def _session(
+def _map_source(
     source: Source,
     mapper: Mapper,
     notices: Notices,
     options: LiveOptions,
     files: _Files,
     observer: LiveObserver,
-) -> LiveSession:
+    stop: StopRequest,
+) -> Exception | None:
+    """Map until the source ends; return its failure if there is still a map to save."""
+
     def after_scan(scan: AddedScan) -> None:
         files.after_scan(scan)
         observer.changed(mapper)
 
-    return LiveSession(
+    messages = options.messages
+    session = LiveSession(
         source,
         mapper,
-        Inbox(waits=options.waits),
-        Sequencer(notices, options.max_delay, options.laser_pose),
+        Inbox(waits=messages.waits),
+        Sequencer(notices, messages.max_delay, messages.laser_pose),
         notices,
         after_scan=after_scan,
         idle=lambda: observer.changed(mapper),
-        end_after=options.end_after,
+        end_after=messages.end_after,
     )
-
-
-def _map_until_end(session: LiveSession, mapper: Mapper, stop: StopRequest) -> Exception | None:
-    """Run the session; return its failure if there is still a map to save."""
+    observer.say(f"{source.open()} (Ctrl-C ends)")
     try:
         session.run(lambda: stop.made)
     except KeyboardInterrupt:

@@ -5,9 +5,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections import deque
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -17,19 +16,17 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import (
     AdaptiveVoxelFilterConfig,
     LocalSlamConfig,
-    MotionFilterConfig,
     SensorConfig,
 )
 from cartoloop.errors import InputError
 from cartoloop.journal.frames import Kind
-from cartoloop.journal.tape import NO_TAPES, Tapes, unfit
+from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes, unfit
 from cartoloop.local_slam.match_records import (
     match_record,
     recorded_match,
     recorded_wall_step,
     wall_record,
 )
-from cartoloop.local_slam.odometry_calibration import OdometryParameters
 from cartoloop.local_slam.odometry_trust import Evidence
 from cartoloop.local_slam.pose_extrapolator import (
     MAX_SWEEP_S,
@@ -43,21 +40,20 @@ from cartoloop.local_slam.scan_matcher import (
     degenerate_direction,
     matched_scan,
 )
+from cartoloop.local_slam.scanner import Scanner
 from cartoloop.local_slam.scanner_clocks import ScannerClocks
+from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
-from cartoloop.sensor.pose import Pose, compose, transform_points, wrap_angle
+from cartoloop.sensor.pose import Pose, compose, transform_points
 from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
 from cartoloop.sensor.sweep_motion import SweepMotion
 from cartoloop.sensor.wall_normals import normal_ratio
 from cartoloop.submaps.node import Node
 from cartoloop.submaps.node_records import node_record, scan_record
 from cartoloop.submaps.submap import ActiveSubmaps, Submap
-
-MAX_RECENT = 64
-"""Number of scans of a scanner that are kept for a comparison: more than a second of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,40 +76,6 @@ class LocalSlamResult:
     match: LeastSquaresMatch | None = None
 
 
-class SensorCalibration(NamedTuple):
-    """What local SLAM has found out about the sensors.
-
-    Attributes
-    ----------
-    odometry : clock offset, scales and errors of the odometry.
-    scanner_offsets : by name: scans show the robot this much later than those of the first scanner
-        with the same stamps [s]; 0 for the first.
-    """
-
-    odometry: OdometryParameters
-    scanner_offsets: Mapping[str, float]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as values of JSON, None for what is not known."""
-        odometry = self.odometry.to_dict()
-        return {"odometry": odometry, "scanner_offsets": dict(self.scanner_offsets)}
-
-    @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> SensorCalibration:
-        """Return what :meth:`to_dict` made values of JSON of.
-
-        Raises
-        ------
-        ValueError, TypeError, AttributeError
-            They are of something else.
-        """
-        offsets = content.get("scanner_offsets", {})
-        return cls(
-            OdometryParameters.from_dict(content.get("odometry", {})),
-            {str(name): float(offset) for name, offset in offsets.items()},
-        )
-
-
 class FilteredScan(NamedTuple):
     """A scan after deskewing and filtering.
 
@@ -129,64 +91,6 @@ class FilteredScan(NamedTuple):
     points: FloatArray
 
 
-class MotionFilter:
-    """Lets a scan pass if time, distance or rotation since the last one passed is large enough."""
-
-    def __init__(self, config: MotionFilterConfig) -> None:
-        self._config = config
-        self._last_time = -math.inf
-        self._last_pose = Pose(math.inf, math.inf, 0.0)
-
-    def is_new(self, time: float, pose: Pose) -> bool:
-        """Return whether the scan is to be inserted; if so, compare the next ones with it."""
-        config = self._config
-        if (
-            time - self._last_time <= config.max_time_seconds
-            and math.hypot(pose.x - self._last_pose.x, pose.y - self._last_pose.y)
-            <= config.max_distance_meters
-            and abs(wrap_angle(pose.theta - self._last_pose.theta))
-            <= math.radians(config.max_angle_degrees)
-        ):
-            return False
-        self._last_time, self._last_pose = time, pose
-        return True
-
-
-@dataclass(slots=True)
-class _Scanner:
-    """The state of one scanner.
-
-    Attributes
-    ----------
-    matcher : holds the typical residual of its scans.
-    motion_filter : one for each scanner, so that each contributes to the map.
-    wall_step : compares its scans with each other where nothing else measures the motion.
-    num_scans : number of its scans.
-    is_in_map : whether one of its scans was inserted.
-    recent : its latest scans.
-    """
-
-    matcher: ScanMatcher
-    motion_filter: MotionFilter
-    wall_step: WallStep
-    num_scans: int = 0
-    is_in_map: bool = False
-    recent: deque[LaserScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
-
-    def change_since(self, time: float) -> float:
-        """Return the median change of the ranges since a time [m]; inf if it is not known."""
-        first = next((scan for scan in self.recent if scan.time >= time), None)
-        if first is None or first is self.recent[-1]:
-            return math.inf
-        before, now = first.ranges, self.recent[-1].ranges
-        if len(before) != len(now):
-            return math.inf
-        limit = first.geometry.range_max
-        both = (before > 0.0) & (now > 0.0) & (before < limit) & (now < limit)
-        changes = np.abs(now[both] - before[both])
-        return float(np.median(changes)) if len(changes) else math.inf
-
-
 class LocalSlam:
     """Turns scans into poses in the local frame, and into submaps.
 
@@ -198,7 +102,7 @@ class LocalSlam:
     timer : measures the stages.
     known : what is known about the sensors before; by default nothing.
     first_node, first_submap : indices of the first ones: those of earlier sessions come before.
-    tapes : of the run; matches are taken from there, or put there.
+    outcomes : of the run; matches are replayed from there, or recorded there.
     """
 
     def __init__(
@@ -208,18 +112,18 @@ class LocalSlam:
         node_filter: AdaptiveVoxelFilterConfig,
         timer: StageTimer,
         known: SensorCalibration | None = None,
-        tapes: Tapes = NO_TAPES,
+        outcomes: RunOutcomes = NO_RUN_OUTCOMES,
         *,
         first_node: int = 0,
         first_submap: int = 0,
     ) -> None:
         self._config = config
-        self._tape = tapes.local
+        self._recorded = outcomes.local
         self._node_filter = node_filter
         self._timer = timer
         self._range_filter = RangeFilter(sensor)
-        self._scanners: dict[str, _Scanner] = {}
-        self._active = ActiveSubmaps(config.submaps, first_submap, tapes.finished_submaps)
+        self._scanners: dict[str, Scanner] = {}
+        self._active = ActiveSubmaps(config.submaps, first_submap, outcomes.finished_submaps)
         self._clocks = ScannerClocks(known.scanner_offsets if known else None)
         self._next_node = first_node
         self.extrapolator = PoseExtrapolator(config, known.odometry if known else None)
@@ -298,23 +202,17 @@ class LocalSlam:
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))
             scanner.is_in_map = True
-        self._put_scan(scan.stamp, pose)
+        self._record_scan(scan.stamp, pose)
         fit = match.match if match else None
         return LocalSlamResult(pose, match is not None, node, filtered.data.returns, fit)
 
-    def _scanner_of(self, scan: LaserScan | PointCloud) -> _Scanner:
+    def _scanner_of(self, scan: LaserScan | PointCloud) -> Scanner:
         """Return the state of a scan's scanner, and count the scan."""
         name = scan.geometry.sensor
         scanner = self._scanners.get(name)
         if scanner is None:
-            scanner = self._scanners[name] = _Scanner(
-                ScanMatcher(self._config),
-                MotionFilter(self._config.motion_filter),
-                WallStep(self._config.wall_step),
-            )
-        scanner.num_scans += 1
-        if isinstance(scan, LaserScan):
-            scanner.recent.append(scan)
+            scanner = self._scanners[name] = Scanner.of(self._config)
+        scanner.count(scan)
         return scanner
 
     def _filter(self, scan: LaserScan | PointCloud, time: float) -> FilteredScan:
@@ -332,13 +230,13 @@ class LocalSlam:
     ) -> MatchedScan:
         """Return the match of a scan to the older active submap, which exists."""
         submap = self._active.submaps[0]
-        if (recorded := self._tape.take(Kind.MATCH)) is not None:
+        if (recorded := self._recorded.replay(Kind.MATCH)) is not None:
             match, matcher.memory = recorded_match(recorded)
             return matched_scan(submap, match)
         with self._timer.measure("match"):
             matched = matcher.match(submap, filtered.points, prediction)
-        if self._tape.is_replayable:
-            self._tape.put(Kind.MATCH, match_record(matched.match, matcher.memory))
+        if self._recorded.is_replayable:
+            self._recorded.record(Kind.MATCH, match_record(matched.match, matcher.memory))
         return matched
 
     def _deskew_again(
@@ -362,7 +260,7 @@ class LocalSlam:
         return filtered, self._match(filtered, prediction, matcher)
 
     def _evidence(
-        self, match: MatchedScan | None, scanner: _Scanner, points: FloatArray, *, by_walls: bool
+        self, match: MatchedScan | None, scanner: Scanner, points: FloatArray, *, by_walls: bool
     ) -> Evidence | None:
         """Return what a match of a scanner says about the motion, None without a match."""
         if match is None:
@@ -384,7 +282,7 @@ class LocalSlam:
         time: float,
         filtered: FilteredScan,
         match: MatchedScan,
-        scanner: _Scanner,
+        scanner: Scanner,
         prediction: Prediction,
     ) -> tuple[MatchedScan, bool]:
         """Return a match, repeated where the scan before shows another step along bare walls.
@@ -412,7 +310,7 @@ class LocalSlam:
         prediction: Prediction,
     ) -> Pose | None:
         """Return a better pose along bare walls; see `WallStep.better_pose`."""
-        if (recorded := self._tape.take(Kind.WALL_STEP)) is not None:
+        if (recorded := self._recorded.replay(Kind.WALL_STEP)) is not None:
             better, wall_step.memory = recorded_wall_step(recorded)
             return better
         with self._timer.measure("match"):
@@ -423,25 +321,25 @@ class LocalSlam:
                 by_odometry=prediction.by_odometry,
                 stands=prediction.by_odometry and prediction.stands,
             )
-        if self._tape.is_replayable:
-            self._tape.put(Kind.WALL_STEP, wall_record(better, wall_step.memory))
+        if self._recorded.is_replayable:
+            self._recorded.record(Kind.WALL_STEP, wall_record(better, wall_step.memory))
         return better
 
-    def _put_scan(self, stamp: float, pose: Pose) -> None:
-        """Put down a mapped scan, or check that it is the same as recorded."""
-        if not self._tape.is_kept:
+    def _record_scan(self, stamp: float, pose: Pose) -> None:
+        """Record a mapped scan, or check that it is the same as recorded."""
+        if not self._recorded.is_recording:
             return
         record = scan_record(stamp, pose)
-        recorded = self._tape.take(Kind.SCAN)
+        recorded = self._recorded.replay(Kind.SCAN)
         if recorded is None:
-            self._tape.put(Kind.SCAN, record)
+            self._recorded.record(Kind.SCAN, record)
         elif recorded != record:
             raise unfit(f"the scan with stamp {stamp:.6f} has another pose")
 
-    def _put_calibration(self) -> None:
-        """Put down what is known about the sensors, once for each submap."""
-        if self._tape.take(Kind.CALIBRATION) is None and self._tape.is_kept:
-            self._tape.put(Kind.CALIBRATION, json.dumps(self.calibration.to_dict()).encode())
+    def _record_calibration(self) -> None:
+        """Record what is known about the sensors, once for each submap."""
+        if self._recorded.replay(Kind.CALIBRATION) is None and self._recorded.is_recording:
+            self._recorded.record(Kind.CALIBRATION, json.dumps(self.calibration.to_dict()).encode())
 
     def _information(self, match: MatchedScan | None) -> FloatArray:
         """Return the information matrix of a scan's pose in the older active submap."""
@@ -487,8 +385,8 @@ class LocalSlam:
                 insertion.finished,
             )
         self._next_node += 1
-        if self._tape.take(Kind.NODE) is None and self._tape.is_kept:
-            self._tape.put(Kind.NODE, node_record(node, data.tf_tracking_sensor))
+        if self._recorded.replay(Kind.NODE) is None and self._recorded.is_recording:
+            self._recorded.record(Kind.NODE, node_record(node, data.tf_tracking_sensor))
         if insertion.finished is not None:
-            self._put_calibration()
+            self._record_calibration()
         return node

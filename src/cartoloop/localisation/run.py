@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import math
+import os
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from cartoloop.errors import OutputError
 from cartoloop.localisation.answer import Answer, State
 from cartoloop.localisation.lines import KeptPose, read_pose_file, write_pose_file
 from cartoloop.localisation.localizer import Localizer
@@ -79,17 +81,23 @@ class PoseKeeper:
     ----------
     path : of the file.
     localizer : that begins with the pose in the file, if there is one.
+    warn : receives the reason when the file cannot be written during the run, once.
 
     Raises
     ------
     InputError
         The file is no file of a pose.
+    OutputError
+        The folder of the file does not exist, or cannot be written to.
     """
 
-    def __init__(self, path: Path, localizer: Localizer) -> None:
-        self._path, self._localizer = path, localizer
+    def __init__(self, path: Path, localizer: Localizer, warn: Callable[[str], None]) -> None:
+        self._path, self._localizer, self._warn = path, localizer, warn
+        self._has_warned = False
         self._kept_at = -math.inf
         self._pose: Pose | None = None
+        if not os.access(path.parent, os.W_OK | os.X_OK):
+            raise OutputError(f"{path}: cannot be written; give a file in a folder that can be")
         if (kept := read_pose_file(path)) is not None:
             localizer.start_near(kept.tf_map_tracking, kept.tf_odom_tracking)
 
@@ -100,7 +108,13 @@ class PoseKeeper:
         self._pose = answer.tf_map_tracking
         if abs(answer.stamp - self._kept_at) >= KEEP_PERIOD_S:
             self._kept_at = answer.stamp
-            self.write()
+            try:
+                self.write()
+            except OutputError as error:
+                # A full disk must not take the pose from a robot that drives by it.
+                if not self._has_warned:
+                    self._warn(f"{error}; localising goes on")
+                self._has_warned = True
 
     def write(self) -> None:
         """Write the last pose, if there is any.

@@ -3,49 +3,23 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from types import TracebackType
 from typing import Generic, Self
 
-import numpy as np
-
-from cartoloop.arguments import as_array, as_number, as_numbers, shown
 from cartoloop.errors import InputError, UsageError
-from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.map_data import Edit
 from cartoloop.map_editing.apply import AnyMap, apply_edits
-from cartoloop.map_editing.arguments import (
-    MAX_NAME,
-    MAX_NUMBERS,
-    Align,
-    Arguments,
-    ControlPoints,
-    Drop,
-    ForgetArea,
-    ForgetTime,
-    Pin,
-    Rename,
-    Split,
-    SurveyedPoint,
-    checked,
-    made,
-)
+from cartoloop.map_editing.arguments import Arguments, checked, made
 from cartoloop.map_editing.change import Change, change_of
 from cartoloop.map_editing.closure_list import ClosureRow, closure_rows
 from cartoloop.map_editing.descriptions import described
 from cartoloop.map_editing.edited_folder import EditedFolder
 from cartoloop.map_editing.examination import examined
-from cartoloop.map_editing.matching import WINDOW_DEG, WINDOW_M, matched
+from cartoloop.map_editing.matching import WINDOW_DEG, WINDOW_M
+from cartoloop.map_editing.new_edits import NewEdits, require_index
 from cartoloop.map_file.edit_table import MAX_EDITS
-from cartoloop.map_output.export import angle_to_axes
-from cartoloop.plain_text import one_line
-from cartoloop.sensor.pose import Pose, compose, inverse, transform_points, wrap_angle
-from cartoloop.session import MAIN_PART, ranges
-
-_MAX_COORDINATE = 1e6
-"""Largest number of a pose or place [m]."""
 
 
 class Editor(Generic[AnyMap]):
@@ -139,26 +113,7 @@ class Editor(Generic[AnyMap]):
         InputError
             One is none that is in the graph.
         """
-        if not 1 <= len(closures) <= MAX_NUMBERS:
-            raise UsageError(f"drop_closures: give 1 to {MAX_NUMBERS} closures")
-        record, graph = self.map.closures, self.map.graph
-        pairs = []
-        for closure in dict.fromkeys(_index(one, "closure") for one in closures):
-            if closure >= len(record):
-                raise InputError(
-                    f"closure {closure}: the record has {len(record)} rows, counted from 0; they "
-                    "are those of closures.csv"
-                )
-            if not np.any(graph.closure_rows == closure):
-                fate = Status(int(record.status[closure])).text.replace("_", " ")
-                reason = Reason(int(record.reason[closure])).text.replace("_", " ")
-                raise InputError(
-                    f"closure {closure}: is not in the graph ({fate}{': ' if reason else ''}"
-                    f"{reason}); choose one that is, like those of 'closures --status final'"
-                )
-            submap, node = int(record.submap[closure]), int(record.node[closure])
-            pairs.append((self._original_submap(submap), self._original_node(node)))
-        return self._do(Drop(pairs=pairs))
+        return self._do(self._new.drop(closures))
 
     def add_closure(
         self,
@@ -185,54 +140,22 @@ class Editor(Generic[AnyMap]):
         InputError
             There is no such pair, it has a closure in the graph, or it does not fit there.
         """
-        self._require(submap, self.map.graph.num_submaps, "submap")
-        self._require(node, self.map.graph.num_nodes, "node")
-        row = self.map.closures.find(submap, node)
-        if row is not None and np.any(self.map.graph.closure_rows == row):
-            raise InputError(
-                f"submap {submap}, node {node}: is closure {row}, which is in the graph; drop that "
-                "first"
+        return self._do(
+            self._new.add(
+                submap, node, near, in_submap=in_submap, window_m=window_m, window_deg=window_deg
             )
-        own = self.map.graph.index_a[self.map.graph.index_b == node]
-        if submap in own.tolist():
-            raise InputError(
-                f"submap {submap}, node {node}: the node was inserted into this submap; choose "
-                "another"
-            )
-        if not (0.0 < window_m <= 50.0 and 0.0 < window_deg <= 180.0):
-            raise UsageError(
-                f"a window of {window_m:g} m and {window_deg:g} deg is impossible: give up to 50 m "
-                "and 180 deg"
-            )
-        if near is None:
-            pose = Pose(*self.map.graph.node_poses[node].tolist())
-        else:
-            pose = _pose(near, "near")
-            if in_submap:
-                pose = compose(Pose(*self.map.graph.submap_poses[submap].tolist()), pose)
-        found = matched(self.map, submap, node, pose, window_m, window_deg)
-        own_numbers = {
-            "submap": self._original_submap(submap),
-            "node": self._original_node(node),
-        }
-        return self._do(found.model_copy(update=own_numbers))
+        )
 
     def pin_node(self, node: int, at: Sequence[float] | None = None) -> Change:
         """Hold a node where it is, or at a pose x, y [m], theta [rad] in the map.
 
         The first pin moves the whole map, further ones bend it.
         """
-        self._require(node, self.map.graph.num_nodes, "node")
-        self._require_joined(int(self.map.node_parts[node]), f"node {node}")
-        pose = self.map.graph.node_poses[node].tolist() if at is None else at
-        return self._do(Pin(node=self._original_node(node), pose=self._as_mapped(pose)))
+        return self._do(self._new.pin_node(node, at))
 
     def pin_submap(self, submap: int, at: Sequence[float] | None = None) -> Change:
         """Hold a submap where it is, or at a pose x, y [m], theta [rad] in the map."""
-        self._require(submap, self.map.graph.num_submaps, "submap")
-        self._require_joined(int(self.map.submap_parts[submap]), f"submap {submap}")
-        pose = self.map.graph.submap_poses[submap].tolist() if at is None else at
-        return self._do(Pin(submap=self._original_submap(submap), pose=self._as_mapped(pose)))
+        return self._do(self._new.pin_submap(submap, at))
 
     def set_control_points(self, points: Sequence[Sequence[float]]) -> Change:
         """Move the whole map, without a change of its shape, to surveyed points.
@@ -242,32 +165,11 @@ class Editor(Generic[AnyMap]):
         points : two or more, each x and y in the map and x and y as surveyed [m]. A point of the
             map is bound to the node nearest to it, and moves with it if the map is edited before.
         """
-        table = as_array(points, "points")
-        if table.ndim != 2 or table.shape[1] != 4 or not 2 <= len(table) <= MAX_NUMBERS:
-            raise UsageError(
-                f"points is {shown(table)}: give 2 to {MAX_NUMBERS} rows x, y, surveyed x, "
-                "surveyed y"
-            )
-        if not (np.isfinite(table).all() and np.abs(table).max() <= _MAX_COORDINATE):
-            raise UsageError("points: a coordinate is not finite, or beyond 1,000 km")
-        poses, nodes = self.map.graph.node_poses, np.flatnonzero(self.map.node_parts == MAIN_PART)
-        bound = []
-        for x, y, to_x, to_y in table.tolist():
-            apart = np.hypot(poses[nodes, 0] - x, poses[nodes, 1] - y)
-            node = int(nodes[np.argmin(apart)])
-            to_node = inverse(Pose(*poses[node].tolist()))
-            place = transform_points(to_node, np.array([(x, y)]))[0].tolist()
-            bound.append(
-                SurveyedPoint(
-                    node=self._original_node(node), place=tuple(place), surveyed=(to_x, to_y)
-                )
-            )
-        return self._do(ControlPoints(points=bound))
+        return self._do(self._new.control_points(points))
 
     def align(self) -> Change:
         """Turn the map about its origin so that most walls lie along its axes."""
-        turn = angle_to_axes(self.map)
-        return self._do(Align(angle=self._applied.tf_map_original.theta + turn))
+        return self._do(self._new.align())
 
     def forget_time(self, from_stamp: float, to_stamp: float) -> Change:
         """Leave out the scans from one stamp to another, and their nodes.
@@ -275,31 +177,11 @@ class Editor(Generic[AnyMap]):
         Submaps that only they made are left out; of those that other scans made, too, the cells
         that lie nearer to a node left out than to another. What is left stays where it is.
         """
-        first, last = as_number(from_stamp, "from_stamp"), as_number(to_stamp, "to_stamp")
-        stamps = self.map.stamps
-        if not first <= last:
-            raise UsageError(f"from {first} to {last} is no span: give the earlier stamp first")
-        inside = (stamps >= first) & (stamps <= last)
-        if not inside.any():
-            span = f"{stamps.min():.3f} to {stamps.max():.3f}" if len(stamps) else "nothing"
-            raise InputError(
-                f"no scan has a stamp from {first:.3f} to {last:.3f}: the map is of {span}"
-            )
-        if inside[self.map.node_scan_index].all():
-            raise InputError("nothing would be left of the map; give a shorter span")
-        return self._do(ForgetTime(from_stamp=first, to_stamp=last))
+        return self._do(self._new.forget_time(from_stamp, to_stamp))
 
     def forget_area(self, x0: float, y0: float, x1: float, y1: float) -> Change:
         """Leave out what was seen in a rectangle along the axes of the map [m]."""
-        sides = as_numbers((x0, y0, x1, y1), "the area", 4)
-        if not all(abs(side) <= _MAX_COORDINATE for side in sides):
-            raise UsageError("the area: a coordinate is not finite, or beyond 1,000 km")
-        left, right = sorted((sides[0], sides[2]))
-        bottom, top = sorted((sides[1], sides[3]))
-        if left == right or bottom == top:
-            raise UsageError("the area is empty: give two opposite corners")
-        corner = self._as_mapped((left, bottom, 0.0))
-        return self._do(ForgetArea(corner=corner, size=(right - left, top - bottom)))
+        return self._do(self._new.forget_area(x0, y0, x1, y1))
 
     def split_session(self, session: int, at: float, name: str | None = None) -> Change:
         """Split a session before the first scan with the stamp `at` or a later one.
@@ -310,23 +192,11 @@ class Editor(Generic[AnyMap]):
         at : stamp [s].
         name : of the second part; None: that of the first, and the stamp.
         """
-        self._require(session, len(self.map.sessions), "session")
-        stamp, one = as_number(at, "at"), self.map.sessions[session]
-        firsts = [other.first_scan for other in self.map.sessions]
-        scans = ranges(firsts, len(self.map.stamps))[session]
-        later = np.flatnonzero(self.map.stamps[scans] >= stamp)
-        if len(later) == 0 or later[0] == 0:
-            stamps = self.map.stamps[scans]
-            span = f"{stamps[0]:.3f} to {stamps[-1]:.3f}" if len(stamps) else "nothing"
-            raise InputError(f"session {session} is of {span}: give a stamp within it")
-        scan = int(self._applied.kept.scans[scans][later[0]])
-        second = name if name is not None else f"{one.name or session} from {stamp:.3f}"
-        return self._do(Split(scan=scan, name=_name(second)))
+        return self._do(self._new.split(session, at, name))
 
     def rename_session(self, session: int, name: str) -> Change:
         """Give a session another name."""
-        self._require(session, len(self.map.sessions), "session")
-        return self._do(Rename(scan=self._applied.session_begins[session], name=_name(name)))
+        return self._do(self._new.rename(session, name))
 
     def undo(self, edit: int | None = None) -> Change:
         """Undo an edit; None: the last that is not undone."""
@@ -367,15 +237,19 @@ class Editor(Generic[AnyMap]):
 
     def edit_of(self, submap: int, node: int) -> int | None:
         """Return the last edit in force that removed or added the closure of a pair, if any did."""
-        pair = (self._original_submap(submap), self._original_node(node))
+        pair = (self._new.original_submap(submap), self._new.original_node(node))
         found = None
         for number, edit in enumerate(self.edits):
             if not edit.is_undone and pair in checked(edit, self._original).pairs_of():
                 found = number if edit.kind in {"drop", "add"} else found
         return found
 
+    @property
+    def _new(self) -> NewEdits[AnyMap]:
+        return NewEdits(self._applied)
+
     def _set_undone(self, edit: int, *, is_undone: bool) -> Change:
-        self._require(edit, len(self.edits), "edit")
+        require_index(edit, len(self.edits), "edit")
         if self.edits[edit].is_undone is is_undone:
             raise InputError(f"edit {edit}: is {'already undone' if is_undone else 'in force'}")
         edits = list(self.edits)
@@ -403,47 +277,3 @@ class Editor(Generic[AnyMap]):
             raise InputError("nothing would be left of the map")
         self._original, self._applied, self._is_changed = original, after, True
         return change_of(number, what, before, after, after.fits.get(number))
-
-    def _as_mapped(self, pose: Sequence[float]) -> tuple[float, float, float]:
-        """Return a pose of the map in the map as mapped."""
-        return compose(inverse(self._applied.tf_map_original), _pose(pose, "the pose"))
-
-    def _original_node(self, node: int) -> int:
-        return int(self._applied.kept.nodes[node])
-
-    def _original_submap(self, submap: int) -> int:
-        return int(self._applied.kept.submaps[submap])
-
-    @staticmethod
-    def _require_joined(part: int, what: str) -> None:
-        if part != MAIN_PART:
-            raise InputError(
-                f"{what}: is in part {part}, which is apart from the map; add a closure first"
-            )
-
-    @staticmethod
-    def _require(index: int, count: int, what: str) -> None:
-        if not 0 <= _index(index, what) < count:
-            there = f"the map has {what}s 0 to {count - 1}" if count else f"the map has no {what}s"
-            raise InputError(f"{what} {index}: {there}")
-
-
-def _index(value: object, what: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise UsageError(f"{what} is {shown(value)}: give a whole number")
-    return int(value)
-
-
-def _name(value: object) -> str:
-    if not isinstance(value, str) or not 1 <= len(value) <= MAX_NAME or one_line(value) != value:
-        raise UsageError(f"the name is {shown(value)}: give 1 to {MAX_NAME} plain characters")
-    return value
-
-
-def _pose(value: object, what: str) -> Pose:
-    x, y, theta = as_numbers(value, what, 3)
-    if not all(math.isfinite(number) for number in (x, y, theta)):
-        raise UsageError(f"{what} is {shown(value)}: give finite numbers")
-    if not (abs(x) <= _MAX_COORDINATE and abs(y) <= _MAX_COORDINATE):
-        raise UsageError(f"{what} is {shown(value)}: is beyond 1,000 km")
-    return Pose(x, y, wrap_angle(theta))

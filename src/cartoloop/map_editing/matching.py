@@ -68,15 +68,7 @@ def matched(
         )
     found = outcome.matches
     if len(found.row) == 0:
-        best = finished.matcher.match(
-            scans[0],
-            estimate,
-            linear_window=window_m,
-            angular_window=math.radians(window_deg),
-            min_score=0.0,
-            runner_up=NO_RUNNER_UP,
-        )
-        score = 0.0 if best is None else best.score
+        score = _best_score(finished, scans, estimate, window_m, window_deg)
         raise InputError(
             f"{where}: does not fit there: score {score:.3f}, {outcome.min_score:.3f} is needed, "
             f"within {window_m:g} m and {window_deg:g} deg; give a better pose, or another node"
@@ -96,6 +88,25 @@ def _finished(content: MapData, submap: int) -> FinishedSubmap:
     own = (graph.index_a == submap) & (graph.kinds == ConstraintKind.INTRA_SUBMAP)
     points = ScanPoints.of([content.node_points[node] for node in graph.index_b[own].tolist()])
     return FinishedSubmap(submap, grid, mean_score(grid, points, graph.relative_poses[own]))
+
+
+def _best_score(
+    finished: FinishedSubmap,
+    scans: ScanPoints,
+    estimate: Pose,
+    window_m: float,
+    window_deg: float,
+) -> float:
+    """Return the best score in the window, however low."""
+    best = finished.matcher.match(
+        scans[0],
+        estimate,
+        linear_window=window_m,
+        angular_window=math.radians(window_deg),
+        min_score=0.0,
+        runner_up=NO_RUNNER_UP,
+    )
+    return 0.0 if best is None else best.score
 
 
 def _closure(found: SearchMatches, submap: int, node: int, estimate: Pose) -> Add:

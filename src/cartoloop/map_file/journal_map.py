@@ -3,12 +3,13 @@
 
 Nodes, finished submaps and closures are as they were. Poses follow from the last adjustment and
 from another one here. The submaps that were not finished are made again of the points that their
-nodes keep, so they are a little sparser than they were.
+nodes keep, so they are a little sparser than they were. A run that adds a session to a map opens
+as both together, as far as they were joined; without that map, as the session alone.
 """
 
 from __future__ import annotations
 
-import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,38 +17,40 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import Config, SubmapConfig
-from cartoloop.global_slam.closure_matches import SearchMatches
-from cartoloop.global_slam.closure_status import Reason
-from cartoloop.global_slam.closures import Closures
-from cartoloop.global_slam.graph_records import (
-    cells_of_submap,
-    index_of_submap,
-    recorded_matches,
-    recorded_outcomes,
-    recorded_poses,
-    recorded_requests,
-    recorded_rows,
-    recorded_submap,
-    recorded_wide_outcomes,
-)
+from cartoloop.earlier_sessions import EarlierMaps, whole_trajectory, with_parts
+from cartoloop.errors import CartoloopError
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
 from cartoloop.global_slam.pose_graph import ClosureConstraints, ConstraintKind, PoseGraph
-from cartoloop.global_slam.trajectory import optimized_trajectory, path_length
-from cartoloop.journal.frames import Kind, Record
+from cartoloop.global_slam.sessions import NodeSubmaps
+from cartoloop.global_slam.trajectory import path_length
 from cartoloop.map_data import MapData
-from cartoloop.map_file.damage import damage_reported, require_cells_to_fit
+from cartoloop.map_file.damage import damage_reported
+from cartoloop.map_file.journal_records import JournalRecords
+from cartoloop.map_file.map_digest import map_digest
 from cartoloop.map_file.run_header import RunHeader, read_journal
-from cartoloop.plain_text import plain_values
 from cartoloop.report import InputSummary, Report, summarize_constraints
-from cartoloop.sensor.pose import Pose, compose, inverse, relative, transform_points
+from cartoloop.sensor.pose import (
+    Pose,
+    compose,
+    compose_all,
+    relative,
+    relative_all,
+    transform_points,
+)
 from cartoloop.session import whole_map
 from cartoloop.submaps.finished_grid import FinishedGrid
-from cartoloop.submaps.node_records import NodeRecord, ScanRecord, recorded_node, recorded_scan
 from cartoloop.submaps.probability_grid import ProbabilityGrid, insert_cells, scan_cells
 
+OpenBase = Callable[[Path], MapData]
+"""Opens the map that a run adds a session to."""
 
-def read_journal_map(path: Path) -> MapData:
+
+def read_journal_map(path: Path, open_base: OpenBase | None = None) -> MapData:
     """Return the map in a journal, as far as it goes.
+
+    Parameters
+    ----------
+    open_base : of a run that adds a session to a map; None: the session alone is wanted.
 
     Raises
     ------
@@ -55,204 +58,100 @@ def read_journal_map(path: Path) -> MapData:
         It cannot be read, is damaged, or is of a newer program.
     """
     header, content = read_journal(path)
+    base = None if open_base is None else base_of(header, path.parent, open_base)
     with damage_reported(path):
-        collected = _Collected(content.size, header)
+        earlier = EarlierMaps([] if base is None else [base])
+        mapped = earlier.mapped
+        collected = JournalRecords(content.size, header, mapped[0] if mapped else None)
         for record in content.records:
-            if not (header.continues and record.kind in _OF_THE_WHOLE):
-                collected.add(record)
-        return _map_of(collected, header)
+            collected.add(record)
+        return _map_of(collected, header, earlier)
 
 
-_OF_THE_WHOLE = frozenset(
-    {
-        Kind.REQUESTS,
-        Kind.DROPPED,
-        Kind.SEARCHED,
-        Kind.WIDE_SEARCHED,
-        Kind.BELIEVED,
-        Kind.POSES,
-    }
-)
-"""Records about the map that a run continues, too. Without that they cannot be read: the session is
-left as local SLAM saw it, and finds its closures when it is joined to the map again."""
+def base_of(header: RunHeader, folder: Path, open_base: OpenBase) -> MapData | None:
+    """Return the map that a run adds to; None if there is none, or not as it was any more.
 
-_FARTHEST_M = 1e5
-"""Farther than any scanner measures [m]."""
-
-
-class _Collected:
-    """The content of the records of a journal.
-
-    Attributes
+    Parameters
     ----------
-    scans, nodes : as recorded; `node_scans`: which scan each node is.
-    origins : of each submap [m, local frame].
-    grids : of the finished submaps.
-    closures : the record.
-    found : closures that joined the graph, and whether no loss weakens them.
-    submap_poses : as adjusted last, of the submaps that there were then.
-    calibration : what was learnt about the sensors.
+    header : of the journal, which is in `folder`.
     """
-
-    def __init__(self, num_bytes: int, header: RunHeader) -> None:
-        self.num_bytes = num_bytes
-        self._first_node, self._first_submap = header.first_node, header.first_submap
-        self.scans: list[ScanRecord] = []
-        self.nodes: list[NodeRecord] = []
-        self.node_scans: list[int] = []
-        self.origins: list[Pose] = []
-        self.grids: dict[int, FinishedGrid] = {}
-        self.num_cells = 0
-        self.closures = Closures()
-        self.found: list[tuple[SearchMatches, bool]] = []
-        self.submap_poses: FloatArray = np.zeros((0, 3))
-        self.calibration: dict[str, object] = {}
-        self._node: NodeRecord | None = None
-
-    def add(self, record: Record) -> None:
-        """Add the content of the next record."""
-        kind, payload = record
-        if kind == Kind.SCAN:
-            self._add_scan(recorded_scan(payload))
-        elif kind == Kind.NODE:
-            self._node = recorded_node(payload).counted_from(self._first_node, self._first_submap)
-        elif kind == Kind.CALIBRATION:
-            self.calibration = plain_values(json.loads(bytes(payload))) or {}
-        elif kind == Kind.SUBMAP:
-            self.count_cells(cells_of_submap(payload))
-            index = index_of_submap(payload) - self._first_submap
-            self.grids[index] = recorded_submap(payload)[0]
-        elif kind == Kind.POSES:
-            self.submap_poses = recorded_poses(payload)
-        elif kind in (Kind.REQUESTS, Kind.DROPPED):
-            self._add_requests(kind, payload)
-        elif kind in (Kind.SEARCHED, Kind.WIDE_SEARCHED, Kind.BELIEVED):
-            self._add_outcomes(kind, payload)
-
-    def count_cells(self, num_cells: int) -> None:
-        """Count the cells of a submap; raise ValueError if they are too many for the file."""
-        self.num_cells += num_cells
-        require_cells_to_fit(self.num_cells, self.num_bytes)
-
-    def _add_scan(self, scan: ScanRecord) -> None:
-        node, self._node = self._node, None
-        if not np.isfinite((scan.stamp, *scan.tf_local_tracking)).all():
-            raise ValueError("a pose is not finite")
-        if node is not None:
-            self._add_node(node)
-        self.scans.append(scan)
-
-    def _add_node(self, node: NodeRecord) -> None:
-        numbers = (*node.tf_local_tracking, *node.origin, *node.information.ravel())
-        is_far = np.abs(node.points).max(initial=0.0) > _FARTHEST_M
-        if node.number != len(self.nodes) or is_far or not np.isfinite(numbers).all():
-            raise ValueError(f"node {len(self.nodes)} is damaged")
-        for index, x, y in node.submaps:
-            if not 0 <= index <= len(self.origins) or not np.isfinite((x, y)).all():
-                raise ValueError(f"submap {index} is damaged")
-            if index == len(self.origins):
-                self.origins.append(Pose(x, y, 0.0))
-        if not node.submaps:
-            raise ValueError(f"node {node.number} is in no submap")
-        self.nodes.append(node)
-        self.node_scans.append(len(self.scans))
-
-    def _add_requests(self, kind: int, payload: memoryview) -> None:
-        if kind == Kind.DROPPED:
-            self.closures.note_dropped(self._rows(recorded_rows(payload)))
-            return
-        requests, num_nodes = recorded_requests(payload)
-        # Global SLAM requests pairs of nodes that were put down before.
-        self._check(requests.submap, len(self.origins))
-        self._check(requests.node_submap, len(self.origins))
-        self._check(requests.node, len(self.nodes))
-        self.closures.request(requests, num_nodes)
-
-    def _add_outcomes(self, kind: int, payload: memoryview) -> None:
-        closures = self.closures
-        if kind == Kind.BELIEVED:
-            self._add_found(recorded_matches(payload), is_trusted=True)
-        elif kind == Kind.WIDE_SEARCHED:
-            for wide in recorded_wide_outcomes(payload)[1]:
-                closures.note_searched(self._rows(wide.rows), wide.min_score)
-                matched = np.array([each.row for each in wide.candidates], dtype=np.int32)
-                closures.note_hypotheses(self._rows(matched))
-        else:
-            for outcome in recorded_outcomes(payload)[1]:
-                closures.note_searched(self._rows(outcome.searched), outcome.min_score)
-                closures.note_ambiguous(self._rows(outcome.ambiguous))
-                reason = Reason.EMPTY_SUBMAP if outcome.is_empty else Reason.ENOUGH_CLOSURES
-                closures.note_not_searched(self._rows(outcome.not_searched), reason)
-                if len(outcome.matches.row):
-                    self._add_found(outcome.matches, is_trusted=False)
-
-    def _add_found(self, matches: SearchMatches, *, is_trusted: bool) -> None:
-        self._rows(matches.row)
-        if not all(np.isfinite(column).all() for column in matches):
-            raise ValueError("a match is not finite")
-        self.closures.add_found(matches, len(self.nodes))
-        self.found.append((matches, is_trusted))
-
-    def _rows(self, rows: np.ndarray) -> np.ndarray:
-        self._check(rows, len(self.closures))
-        return rows
-
-    @staticmethod
-    def _check(indices: np.ndarray, end: int) -> None:
-        if np.any((indices < 0) | (indices >= end)):
-            raise ValueError("a closure is of no submap, node or request")
+    if header.base is None or (path := header.base.place(folder)) is None:
+        return None
+    try:
+        base = open_base(path)
+    except CartoloopError:  # it was removed or damaged: the session is worth having alone
+        return None
+    is_same = map_digest(base) == header.base.digest
+    counts = (base.graph.num_nodes, base.graph.num_submaps)
+    return base if is_same and counts == (header.first_node, header.first_submap) else None
 
 
-def _map_of(collected: _Collected, header: RunHeader) -> MapData:
+def _map_of(collected: JournalRecords, header: RunHeader, earlier: EarlierMaps) -> MapData:
     config, closures = header.config, collected.closures
     graph = _graph(collected, config)
-    node_scans = np.array(collected.node_scans, dtype=np.int64)
-    stamps = np.array([scan.stamp for scan in collected.scans])
-    local = np.array([scan.tf_local_tracking for scan in collected.scans]).reshape(-1, 3)
-    trajectory = optimized_trajectory(local, node_scans, graph.node_poses)
-    duration = float(np.ptp(stamps)) if len(stamps) else 0.0
+    own_scans = np.array(collected.node_scans, dtype=np.int64) + len(earlier.stamps)
+    node_scans = np.concatenate((earlier.node_scan_index, own_scans))
+    own_stamps = np.array([scan.stamp for scan in collected.scans])
+    own_local = np.array([scan.tf_local_tracking for scan in collected.scans]).reshape(-1, 3)
+    stamps = np.concatenate((earlier.stamps, own_stamps))
+    local = np.concatenate((earlier.local_poses, own_local))
+    [session] = whole_map(*header.recording, own_stamps)
+    session = replace(
+        session,
+        first_scan=len(earlier.stamps),
+        first_node=collected.num_nodes_before,
+        first_submap=collected.num_submaps_before,
+        calibration=collected.calibration,
+    )
+    sessions = with_parts([*earlier.sessions, session], collected.loaded.ranges)
+    trajectory = whole_trajectory(sessions, local, node_scans, graph.node_poses)
+    duration = float(np.ptp(own_stamps)) if len(own_stamps) else 0.0
+    length = path_length(trajectory[len(earlier.stamps) :])
     report = Report(
-        input=InputSummary(header.name, len(stamps), duration, path_length(trajectory)),
+        input=earlier.summary(InputSummary(header.name, len(own_stamps), duration, length)),
         nodes=graph.num_nodes,
         submaps=graph.num_submaps,
         constraints=summarize_constraints(graph, closures),
+        skipped=earlier.skipped({}),
         version=header.program,
         fingerprint=header.fingerprint,
         extra=closures.summary(),
     )
-    [session] = whole_map(header.name, header.fingerprint, stamps)
+    grids = [grid for each in earlier.maps for grid in each.submap_grids]
+    points = [points for each in earlier.maps for points in each.node_points]
     return MapData(
         stamps=stamps,
         trajectory=trajectory,
         local_trajectory=local,
         graph=graph,
         node_scan_index=node_scans,
-        submap_grids=_grids(collected, config.local_slam.submaps),
+        submap_grids=grids + _grids(collected, config.local_slam.submaps),
         config=config,
         report=report,
         closures=closures,
-        node_points=[node.points for node in collected.nodes],
-        sessions=(replace(session, calibration=collected.calibration),),
+        node_points=points + [node.points for node in collected.nodes],
+        sessions=sessions,
     )
 
 
-def _graph(collected: _Collected, config: Config) -> PoseGraph:
+def _graph(collected: JournalRecords, config: Config) -> PoseGraph:
     """Return the adjusted graph."""
-    graph, options = PoseGraph(), config.global_slam.pose_adjustment
-    poses = _submap_poses(collected)
-    graph.add_submaps(np.array(poses))
-    if graph.num_submaps:
+    graph, options = collected.loaded.graph, config.global_slam.pose_adjustment
+    poses, first = collected.submap_poses, collected.num_submaps_before
+    _move(graph, poses[:first])
+    graph.add_submaps(poses[first:])
+    if graph.num_submaps and not first:
         graph.fix_submap(0)
     for node in collected.nodes:
         inside = [
             relative(collected.origins[index], node.tf_local_tracking) for index, *_ in node.submaps
         ]
-        oldest = node.submaps[0][0]
-        graph.add_nodes(compose(poses[oldest], inside[0]))
+        oldest = Pose(*poses[first + node.submaps[0][0]].tolist())
+        graph.add_nodes(compose(oldest, inside[0]))
         graph.add_constraints(
             ConstraintKind.INTRA_SUBMAP,
-            [index for index, *_ in node.submaps],
-            [node.number for _ in node.submaps],
+            [first + index for index, *_ in node.submaps],
+            [collected.num_nodes_before + node.number for _ in node.submaps],
             inside,
             [options.intra_submap_weight * node.information for _ in node.submaps],
         )
@@ -276,19 +175,17 @@ def _graph(collected: _Collected, config: Config) -> PoseGraph:
     return graph
 
 
-def _submap_poses(collected: _Collected) -> list[Pose]:
-    """Return the poses of all submaps: as adjusted last, and continued in the local frame."""
-    if not np.isfinite(collected.submap_poses).all():
-        raise ValueError("a pose is not finite")
-    count = min(len(collected.submap_poses), len(collected.origins))
-    poses = [Pose(*pose) for pose in collected.submap_poses[:count].tolist()]
-    tf_map_local = Pose(0.0, 0.0, 0.0)
-    if poses:
-        tf_map_local = compose(poses[-1], inverse(collected.origins[count - 1]))
-    return poses + [compose(tf_map_local, origin) for origin in collected.origins[count:]]
+def _move(graph: PoseGraph, submap_poses: FloatArray) -> None:
+    """Give submaps other poses, and move the nodes with those that they were inserted into."""
+    if not len(submap_poses):
+        return
+    own = NodeSubmaps.of(graph).first
+    inside = relative_all(graph.submap_poses[own], graph.node_poses)
+    graph.submap_poses[:] = submap_poses
+    graph.node_poses[:] = compose_all(submap_poses[own], inside)
 
 
-def _grids(collected: _Collected, config: SubmapConfig) -> list[FinishedGrid]:
+def _grids(collected: JournalRecords, config: SubmapConfig) -> list[FinishedGrid]:
     """Return the grids of all submaps."""
     grids = []
     for index in range(len(collected.origins)):
@@ -297,7 +194,7 @@ def _grids(collected: _Collected, config: SubmapConfig) -> list[FinishedGrid]:
     return grids
 
 
-def _unfinished(index: int, collected: _Collected, config: SubmapConfig) -> FinishedGrid:
+def _unfinished(index: int, collected: JournalRecords, config: SubmapConfig) -> FinishedGrid:
     """Return the grid of a submap that was not finished, made of the points of its nodes."""
     r, tf_local_submap = config.resolution, collected.origins[index]
     lattice = round(tf_local_submap.x / r), round(tf_local_submap.y / r)

@@ -27,7 +27,7 @@ from cartoloop.map_file.closure_tables_v2 import constraints_and_closures_v2
 from cartoloop.map_file.damage import damage_reported, require_cells_to_fit
 from cartoloop.map_file.edit_table import read_edits
 from cartoloop.map_file.file_set import repair_file_set
-from cartoloop.map_file.journal_map import read_journal_map
+from cartoloop.map_file.journal_map import OpenBase, read_journal_map
 from cartoloop.map_file.saved_config import config_of_json
 from cartoloop.map_file.schema import (
     APPLICATION_ID,
@@ -60,11 +60,17 @@ _TABLES = [
 _FREE_SUBMAPS, _BYTES_PER_SUBMAP = 1000, 200  # of the file: a submap takes thousands
 
 
-def read_map(path: str | PathLike[str]) -> MapData:
+def read_map(path: str | PathLike[str], open_base: OpenBase | None = None) -> MapData:
     """Return the map as mapped, and its edits, given a map database or its folder.
 
     A folder without one may hold the journal of a run that was interrupted: then it is the map
     that the run had so far.
+
+    Parameters
+    ----------
+    path : the file, or its folder.
+    open_base : opens the map that an interrupted run adds a session to; without it, of such a run
+        the session alone is returned.
 
     Raises
     ------
@@ -75,7 +81,7 @@ def read_map(path: str | PathLike[str]) -> MapData:
     repair_file_set(given if given.is_dir() else given.parent)
     file = map_file_of(given)
     if file.name == JOURNAL:
-        return read_journal_map(file)
+        return read_journal_map(file, open_base)
     with _opened(file) as database, damage_reported(file):
         about: dict[str, str] = dict(_rows(database, "about"))
         graph, closures = _graph(database)

@@ -15,6 +15,8 @@ from cartoloop.config import Config
 from cartoloop.errors import InputError
 from cartoloop.journal.frames import Content, Kind, read_content
 from cartoloop.map_file.saved_config import config_of_json
+from cartoloop.map_file.schema import FILE_NAME
+from cartoloop.sensor.pose import Pose
 from cartoloop.version import __version__
 
 RunKind = Literal["map", "live"]
@@ -32,6 +34,64 @@ def environment() -> dict[str, str]:
 
 
 @dataclass(frozen=True, slots=True)
+class BaseOfRun:
+    """The map that a run adds a session to.
+
+    Attributes
+    ----------
+    path : absolute path of its folder or file; "." for the folder of the run itself, "" where the
+        map was given in memory.
+    digest : of the map, see `map_file.map_digest`.
+    recording : name and fingerprint of the recording that is added.
+    pose : where the robot is in it at first, None where that is not known.
+    """
+
+    path: str
+    digest: str
+    recording: tuple[str, str]
+    pose: Pose | None = None
+
+    def place(self, folder: Path) -> Path | None:
+        """Return where the map is, of a run in `folder`; None if it is in no file there.
+
+        A folder of a run that holds nothing but its journal has no earlier map.
+        """
+        if not self.path:
+            return None
+        found = (folder / self.path) if self.path == "." else Path(self.path)
+        if found.resolve() == folder.resolve() and not (folder / FILE_NAME).is_file():
+            return None
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as values of JSON."""
+        return {
+            "path": self.path,
+            "digest": self.digest,
+            "recording": list(self.recording),
+            "pose": None if self.pose is None else list(self.pose),
+        }
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> BaseOfRun:
+        """Return it, from values of JSON.
+
+        Raises
+        ------
+        ValueError, TypeError, KeyError
+            It is damaged.
+        """
+        name, fingerprint = content["recording"]
+        pose = content["pose"]
+        return cls(
+            str(content["path"]),
+            str(content["digest"]),
+            (str(name), str(fingerprint)),
+            None if pose is None else Pose(*map(float, pose)),
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class RunHeader:
     """A run that has a journal.
 
@@ -44,8 +104,9 @@ class RunHeader:
     options : how the recording is read, as JSON has it.
     layers : drawn over the picture of the map.
     overwrite : whether the map of another recording may be replaced.
-    continues : whether it adds a session to the map in its folder; then its nodes and submaps count
-        from `first_node` and `first_submap`.
+    continues : whether it adds a session to a map; then its nodes and submaps count from
+        `first_node` and `first_submap`.
+    base : that map; None in journals of earlier programs, where it is the one in the same folder.
     program : version that made the journal.
     environment : versions of what it relies on.
     """
@@ -61,8 +122,14 @@ class RunHeader:
     continues: bool = False
     first_node: int = 0
     first_submap: int = 0
+    base: BaseOfRun | None = None
     program: str = __version__
     environment: Mapping[str, str] = field(default_factory=environment)
+
+    @property
+    def recording(self) -> tuple[str, str]:
+        """Name and fingerprint of the recording that is mapped, without those of earlier maps."""
+        return (self.name, self.fingerprint) if self.base is None else self.base.recording
 
     def to_json(self) -> bytes:
         """Return the header as the payload of a record."""
@@ -78,6 +145,7 @@ class RunHeader:
             "continues": self.continues,
             "first_node": self.first_node,
             "first_submap": self.first_submap,
+            "base": None if self.base is None else self.base.to_dict(),
             "program": self.program,
             "environment": dict(self.environment),
         }
@@ -107,6 +175,7 @@ class RunHeader:
             continues=bool(content["continues"]),
             first_node=int(content["first_node"]),
             first_submap=int(content["first_submap"]),
+            base=None if content.get("base") is None else BaseOfRun.from_dict(content["base"]),
             program=str(content["program"]),
             environment={str(key): str(value) for key, value in content["environment"].items()},
         )

@@ -71,12 +71,17 @@ class RunFolder:
     path : the folder.
     name, fingerprint : of the recording; see `Report`.
     overwrite : whether the map of another recording may be replaced.
+    adds : whether the new map is that in the folder with a session more, so that it may replace it;
+        an interrupted run of another recording it may not.
+    adds_for_good : the same, even if the run is stopped: it cannot be repeated.
     """
 
     path: Path
     name: str
     fingerprint: str
     overwrite: bool = False
+    adds: bool = False
+    adds_for_good: bool = False
 
     def check(self) -> None:
         """Check that the folder can be written, or made, and that nothing else is lost by it.
@@ -113,9 +118,15 @@ class RunFolder:
         )
 
     def is_finished(self) -> bool:
-        """Return whether the folder holds the finished map of the recording."""
+        """Return whether the folder holds the finished map of the recording.
+
+        That may be one to which the recording was added last.
+        """
         saved = saved_map(self.path)
-        return saved is not None and saved.finished and saved.is_of(self.name, self.fingerprint)
+        if saved is None or not saved.finished:
+            return False
+        last = _last_session(self.path / FILE_NAME)
+        return saved.is_of(self.name, self.fingerprint) or last == self.fingerprint != ""
 
     @property
     def has_journal(self) -> bool:
@@ -160,7 +171,8 @@ class RunFolder:
         """
         folder = prepare_folder(self.path)
         saved = saved_map(folder)
-        if saved is None or (self._may_replace(saved) and (finished or not saved.finished)):
+        is_better = finished or self.adds_for_good
+        if saved is None or (self._may_replace(saved) and (is_better or not saved.finished)):
             return folder
         return prepare_folder(folder / (SECOND if finished else STOPPED))
 
@@ -169,7 +181,7 @@ class RunFolder:
         return "" if place == self.path else f", since {self.path} holds a finished map"
 
     def _may_replace(self, saved: SavedMap) -> bool:
-        if self.overwrite:
+        if self.overwrite or self.adds or self.adds_for_good:
             return True
         return saved.is_of(self.name, self.fingerprint) and not saved.num_edits
 
@@ -231,6 +243,20 @@ def _report_in_map(path: Path) -> Mapping[str, Any] | None:
     except (sqlite3.Error, ValueError, TypeError):
         return None
     return report if isinstance(report, Mapping) else None
+
+
+def _last_session(path: Path) -> str:
+    """Return the fingerprint of the last recording in a map file; "" where it is not known."""
+    if not path.is_file():
+        return ""
+    try:
+        with closing(open_database(path, ["sessions"])) as database:
+            row = database.execute(
+                "SELECT fingerprint FROM sessions ORDER BY session DESC LIMIT 1"
+            ).fetchone()
+        return str(row[0])
+    except (sqlite3.Error, ValueError, TypeError):
+        return ""
 
 
 def _check_parents(folder: Path) -> None:

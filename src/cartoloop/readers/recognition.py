@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from os import PathLike
+from pathlib import Path
 
 from cartoloop.arguments import as_path, require_type
 from cartoloop.errors import InputError
@@ -16,6 +17,9 @@ from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros.opening import is_recording
 from cartoloop.readers.spool import regular_file
 from cartoloop.readers.text_file import TextFile
+
+MAP_FILES = ("map.cartoloop", "journal.cartoloop")
+"""Files that are, or mark, a map and no recording."""
 
 
 def read(path: str | PathLike[str], options: ReadOptions | None = None) -> LogPass:
@@ -56,6 +60,7 @@ def open_log(path: str | PathLike[str], options: ReadOptions | None = None) -> L
         require_type(options, ReadOptions, "options", "a cartoloop.readers.ReadOptions")
     options = options or ReadOptions()
     path = regular_file(path)
+    _require_no_map(path)
     if is_recording(path):
         from cartoloop.readers.ros.bag import BagLog
 
@@ -72,6 +77,14 @@ def open_log(path: str | PathLike[str], options: ReadOptions | None = None) -> L
             return LineLog(text, line_format, laser_pose=options.laser_pose)
     known = ", ".join([*format_names(), *installed_format_names()])
     raise InputError(f"{path}: is not in a known format; give one of: {known}")
+
+
+def _require_no_map(path: Path) -> None:
+    """Check that a path is not that of a map, which is given in place of a recording at times."""
+    if path.name in MAP_FILES or any((path / name).is_file() for name in MAP_FILES):
+        raise InputError(
+            f"{path}: is a map, not a recording; where a command takes both, the map comes first"
+        )
 
 
 def open_logs(paths: Sequence[str | PathLike[str]], options: ReadOptions | None = None) -> Log:

@@ -8,7 +8,7 @@ viewer gets the latest state as often as it can use it, and mapping never waits 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import TYPE_CHECKING, NamedTuple
@@ -23,7 +23,14 @@ from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.quality.verdict import Quality
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, compose_all, inverse, relative_all
 from cartoloop.session import Session, ranges
-from cartoloop.viewer.beside import Placed, beside
+from cartoloop.viewer.beside import (
+    GROWING_STEP_M,
+    Box,
+    Placed,
+    beside,
+    moved,
+    part_offsets,
+)
 from cartoloop.viewer.protocol import REJECTED, ConstraintRows
 
 if TYPE_CHECKING:
@@ -32,6 +39,7 @@ if TYPE_CHECKING:
     from cartoloop.result import Result
     from cartoloop.scan_matching.least_squares import LeastSquaresMatch
     from cartoloop.submaps.finished_grid import FinishedGrid
+    from cartoloop.submaps.submap import Submap
 
 _NO_POINTS = np.zeros((0, 2))
 
@@ -53,6 +61,12 @@ class GrowingCells(NamedTuple):
     origin_x: float
     origin_y: float
     resolution: float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of cells."""
+        rows, cols = self.cells.shape
+        return rows, cols
 
 
 def constraints_of(graph: PoseGraph, first: int = 0) -> ConstraintRows:
@@ -138,8 +152,8 @@ class Update:
     rejected : closures that are not in the finished graph; None while mapping.
     quality : the verdict on the finished map; None while mapping.
     before : the poses before loop closure; None while mapping.
-    sessions : of a finished map; none while mapping.
-    submap_parts, node_parts : part of each submap and node of a finished map; None while mapping.
+    sessions : of a finished map, or one that a session is added to; none otherwise.
+    submap_parts, node_parts : part of each submap and node of such a map; None otherwise.
     match : of the last scan to the map, None where it was not matched.
     last_information : inverse covariance of the last scan's pose, None unless it became a node.
     time : when this was [s, perf_counter].
@@ -189,12 +203,42 @@ class Feed:
         self._num_constraints = 0
         self._num_adjustments = 0
         self._finished: set[int] = set()
+        self._offsets: dict[int, FloatArray] = {}
 
     def after_event(self, mapper: Mapper) -> None:
         """Lay down an update if the one before was taken; to be called in the mapping thread."""
         if self._ready is None and mapper.num_scans != self._num_scans and mapper.last_scan:
             self._num_scans = mapper.num_scans
             self._ready = self.update(mapper)
+
+    def _placed(
+        self, mapper: Mapper, grids: Mapping[int, FinishedGrid], active: Sequence[GrowingCells]
+    ) -> _Placed:
+        """Return where the parts of the map are drawn: those that are apart beside the main one."""
+        slam, pose = mapper.global_slam, mapper.pose
+        graph = slam.graph
+        if len(slam.sessions) == 1:
+            return _Placed(graph.submap_poses.copy(), graph.node_poses, pose)
+        submap_parts = slam.sessions.of_submaps(graph.num_submaps)
+        node_parts = slam.sessions.of_nodes(graph.num_nodes)
+        before, self._offsets = self._offsets, {}
+        if len(set(slam.sessions.parts)) > 1:
+            boxes: dict[int, Box] = {**grids, **{each.submap: each for each in active}}
+            boxes = {index: box for index, box in boxes.items() if index < graph.num_submaps}
+            self._offsets = part_offsets(graph.submap_poses, boxes, submap_parts, GROWING_STEP_M)
+        dx, dy = self._offsets.get(slam.sessions.parts[-1], np.zeros(2)).tolist()
+        has_moved = {part: tuple(offset) for part, offset in before.items() if offset.any()} != {
+            part: tuple(offset) for part, offset in self._offsets.items() if offset.any()
+        }
+        return _Placed(
+            moved(graph.submap_poses, submap_parts, self._offsets),
+            moved(graph.node_poses, node_parts, self._offsets),
+            Pose(pose.x + dx, pose.y + dy, pose.theta),
+            has_moved,
+            mapper.sessions,
+            submap_parts,
+            node_parts,
+        )
 
     def take(self) -> Update | None:
         """Return the update that is ready, if any; to be called in the viewer's thread."""
@@ -210,37 +254,32 @@ class Feed:
         graph, runs = slam.graph, slam.adjustments
         if graph.revision != self._revision:  # constraints were removed or replaced
             self._revision, self._num_constraints = graph.revision, 0
-        adjusted = len(runs) != self._num_adjustments
-        first_node = 0 if adjusted else self._num_nodes
         grids = slam.finished_grids()
         new = grids.keys() - self._finished
+        active = _growing(mapper.active_submaps, grids)
+        placed = self._placed(mapper, grids, active)
+        adjusted = len(runs) != self._num_adjustments or placed.has_moved
+        first_node = 0 if adjusted else self._num_nodes
         update = Update(
-            submap_poses=graph.submap_poses.copy(),
+            submap_poses=placed.submap_poses,
             first_node=first_node,
-            node_poses=graph.node_poses[first_node:].copy(),
+            node_poses=placed.node_poses[first_node:].copy(),
             node_stamps=mapper.node_stamps(self._num_nodes),
             adjusted=adjusted,
             first_constraint=self._num_constraints,
             constraints=constraints_of(graph, self._num_constraints),
             finished={index: grids[index] for index in sorted(new)},
-            active=tuple(
-                GrowingCells(
-                    submap.index,
-                    submap.grid.cells,
-                    submap.grid.origin_x,
-                    submap.grid.origin_y,
-                    submap.grid.resolution,
-                )
-                for submap in mapper.active_submaps
-                if submap.index not in grids
-            ),
+            active=active,
             closures=slam.closures,
             num_found=slam.closures.num_found,
             node_points=slam.node_points,
             stamp=mapper.last_stamp,
             recorded_s=mapper.recorded_s,
             num_scans=mapper.num_scans,
-            pose=mapper.pose,
+            sessions=placed.sessions,
+            submap_parts=placed.submap_parts,
+            node_parts=placed.node_parts,
+            pose=placed.pose,
             returns=last.returns,
             match=last.match,
             last_information=last.node.information if last.node else None,
@@ -255,6 +294,39 @@ class Feed:
         self._num_constraints = graph.num_constraints
         self._finished |= new
         return update
+
+
+class _Placed(NamedTuple):
+    """Where the parts of a growing map are drawn; see `Update`.
+
+    Attributes
+    ----------
+    has_moved : whether a part is drawn elsewhere than in the update before.
+    """
+
+    submap_poses: FloatArray
+    node_poses: FloatArray
+    pose: Pose
+    has_moved: bool = False
+    sessions: tuple[Session, ...] = ()
+    submap_parts: IntArray | None = None
+    node_parts: IntArray | None = None
+
+
+def _growing(
+    submaps: Sequence[Submap], finished: Mapping[int, FinishedGrid]
+) -> tuple[GrowingCells, ...]:
+    return tuple(
+        GrowingCells(
+            submap.index,
+            submap.grid.cells,
+            submap.grid.origin_x,
+            submap.grid.origin_y,
+            submap.grid.resolution,
+        )
+        for submap in submaps
+        if submap.index not in finished
+    )
 
 
 def whole(result: Result) -> Update:

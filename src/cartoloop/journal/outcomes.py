@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The outcomes of the expensive steps of a thread, in their order: put down, or taken from there.
+"""The outcomes of the expensive steps of a thread, in their order: recorded, or replayed.
 
 Mapping a recording is deterministic. So a run that was interrupted is resumed by mapping the
 recording again with the outcomes that its journal holds, until these end: each step asks
-:meth:`Tape.take` first, and computes and puts down only what is not there.
+:meth:`RecordedOutcomes.replay` first, and computes and records only what is not there.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from cartoloop.errors import InputError
 from cartoloop.journal.frames import Record
 
 
-class Tape:
-    """A sequence of records, read up to its end and continued there.
+class RecordedOutcomes:
+    """A sequence of recorded outcomes, replayed up to its end and continued there.
 
     Parameters
     ----------
-    put : receives the kind and the payload of each new record; None: nothing is kept.
+    append : receives the kind and the payload of each new record; None: nothing is kept.
     recorded : records of the run that is resumed.
     is_replayable : whether the run can be repeated, so that outcomes are worth keeping that its map
         does not consist of.
@@ -28,28 +28,28 @@ class Tape:
 
     def __init__(
         self,
-        put: Callable[[int, bytes], None] | None = None,
+        append: Callable[[int, bytes], None] | None = None,
         recorded: Sequence[Record] = (),
         *,
         is_replayable: bool = False,
     ) -> None:
-        self._put = put
+        self._append = append
         self.is_replayable = is_replayable
         self._recorded = recorded
         self._next = 0
 
     @property
-    def is_kept(self) -> bool:
+    def is_recording(self) -> bool:
         """Whether records go anywhere; otherwise none have to be made."""
-        return self._put is not None
+        return self._append is not None
 
     @property
-    def is_replayed(self) -> bool:
-        """Whether there are outcomes to take."""
+    def is_replaying(self) -> bool:
+        """Whether there are outcomes to replay."""
         return self._next < len(self._recorded)
 
-    def take(self, kind: int) -> memoryview | None:
-        """Return the outcome of the next step; None if it has to be computed and put down.
+    def replay(self, kind: int) -> memoryview | None:
+        """Return the outcome of the next step; None if it has to be computed and recorded.
 
         Raises
         ------
@@ -66,13 +66,13 @@ class Tape:
             self._recorded, self._next = (), 0
         return found.payload
 
-    def put(self, kind: int, payload: bytes) -> None:
-        """Put down the outcome of a step that was computed."""
-        if self._put is not None:
-            self._put(kind, payload)
+    def record(self, kind: int, payload: bytes) -> None:
+        """Record the outcome of a step that was computed."""
+        if self._append is not None:
+            self._append(kind, payload)
 
 
-class Tapes(NamedTuple):
+class RunOutcomes(NamedTuple):
     """The records of a run by the thread that they come from.
 
     Attributes
@@ -82,20 +82,20 @@ class Tapes(NamedTuple):
     finished_submaps : indices of the submaps whose finished grids are in `graph`.
     """
 
-    local: Tape
-    graph: Tape
+    local: RecordedOutcomes
+    graph: RecordedOutcomes
     finished_submaps: Collection[int] = frozenset()
 
     @property
-    def is_replayed(self) -> bool:
+    def is_replaying(self) -> bool:
         """Whether an interrupted run has not been gone over completely."""
-        return self.local.is_replayed or self.graph.is_replayed
+        return self.local.is_replaying or self.graph.is_replaying
 
 
-NO_TAPE = Tape()
-"""Keeps nothing and knows nothing."""
+NO_OUTCOMES = RecordedOutcomes()
+"""Records nothing and replays nothing."""
 
-NO_TAPES = Tapes(NO_TAPE, NO_TAPE)
+NO_RUN_OUTCOMES = RunOutcomes(NO_OUTCOMES, NO_OUTCOMES)
 
 
 def unfit(what: str) -> InputError:

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The joining of parts as records of a journal: what searches found, and what was decided."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.arrays import FloatArray
+from cartoloop.global_slam.closure_matches import Requests, SearchMatches
+from cartoloop.global_slam.graph_records import (
+    CANDIDATES,
+    MATCHES,
+    REQUESTS,
+    candidate_columns,
+    matches_record,
+    recorded_candidates,
+)
+from cartoloop.global_slam.hypotheses import Candidate
+from cartoloop.global_slam.join_evidence import GeometryCheck
+from cartoloop.journal.fields import FieldReader, pack_columns
+from cartoloop.sensor.pose import Pose
+
+_SEARCH = struct.Struct("<Id")
+_DECISION = struct.Struct("<2I3dI")
+
+
+NO_REQUESTS = Requests(
+    *(np.zeros((0, *shape), kind) for kind, shape in zip(*REQUESTS, strict=True))
+)
+
+
+class JoinSearch(NamedTuple):
+    """What the search of composite scans in one submap of another part came to.
+
+    Attributes
+    ----------
+    place : of the search among those that were running.
+    min_score : the threshold.
+    candidates : where it was reached, by pairs that had no row in the record of closures before.
+    requests : the window of each candidate.
+    """
+
+    place: int
+    min_score: float
+    candidates: list[Candidate]
+    requests: Requests
+
+
+class JoinDecision(NamedTuple):
+    """What was decided about a placement of two parts.
+
+    Attributes
+    ----------
+    one, other : the parts; `other` is moved if they are joined.
+    tf_one_other : the placement.
+    check : of the geometry; its fault is why they are not joined.
+    found : the closures between them.
+    """
+
+    one: int
+    other: int
+    tf_one_other: Pose
+    check: GeometryCheck
+    found: SearchMatches
+
+
+def join_searches_record(searches: Sequence[JoinSearch]) -> bytes:
+    """Return what searches came to as a payload."""
+    parts = []
+    for each in searches:
+        parts += [
+            _SEARCH.pack(each.place, each.min_score),
+            pack_columns(candidate_columns(each.candidates), CANDIDATES[0]),
+            pack_columns(each.requests, REQUESTS[0]),
+        ]
+    return b"".join(parts)
+
+
+def recorded_join_searches(payload: memoryview) -> list[JoinSearch]:
+    """Return what :func:`join_searches_record` was given.
+
+    Raises
+    ------
+    struct.error, ValueError
+        The payload is damaged.
+    """
+    reader = FieldReader(payload)
+    searches = []
+    while not reader.is_at_end:
+        place, min_score = reader.numbers(_SEARCH)
+        candidates = recorded_candidates(reader)
+        requests = Requests(*reader.columns(*REQUESTS))
+        if len(requests.submap) != len(candidates):
+            raise ValueError("a search has no window")
+        searches.append(JoinSearch(place, min_score, candidates, requests))
+    return searches
+
+
+def join_decision_record(decision: JoinDecision) -> bytes:
+    """Return a decision as a payload."""
+    check = decision.check
+    content = json.dumps(
+        [
+            float(check.length),
+            float(check.contradicted),
+            int(check.on_wall),
+            int(check.on_floor),
+            check.fault,
+        ]
+    ).encode()
+    head = _DECISION.pack(decision.one, decision.other, *decision.tf_one_other, len(content))
+    return head + content + matches_record(decision.found)
+
+
+def recorded_join_decision(payload: memoryview) -> JoinDecision:
+    """Return what :func:`join_decision_record` was given.
+
+    Raises
+    ------
+    struct.error, ValueError
+        The payload is damaged.
+    """
+    one, other, x, y, theta, length = _DECISION.unpack_from(payload)
+    end = _DECISION.size + length
+    content = json.loads(bytes(payload[_DECISION.size : end]))
+    if not isinstance(content, list) or len(content) != len(GeometryCheck._fields):
+        raise ValueError("the examination of a join is damaged")
+    path, contradicted, on_wall, on_floor, fault = content
+    check = GeometryCheck(float(path), float(contradicted), int(on_wall), int(on_floor), str(fault))
+    placement: FloatArray = np.array((x, y, theta))
+    if not np.isfinite(placement).all():
+        raise ValueError("a pose is not finite")
+    found = SearchMatches(*FieldReader(payload[end:]).columns(*MATCHES))
+    return JoinDecision(one, other, Pose(x, y, theta), check, found)

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What local SLAM remembers of each scanner."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+
+from cartoloop.config import LocalSlamConfig
+from cartoloop.local_slam.motion_filter import MotionFilter
+from cartoloop.local_slam.scan_matcher import ScanMatcher
+from cartoloop.local_slam.wall_step import WallStep
+from cartoloop.sensor.events import LaserScan, PointCloud
+
+MAX_RECENT = 64
+"""Number of scans of a scanner that are kept for a comparison: more than a second of them."""
+
+
+@dataclass(slots=True)
+class Scanner:
+    """One scanner of the robot.
+
+    Attributes
+    ----------
+    matcher : holds the typical residual of its scans.
+    motion_filter : one for each scanner, so that each contributes to the map.
+    wall_step : compares its scans with each other where nothing else measures the motion.
+    num_scans : number of its scans.
+    is_in_map : whether one of its scans was inserted.
+    recent : its latest scans.
+    """
+
+    matcher: ScanMatcher
+    motion_filter: MotionFilter
+    wall_step: WallStep
+    num_scans: int = 0
+    is_in_map: bool = False
+    recent: deque[LaserScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
+
+    def change_since(self, time: float) -> float:
+        """Return the median change of the ranges since a time [m]; inf if it is not known."""
+        first = next((scan for scan in self.recent if scan.time >= time), None)
+        if first is None or first is self.recent[-1]:
+            return math.inf
+        before, now = first.ranges, self.recent[-1].ranges
+        if len(before) != len(now):
+            return math.inf
+        limit = first.geometry.range_max
+        both = (before > 0.0) & (now > 0.0) & (before < limit) & (now < limit)
+        changes = np.abs(now[both] - before[both])
+        return float(np.median(changes)) if len(changes) else math.inf
+
+    @classmethod
+    def of(cls, config: LocalSlamConfig) -> Self:
+        """Return a scanner that has sent nothing yet."""
+        return cls(
+            ScanMatcher(config), MotionFilter(config.motion_filter), WallStep(config.wall_step)
+        )
+
+    def count(self, scan: LaserScan | PointCloud) -> None:
+        """Count a scan, and keep it for comparisons."""
+        self.num_scans += 1
+        if isinstance(scan, LaserScan):
+            self.recent.append(scan)

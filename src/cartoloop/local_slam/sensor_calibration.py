@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What local SLAM has found out about the sensors, to begin another run with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from cartoloop.local_slam.odometry_calibration import OdometryParameters
+
+
+class SensorCalibration(NamedTuple):
+    """What local SLAM has found out about the sensors.
+
+    Attributes
+    ----------
+    odometry : clock offset, scales and errors of the odometry.
+    scanner_offsets : by name: scans show the robot this much later than those of the first scanner
+        with the same stamps [s]; 0 for the first.
+    """
+
+    odometry: OdometryParameters
+    scanner_offsets: Mapping[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as values of JSON, None for what is not known."""
+        odometry = self.odometry.to_dict()
+        return {"odometry": odometry, "scanner_offsets": dict(self.scanner_offsets)}
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> SensorCalibration:
+        """Return what :meth:`to_dict` made values of JSON of.
+
+        Raises
+        ------
+        ValueError, TypeError, AttributeError
+            They are of something else.
+        """
+        offsets = content.get("scanner_offsets", {})
+        return cls(
+            OdometryParameters.from_dict(content.get("odometry", {})),
+            {str(name): float(offset) for name, offset in offsets.items()},
+        )

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Following a robot from a place that is claimed, for as long as its scans agree with the map."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cartoloop.arrays import FloatArray
+from cartoloop.config import LocalSlamConfig
+from cartoloop.localisation.decision import MIN_POINTS
+from cartoloop.localisation.doubt import Doubt
+from cartoloop.localisation.known_map import Fit, KnownMap
+from cartoloop.localisation.local_motion import LocalScan
+from cartoloop.localisation.tracking import MAP_SIGMA_M, MAP_SIGMA_RAD, Tracker
+from cartoloop.sensor.pose import IDENTITY, Pose, relative
+
+FIRST_SIGMA_M, FIRST_SIGMA_RAD = 2.0 * MAP_SIGMA_M, 3.0 * MAP_SIGMA_RAD
+"""Standard deviations of a claimed pose [m], [rad]."""
+
+
+class Following:
+    """The tracked pose, and how far it is believed.
+
+    Parameters
+    ----------
+    known : the map.
+    config : of local SLAM, whose matcher is used.
+    tf_map_tracking : the claimed pose, of the scan that is followed first.
+
+    Attributes
+    ----------
+    doubt : that the pose is right.
+    """
+
+    def __init__(self, known: KnownMap, config: LocalSlamConfig, tf_map_tracking: Pose) -> None:
+        variances = np.square((FIRST_SIGMA_M, FIRST_SIGMA_M, FIRST_SIGMA_RAD))
+        self._known = known
+        self._tracker = Tracker(known, config, tf_map_tracking, np.diag(variances))
+        self._last: LocalScan | None = None
+        self._agreement = math.nan
+        self.doubt = Doubt()
+
+    @property
+    def pose(self) -> Pose:
+        """The pose, tf_map_tracking."""
+        return self._tracker.pose
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Its covariance, map frame; no pose is better than the map."""
+        floor = np.diag((MAP_SIGMA_M**2, MAP_SIGMA_M**2, MAP_SIGMA_RAD**2))
+        return self._tracker.covariance + 0.25 * floor
+
+    def begin(self, scan: LocalScan) -> None:
+        """Note the scan whose pose was claimed."""
+        self._last = scan
+
+    def add(self, scan: LocalScan) -> None:
+        """Move and correct the pose by the next scan."""
+        step, duration = IDENTITY, 0.0
+        if self._last is not None:
+            step = relative(self._last.tf_local_tracking, scan.tf_local_tracking)
+            duration = scan.time - self._last.time
+        self._last = scan
+        self._tracker.move(step)
+        self._agreement = math.nan
+        if len(scan.points) < MIN_POINTS:
+            return
+        self._agreement = self._tracker.correct(scan.points, scan.beam_origin)
+        relative_agreement = self._agreement / self._known.usual.agreement
+        self.doubt.add(relative_agreement, math.hypot(step.x, step.y), duration)
+
+    def fit(self, scan: LocalScan) -> Fit:
+        """Return how well the last scan fits; its agreement is that of the correction."""
+        fit = self._known.fit(scan.points, scan.beam_origin, self.pose)
+        return fit if math.isnan(self._agreement) else fit._replace(agreement=self._agreement)

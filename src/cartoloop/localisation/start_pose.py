@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A pose to begin with: given by a user, or kept from the last run."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cartoloop.localisation.decision import CLAIMED_AGREEMENT, CLAIMED_SCORE, Claim
+from cartoloop.localisation.global_search import FoundPlace, find_near, refine
+from cartoloop.localisation.known_map import KnownMap
+from cartoloop.localisation.trail import Composite
+from cartoloop.sensor.pose import Pose, compose, relative
+
+START_WINDOW_M, START_WINDOW_RAD = 1.0, math.radians(20.0)
+"""Window around a given pose [m], [rad]."""
+
+CERTAIN_AGREEMENT = 0.7
+"""Agreement relative to the usual one from which a user's pose is believed."""
+
+
+class StartPose(NamedTuple):
+    """A pose to begin with.
+
+    Attributes
+    ----------
+    tf_map_tracking : of the robot.
+    is_certain : whether a user gave it; otherwise scans must fit as well as for a claim.
+    tf_odom_tracking : the odometry's pose then, if it has continued; None: not known.
+    """
+
+    tf_map_tracking: Pose
+    is_certain: bool
+    tf_odom_tracking: Pose | None = None
+
+    def poses(self, tf_odom_tracking: Pose | None) -> list[Pose]:
+        """Return the poses to try, given the odometry's pose now."""
+        then = self.tf_odom_tracking
+        if then is None or tf_odom_tracking is None:
+            return [self.tf_map_tracking]
+        moved = compose(self.tf_map_tracking, relative(then, tf_odom_tracking))
+        return [moved, self.tf_map_tracking]
+
+
+def claim_near(
+    known: KnownMap, composite: Composite, start: StartPose, tf_odom_tracking: Pose | None
+) -> Claim | None:
+    """Return the best place around a pose to begin with if the scan fits there.
+
+    Parameters
+    ----------
+    composite : a single scan.
+    tf_odom_tracking : the odometry's pose now, None without any.
+    """
+    best: FoundPlace | None = None
+    for pose in start.poses(tf_odom_tracking):
+        found = find_near(
+            known, composite.points, pose, START_WINDOW_M, START_WINDOW_RAD,
+            CLAIMED_SCORE * known.usual.score,
+        )  # fmt: skip
+        if found is not None and (best is None or found.score > best.score):
+            best = found
+    if best is None:
+        return None
+    match = refine(known, composite.points, best.tf_map_tracking)
+    pose = known.to_map(match.tf_submap_scan)
+    x, y = composite.beam_origins[0].tolist()
+    fit = known.fit(composite.points, Pose(x, y, 0.0), pose)
+    least = CERTAIN_AGREEMENT if start.is_certain else CLAIMED_AGREEMENT
+    return Claim(pose, match) if fit.agreement >= least * known.usual.agreement else None
