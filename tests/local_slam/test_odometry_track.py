@@ -191,16 +191,17 @@ def test_while_a_reading_is_repeated_the_motion_is_soon_unknown():
     assert readings.at(12.5) is None
 
 
-def test_a_robot_that_brakes_and_stands_is_believed():
+@pytest.mark.parametrize(("period", "braking"), [(0.2, 1.5), (0.05, 5.0)])
+def test_a_robot_that_brakes_and_stands_is_believed(period, braking):
     at, speed, readings = 0.0, 0.8, []
-    for k in range(120):
-        readings.append((0.2 * k, at, 0.0))
-        at += 0.2 * speed / math.sqrt(5.0)
-        if k > 60:
-            speed = max(speed - 0.3, 0.0)
+    for k in range(round(24.0 / period)):
+        readings.append((period * k, at, 0.0))
+        at += period * speed / math.sqrt(5.0)
+        if period * k > 12.0:
+            speed = max(speed - braking * period, 0.0)
     stopped = track(*readings)
     assert stopped.num_late == 0
-    assert stopped.at(20.0) == pytest.approx(stopped.at(22.0))
+    assert stopped.at(13.5) == pytest.approx(stopped.at(15.0))
 
 
 def test_a_robot_that_stands_for_long_is_believed_in_the_end():

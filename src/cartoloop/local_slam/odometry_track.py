@@ -161,9 +161,15 @@ class OdometryTrack:
         if self._is_repeating:
             return since <= MAX_REPEAT_S
         before = min(bisect_left(times, times[-1] - SPEED_OVER_S), len(times) - 2)
-        moved = math.hypot(pose.x - poses[before].x, pose.y - poses[before].y)
-        speed = moved / (times[-1] - times[before])
+        # The last step is slower if the robot brakes, and longer than the others by chance.
+        speed = min(self._speed_since(before), self._speed_since(-2))
         return speed > max(MIN_SPEED, MAX_DECELERATION * since)
+
+    def _speed_since(self, row: int) -> float:
+        """Return the speed from a reading to the last one [m/s]."""
+        first, last = self._poses[row], self._poses[-1]
+        moved = math.hypot(last.x - first.x, last.y - first.y)
+        return moved / (self._times[-1] - self._times[row])
 
     def at(self, time: float) -> Pose | None:
         """Return tf_odom_tracking at a time, or None where the readings do not reach."""
