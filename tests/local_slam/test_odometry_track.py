@@ -154,6 +154,13 @@ def test_a_turn_much_faster_than_all_before_is_a_reset():
     assert track(*readings, (time + 0.2, x, theta + 0.4)).num_jumps == 0
 
 
+def test_a_long_step_right_after_a_gap_may_be_of_the_gap():
+    readings = drive(20.0)
+    time, x, theta = readings[-1]
+    late = track(*readings, (time + 3.0, x, theta + 0.4), (time + 3.2, x, theta + 1.4))
+    assert late.num_jumps == 0
+
+
 def test_jitter_of_the_stamps_makes_no_resets():
     readings = [(time + 0.09 * (k % 3), x, theta) for k, (time, x, theta) in enumerate(drive(40.0))]
     assert track(*readings).num_jumps == 0
@@ -184,16 +191,17 @@ def test_while_a_reading_is_repeated_the_motion_is_soon_unknown():
     assert readings.at(12.5) is None
 
 
-def test_a_robot_that_brakes_and_stands_is_believed():
+@pytest.mark.parametrize(("period", "braking"), [(0.2, 1.5), (0.05, 5.0)])
+def test_a_robot_that_brakes_and_stands_is_believed(period, braking):
     at, speed, readings = 0.0, 0.8, []
-    for k in range(120):
-        readings.append((0.2 * k, at, 0.0))
-        at += 0.2 * speed / math.sqrt(5.0)
-        if k > 60:
-            speed = max(speed - 0.3, 0.0)
+    for k in range(round(24.0 / period)):
+        readings.append((period * k, at, 0.0))
+        at += period * speed / math.sqrt(5.0)
+        if period * k > 12.0:
+            speed = max(speed - braking * period, 0.0)
     stopped = track(*readings)
     assert stopped.num_late == 0
-    assert stopped.at(20.0) == pytest.approx(stopped.at(22.0))
+    assert stopped.at(13.5) == pytest.approx(stopped.at(15.0))
 
 
 def test_a_robot_that_stands_for_long_is_believed_in_the_end():

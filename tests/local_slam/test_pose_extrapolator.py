@@ -92,6 +92,7 @@ def test_odometry_that_catches_up_shows_where_the_robot_is(extrapolator, speed):
     assert prediction.by_odometry
     assert prediction.tf_local_tracking == pytest.approx(at(101), abs=1e-6)
     assert prediction.information[0] < extrapolator.predict(20.2).information[0] / 10.0
+    assert extrapolator.summary()["odometry"]["catch_ups"] == 1
 
 
 def test_odometry_that_began_after_the_last_pose_is_not_used(extrapolator):

@@ -161,9 +161,15 @@ class OdometryTrack:
         if self._is_repeating:
             return since <= MAX_REPEAT_S
         before = min(bisect_left(times, times[-1] - SPEED_OVER_S), len(times) - 2)
-        moved = math.hypot(pose.x - poses[before].x, pose.y - poses[before].y)
-        speed = moved / (times[-1] - times[before])
+        # The last step is slower if the robot brakes, and longer than the others by chance.
+        speed = min(self._speed_since(before), self._speed_since(-2))
         return speed > max(MIN_SPEED, MAX_DECELERATION * since)
+
+    def _speed_since(self, row: int) -> float:
+        """Return the speed from a reading to the last one [m/s]."""
+        first, last = self._poses[row], self._poses[-1]
+        moved = math.hypot(last.x - first.x, last.y - first.y)
+        return moved / (self._times[-1] - self._times[row])
 
     def at(self, time: float) -> Pose | None:
         """Return tf_odom_tracking at a time, or None where the readings do not reach."""
@@ -210,7 +216,7 @@ class _Pace:
     """The largest speeds of the odometry so far."""
 
     def __init__(self) -> None:
-        self._begin, self._changed = math.nan, math.nan
+        self._begin, self._last, self._changed = math.nan, math.nan, math.nan
         self._moved, self._turned = 0.0, 0.0
         self._num_paces = 0
         self._fastest, self._fastest_rate = LEAST_FASTEST, LEAST_FASTEST_RATE
@@ -218,10 +224,12 @@ class _Pace:
     def add(self, time: float, before: Pose, after: Pose) -> None:
         """Add the step to a reading."""
         if math.isnan(self._begin):
-            self._begin = self._changed = time
+            self._begin = self._last = self._changed = time
             return
-        if after != before:
+        # The first reading after a gap in the recording may be of before it.
+        if after != before and time - self._last <= MAX_PERIOD_S:
             self._changed = time
+        self._last = time
         self._moved += math.hypot(after.x - before.x, after.y - before.y)
         self._turned += abs(wrap_angle(after.theta - before.theta))
         duration = time - self._begin

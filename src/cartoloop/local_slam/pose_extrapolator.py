@@ -137,6 +137,7 @@ class PoseExtrapolator:
         """Return the estimates about odometry and IMU, for the report."""
         track = {
             "jumps": self._odometry.num_jumps,
+            "catch_ups": self._odometry.num_late,
             "faults": [asdict(fault) for fault in self._trust.faults],
         }
         summary: dict[str, Any] = {"odometry": self.odometry_model.summary() | track}
