@@ -45,6 +45,34 @@ print(np.array_equal(wide, narrow), int(wide.sum()))
 """
 
 
+BORROWING = """
+import numpy as np
+from cartoloop._jit import borrowing_kernel, kernel
+
+def total(numbers):
+    result = 0.0
+    for k in range(numbers.size):
+        result += numbers[k]
+    return result
+
+def half(numbers):
+    return borrowing(numbers[: numbers.size // 2])
+
+borrowing, counting = borrowing_kernel(total), kernel(half)
+
+@borrowing_kernel
+def made(size):
+    return np.zeros(size)
+
+print(counting(np.ones(6)))
+print("counts:", ["NRT_incref" in code for code in borrowing.inspect_llvm().values()])
+try:
+    made(3)
+except Exception:
+    print("refused")
+"""
+
+
 def _run(cache, program=PROGRAM):
     return subprocess.run(
         [sys.executable, "-c", program],
@@ -59,6 +87,10 @@ def test_kernels_from_the_cache_work_without_the_compiler(tmp_path):
     compiles, once, ready, adaptive = _run(tmp_path)
     assert (compiles, ready) == ("compiles", "compiler ready: True")
     assert _run(tmp_path) == [once, "compiler ready: False", adaptive]
+
+
+def test_borrowing_kernels_count_no_references_and_make_none(tmp_path):
+    assert _run(tmp_path, BORROWING) == ["3.0", "counts: [False]", "refused"]
 
 
 def test_kernels_from_the_cache_can_be_inlined(tmp_path):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
-from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.pose import Pose, pose_rows
 
 
 @dataclass(slots=True)
@@ -48,7 +48,7 @@ def latest(series: Iterable[ScanSeries], window: int) -> MatchedScans:
     for one in is_usable:
         one[0] = False
     return MatchedScans(
-        np.array([time for times, _, _ in every for time in times]),
-        np.array([pose for _, poses, _ in every for pose in poses]),
+        np.concatenate([np.array(times) for times, _, _ in every]),
+        np.concatenate([pose_rows(poses) for _, poses, _ in every]),
         np.concatenate(is_usable),
     )

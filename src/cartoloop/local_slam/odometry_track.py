@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from itertools import chain
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from cartoloop.sensor.pose import (
     compose,
     interpolate,
     inverse,
+    pose_rows,
     wrap_angle,
 )
 
@@ -207,9 +207,7 @@ class OdometryTrack:
 
     def arrays(self) -> tuple[FloatArray, FloatArray]:
         """Return times, shape (n,), and poses, shape (n, 3)."""
-        # Five times as fast as np.array of a list of tuples.
-        poses = np.fromiter(chain.from_iterable(self._poses), np.float64, 3 * len(self._poses))
-        return np.array(self._times), poses.reshape(-1, 3)
+        return np.array(self._times), pose_rows(self._poses)
 
 
 class _Pace:
