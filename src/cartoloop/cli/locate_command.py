@@ -42,7 +42,7 @@ LIVE_SCHEMES = ("tcp", "ws", "ros2")
 
 
 @dataclass(frozen=True, kw_only=True)
-class LocateOptions(ChangeOptions, ReadingOptions, LiveSourceOptions, ConfigOptions, ViewOptions):
+class LocateOptions(ViewOptions, ChangeOptions, ReadingOptions, LiveSourceOptions, ConfigOptions):
     """Options of ``cartoloop locate``."""
 
     map_: Annotated[
