@@ -164,6 +164,8 @@ def locate_command(options: LocateOptions) -> None:
                 _locate_recording(log, localizer, run, stop)
             if keeper is not None:
                 keeper.write()
+            if view is not None:
+                view.finished()
             run.say(run.summary.text())
             options.report(localizer, run.say)
             if options.update and log is not None:

@@ -60,8 +60,7 @@ def open_view(
 
 
 def stay_open(view: LocateView, *, is_quiet: bool) -> None:
-    """Show what it came to until the user ends it."""
-    view.finished()
+    """Return when the user ends the view."""
     if view.failure is not None:
         typer.echo(f"warning: the view failed: {view.failure}", err=True)
         return
