@@ -10,9 +10,12 @@ from cartoloop.live.locate_run import get_ready_to_locate, locate_live
 from cartoloop.live.message_loop import MessageOptions
 from cartoloop.live.messages import EndMessage, parse_message
 from cartoloop.live.notices import Notices
+from cartoloop.localisation.answer import State
 from cartoloop.localisation.localizer import Localizer
 from cartoloop.stop_request import StopRequest
-from tests.localisation.rooms import ROOM, START, apart, drive, known_map, message_lines
+from cartoloop.viewer.locate_feed import AskedPose
+from cartoloop.viewer.locate_view import LocateView
+from tests.localisation.rooms import BOX, ROOM, START, apart, drive, known_map, message_lines
 
 POSES = drive(START, 20, step=0.04, turn=0.03)
 
@@ -22,14 +25,14 @@ class Sender:
 
     name = "sender"
 
-    def __init__(self, failure=None, ends=True):
-        self.failure, self.ends = failure, ends
+    def __init__(self, failure=None, ends=True, polygons=ROOM):
+        self.failure, self.ends, self.polygons = failure, ends, polygons
 
     def open(self):
         return "listening"
 
     def run(self, put, notices, stop):
-        for line in message_lines(ROOM, POSES):
+        for line in message_lines(self.polygons, POSES):
             put(parse_message(line))
         if self.failure is not None:
             raise self.failure
@@ -57,6 +60,38 @@ def test_every_scan_of_a_source_is_answered():
     answer, latency = answers[-1]
     assert apart(POSES[-1], answer.tf_map_tracking)[0] < 0.05
     assert latency >= 0.0
+
+
+def test_a_pose_that_a_page_gives_reaches_the_localiser():
+    """The view of a live source, without a page: what a page asks for is put into its feed."""
+    localizer = Localizer(known_map(BOX), live=True, waits=True)
+    view = LocateView(localizer, "sender", port=0, live=True)
+    answers, idles = [], []
+
+    def on_answer(answer, latency):
+        answers.append(answer)
+        if len(answers) == 5:
+            view.feed.ask(AskedPose(1, POSES[5]))
+        view.after_answer(answer)
+
+    def on_idle():
+        idles.append(len(answers))
+        view.idle()
+
+    try:
+        locate_live(
+            Sender(polygons=BOX), localizer, MessageOptions(waits=True), Notices([].append),
+            on_answer, StopRequest(), on_idle,
+        )  # fmt: skip
+        view.finished()
+    finally:
+        view.close()
+
+    assert view.failure is None
+    assert idles
+    assert [answer.state for answer in answers[:5]] == [State.AMBIGUOUS] * 5
+    assert answers[-1].state is State.LOCATED
+    assert apart(POSES[-1], answers[-1].tf_map_tracking)[0] < 0.1
 
 
 def test_the_failure_of_a_source_is_raised_after_the_answers():

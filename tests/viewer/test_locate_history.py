@@ -43,7 +43,7 @@ def test_points_of_the_path_are_apart():
     assert len(path.rows(len(path) - 2)) == 2
 
 
-def test_where_the_robot_was_not_located_the_path_is_interrupted():
+def test_the_path_is_interrupted_where_it_is_not_known():
     path = PathHistory()
     for pose in (Pose(0.0, 0.0, 0.0), Pose(1.0, 0.0, 0.0), None, None, Pose(1.01, 0.0, 0.0)):
         path.add(pose)

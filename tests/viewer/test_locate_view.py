@@ -218,7 +218,7 @@ def test_nonsense_ends_the_connection_and_not_the_localisation(sent):
         assert localisation(page)["given"] is None
 
 
-def test_a_hail_of_poses_is_answered_late_and_the_last_one_is_tried():
+def test_of_a_hail_of_poses_the_last_one_is_tried():
     with locating(BOX, START) as one, join(one.url) as connection:
         one.go(5)
         page = shown(one, connection)

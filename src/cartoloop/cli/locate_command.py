@@ -42,7 +42,7 @@ LIVE_SCHEMES = ("tcp", "ws", "ros2")
 
 
 @dataclass(frozen=True, kw_only=True)
-class LocateOptions(ChangeOptions, ReadingOptions, LiveSourceOptions, ConfigOptions, ViewOptions):
+class LocateOptions(ViewOptions, ChangeOptions, ReadingOptions, LiveSourceOptions, ConfigOptions):
     """Options of ``cartoloop locate``."""
 
     map_: Annotated[
@@ -164,6 +164,8 @@ def locate_command(options: LocateOptions) -> None:
                 _locate_recording(log, localizer, run, stop)
             if keeper is not None:
                 keeper.write()
+            if view is not None:
+                view.finished()
             run.say(run.summary.text())
             options.report(localizer, run.say)
             if options.update and log is not None:

@@ -44,7 +44,7 @@ def open_view(
 
     view = LocateView(
         localizer,
-        options.source if log is None else log.name,
+        log.name if log is not None else _source_name(options.source),
         scans_total=None if log is None else log.num_scans,
         duration_s=None if log is None else log.duration,
         speed=options.speed,
@@ -60,9 +60,12 @@ def open_view(
 
 
 def stay_open(view: LocateView, *, is_quiet: bool) -> None:
-    """Show what it came to until the user ends it."""
-    view.finished()
+    """Return when the user ends the view."""
     if view.failure is not None:
         typer.echo(f"warning: the view failed: {view.failure}", err=True)
         return
     wait_for_stop(f"view           {view.url}", is_quiet=is_quiet)
+
+
+def _source_name(source: str) -> str:
+    return "standard input" if source == "-" else source

@@ -105,6 +105,7 @@ add_command(
     [
         "cartoloop locate intel drive.bag --poses poses.jsonl",
         "cartoloop locate map.yaml tcp://127.0.0.1:7000 --at 1.5,-2,90",
+        "cartoloop locate intel drive.bag --view --speed 1",
     ],
     group=USE,
 )

@@ -31,6 +31,10 @@ class LocateView:
     host, port : where it is served.
     live : whether the scans come from a scanner that does not wait.
 
+    Attributes
+    ----------
+    feed : brings answers to the view, and given poses to the localiser.
+
     Raises
     ------
     ServeError
@@ -50,12 +54,12 @@ class LocateView:
         live: bool = False,
     ) -> None:
         self._playback = None if live else Playback(speed)
-        self._feed = LocateFeed(localizer)
+        self.feed = LocateFeed(localizer)
         self._state = LocateState(
             name,
             localizer.known_map,
             LocateReadings(scans_total, duration_s, live=live),
-            self._feed.ask,
+            self.feed.ask,
             self._playback,
         )
         self._server = ViewServer(self._state, self._next_update, self._playback, host, port)
@@ -76,22 +80,22 @@ class LocateView:
         """Yield the events of a recording when it is time for them, at once unless slowed."""
         for event in events:
             if self._playback is not None:
-                self._playback.wait_for(event.time, is_stopped, self._feed.offer)
+                self._playback.wait_for(event.time, is_stopped, self.feed.offer)
             yield event
 
     def after_answer(self, answer: Answer) -> None:
         """Show an answer, and give the localiser a pose that a page has sent, for the next scan."""
-        self._feed.after_answer(answer)
+        self.feed.after_answer(answer)
 
     def idle(self) -> None:
         """Show what came too quickly before; to be called while no scan arrives."""
-        self._feed.offer()
+        self.feed.offer()
 
     def finished(self) -> None:
         """Show that no more scans come."""
 
         def show() -> None:
-            for update in (self._feed.take(), self._feed.update()):
+            for update in (self.feed.take(), self.feed.update()):
                 if update is not None:
                     self._state.apply(update)
             self._state.end()
@@ -103,5 +107,5 @@ class LocateView:
         self._server.close()
 
     def _next_update(self) -> Callable[[], None] | None:
-        update = self._feed.take()
+        update = self.feed.take()
         return None if update is None else partial(self._state.apply, update)

@@ -34,7 +34,7 @@ class ViewState(ABC):
     ----------
     hello : content of HELLO but for the mode, see `hello_content`.
     mode : what is shown.
-    kinds : the parts that are one message each, of which only the latest counts.
+    kinds : the parts that are one message each: only the latest counts.
 
     Attributes
     ----------
