@@ -159,6 +159,18 @@ def test_a_robot_that_stands_still_does_not_repeat_itself():
     assert watch.changes().num_scans == 4
 
 
+def test_each_scanner_of_a_robot_is_heard():
+    counts = []
+    for scanners in ([IDENTITY], [IDENTITY, Pose(-0.3, 0.0, math.pi)]):
+        watch = ChangeWatch(known_map(ROOM))
+        for k, pose in enumerate(poses_around()[:20]):
+            for scanner in scanners:
+                watch.add(answer_at(pose, 0.1 * k), points(ROOM, pose), scanner)
+        counts.append(watch.changes().num_scans)
+
+    assert counts[1] == 2 * counts[0] > 0
+
+
 def test_areas_are_listed_by_size_with_all_facts(moved, tmp_path):
     save_changes(moved, tmp_path / "new")
 

@@ -103,7 +103,7 @@ add_command(
     locate_command,
     LocateOptions,
     [
-        "cartoloop locate intel drive.bag --poses poses.jsonl",
+        "cartoloop locate intel drive.bag --poses poses.jsonl --changes changed",
         "cartoloop locate map.yaml tcp://127.0.0.1:7000 --at 1.5,-2,90",
         "cartoloop locate intel drive.bag --view --speed 1",
     ],

@@ -83,7 +83,7 @@ class ChangeWatch:
         )  # fmt: skip
         self.num_scans = 0
         self._waiting: deque[_Look] = deque()
-        self._last: tuple[float, Pose] | None = None
+        self._last: dict[Pose, tuple[float, Pose]] = {}  # by the pose of the scanner
         self._last_local: Pose | None = None
         self._travelled = 0.0
         self._first_stamp = self._last_stamp = math.nan
@@ -100,17 +100,18 @@ class ChangeWatch:
         pose = answer.tf_map_tracking
         if pose is None or answer.covariance is None:
             self._waiting.clear()
-            self._last = self._last_local = None
+            self._last.clear()
+            self._last_local = None
             return
         if self._last_local is not None:
             self._travelled += math.dist(self._last_local[:2], answer.tf_local_tracking[:2])
         self._last_local = answer.tf_local_tracking
         self._count_proved(answer.stamp)
-        if not self._is_new(answer.stamp, pose) or len(points) == 0:
+        if len(points) == 0 or not self._is_new(answer.stamp, pose, beam_origin):
             return
         if not answer.agreement >= QUICK.expected * self._known.usual.agreement:
             return
-        self._last = answer.stamp, pose
+        self._last[beam_origin] = answer.stamp, pose
         self._waiting.append(self._look(answer, pose, points, beam_origin))
 
     def changes(self) -> Changes:
@@ -121,10 +122,11 @@ class ChangeWatch:
             self._known, self._grids, self.num_scans, (self._first_stamp, self._last_stamp)
         )
 
-    def _is_new(self, stamp: float, pose: Pose) -> bool:
-        if self._last is None:
+    def _is_new(self, stamp: float, pose: Pose, beam_origin: Pose) -> bool:
+        """Return whether the robot has moved since the last scan of the same scanner."""
+        if beam_origin not in self._last:
             return True
-        last_stamp, last = self._last
+        last_stamp, last = self._last[beam_origin]
         step = relative(last, pose)
         return (
             math.hypot(step.x, step.y) >= STEP_M
