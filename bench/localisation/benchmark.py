@@ -205,6 +205,7 @@ def _simulated_rows(seeds: int, drives: int, progress: Progress) -> Iterator[Row
     unchanged: list[measures.Followed] = []
     moved: list[measures.Followed] = []
     strangers: list[measures.Followed] = []
+    live: list[measures.Followed] = []
     carried: list[measures.CarriedAway] = []
     before: KnownMap | None = None
     for seed in range(seeds):
@@ -213,6 +214,7 @@ def _simulated_rows(seeds: int, drives: int, progress: Progress) -> Iterator[Row
         known = known_map_of(drive.result)
         start = _pose(drive, 0)
         unchanged.append(measures.follow(known, drive, at=start))
+        live.append(measures.follow(known, drive, max_path=MAX_PATH_M, live=True))
         later = simulated_drive(WORLD, seed, with_moved_boxes)
         moved.append(measures.follow(known_map_of(later.result), later, at=_pose(later, 0)))
         if before is not None:
@@ -231,6 +233,7 @@ def _simulated_rows(seeds: int, drives: int, progress: Progress) -> Iterator[Row
     yield Row(
         {"what": "tracking, boxes moved", **worlds}, _driving_figures(moved, by_overlap=False)
     )
+    yield _live_row(worlds, live)
     if strangers:
         yield _stranger_row(worlds, strangers)
     if carried:
@@ -269,6 +272,19 @@ def _percent(part: int, whole: int) -> Figure:
 
 def _pose(drive: Drive, scan: int) -> Pose:
     return Pose(*drive.truth[scan].tolist())
+
+
+def _live_row(case: Case, runs: Sequence[measures.Followed]) -> Row:
+    times = 1e3 * np.concatenate([run.processor for run in runs])
+    return Row(
+        {"what": "a robot, from nowhere", **case},
+        {
+            "scans": Figure.exact(len(times), better=None),
+            "time of the calling thread": Figure(float(np.median(times)), "ms"),
+            "99%": Figure(float(np.quantile(times, 0.99)), "ms"),
+            "longest": Figure(float(times.max()), "ms"),
+        },
+    )
 
 
 def _stranger_row(case: Case, runs: Sequence[measures.Followed]) -> Row:

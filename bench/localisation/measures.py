@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from time import perf_counter, process_time
+from time import perf_counter, process_time, thread_time
 
 import numpy as np
 
@@ -131,6 +131,8 @@ def follow(
     at: Pose | None = None,
     overlapping: FloatArray | None = None,
     localizer: Localizer | None = None,
+    *,
+    live: bool = False,
 ) -> Followed:
     """Localise along a drive, from a scan on.
 
@@ -140,11 +142,13 @@ def follow(
     at : pose to begin with.
     overlapping : float64, shape (n,), 1 for scans that overlap the map, by scan; None: all do.
     localizer : that is used; by default a new one in the map.
+    live : as a robot does: searches run beside the scans, and only the time of the thread that adds
+        scans is measured. Scans come faster than from a robot, so that places are found later.
     """
-    found, localizer = Followed(), localizer or Localizer(known, at=at)
+    found, localizer = Followed(), localizer or Localizer(known, at=at, live=live)
     path = overlap = 0.0
     scan, since = first, math.nan
-    for answer, spent in _answers(localizer, drive, first):
+    for answer, spent in _answers(localizer, drive, first, thread_time if live else process_time):
         if scan >= len(drive.truth) or path > max_path:
             break
         if scan > first:
@@ -158,13 +162,15 @@ def follow(
     return found
 
 
-def _answers(localizer: Localizer, drive: Drive, first: int) -> Iterator[tuple[Answer, float]]:
-    """Yield answers with the processor time since the one before [s]."""
+def _answers(
+    localizer: Localizer, drive: Drive, first: int, clock: Callable[[], float] = process_time
+) -> Iterator[tuple[Answer, float]]:
+    """Yield answers with the time since the one before by a clock [s]."""
     spent = 0.0
     for event in drive.from_scan(first):
-        begin = process_time()
+        begin = clock()
         answer = localizer.add(event)
-        spent += process_time() - begin
+        spent += clock() - begin
         if answer is not None:
             yield answer, spent
             spent = 0.0

@@ -6,7 +6,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cartoloop.localisation.decision import MARGIN_OF_PATH, MARGIN_OF_SCAN, decide, needed_margin
+from cartoloop.localisation.decision import (
+    MARGIN_OF_PATH,
+    MARGIN_OF_SCAN,
+    MAX_REFUTED_PATH_M,
+    decide,
+    needed_margin,
+    needed_of,
+)
 from cartoloop.localisation.trail import Trail
 from cartoloop.sensor.pose import IDENTITY, Pose
 from tests.localisation.rooms import BOX, ROOM, START, apart, known_map, points
@@ -63,3 +70,29 @@ def test_scans_of_a_path_need_less_of_a_margin():
     assert needed_margin(0.0) == MARGIN_OF_SCAN
     assert needed_margin(100.0) == pytest.approx(MARGIN_OF_PATH)
     assert MARGIN_OF_PATH < needed_margin(2.0) < MARGIN_OF_SCAN
+
+
+def test_scans_of_a_path_need_less_agreement():
+    known = known_map(ROOM)
+    needed = [needed_of(known, path) for path in (0.0, 3.0, 10.0, 30.0)]
+
+    assert [each.score for each in needed] == sorted((e.score for e in needed), reverse=True)
+    agreements = [each.agreement for each in needed]
+    assert agreements == sorted(agreements, reverse=True)
+    assert agreements[-1] == agreements[-2] == known.low_agreement
+
+
+def test_refuted_claims_make_the_next_one_need_more_path():
+    known = known_map(ROOM)
+
+    assert needed_of(known, 0.5, num_refuted=1) is None
+    assert needed_of(known, 3.0, num_refuted=1) == needed_of(known, 3.0)
+    assert needed_of(known, 3.0, num_refuted=2) is None
+    assert needed_of(known, MAX_REFUTED_PATH_M, num_refuted=99) is not None
+
+
+def test_a_place_is_listed_but_not_claimed_after_refuted_claims():
+    decision = decide(known_map(ROOM), composite_of(ROOM, START), 0.0, num_refuted=1)
+
+    assert decision.claim is None
+    assert apart(START, decision.places[0].tf_map_tracking)[0] < 0.1

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from cartoloop.localisation.doubt import Doubt
+from cartoloop.localisation.doubt import PROOF_M, Doubt
 
 LOW = 0.8
 
@@ -69,3 +69,26 @@ def test_a_search_that_finds_no_better_place_halves_the_doubt():
     doubt.reduce()
 
     assert doubt.level == 0.5 * before
+
+
+def test_a_claim_is_dropped_where_it_does_not_prove_itself():
+    proved, claimed = Doubt(LOW), Doubt(LOW, is_proved=False)
+    for _ in range(20):
+        for doubt in (proved, claimed):
+            doubt.add(LOW - 0.1, 0.1, 0.1)
+
+    assert claimed.is_lost
+    assert not claimed.is_proved
+    assert not proved.is_lost
+
+
+def test_a_claim_is_proved_after_a_path_that_agrees():
+    doubt = Doubt(LOW, is_proved=False)
+    doubt.add(1.0, 0.1 + PROOF_M, 0.1)
+
+    assert doubt.is_proved
+    assert not doubt.is_lost
+
+
+def test_an_outdated_map_is_noticed_in_the_end():
+    assert 5.0 < steps_until_lost(0.63, 0.1, 0.1) * 0.1 <= 40.0

@@ -63,7 +63,7 @@ def test_the_best_place_is_the_best_of_all_candidates(case):
     assert found.score == pytest.approx(mean_probability(max(mean.max() for mean in means)))
 
 
-def test_the_best_place_elsewhere_is_the_best_of_all_other_candidates(case):
+def test_the_best_place_elsewhere_is_the_best_of_the_others(case):
     known, scan = case
     means, turns = all_means(known, scan, 0.0, math.pi)
     turn, row, col = np.unravel_index(np.argmax(means), means.shape)

@@ -16,10 +16,13 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.pose_extrapolator import isotropic_information
 from cartoloop.local_slam.scan_matcher import degenerate_direction
-from cartoloop.localisation.known_map import KnownMap
+from cartoloop.localisation.global_search import find_near
+from cartoloop.localisation.known_map import Fit, KnownMap
+from cartoloop.localisation.trail import SCAN_FILTER
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.least_squares import MatchOptions, match_information
 from cartoloop.sensor.pose import Pose, compose, wrap_angle
+from cartoloop.sensor.range_filter import thin
 
 DRIFT_M, DRIFT_RAD = 0.02, math.radians(0.3)
 """Standard deviation of the motion by local SLAM after a metre of path [m], [rad]; it grows with
@@ -48,6 +51,17 @@ of what is missing."""
 MIN_AGREEMENT = 0.35
 """Matches that agree less, relative to the usual agreement, are not used."""
 
+DROP, MEAN_SHARE = 0.1, 0.05
+"""If a scan agrees less than the latest did on average by the first, relative to the usual
+agreement, the pose is searched nearby: local SLAM may have slipped, as where odometry stops for a
+second. The second is what a scan counts in the mean."""
+
+NEARBY_M, NEARBY_RAD = 0.75, math.radians(10.0)
+"""Window of that search, to each side [m], [rad]."""
+
+BETTER_SCORE, BETTER_AGREEMENT = 0.02, 0.08
+"""By which score and agreement must be better there."""
+
 
 class Tracker:
     """The pose in the map, and its covariance.
@@ -73,6 +87,7 @@ class Tracker:
         covariance: FloatArray,
     ) -> None:
         self._known = known
+        self._mean = 1.0
         self._matcher = config.least_squares_matcher
         self._prediction = config.prediction
         self.pose = tf_map_tracking
@@ -102,12 +117,39 @@ class Tracker:
         pose, covariance = self._matched(points)
         fit = known.fit(points, beam_origin, pose)
         usual = fit.agreement / known.usual.agreement
+        if usual < self._mean - DROP and self._finds_nearby(points, beam_origin, fit):
+            pose, covariance = self._matched(points)
+            fit = known.fit(points, beam_origin, pose)
+            usual = fit.agreement / known.usual.agreement
+        if not math.isnan(usual):
+            self._mean += MEAN_SHARE * (min(usual, 1.0) - self._mean)
         share = fit.num_counted / len(points)
         if math.isnan(usual) or usual < MIN_AGREEMENT:
             return known.fit(points, beam_origin, self.pose).agreement
         missing = max(FULL_TRUST_AGREEMENT / max(usual, 1e-3), 1.0) / max(share, 0.1)
         self._fuse(pose, covariance * missing**2)
         return fit.agreement
+
+    def _finds_nearby(self, points: FloatArray, beam_origin: Pose, fit: Fit) -> bool:
+        """Move the pose to where the scan fits better nearby; return whether there is such a place.
+
+        Parameters
+        ----------
+        fit : where least squares led to.
+        """
+        known = self._known
+        least = fit.score + BETTER_SCORE
+        thinned = thin(points, SCAN_FILTER)
+        found = find_near(known, thinned, self.pose, NEARBY_M, NEARBY_RAD, least)
+        if found is None:
+            return False
+        better = known.fit(points, beam_origin, found.tf_map_tracking)
+        if not (better.agreement >= fit.agreement + BETTER_AGREEMENT and better.score >= least):
+            return False
+        self.pose = found.tf_map_tracking
+        sigma = known.grid.resolution
+        self.covariance = np.diag((sigma**2, sigma**2, PRIOR_SIGMA_RAD**2))
+        return True
 
     def _matched(self, points: FloatArray) -> tuple[Pose, FloatArray]:
         """Return where the scan fits best near the predicted pose, and the covariance of that."""
