@@ -340,7 +340,12 @@ def bench_localisation(
     drives: Annotated[int, typer.Option(min=1, help="Drives of each recording and world.")] = 40,
     seeds: Annotated[int, typer.Option(min=0, help="Simulated worlds.")] = 5,
     only: Annotated[
-        list[str] | None, typer.Option("--only", help="Recording; may be repeated; or 'none'.")
+        list[str] | None,
+        typer.Option(
+            "--only",
+            help="Recording; may be repeated; 'none': simulated worlds; 'changes': of these the "
+            "drives on a later day.",
+        ),
     ] = None,
     against: AgainstOption = None,
     strict: StrictOption = False,
@@ -351,8 +356,9 @@ def bench_localisation(
     before = _earlier(against, "localisation")
     recordings = tuple(only or benchmark.RECORDINGS)
     record = benchmark.run(
-        _data_folder(data), scans, drives, seeds, [name for name in recordings if name != "none"],
-        lambda line: typer.echo(line, err=True),
+        _data_folder(data), scans, drives, seeds,
+        [name for name in recordings if name not in ("none", "changes")],
+        lambda line: typer.echo(line, err=True), changes_alone=recordings == ("changes",),
     )  # fmt: skip
     _print_table(record)
     _conclude(record, out, before, strict)

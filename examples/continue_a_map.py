@@ -1,16 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Add a recording to a map: ``python examples/continue_a_map.py MAP LOG [OUT]``."""
+"""Add a recording to a map: ``python examples/continue_a_map.py [MAP LOG [OUT]]``.
+
+Without them, two parts of a drive through an office are simulated, and the first is mapped.
+"""
 
 import argparse
 import sys
+from collections.abc import Iterable
 
 import cartoloop
+from cartoloop.sensor.events import SensorEvent
+from cartoloop.simulation import make_world, simulate
 
 
-def main(onto: str, log: str, out: str = "example-continued") -> cartoloop.Result:
+def simulated() -> tuple[cartoloop.Result, list[SensorEvent]]:
+    """Return the map of the beginning of a drive, and the events of its end, which overlap."""
+    drive = simulate(make_world("office"), seed=1, duration=120.0)
+    start, mapper = float(drive.stamps[0]), cartoloop.Mapper()
+    for event in drive.events():
+        if event.stamp <= start + 90.0:
+            mapper.add(event)
+    return mapper.finish(), [event for event in drive.events() if event.stamp > start + 40.0]
+
+
+def main(
+    onto: str | None = None, log: str | None = None, out: str = "example-continued"
+) -> cartoloop.Result:
     """Add the recording `log` to the map `onto`, and save both in the folder `out`."""
-    mapper = cartoloop.Mapper(onto=onto)
-    for event in cartoloop.read(log):
+    base: str | cartoloop.Result
+    events: Iterable[SensorEvent]
+    if onto is None or log is None:
+        base, events = simulated()
+    else:
+        base, events = onto, cartoloop.read(log)
+    mapper = cartoloop.Mapper(onto=base)
+    for event in events:
         mapper.add(event)
     result = mapper.finish()
     result.save(out)
@@ -21,8 +45,8 @@ def main(onto: str, log: str, out: str = "example-continued") -> cartoloop.Resul
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Add a recording to a map.")
-    parser.add_argument("onto", help="folder of the map")
-    parser.add_argument("log", help="recording")
+    parser.add_argument("onto", nargs="?", help="folder of the map; by default one is simulated")
+    parser.add_argument("log", nargs="?", help="recording")
     parser.add_argument("out", nargs="?", default="example-continued", help="folder for the map")
     try:
         main(**vars(parser.parse_args()))

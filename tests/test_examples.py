@@ -32,6 +32,7 @@ def test_every_example_is_tested():
         "own_reader",
         "send_scans",
         "locate_a_robot",
+        "report_changes",
     }
     tested |= {"continue_a_map", "merge_maps", "refresh_a_map"}
     assert {path.stem for path in EXAMPLES.glob("*.py")} == tested
@@ -59,6 +60,15 @@ def test_edit_a_map(tmp_path, monkeypatch, capsys):
 def test_locate_a_robot(capsys):
     assert load("locate_a_robot").main() < 0.15
     assert "located" in capsys.readouterr().out
+
+
+def test_report_changes(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    kinds = load("report_changes").main()
+
+    assert set(kinds) == {"appeared", "disappeared"}
+    assert "updated: example-changes/map" in capsys.readouterr().out
+    assert (tmp_path / "example-changes" / "changes.png").exists()
 
 
 def test_feed_your_own_scans(capsys):
@@ -107,6 +117,7 @@ def run(name, *arguments, cwd):
         ("own_reader", "51 scans mapped"),
         ("send_scans", "100 scans"),
         ("merge_maps", "2 of 2 sessions in one map"),
+        ("continue_a_map", "session 2 found its place"),
         ("refresh_a_map", "submaps gave way"),
     ],
 )

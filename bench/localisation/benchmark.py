@@ -11,6 +11,7 @@ import numpy as np
 
 from bench.environment import environment
 from bench.localisation import measures
+from bench.localisation.changed_places import Found, follow_and_judge, later_day
 from bench.localisation.drives import (
     CutRecording,
     Drive,
@@ -20,6 +21,7 @@ from bench.localisation.drives import (
 )
 from bench.record import Case, Figure, Record, Row
 from cartoloop.evaluation.map_image import MapImage
+from cartoloop.localisation.changes.areas import Kind
 from cartoloop.localisation.known_map import KnownMap, known_map_of, known_map_of_image
 from cartoloop.map_output.occupancy_map import OccupancyMap
 from cartoloop.sensor.pose import Pose
@@ -28,6 +30,9 @@ RECORDINGS = ("intel", "fr079", "mit-csail", "aces")
 """Recordings whose second half is localised in the map of the first."""
 
 WORLD = "office"
+PEOPLE = 3
+"""Who walk near the robot in a part of the drives."""
+
 MAX_PATH_M = 20.0
 """Path of each drive from nowhere [m]."""
 
@@ -38,7 +43,14 @@ Progress = Callable[[str], None]
 
 
 def run(
-    data: Path, scans: int, drives: int, seeds: int, recordings: Sequence[str], progress: Progress
+    data: Path,
+    scans: int,
+    drives: int,
+    seeds: int,
+    recordings: Sequence[str],
+    progress: Progress,
+    *,
+    changes_alone: bool = False,
 ) -> Record:
     """Return the figures of all parts.
 
@@ -50,6 +62,7 @@ def run(
     seeds : simulated worlds.
     recordings : names of the recordings.
     progress : called with a line now and then.
+    changes_alone : whether of the simulated worlds only drives on a later day are measured.
     """
     rows: list[Row] = []
     for name in recordings:
@@ -60,7 +73,9 @@ def run(
         progress(f"{name}: mapping both halves")
         drive = CutRecording(path).drive()
         rows += _reported(_recording_rows(drive, scans, drives, progress), progress)
-    rows += _reported(_simulated_rows(seeds, drives, progress), progress)
+    if not changes_alone:
+        rows += _reported(_simulated_rows(seeds, drives, progress), progress)
+    rows += _reported(_changed_rows(seeds, progress), progress)
     return Record("localisation", tuple(rows), environment())
 
 
@@ -220,6 +235,36 @@ def _simulated_rows(seeds: int, drives: int, progress: Progress) -> Iterator[Row
         yield _stranger_row(worlds, strangers)
     if carried:
         yield _carried_row(worlds, carried)
+
+
+def _changed_rows(seeds: int, progress: Progress) -> Iterator[Row]:
+    """Return how a robot is followed on a later day, and what it reports to have changed."""
+    for people in (0, PEOPLE) if seeds else ():
+        followed: list[measures.Followed] = []
+        found: dict[Kind, Found] = {}
+        doors = 0
+        for seed in range(seeds):
+            progress(f"{WORLD} {seed}, {people} people: mapping, and driving on a later day")
+            day = later_day(seed, people)
+            run, judged = follow_and_judge(day, known_map_of(day.drive.result))
+            followed.append(run)
+            doors += day.doors
+            for kind, each in judged.items():
+                found[kind] = found[kind] + each if kind in found else each
+        nearby = f", {people} people" if people else ""
+        case: Case = {"drive": f"{WORLD}, {seeds} seeds{nearby}", "map": "ours"}
+        figures = _driving_figures(followed, by_overlap=False)
+        figures["doors closed"] = Figure.exact(doors, better=None)
+        for kind, each in found.items():
+            figures[f"{kind}: areas"] = Figure.exact(each.num_areas, better=None)
+            figures[f"{kind}: right"] = _percent(each.num_right, each.num_areas)
+            figures[f"{kind}: could be seen"] = Figure.exact(each.num_things, better=None)
+            figures[f"{kind}: reported"] = _percent(each.num_found, each.num_things)
+        yield Row({"what": "a later day", **case}, figures)
+
+
+def _percent(part: int, whole: int) -> Figure:
+    return Figure.exact(100.0 * part / whole if whole else math.nan, "%", "more")
 
 
 def _pose(drive: Drive, scan: int) -> Pose:

@@ -97,7 +97,7 @@ class CutRecording:
         cut = scans[int(self.share * len(scans))]
         calibration = calibrate(log, self.config, StopRequest())
         whole, first = (
-            _mapped(part, Mapper(self.config, calibration=calibration))
+            mapped(part, Mapper(self.config, calibration=calibration))
             for part in (events, events[:cut])
         )
         num_first = len(first.stamps)
@@ -113,7 +113,8 @@ def _is_skipped(event: SensorEvent, stamps: set[float]) -> bool:
     return isinstance(event, LaserScan) and event.stamp not in stamps
 
 
-def _mapped(events: Sequence[SensorEvent], mapper: Mapper) -> Result:
+def mapped(events: Sequence[SensorEvent], mapper: Mapper) -> Result:
+    """Return the map of events."""
     for event in events:
         mapper.add(event)
     return mapper.finish()
@@ -159,7 +160,7 @@ def simulated_drive(
     back = simulate(
         replace(later, route=route), seed=2 * seed + 1, motion=drive(route, *world.pace)
     )
-    tf_map_world = _aligned(first.true_poses[: len(result.stamps)], result.trajectory)
+    tf_map_world = aligned(first.true_poses[: len(result.stamps)], result.trajectory)
     truth = compose_all(np.array(tf_map_world), back.true_poses)
     return Drive(f"{name} {seed}", result, list(back.events()), truth)
 
@@ -167,7 +168,7 @@ def simulated_drive(
 @cache
 def _map_of_world(name: str, seed: int, duration: float | None) -> Result:
     first = simulate(make_world(name, seed), seed=2 * seed, duration=duration)
-    return _mapped(list(first.events()), Mapper())
+    return mapped(list(first.events()), Mapper())
 
 
 def corners_of(poses: FloatArray) -> FloatArray:
@@ -179,7 +180,7 @@ def corners_of(poses: FloatArray) -> FloatArray:
     return poses[kept, :2]
 
 
-def _aligned(truth: FloatArray, found: FloatArray) -> Pose:
+def aligned(truth: FloatArray, found: FloatArray) -> Pose:
     """Return the transform between two trajectories by least squares, tf_found_truth."""
     a, b = truth[:, :2] - truth[:, :2].mean(axis=0), found[:, :2] - found[:, :2].mean(axis=0)
     cos = float((a * b).sum())

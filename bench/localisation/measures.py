@@ -130,6 +130,7 @@ def follow(
     max_path: float = math.inf,
     at: Pose | None = None,
     overlapping: FloatArray | None = None,
+    localizer: Localizer | None = None,
 ) -> Followed:
     """Localise along a drive, from a scan on.
 
@@ -138,8 +139,9 @@ def follow(
     max_path : to drive at most [m].
     at : pose to begin with.
     overlapping : float64, shape (n,), 1 for scans that overlap the map, by scan; None: all do.
+    localizer : that is used; by default a new one in the map.
     """
-    found, localizer = Followed(), Localizer(known, at=at)
+    found, localizer = Followed(), localizer or Localizer(known, at=at)
     path = overlap = 0.0
     scan, since = first, math.nan
     for answer, spent in _answers(localizer, drive, first):

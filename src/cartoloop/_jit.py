@@ -77,6 +77,15 @@ def inlined_kernel(function: F) -> F:
     return _compiled(function, inline="always")
 
 
+def borrowing_kernel(function: F) -> F:
+    """Compile `function`, which makes no arrays and only uses those of its caller, as a kernel.
+
+    Numba counts references to arrays in each kernel that is called, with atomic operations for
+    which threads that share an array wait. This one does not count: its caller holds the arrays.
+    """
+    return _compiled(function, _nrt=False)
+
+
 def kernel(function: F) -> F:
     """Compile `function` on its first call, without the GIL, cached on disk.
 
@@ -87,11 +96,14 @@ def kernel(function: F) -> F:
     return _compiled(function)
 
 
-def _compiled(function: F, **options: str) -> F:
+def _compiled(function: F, *, _nrt: bool = True, **options: str) -> F:
     previous = _config.CACHE_DIR
     _config.CACHE_DIR = str(kernel_cache_folder())
     try:
-        compile_with = _njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)
+        # Memory management (`_nrt`) is stated, as kernels would inherit it from their callers.
+        compile_with = _njit(
+            nogil=True, error_model="numpy", no_cfunc_wrapper=True, _nrt=_nrt, **options
+        )
         compiled = compile_with(function)
         if not _config.DISABLE_JIT:
             _add_cache(compiled, function)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``cartoloop view`` and ``cartoloop map --view``: served until Ctrl-C."""
+"""``cartoloop view``, and ``map`` and ``locate`` with ``--view``: served until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import pytest
 from cartoloop.cli.main import run
 from cartoloop.simulation import ring, simulate
 from tests.limits import LIMIT_S
+from tests.localisation.rooms import ROOM, START, carmen_text, drive, write_image
 from tests.viewer.page_twin import join, look
 
 pytestmark = pytest.mark.slow
@@ -109,6 +110,72 @@ def test_ctrl_c_while_paused_stops_and_saves(log, tmp_path):
         assert "the map of these is in" in errors
         assert "Traceback" not in errors
     assert (tmp_path / "out/map.png").exists()
+
+
+@pytest.fixture
+def room(tmp_path):
+    return write_image(tmp_path, ROOM)
+
+
+@pytest.fixture
+def drive_log(tmp_path):
+    path = tmp_path / "drive.log"
+    path.write_text(carmen_text(ROOM, drive(START, 60, step=0.04, turn=0.03)))
+    return path
+
+
+def test_a_localisation_is_served_until_ctrl_c(room, drive_log, tmp_path):
+    poses = tmp_path / "poses.jsonl"
+    with command("locate", room, drive_log, "--view", "--speed", "20", "--poses", poses) as (
+        process,
+        url,
+    ):
+        with join(url) as connection:
+            page = look(connection)
+            assert (page.hello["mode"], page.hello["name"]) == ("locating", drive_log.name)
+            look(connection, page, lambda page: page.readings["state"] == "finished")
+            assert page.readings["text"] == "ended: located"
+            assert page.readings["scans"] == page.readings["scans_total"] == 61
+            assert page.playback["speed"] == 20.0
+        shown = ""
+        while "Ctrl-C ends" not in shown:
+            shown = process.stdout.readline()
+            assert shown
+        assert url in shown
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=LIMIT_S)
+        assert process.returncode == 0
+    assert len(poses.read_text().splitlines()) == 61
+
+
+def test_ctrl_c_ends_a_localisation_that_is_paused(room, drive_log):
+    with command("locate", room, drive_log, "--view", "--speed", "1") as (process, url):
+        with join(url) as connection:
+            page = look(connection)
+            look(connection, page, lambda page: page.readings["scans"] > 3)
+            connection.send('{"type": "pause"}')
+            look(connection, page, lambda page: page.readings["state"] == "paused")
+            process.send_signal(signal.SIGINT)
+            said, errors = process.communicate(timeout=LIMIT_S)
+        assert process.returncode == 0
+        assert "located" in said
+        assert "Traceback" not in errors
+
+
+def test_a_view_changes_no_answer(room, drive_log, tmp_path):
+    arguments = ["locate", str(room), str(drive_log), "--poses"]
+    assert run([*arguments, str(tmp_path / "a")]) == 0
+    with command(*arguments, tmp_path / "b", "--view") as (process, url), join(url) as connection:
+        look(connection, None, lambda page: page.json and page.readings["state"] == "finished")
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=LIMIT_S)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_a_pace_is_for_recordings(room, capsys):
+    assert run(["locate", str(room), "tcp://127.0.0.1:0", "--view", "--speed", "2"]) == 2
+
+    assert "is for recordings" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

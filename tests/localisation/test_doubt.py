@@ -7,9 +7,11 @@ import math
 
 from cartoloop.localisation.doubt import Doubt
 
+LOW = 0.8
+
 
 def steps_until_lost(agreement, path, duration):
-    doubt = Doubt()
+    doubt = Doubt(LOW)
     for step in range(1, 1000):
         doubt.add(agreement, path, duration)
         if doubt.is_lost:
@@ -27,8 +29,29 @@ def test_moved_furniture_does_not_make_a_robot_lost():
     assert steps_until_lost(math.nan, 0.1, 0.1) is None
 
 
-def test_people_passing_by_are_forgotten():
+def doubt_after(agreements):
     doubt = Doubt()
+    for agreement in agreements:
+        doubt.add(agreement, 0.1, 0.1)
+    return doubt
+
+
+def test_a_changed_room_does_not_make_a_robot_lost():
+    gradual = [0.9, 0.8, 0.7, 0.6, *(0.5 for _ in range(80))]
+
+    assert doubt_after(gradual).is_lost
+    assert not doubt_after([0.95] * 100 + gradual).is_lost
+
+
+def test_a_robot_carried_away_is_lost_after_any_path():
+    carried = [0.3] * 15  # 1.5 m
+
+    assert doubt_after([0.95] * 10 + carried).is_lost
+    assert doubt_after([0.95] * 1000 + carried).is_lost
+
+
+def test_people_passing_by_are_forgotten():
+    doubt = Doubt(LOW)
     for _ in range(3):
         doubt.add(0.2, 0.1, 0.1)
     before = doubt.level
@@ -40,7 +63,7 @@ def test_people_passing_by_are_forgotten():
 
 
 def test_a_search_that_finds_no_better_place_halves_the_doubt():
-    doubt = Doubt()
+    doubt = Doubt(LOW)
     doubt.add(0.0, 1.0, 0.0)
     before = doubt.level
     doubt.reduce()

@@ -26,7 +26,7 @@ def test_a_scan_is_found_whatever_the_image(resolution, origin):
 
     found = find(known, points(ROOM, START), 0.4)
 
-    distance, angle = apart(START, found.best.tf_map_tracking)
+    distance, angle = apart(START, found.tf_map_tracking)
     assert distance < 0.15
     assert angle < 1.5
 

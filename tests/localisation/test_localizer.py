@@ -136,8 +136,26 @@ def test_a_pose_can_be_set_while_driving(box):
     localizer.set_pose(poses[5])
     answers = answers_to(localizer, drive_events[10:])
 
+    assert localizer.given_pose_fits is True
     assert answers[-1].state is State.LOCATED
     assert apart(poses[-1], answers[-1].tf_map_tracking)[0] < 0.1
+
+
+def test_a_pose_that_is_set_where_no_scan_fits_changes_nothing(room):
+    localizer = Localizer(room)
+    poses = drive(START, 10)
+    drive_events = list(events(ROOM, poses))
+    answers_to(localizer, drive_events[:10])
+    path_before = localizer.answer.tf_local_tracking
+
+    localizer.set_pose(Pose(7.5, 8.5, 1.0))
+    assert localizer.given_pose_fits is None
+    answers = answers_to(localizer, drive_events[10:])
+
+    assert localizer.given_pose_fits is False
+    assert {answer.state for answer in answers} == {State.LOCATED}
+    assert apart(poses[-1], answers[-1].tf_map_tracking)[0] < 0.1
+    assert answers[-1].tf_local_tracking.x > path_before.x
 
 
 def test_the_same_events_have_the_same_answers(room):

@@ -128,6 +128,13 @@ class Page:
     def _node_times(self, kind, payload):
         self._rows("node_times", payload, lambda count: np.frombuffer(payload, "<f8", count, 16))
 
+    def _path(self, kind, payload):
+        self._rows(
+            "path",
+            payload,
+            lambda count: np.frombuffer(payload, "<f4", 3 * count, 16).reshape(-1, 3),
+        )
+
     def _constraints(self, kind, payload):
         def read(count):
             columns = (

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from cartoloop.map_output.colours import DARK, LIGHT, MIN_CONTRAST, MIN_TEXT_CONTRAST, contrast
+from tests.localisation.rooms import BOX, START
+from tests.viewer.locating import go, locating
 from tests.viewer.real_page import opened
 
 TEXTS = """() => {
@@ -103,6 +105,46 @@ def test_all_text_can_be_read(chromium, server, theme):
         "Threshold",
         "close",
     ):
+        assert expected in words
+    assert [(round(ratio, 2), text) for ratio, text in texts if ratio < MIN_TEXT_CONTRAST] == []
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("size", [(1280, 800), (390, 800)])
+def test_all_text_of_a_localisation_can_be_read(chromium, theme, size):
+    texts = []
+    with locating(BOX, START) as one, opened(chromium, one.url, size) as page:
+        page.settle()
+        keys = page.page.keyboard
+        if theme == "dark":
+            keys.press("d")
+            page.settle("s.theme === 'dark'")
+        texts += shown(page)
+        go(one, page, 5)
+        texts += shown(page)
+        page.page.click("#pose-button")
+        page.page.fill("#pose-x", "")
+        page.page.click("#pose-give")
+        texts += shown(page)
+        for name, value in zip(("x", "y", "heading"), ("2", "5", "77"), strict=True):
+            page.page.fill(f"#pose-{name}", value)
+        page.page.click("#pose-give")
+        page.page.get_by_text("tried at the next scan").wait_for()
+        texts += shown(page)
+        go(one, page, 2)
+        page.page.get_by_text("not believed").wait_for()
+        texts += shown(page)
+        keys.press("Escape")
+        one.localizer.set_pose(one.pose)
+        go(one, page, 2)
+        one.view.finished()
+        page.settle("s.readings.state === 'finished'")
+        texts += shown(page)
+        keys.press("?")
+        texts += shown(page)
+
+    words = " ".join(text for _, text in texts)
+    for expected in ("places fit", "%", "Heading", "three numbers", "searching", "ended", "usual"):
         assert expected in words
     assert [(round(ratio, 2), text) for ratio, text in texts if ratio < MIN_TEXT_CONTRAST] == []
 

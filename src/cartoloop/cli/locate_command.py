@@ -5,18 +5,23 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cartoloop.cli.locate_changes import NEVER_LOCATED_STATUS, ChangeOptions, update
 from cartoloop.cli.options import (
+    VIEW,
     ConfigOptions,
     LiveSourceOptions,
     ReadingOptions,
     parse_pose_deg,
 )
+from cartoloop.cli.view_command import ViewOptions
 
 if TYPE_CHECKING:
     from typing import BinaryIO
@@ -24,20 +29,20 @@ if TYPE_CHECKING:
     from cartoloop.localisation.answer import Answer
     from cartoloop.localisation.localizer import Localizer
     from cartoloop.localisation.run import PoseKeeper, RunSummary
+    from cartoloop.readers import Log
+    from cartoloop.sensor.events import SensorEvent
     from cartoloop.stop_request import StopRequest
+    from cartoloop.viewer.locate_view import LocateView
 
 START = "Start"
 """Group of options in the help."""
-
-NEVER_LOCATED_STATUS = 3
-"""Exit status of a strict run in which the robot was never located."""
 
 LIVE_SCHEMES = ("tcp", "ws", "ros2")
 """What the address of a live source begins with."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class LocateOptions(ReadingOptions, LiveSourceOptions, ConfigOptions):
+class LocateOptions(ChangeOptions, ReadingOptions, LiveSourceOptions, ConfigOptions, ViewOptions):
     """Options of ``cartoloop locate``."""
 
     map_: Annotated[
@@ -83,6 +88,29 @@ class LocateOptions(ReadingOptions, LiveSourceOptions, ConfigOptions):
             rich_help_panel=START,
         ),
     ] = None
+    view: Annotated[
+        bool,
+        typer.Option(
+            "--view",
+            help="Show the map in a browser, with the robot and where else it may be; its pose can "
+            "be given there.",
+            rich_help_panel=VIEW,
+        ),
+    ] = False
+
+    def require_view(self) -> None:
+        """Refuse options that have no effect without a view, or on a live source.
+
+        Raises
+        ------
+        typer.BadParameter
+            One was given.
+        """
+        super().require_view()
+        if self.is_live and self.speed is not None:
+            raise typer.BadParameter(
+                "is for recordings: a live source has its own", param_hint="--speed"
+            )
 
     @property
     def is_live(self) -> bool:
@@ -94,39 +122,70 @@ class LocateOptions(ReadingOptions, LiveSourceOptions, ConfigOptions):
 def locate_command(options: LocateOptions) -> None:
     """Say where a robot is in a finished map, scan by scan, and when it is not known."""
     start = parse_pose_deg(options.at, "--at")
+    options.require_view()
     read_options = options.read_options()
     loaded = options.load()
 
     from cartoloop.cli.live_mapping import poses_stream
+    from cartoloop.cli.locate_view import open_view, stay_open
     from cartoloop.cli.mapping import compilation_notice
     from cartoloop.cli.stop_signals import stop_signals
     from cartoloop.localisation.localizer import Localizer
     from cartoloop.localisation.run import PoseKeeper, RunSummary
 
+    options.check(options.map_, is_live=options.is_live)
+    is_quiet = options.poses == "-"
+    log = None
     if not options.is_live:
         from cartoloop.readers import open_log
 
         log = open_log(options.source, read_options)
-    with poses_stream(options.poses) as poses, compilation_notice(), stop_signals() as stop:
-        localizer = Localizer(
-            options.map_, loaded.config, at=start, live=options.is_live, waits=options.no_drop
-        )
-        keeper = None if options.keep is None else PoseKeeper(options.keep, localizer, _warn)
-        run = _Run(RunSummary(), keeper, poses, is_quiet=options.poses == "-")
-        if options.is_live:
-            _locate_source(options, localizer, run, stop)
-        else:
-            from cartoloop.localisation.run import locate_events
-
-            run.say(log.description)
-            for answer in locate_events(localizer, log, stop):
-                run.add(answer)
-                run.write(answer)
-        if keeper is not None:
-            keeper.write()
-    run.say(run.summary.text())
+        options.check_recording(options.map_, log)
+    with ExitStack() as closing:
+        with (
+            poses_stream(options.poses) as poses,
+            compilation_notice() as compiler,
+            stop_signals() as stop,
+        ):
+            localizer = Localizer(
+                options.map_,
+                loaded.config,
+                at=start,
+                live=options.is_live,
+                waits=options.no_drop,
+                watch_changes=options.changes is not None,
+            )
+            keeper = None if options.keep is None else PoseKeeper(options.keep, localizer, _warn)
+            view = closing.enter_context(open_view(options, localizer, log, is_quiet=is_quiet))
+            run = _Run(RunSummary(), keeper, poses, view, is_quiet=is_quiet)
+            if log is None:
+                _locate_source(options, localizer, run, stop)
+            else:
+                _locate_recording(log, localizer, run, stop)
+            if keeper is not None:
+                keeper.write()
+            run.say(run.summary.text())
+            options.report(localizer, run.say)
+            if options.update and log is not None:
+                at = run.summary.first_pose
+                update(options.map_, log, loaded, at, stop, compiler, run.say)
+        if view is not None and not stop.made:
+            stay_open(view, is_quiet=is_quiet)
     if options.strict and run.summary.pose is None:
         raise typer.Exit(NEVER_LOCATED_STATUS)
+
+
+def _locate_recording(log: Log, localizer: Localizer, run: _Run, stop: StopRequest) -> None:
+    """Localise by a recording."""
+    from cartoloop.localisation.run import locate_events
+
+    run.say(log.description)
+    events: Iterable[SensorEvent] = log
+    if run.view is not None:
+        events = run.view.paced(log, lambda: stop.made)
+    for answer in locate_events(localizer, events, stop):
+        run.add(answer)
+        run.write(answer)
 
 
 class _Run:
@@ -137,6 +196,7 @@ class _Run:
     summary : of all answers.
     keeper : keeps the pose on disk, or None.
     poses : stream for a line of JSON a scan, or None.
+    view : shows the answers, or None.
     is_quiet : whether standard output is for poses.
     """
 
@@ -145,11 +205,13 @@ class _Run:
         summary: RunSummary,
         keeper: PoseKeeper | None,
         poses: BinaryIO | None,
+        view: LocateView | None,
         *,
         is_quiet: bool,
     ) -> None:
         self.summary = summary
         self.poses = poses
+        self.view = view
         self._keeper = keeper
         self._is_quiet = is_quiet
         self._state = ""
@@ -159,13 +221,15 @@ class _Run:
         typer.echo(line, err=self._is_quiet)
 
     def add(self, answer: Answer) -> None:
-        """Count an answer, keep its pose, and say it if the state changes."""
+        """Count and show an answer, keep its pose, and say it if the state changes."""
         self.summary.add(answer)
         if self._keeper is not None:
             self._keeper.add(answer)
         if answer.state != self._state:
             self._state = answer.state
             self.say(change(answer))
+        if self.view is not None:
+            self.view.after_answer(answer)
 
     def write(self, answer: Answer) -> None:
         """Write the line of an answer.
@@ -238,7 +302,8 @@ def _locate_source(
 
     messages = options.message_options()
     try:
-        locate_run.locate_live(source, localizer, messages, notices, on_answer, stop)
+        on_idle = None if run.view is None else run.view.idle
+        locate_run.locate_live(source, localizer, messages, notices, on_answer, stop, on_idle)
     finally:
         if writer is not None:
             writer.close()

@@ -163,11 +163,7 @@ class _Display(RunObserver):
         typer.echo(f"writing {folder}", err=True)
 
     def saved(self, result: Result, failure: Exception | None) -> None:
-        for problem in self._log.problems[:MAX_PROBLEMS_SHOWN]:
-            typer.echo(f"{problem.severity}: {problem.message}", err=True)
-        if self._log.num_problems > MAX_PROBLEMS_SHOWN:
-            rest = self._log.num_problems - MAX_PROBLEMS_SHOWN
-            typer.echo(f"and {rest} more problems; see report.json", err=True)
+        self._show_problems()
         if warning := odometry_warning(result.report):
             typer.echo(f"warning: {warning}", err=True)
         typer.echo(summary(result.report, self._out))
@@ -175,8 +171,26 @@ class _Display(RunObserver):
         if failure is not None:
             typer.echo(f"the map until the failure is in {self._out}", err=True)
 
+    def _show_problems(self) -> None:
+        for problem in self._log.problems[:MAX_PROBLEMS_SHOWN]:
+            typer.echo(f"{problem.severity}: {problem.message}", err=True)
+        if self._log.num_problems > MAX_PROBLEMS_SHOWN:
+            rest = self._log.num_problems - MAX_PROBLEMS_SHOWN
+            typer.echo(f"and {rest} more problems; see report.json", err=True)
+
     def _paused_s(self) -> float:
         return self._compiler.seconds + (self._view.paused_s if self._view is not None else 0.0)
+
+
+class UnsavedDisplay(_Display):
+    """Shows a run whose map the caller saves, or does not."""
+
+    def __init__(self, log: Log, stop: SignalStop, compiler: CompileWatch) -> None:
+        super().__init__(log, Path(), stop, compiler, None)
+
+    def saved(self, result: Result, failure: Exception | None) -> None:
+        """Show what is wrong with the recording, and no summary."""
+        self._show_problems()
 
 
 def show_stage(view: LiveView | None, mapper: Mapper, stage: str | None) -> None:

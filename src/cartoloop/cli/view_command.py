@@ -169,9 +169,15 @@ def require_view(view: bool, **options: object) -> None:
             )
 
 
-def wait_for_stop(what: str) -> None:
-    """Print the address of the view, and return when the user stops it."""
+def wait_for_stop(what: str, *, is_quiet: bool = False) -> None:
+    """Print the address of the view, and return when the user stops it.
+
+    Parameters
+    ----------
+    what : the address, and what is shown.
+    is_quiet : whether standard output is for something else.
+    """
     with stop_signals() as stop:  # before the line that invites to Ctrl-C
-        typer.echo(f"{what} (Ctrl-C ends)")
+        typer.echo(f"{what} (Ctrl-C ends)", err=is_quiet)
         while not stop.made:
             time.sleep(0.1)

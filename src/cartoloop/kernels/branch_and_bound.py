@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop._jit import inlined_kernel, kernel
+from cartoloop._jit import borrowing_kernel, inlined_kernel, kernel
 from cartoloop.arrays import BoolArray, ByteArray, CellArray, FloatArray, IntArray
 from cartoloop.kernels.node_bounds import (
     COL,
@@ -105,6 +105,7 @@ class Search(NamedTuple):
     indices : int32, scratch, an entry for each point of a block.
     sums : int64, shape (num_blocks, 4), scratch, see :func:`score_children`.
     nodes : int64, shape (m, REST + num_blocks + 1).
+    num_waiting : int64, shape (num_heights,), scratch: children to be expanded, by height.
     """
 
     cells: ByteArray
@@ -115,6 +116,7 @@ class Search(NamedTuple):
     indices: CellArray
     sums: IntArray
     nodes: IntArray
+    num_waiting: IntArray
 
 
 class Branch(NamedTuple):
@@ -195,7 +197,7 @@ def push_children(
     return end
 
 
-@kernel
+@borrowing_kernel
 def cover_window(search: Search, min_sum: int) -> int:
     """Write the nodes that cover the window, eq. (13), behind the root; return their number.
 
@@ -225,7 +227,7 @@ def cover_window(search: Search, min_sum: int) -> int:
     return int(end - root - 1)
 
 
-@kernel
+@borrowing_kernel
 def find_best(
     search: Search, order: IntArray, min_sum: int, excluded: Excluded, best: IntArray
 ) -> None:
@@ -243,7 +245,7 @@ def find_best(
     is_placed, indices = search.is_placed, search.indices
     sums, nodes = search.sums, search.nodes
     top = heights.shape[0] - 1
-    num_waiting = np.zeros(top + 1, dtype=np.int64)  # children by height
+    num_waiting = search.num_waiting
     best[KEY] = -1
     min_key = -1
     height, cursor = top, 0
@@ -332,7 +334,7 @@ def begin_search(
     return Search(
         grids.cells, heights, PlacedScan(num_points, points, frame, boxes, places), window,
         np.zeros(num_groups, dtype=np.bool_), np.empty(size, dtype=np.int32),
-        np.zeros((num_blocks, 4), dtype=np.int64), nodes,
+        np.zeros((num_blocks, 4), dtype=np.int64), nodes, np.empty(num_heights, dtype=np.int64),
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop._jit import inlined_kernel, kernel
+from cartoloop._jit import borrowing_kernel, inlined_kernel, kernel
 from cartoloop.arrays import ByteArray, CellArray, FloatArray, IntArray
 from cartoloop.kernels.smooth_map import PatchArray, SmoothMap, SmoothMapFields
 from cartoloop.kernels.window_bounds import (
@@ -101,7 +101,7 @@ class RotationBoxes(NamedTuple):
     row_length: int
 
 
-@kernel
+@borrowing_kernel
 def place_points(
     smooth_map: SmoothMap,
     points: FloatArray,
@@ -131,7 +131,7 @@ def place_points(
         out_rows[k] = np.int32(np.floor((at_y - origin_y) / resolution + 0.5))
 
 
-@kernel
+@borrowing_kernel
 def mean_probability(
     grid: NDArray[np.float32],
     unknown: np.float32,
@@ -160,7 +160,7 @@ def mean_probability(
     return np.float64(total) / cols.size
 
 
-@kernel
+@borrowing_kernel
 def keep_live(bounds: FloatArray, best: float, live: IntArray, num_live: int) -> int:
     """Drop the rotations that cannot be best, move the most promising to the end; return the rest.
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop._jit import kernel
+from cartoloop._jit import borrowing_kernel, kernel
 from cartoloop.arrays import ByteArray, FloatArray, IntArray
 from cartoloop.kernels.scan_batch import ScanBatch
 
@@ -95,7 +95,7 @@ def count_agreement(
         out_counts[i, 1] = on_floor
 
 
-@kernel
+@borrowing_kernel
 def is_wall_near(cells: ByteArray, row: np.int64, col: np.int64, reach: int, wall: int) -> bool:
     """Return whether there is a wall within a distance [cells]."""
     if cells[row, col] >= wall:
@@ -107,7 +107,7 @@ def is_wall_near(cells: ByteArray, row: np.int64, col: np.int64, reach: int, wal
     return False
 
 
-@kernel
+@borrowing_kernel
 def is_floor(cells: ByteArray, row: np.int64, col: np.int64, floor: int) -> bool:
     """Return whether a cell and those around it were observed to be free."""
     for i in range(-1, 2):
@@ -177,7 +177,7 @@ def best_shifts(
             _try_shifts(grid, wall, window, rows, cols, angle, out_shifts[i])
 
 
-@kernel
+@borrowing_kernel
 def _centre(points: FloatArray) -> tuple[float, float]:
     """Return the mean of points."""
     # By hand: the mean of NumPy makes a kernel slow to load from the cache.
@@ -188,7 +188,7 @@ def _centre(points: FloatArray) -> tuple[float, float]:
     return x / points.shape[0], y / points.shape[0]
 
 
-@kernel
+@borrowing_kernel
 def _try_shifts(
     grid: CellGrid,
     wall: int,
@@ -218,7 +218,7 @@ def _try_shifts(
                 out_shift[4] = angle
 
 
-@kernel
+@borrowing_kernel
 def _num_fitting(
     cells: ByteArray, wall: int, rows: IntArray, cols: IntArray, down: int, right: int
 ) -> int:

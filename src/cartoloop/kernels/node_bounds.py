@@ -11,9 +11,8 @@ Sums of bytes are whole numbers, exact in any order. Points are taken in blocks:
 far, plus all that the parent's bound leaves to the remaining points, is below the threshold, the
 node is given up.
 
-Numba counts references to arrays around every call that it cannot inline. These functions are small
-and take few arrays and no slices, because in the innermost loops that would cost more than the
-sums.
+These functions count no references to arrays (`borrowing_kernel`): in the innermost loops that
+would cost more than the sums. They take few arrays and no slices, which are passed faster.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop._jit import kernel
+from cartoloop._jit import borrowing_kernel
 from cartoloop.arrays import ByteArray, CellArray, FloatArray, IntArray
 from cartoloop.kernels.search_window import SearchFrame, SearchWindow
 
@@ -110,7 +109,7 @@ class Children(NamedTuple):
     step: int
 
 
-@kernel
+@borrowing_kernel
 def place_candidate(
     points: FloatArray, frame: SearchFrame, theta: float, box: int, first: int, out_places: Places
 ) -> None:
@@ -139,7 +138,7 @@ def place_candidate(
         out_boxes[first + k] = box
 
 
-@kernel
+@borrowing_kernel
 def place_group(
     points: FloatArray,
     frame: SearchFrame,
@@ -187,7 +186,7 @@ def place_group(
         out_boxes[k] = boxes[height, out_boxes[k]]
 
 
-@kernel
+@borrowing_kernel
 def place_points(
     heights: Records, scan: PlacedScan, window: SearchWindow, height: int, group: int, first: int
 ) -> None:
@@ -212,7 +211,7 @@ def place_points(
         place_group(points, frame, begin_theta, end_theta, boxes, height, first, places)
 
 
-@kernel
+@borrowing_kernel
 def locate(
     cols: CellArray,
     rows: CellArray,
@@ -240,7 +239,7 @@ def locate(
         out_index[k] = boxes[first + k] + y * row_length + x
 
 
-@kernel
+@borrowing_kernel
 def sum_four(
     cells: ByteArray, index: CellArray, num_points: int, right: int, above: int
 ) -> tuple[np.int64, np.int64, np.int64, np.int64]:
@@ -255,7 +254,7 @@ def sum_four(
     return a, b, c, d
 
 
-@kernel
+@borrowing_kernel
 def score_children(
     cells: ByteArray,
     heights: Records,

@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop._jit import inlined_kernel, kernel
+from cartoloop._jit import borrowing_kernel, inlined_kernel, kernel
 from cartoloop.arrays import FloatArray, IntArray
 
 _SHORTEST_M = 1e-300
 """Two ends at the same place make a line of this length [m], so that nothing is divided by zero."""
 
 
-@kernel
+@borrowing_kernel
 def trace_outline(
     points: FloatArray,
     tf_sensor_points: tuple[float, float, float],
@@ -48,7 +48,7 @@ def trace_outline(
     return ascends
 
 
-@kernel
+@borrowing_kernel
 def open_direction(bearings: FloatArray, ends: FloatArray, max_gap: float) -> tuple[float, float]:
     """Return how far lines determine a scan along the open direction, and that direction [rad].
 
@@ -179,7 +179,7 @@ def _placed(
     return places, lines
 
 
-@kernel
+@borrowing_kernel
 def _cost_at(
     scan: _Scan,
     shift: float,

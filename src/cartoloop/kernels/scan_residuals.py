@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop._jit import kernel
+from cartoloop._jit import borrowing_kernel, kernel
 from cartoloop.arrays import FloatArray
 from cartoloop.kernels.smooth_map import (
     ARM_X,
@@ -71,7 +71,7 @@ class MatchOptions(NamedTuple):
     tolerance: float
 
 
-@kernel
+@borrowing_kernel
 def accumulate_match(
     smooth_map: SmoothMap,
     unknown: float,
@@ -124,7 +124,7 @@ def accumulate_match(
     return total
 
 
-@kernel
+@borrowing_kernel
 def solve_3x3(system: FloatArray, damping: float, out_step: FloatArray) -> bool:
     """Write the solution of the damped normal equations into `out_step`; return if it exists.
 
@@ -153,7 +153,7 @@ def solve_3x3(system: FloatArray, damping: float, out_step: FloatArray) -> bool:
     return True
 
 
-@kernel
+@borrowing_kernel
 def prior_terms(
     prior: MotionPrior, x: float, y: float, theta: float
 ) -> tuple[float, float, float, float]:
@@ -174,7 +174,7 @@ def prior_terms(
     return distance, gradient_x, gradient_y, gradient_t
 
 
-@kernel
+@borrowing_kernel
 def predicted_decrease(system: FloatArray, damping: float, step: FloatArray) -> float:
     """Return the decrease of the cost that the damped model predicts for a step."""
     # Half the gradient is system[6:9].

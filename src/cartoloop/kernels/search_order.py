@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop._jit import kernel
+from cartoloop._jit import borrowing_kernel, kernel
 from cartoloop.arrays import IntArray
 from cartoloop.kernels.node_bounds import COL, KEY, ROTATION, ROW
 from cartoloop.kernels.search_window import SearchWindow
@@ -42,13 +42,13 @@ class Excluded(NamedTuple):
     num_rotations: int
 
 
-@kernel
+@borrowing_kernel
 def distance_from_zero(first: int, size: int) -> int:
     """Return the least absolute value among the whole numbers first ... first + size - 1."""
     return max(first, -(first + size - 1), 0)
 
 
-@kernel
+@borrowing_kernel
 def node_key(
     bound: int, col: int, row: int, rotation: int, block: int, group: int, window: SearchWindow
 ) -> int:
@@ -79,7 +79,7 @@ def order_by_key(nodes: IntArray, first: int, count: int) -> IntArray:
     return order
 
 
-@kernel
+@borrowing_kernel
 def most_promising(nodes: IntArray, first: int, count: int, min_key: int) -> int:
     """Return which of `count` nodes has the largest key, -1 if none reaches `min_key` or 0."""
     found, largest = -1, max(min_key, 0)
@@ -89,13 +89,13 @@ def most_promising(nodes: IntArray, first: int, count: int, min_key: int) -> int
     return found
 
 
-@kernel
+@borrowing_kernel
 def farthest_from(value: int, first: int, size: int) -> int:
     """Return the largest distance of the whole numbers first ... first + size - 1 from a value."""
     return max(abs(first - value), abs(first + size - 1 - value))
 
 
-@kernel
+@borrowing_kernel
 def is_excluded(
     excluded: Excluded, col: int, row: int, rotation: int, block: int, group: int
 ) -> bool:
@@ -107,7 +107,7 @@ def is_excluded(
     return bool(x * x + y * y <= excluded.squared_distance and turn <= excluded.num_rotations)
 
 
-@kernel
+@borrowing_kernel
 def comes_first(key: int, col: int, row: int, rotation: int, best: IntArray) -> bool:
     """Return whether a candidate beats the best one; on equal keys, whether it comes first."""
     if key != best[KEY]:

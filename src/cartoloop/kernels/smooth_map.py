@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop._jit import kernel
+from cartoloop._jit import borrowing_kernel, kernel
 from cartoloop.arrays import FloatArray, IntArray
 
 PatchArray = NDArray[np.float32]
@@ -76,7 +76,7 @@ def point_scratch(num_points: int) -> PointScratch:
     )
 
 
-@kernel
+@borrowing_kernel
 def place_points(
     smooth_map: SmoothMap,
     points: FloatArray,
@@ -115,7 +115,7 @@ def place_points(
         out_cells[1, k] = np.int64(below_row)
 
 
-@kernel
+@borrowing_kernel
 def copy_patches(grid: PatchArray, cells: IntArray, out_patches: PatchArray) -> bool:
     """Write the 4 x 4 cells around each point into `out_patches`; return if all patches are inside.
 
@@ -199,7 +199,7 @@ def along_row(
     )
 
 
-@kernel
+@borrowing_kernel
 def interpolate_patches(p: PatchArray, unknown: float, samples: FloatArray) -> None:
     """Write M_smooth and its derivatives at the points into `samples`.
 
@@ -224,7 +224,7 @@ def interpolate_patches(p: PatchArray, unknown: float, samples: FloatArray) -> N
         samples[D_ROW, k] = d0 * a0 + d1 * a1 + d2 * a2 + d3 * a3
 
 
-@kernel
+@borrowing_kernel
 def sample_smooth_map(
     smooth_map: SmoothMap,
     unknown: float,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop._jit import kernel
+from cartoloop._jit import borrowing_kernel, kernel
 from cartoloop.arrays import ByteArray, CellArray, IntArray
 from cartoloop.kernels.precomputation_grid import widen_boxes
 
@@ -56,7 +56,7 @@ class GridPart(NamedTuple):
     num_rows: int
 
 
-@kernel
+@borrowing_kernel
 def index_points(
     cols: CellArray,
     rows: CellArray,
@@ -101,7 +101,7 @@ def index_points(
     )
 
 
-@kernel
+@borrowing_kernel
 def quantize_cells(
     grid: NDArray[np.float32], unknown: float, part: GridPart, out_cells: ByteArray
 ) -> None:
@@ -158,7 +158,7 @@ def bounding_grids(
         widen_boxes(boxes, growth, row_length, wider)
 
 
-@kernel
+@borrowing_kernel
 def sum_one(
     cells: ByteArray, index: CellArray, first: int, num_points: int, shift: int
 ) -> np.int64:
@@ -169,7 +169,7 @@ def sum_one(
     return total
 
 
-@kernel
+@borrowing_kernel
 def sum_quarters(
     cells: ByteArray,
     index: CellArray,
@@ -190,7 +190,7 @@ def sum_quarters(
     return a, b, c, d
 
 
-@kernel
+@borrowing_kernel
 def push_quarters(
     cells: ByteArray,
     index: CellArray,

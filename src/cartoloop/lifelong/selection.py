@@ -44,7 +44,7 @@ def select(
     submaps: SubmapConfig,
     config: LifelongConfig,
 ) -> Selection:
-    """Return which submaps stay, and tother grids.
+    """Return which submaps stay, and the grids of all.
 
     Sessions are compared from the newest back, each with what later ones have seen: walls where a
     later session has seen floor fade, and so does floor where one has seen walls. A submap of

@@ -54,6 +54,7 @@ def locate_live(
     notices: Notices,
     on_answer: OnAnswer,
     stop: StopRequest,
+    on_idle: Callable[[], None] | None = None,
 ) -> None:
     """Localise a robot by what a source sends, until it ends or the run is stopped.
 
@@ -64,6 +65,7 @@ def locate_live(
     localizer : made for live use.
     notices : receives the problems of messages.
     on_answer : called with each answer; must be quick.
+    on_idle : called in each cycle of 50 ms or less, also without messages.
 
     Raises
     ------
@@ -80,6 +82,8 @@ def locate_live(
 
     def idle() -> None:
         nonlocal next_tidy
+        if on_idle is not None:
+            on_idle()
         if monotonic() >= next_tidy:
             next_tidy = monotonic() + _TIDY_S
             tidy()

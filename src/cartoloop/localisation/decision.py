@@ -19,17 +19,33 @@ from cartoloop.localisation.global_search import (
     fit_of_composite,
     list_places,
     refine,
+    runner_up_score,
 )
 from cartoloop.localisation.known_map import Fit, KnownMap
-from cartoloop.localisation.trail import Composite
+from cartoloop.localisation.trail import LENGTH_M, Composite
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose
 
-SEARCHED_SCORE, CLAIMED_SCORE = 0.62, 0.75
-"""Scores from which places are listed, and from which one may be claimed, relative to the usual."""
+SEARCHED_SCORE, POSSIBLE_AGREEMENT = 0.62, 0.6
+"""Score and agreement from which places are listed, relative to the usual."""
 
-CLAIMED_AGREEMENT, POSSIBLE_AGREEMENT = 0.88, 0.6
-"""The same for the agreement."""
+SCORE_OF_SCAN, SCORE_OF_TRAIL = 0.9, 0.62
+"""Score from which a place may be claimed, relative to the usual, by a single scan and by those of
+`LENGTH_M` of path; in between it falls linearly. Single scans of one office fit somewhere in
+another one nearly as well as in their own, but those of a path do not."""
+
+LISTED_BELOW = 0.15
+"""Places are listed from a score that is lower by this than that of a claim."""
+
+AGREEMENT_OF_SCAN = 0.97
+"""The same for the agreement of a single scan; of `LENGTH_M` of path, that which nine of ten
+scans of the map reach."""
+
+REFUTED_PATH_M = 2.0
+"""Path that a claim needs for each claim before that the scans then refuted [m]."""
+
+MAX_REFUTED_PATH_M = 9.0
+"""It needs no more than this [m]."""
 
 MIN_COUNTED_SHARE = 0.5
 """Share of the returns that must lie where the map is known."""
@@ -46,6 +62,10 @@ REFUTING_AGREEMENT = 0.15
 
 SCORE_SCALE, AGREEMENT_SCALE = 0.015, 0.04
 """Differences of score and agreement that make a place e times less probable."""
+
+NOWHERE_SCORE = 0.75
+"""That the robot is in no listed place is as probable as a place of this score, relative to the
+usual one."""
 
 MIN_POINTS = 20
 """Scans with fewer returns are not searched."""
@@ -94,36 +114,78 @@ class _Candidate(NamedTuple):
         return self.score / SCORE_SCALE + agreement / AGREEMENT_SCALE
 
 
-def decide(known: KnownMap, composite: Composite, path: float) -> Decision:
+class Needed(NamedTuple):
+    """What a place must reach to be claimed.
+
+    Attributes
+    ----------
+    score, agreement : of the scans there.
+    """
+
+    score: float
+    agreement: float
+
+
+def needed_of(known: KnownMap, path: float, num_refuted: int = 0) -> Needed | None:
+    """Return what a claim needs; None if the path is too short for any.
+
+    Parameters
+    ----------
+    path : length of the path that the scans come from [m].
+    num_refuted : claims that the scans refuted soon after: the map may be of another building.
+    """
+    if path < min(num_refuted * REFUTED_PATH_M, MAX_REFUTED_PATH_M):
+        return None
+    usual, share = known.usual, min(path / LENGTH_M, 1.0)
+    single = AGREEMENT_OF_SCAN * usual.agreement
+    agreement = single + share * (min(known.low_agreement, single) - single)
+    return Needed(_claimed_score(path) * usual.score, agreement)
+
+
+def decide(known: KnownMap, composite: Composite, path: float, num_refuted: int = 0) -> Decision:
     """Search scans in the whole map.
 
     Parameters
     ----------
     path : length of the path that the scans come from [m].
+    num_refuted : claims that the scans refuted soon after, see :func:`needed_of`.
     """
     points = composite.points
     if len(points) < MIN_POINTS:
         return NOTHING
-    least = SEARCHED_SCORE * known.usual.score
+    needed, least = needed_of(known, path, num_refuted), searched_score(known, path)
     found = find(known, points, least)
     if found is None:
         return NOTHING
-    best = _candidate(known, composite, found.best)
+    best = _candidate(known, composite, found)
+    claim = _claim(known, composite, best, needed)
+    runner_up = found.score
     margin = needed_margin(path)
-    if found.margin >= margin:
-        claim = _claim(known, composite, best)
-        return Decision(claim, () if claim else _places(known, [best]), found.runner_up)
-    listed = list_places(known, points, max(found.best.score - 2.0 * margin, least))
+    if claim is not None:
+        runner_up = runner_up_score(known, points, found, margin)
+        if found.score - runner_up >= margin:
+            return Decision(claim, (), runner_up)
+    listed = list_places(known, points, max(found.score - 2.0 * margin, least))
     candidates = [_candidate(known, composite, place) for place in listed.places]
     candidates.sort(key=lambda each: -each.log_likelihood)
     if not candidates:
         return NOTHING
     best, others = candidates[0], candidates[1:]
     if listed.is_complete and all(_refutes(best, other, margin) for other in others):
-        claim = _claim(known, composite, best)
+        claim = _claim(known, composite, best, needed)
         if claim is not None:
-            return Decision(claim, (), found.runner_up)
-    return Decision(None, _places(known, candidates), found.runner_up)
+            return Decision(claim, (), runner_up)
+    return Decision(None, _places(known, candidates), runner_up)
+
+
+def searched_score(known: KnownMap, path: float) -> float:
+    """Return the score from which places are listed, given a path length [m]."""
+    return max(SEARCHED_SCORE, _claimed_score(path) - LISTED_BELOW) * known.usual.score
+
+
+def _claimed_score(path: float) -> float:
+    """Return the score from which places may be claimed, relative to the usual one."""
+    return SCORE_OF_SCAN + min(path / LENGTH_M, 1.0) * (SCORE_OF_TRAIL - SCORE_OF_SCAN)
 
 
 def needed_margin(path: float) -> float:
@@ -144,17 +206,17 @@ def _refutes(best: _Candidate, other: _Candidate, margin: float) -> bool:
     return lower >= margin or (behind >= REFUTING_AGREEMENT and lower > -0.5 * margin)
 
 
-def _claim(known: KnownMap, composite: Composite, best: _Candidate) -> Claim | None:
+def _claim(
+    known: KnownMap, composite: Composite, best: _Candidate, needed: Needed | None
+) -> Claim | None:
     """Return the best place as a claim if the scans fit there as they usually do."""
-    usual = known.usual
-    if best.score < CLAIMED_SCORE * usual.score or known.value_at(best.tf_map_tracking) == 0:
+    if needed is None or best.score < needed.score or known.value_at(best.tf_map_tracking) == 0:
         return None
     match = refine(known, composite.points, best.tf_map_tracking)
     pose = known.to_map(match.tf_submap_scan)
     fit = fit_of_composite(known, composite, pose)
-    if (
-        not fit.agreement >= CLAIMED_AGREEMENT * usual.agreement
-        or fit.num_counted < MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
+    if not fit.agreement >= needed.agreement or fit.num_counted < MIN_COUNTED_SHARE * int(
+        composite.scans.counts.sum()
     ):
         return None
     return Claim(pose, match)
@@ -171,7 +233,7 @@ def _places(known: KnownMap, candidates: list[_Candidate]) -> tuple[Place, ...]:
     logs = np.array([each.log_likelihood for each in possible])
     # That the robot is in none of them competes as a place that fits just well enough to be listed.
     nowhere = (
-        CLAIMED_SCORE * usual.score / SCORE_SCALE
+        NOWHERE_SCORE * usual.score / SCORE_SCALE
         + POSSIBLE_AGREEMENT * usual.agreement / AGREEMENT_SCALE
     )
     top = max(float(logs.max()), nowhere)

@@ -3,20 +3,46 @@
 
 The covariance of a filter cannot show this: it is as small in a wrong place. What counts is the
 share of returns on walls, of those where the map is known, relative to that of the map's own scans.
-A sum of what is missing, which never falls below zero, ends in doubt and then in being lost
-(E. S. Page, Continuous inspection schemes, 1954).
+Sums of what is missing, which never fall below zero, end in doubt and then in being lost
+(E. S. Page, Continuous inspection schemes, 1954). There are three of them: a quick one, which finds
+a robot that was carried away; a slow one, which finds a map that is of another building or
+outdated; and one of the first metres after a claim, which has to prove itself. A robot that is
+followed for long after that is lost later, unless the agreement falls at once: it was not carried
+away, so the place has changed.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-EXPECTED_AGREEMENT = 0.62
-"""Agreement relative to the usual one below which a scan raises the doubt, and above which it
-lowers it: half of the furniture may be elsewhere."""
 
-LOST = 0.45
-"""Doubt from which the robot is lost."""
+class Watch(NamedTuple):
+    """A sum of what is missing.
+
+    Attributes
+    ----------
+    expected : agreement relative to the usual one below which a scan raises the sum, and above
+        which it lowers it.
+    limit : sum from which the robot is lost.
+    """
+
+    expected: float
+    limit: float
+
+
+QUICK = Watch(0.62, 0.45)
+"""Half of the furniture may be elsewhere."""
+
+SLOW_SHARE, SLOW_LIMIT = 0.85, 1.2
+"""Of the agreement that nine of ten scans of the map reach, the share that scans have on average
+where things were moved; and the limit of the sum."""
+
+NEW_SHARE, NEW_LIMIT = 1.0, 0.15
+"""The same for the first metres after a claim, until it is proved."""
+
+PROOF_M = 15.0
+"""Path on which a claim is proved [m]."""
 
 SUSPECT_AGREEMENT = 0.8
 """Mean agreement of the latest scans, relative to the usual one, below which the map is searched
@@ -28,28 +54,62 @@ METRES, SECONDS = 1.0, 3.0
 MAX_WEIGHT = 0.25
 """A single scan counts no more than this."""
 
+TRUST_M, TRUSTED = 10.0, 3.0
+"""After this path on which scans agree, once the claim is proved, a robot is lost from this
+multiple of the limits only [m]: whole rooms may have been changed since the map was made."""
+
+SUDDEN = 0.3
+"""Decrease of the agreement from one scan to the next that ends this trust: a robot that drives
+into a changed place sees more and more of it, one that is carried away another place at once."""
+
 
 class Doubt:
     """How much the latest scans contradict the map.
 
+    Parameters
+    ----------
+    low : the agreement that nine of ten scans of the map reach, relative to the usual one.
+    is_proved : whether the pose was given by a user, and needs no proof.
+
     Attributes
     ----------
-    level : of the doubt.
+    level : of the doubt; lost from 1 on.
     """
 
-    def __init__(self) -> None:
-        self.level = 0.0
-        self._mean = 1.0
+    def __init__(self, low: float = 1.0, *, is_proved: bool = True) -> None:
+        slow = Watch(SLOW_SHARE * low, SLOW_LIMIT)
+        self._watches = [QUICK, slow, Watch(NEW_SHARE * low, NEW_LIMIT)]
+        self._sums = [0.0, 0.0, 0.0]
+        self._mean = self._last = 1.0
+        self._trust = 0.0
+        self._unproved = 0.0 if is_proved else PROOF_M
+
+    @property
+    def level(self) -> float:
+        """The doubt: the robot is lost from 1 on."""
+        num_watches = 2 if self.is_proved else 3
+        pairs = zip(self._sums[:num_watches], self._watches[:num_watches], strict=True)
+        return max(total / watch.limit for total, watch in pairs) / self._trusted
 
     @property
     def is_lost(self) -> bool:
         """Whether the pose is not believed any longer."""
-        return self.level >= LOST
+        return self.level >= 1.0
+
+    @property
+    def is_proved(self) -> bool:
+        """Whether the scans have agreed for long enough since the claim."""
+        return self._unproved <= 0.0
 
     @property
     def is_suspect(self) -> bool:
         """Whether another place should be searched for."""
         return self._mean < SUSPECT_AGREEMENT
+
+    @property
+    def _trusted(self) -> float:
+        """Multiple of the limits from which the robot is lost."""
+        return 1.0 + (TRUSTED - 1.0) * self._trust
 
     def add(self, agreement: float, path: float, duration: float) -> None:
         """Add a scan.
@@ -62,10 +122,18 @@ class Doubt:
         if math.isnan(agreement):
             return
         weight = min(max(path / METRES, duration / SECONDS), MAX_WEIGHT)
-        self._mean += weight * (min(agreement, 1.0) - self._mean)
-        missing = EXPECTED_AGREEMENT - min(agreement, 1.0)
-        self.level = min(max(self.level + weight * missing, 0.0), 2.0 * LOST)
+        agreement = min(agreement, 1.0)
+        if self._last - agreement > SUDDEN:
+            self._trust = 0.0
+        elif self.is_proved and agreement >= SUSPECT_AGREEMENT:
+            self._trust = min(self._trust + path / TRUST_M, 1.0)
+        self._last = agreement
+        self._mean += weight * (agreement - self._mean)
+        for i, (expected, limit) in enumerate(self._watches):
+            total = self._sums[i] + weight * (expected - agreement)
+            self._sums[i] = min(max(total, 0.0), 2.0 * limit * self._trusted)
+        self._unproved -= path
 
     def reduce(self) -> None:
         """Halve the doubt, as no other place fits better."""
-        self.level *= 0.5
+        self._sums = [0.5 * total for total in self._sums]

@@ -28,19 +28,28 @@ class Following:
     known : the map.
     config : of local SLAM, whose matcher is used.
     tf_map_tracking : the claimed pose, of the scan that is followed first.
+    is_proved : whether a user gave the pose.
 
     Attributes
     ----------
     doubt : that the pose is right.
     """
 
-    def __init__(self, known: KnownMap, config: LocalSlamConfig, tf_map_tracking: Pose) -> None:
+    def __init__(
+        self,
+        known: KnownMap,
+        config: LocalSlamConfig,
+        tf_map_tracking: Pose,
+        *,
+        is_proved: bool,
+    ) -> None:
         variances = np.square((FIRST_SIGMA_M, FIRST_SIGMA_M, FIRST_SIGMA_RAD))
         self._known = known
         self._tracker = Tracker(known, config, tf_map_tracking, np.diag(variances))
         self._last: LocalScan | None = None
         self._agreement = math.nan
-        self.doubt = Doubt()
+        low = known.low_agreement / known.usual.agreement
+        self.doubt = Doubt(low, is_proved=is_proved)
 
     @property
     def pose(self) -> Pose:

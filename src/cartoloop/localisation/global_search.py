@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -25,8 +27,12 @@ from cartoloop.sensor.scan_points import ScanPoints
 PLACE_DISTANCE_M, PLACE_ANGLE_RAD = 1.0, math.radians(15.0)
 """Poses farther apart than the first, or turned by more than the second, are different places."""
 
-MAX_MARGIN = 0.1
-"""Other places count down to this below the score of the best one."""
+HIGH_SCORES = (0.9, 0.75)
+"""Scores relative to the usual one that are searched for first: that takes less time by far."""
+
+NUM_PARTS = 2
+"""Number of parts of the rotations, and of the windows of a list, that threads search. Results do
+not depend on it."""
 
 MAX_PARTS = 2000
 """Number of parts that are searched, at most: where scans fit everywhere, they prove nothing."""
@@ -39,6 +45,11 @@ REFINEMENT_SIGMA_CELLS, REFINEMENT_LEVER_M = 2.0, 5.0
 
 USUAL_RESIDUAL = 0.4
 """Root mean square of 1 - M at the returns of scans that fit."""
+
+_HEADINGS = [(2 * part + 1) * math.pi / NUM_PARTS for part in range(NUM_PARTS)]
+"""The middles of the parts of the rotations."""
+
+_threads = ThreadPoolExecutor(NUM_PARTS, thread_name_prefix="places")
 
 _MATCHER = LeastSquaresMatcherConfig()
 
@@ -56,24 +67,6 @@ class FoundPlace(NamedTuple):
     score: float
 
 
-class Found(NamedTuple):
-    """The best place, and the best elsewhere.
-
-    Attributes
-    ----------
-    best : the place, to a cell.
-    runner_up : upper limit of the score of any other place; its score where it was found.
-    """
-
-    best: FoundPlace
-    runner_up: float
-
-    @property
-    def margin(self) -> float:
-        """By which the best place exceeds any other; `MAX_MARGIN` and more count as that."""
-        return min(self.best.score - self.runner_up, MAX_MARGIN)
-
-
 def is_same_place(tf_map_a: Pose, tf_map_b: Pose) -> bool:
     """Return whether two poses are in the same place."""
     apart = relative(tf_map_a, tf_map_b)
@@ -83,26 +76,51 @@ def is_same_place(tf_map_a: Pose, tf_map_b: Pose) -> bool:
     )
 
 
-def find(known: KnownMap, points: FloatArray, min_score: float) -> Found | None:
+def find(known: KnownMap, points: FloatArray, min_score: float) -> FoundPlace | None:
     """Return the best place in the whole map at any angle, None where none reaches a score.
+
+    Threads search parts of the rotations, first for high scores: as soon as any part has a place,
+    the best of all parts is the best of the map.
 
     Parameters
     ----------
     points : float64, shape (n, 2), frame of the robot [m].
-    min_score : that places must reach; worse ones are as good as that for all that is known.
+    min_score : that places must reach.
     """
+    usual = known.usual.score
+    rungs = [share * usual for share in HIGH_SCORES if share * usual > min_score]
+    for least in (*rungs, min_score):
+        search = partial(
+            known.matcher.match_full_submap,
+            points,
+            min_score=least,
+            angular_window=math.pi / NUM_PARTS,
+        )
+        parts = [_threads.submit(search, heading=heading) for heading in _HEADINGS]
+        found = [match for part in parts if (match := part.result()) is not None]
+        if found:
+            best = max(found, key=lambda match: match.score)
+            return FoundPlace(known.to_map(best.tf_submap_scan), best.score)
+    return None
+
+
+def runner_up_score(known: KnownMap, points: FloatArray, best: FoundPlace, margin: float) -> float:
+    """Return the score of the best place elsewhere, or an upper limit of it.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2), frame of the robot [m].
+    best : what :func:`find` returned for them.
+    margin : places whose score is lower by more than this are not searched; the limit is what they
+        may have at most.
+    """
+    limit = best.score - margin
     found = known.matcher.match_full_submap(
         points,
-        min_score=min_score,
-        runner_up=RunnerUp(PLACE_DISTANCE_M, PLACE_ANGLE_RAD, MAX_MARGIN),
+        min_score=max(limit, 0.0),
+        runner_up=RunnerUp(PLACE_DISTANCE_M, PLACE_ANGLE_RAD, 2.0 * margin),
     )
-    if found is None:
-        return None
-    # Where no runner-up was found, there may be one just below what was searched for.
-    least = max(found.score - MAX_MARGIN, min_score)
-    return Found(
-        FoundPlace(known.to_map(found.tf_submap_scan), found.score), max(found.runner_up, least)
-    )
+    return limit if found is None else max(found.runner_up, limit)
 
 
 def find_near(
@@ -183,18 +201,26 @@ def _match_in(
     angular: float,
     min_score: float,
 ) -> list[BranchAndBoundMatch | None]:
-    """Return the best match in each of many windows, with its runner-up."""
-    count = len(centres)
-    return known.matcher.match_all(
-        ScanPoints.of([points]).take(np.zeros(count, dtype=np.int64)),
-        centres,
-        linear_windows=np.full(count, linear),
-        angular_windows=np.full(count, angular),
-        min_score=min_score,
-        groups=np.arange(count),
-        max_of_group=1,
-        runner_up=RunnerUp(PLACE_DISTANCE_M, PLACE_ANGLE_RAD, 1.0),
-    ).matches
+    """Return the best match in each of many windows, with its runner-up; threads share them."""
+
+    def search(part: FloatArray) -> list[BranchAndBoundMatch | None]:
+        count = len(part)
+        return known.matcher.match_all(
+            ScanPoints.of([points]).take(np.zeros(count, dtype=np.int64)),
+            np.ascontiguousarray(part),
+            linear_windows=np.full(count, linear),
+            angular_windows=np.full(count, angular),
+            min_score=min_score,
+            groups=np.arange(count),
+            max_of_group=1,
+            runner_up=RunnerUp(PLACE_DISTANCE_M, PLACE_ANGLE_RAD, 1.0),
+        ).matches
+
+    matches: list[BranchAndBoundMatch | None] = [None] * len(centres)
+    parts = [slice(first, None, NUM_PARTS) for first in range(NUM_PARTS)]
+    for part, found in zip(parts, _threads.map(search, [centres[p] for p in parts]), strict=True):
+        matches[part] = found
+    return matches
 
 
 def _divided(centres: FloatArray, linear: float, angular: float) -> FloatArray:

@@ -50,8 +50,12 @@ accurate, and cost more."""
 MAX_CELLS = 2**26
 """Largest map [cells]: a square of 400 m; it takes 1.2 GB."""
 
-FOREIGN_SCORE, FOREIGN_AGREEMENT = 0.65, 0.9
-"""What scans usually reach in a map without scans of its own, see :class:`Fit`."""
+FOREIGN_SCORE, FOREIGN_AGREEMENT, FOREIGN_LOW_AGREEMENT = 0.65, 0.9, 0.8
+"""What scans usually reach in a map without scans of its own, see :class:`Fit`, and the agreement
+that nine of ten reach."""
+
+LOW_QUANTILE = 0.1
+"""Share of the map's own scans that agree less with it than its low agreement."""
 
 TILE_M = 8.0
 """Edge of the parts of the map that are searched for their best places [m]."""
@@ -98,6 +102,7 @@ class KnownMap:
     tile_centres : float64, shape (n, 3), poses in the middle of the squares of `TILE_M` in which
         anything is known, grid frame.
     usual : the fit that scans usually reach.
+    low_agreement : the agreement that nine of ten scans reach.
 
     Raises
     ------
@@ -138,6 +143,7 @@ class KnownMap:
         )
         self.tile_centres = self._tile_centres()
         self.usual = Fit(FOREIGN_SCORE, FOREIGN_AGREEMENT, 0)
+        self.low_agreement = FOREIGN_LOW_AGREEMENT
 
     @staticmethod
     def _raise_if_unusable(cells: ByteArray, name: str) -> None:
@@ -161,6 +167,11 @@ class KnownMap:
         ]
         at = np.array(middles) * grid.resolution + (grid.origin_y, grid.origin_x)
         return np.column_stack((at[:, 1], at[:, 0], np.zeros(len(at))))
+
+    @property
+    def cell_grid(self) -> CellGrid:
+        """The cells, as kernels take them; read only."""
+        return self._cells
 
     def to_grid(self, tf_map: Pose) -> Pose:
         """Return a pose in the map frame as one in the grid's."""
@@ -250,6 +261,7 @@ def known_map_of(data: MapData, name: str = "the map") -> KnownMap:
     if fits:
         score, agreement = np.median([fit[:2] for fit in fits], axis=0).tolist()
         known.usual = Fit(score, agreement, len(fits))
+        known.low_agreement = float(np.quantile([fit.agreement for fit in fits], LOW_QUANTILE))
     return known
 
 

@@ -24,7 +24,8 @@ class LocalScan(NamedTuple):
     ----------
     stamp, time : of the scan, as recorded and in order [s].
     tf_local_tracking : pose of the robot, local frame, which drifts.
-    points : float64, shape (n, 2), its returns [m], tracking frame.
+    points : float64, shape (n, 2), its returns, thinned [m], tracking frame.
+    returns : float64, shape (m, 2), all of them.
     beam_origin : pose of the scanner on the robot.
     """
 
@@ -32,6 +33,7 @@ class LocalScan(NamedTuple):
     time: float
     tf_local_tracking: Pose
     points: FloatArray
+    returns: FloatArray
     beam_origin: Pose
 
 
@@ -46,6 +48,7 @@ class LocalMotion:
     Attributes
     ----------
     trail : the latest metres of the path.
+    scan : the last scan, None before the first.
     """
 
     def __init__(self, config: Config, calibration: SensorCalibration | None) -> None:
@@ -54,6 +57,7 @@ class LocalMotion:
         self._first_sensor: str | None = None
         self._local_slam = self._new_local_slam(calibration)
         self.trail = Trail()
+        self.scan: LocalScan | None = None
 
     def _new_local_slam(self, calibration: SensorCalibration | None) -> LocalSlam:
         config = self._config
@@ -99,7 +103,10 @@ class LocalMotion:
         points = thin(result.returns, self._config.local_slam.adaptive_voxel_filter)
         origin = self._beam_origin(event)
         self.trail.add(result.tf_local_tracking, thin(points, SCAN_FILTER), origin)
-        return LocalScan(event.stamp, event.time, result.tf_local_tracking, points, origin)
+        self.scan = LocalScan(
+            event.stamp, event.time, result.tf_local_tracking, points, result.returns, origin
+        )
+        return self.scan
 
     def _beam_origin(self, event: LaserScan | PointCloud) -> Pose:
         """Return the pose of a scanner on the robot; a configured one is of the first scanner."""

@@ -9,10 +9,13 @@ from collections.abc import Callable, Mapping
 from os import PathLike
 
 from cartoloop.arguments import as_numbers, as_path, require_type
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.errors import UsageError
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.localisation.answer import Answer, State
+from cartoloop.localisation.changes.areas import Changes
+from cartoloop.localisation.changes.watch import ChangeWatch
 from cartoloop.localisation.known_map import KnownMap, known_map_of, load_known_map
 from cartoloop.localisation.locating import Locating
 from cartoloop.localisation.start_pose import StartPose
@@ -43,6 +46,7 @@ class Localizer:
         searched in a thread, so that :meth:`add` returns soon.
     waits : whether live events wait while the map is searched: answers are those of a recording.
     calibration : what is known about the sensors before, as `Mapper.calibration`.
+    watch_changes : whether scans are compared with the map, for `changes`: 27 bytes a cell.
 
     Raises
     ------
@@ -59,10 +63,12 @@ class Localizer:
         live: bool = False,
         waits: bool = False,
         calibration: SensorCalibration | None = None,
+        watch_changes: bool = False,
     ) -> None:
         if config is not None:
             require_type(config, Config, "Localizer: config", "a cartoloop.Config")
         self._known = _as_known_map(map_)
+        self._watch = ChangeWatch(self._known) if watch_changes else None
         self._live = live
         self._locating = Locating(
             self._known, config or Config(), calibration, in_background=live and not waits
@@ -111,6 +117,18 @@ class Localizer:
         """What is known about the sensors by now."""
         return self._locating.motion.calibration
 
+    def changes(self) -> Changes:
+        """Return what differs between the map and what was seen by now.
+
+        Raises
+        ------
+        UsageError
+            `watch_changes` was not given.
+        """
+        if self._watch is None:
+            raise UsageError("Localizer.changes: give watch_changes=True to Localizer")
+        return self._watch.changes()
+
     def start_near(self, tf_map_tracking: Pose, tf_odom_tracking: Pose | None = None) -> None:
         """Try a pose at the next scan, and believe it only if the scan fits as well as for a claim.
 
@@ -123,9 +141,29 @@ class Localizer:
         self._locating.start = StartPose(tf_map_tracking, False, tf_odom_tracking)
 
     def set_pose(self, tf_map_tracking: Pose | tuple[float, float, float]) -> None:
-        """Begin again near a pose that a user gives, at the next scan."""
+        """Begin again near a pose that a user gives if the next scan fits there.
+
+        Otherwise nothing changes; `given_pose_fits` says which.
+        """
         pose = Pose(*as_numbers(tf_map_tracking, "Localizer.set_pose: tf_map_tracking", 3))
-        self._locating.begin_again(StartPose(pose, True))
+        self._locating.give(StartPose(pose, True))
+
+    @property
+    def given_pose_fits(self) -> bool | None:
+        """Whether the scan fitted at the pose of `set_pose`; None while it was not tried."""
+        return self._locating.given_fits
+
+    @property
+    def returns(self) -> FloatArray:
+        """Returns of the last scan, thinned, float64, shape (n, 2), tracking frame [m]."""
+        return self._locating.returns
+
+    def call_when_searched(self, function: Callable[[], None]) -> None:
+        """Call a function, in any thread, when the search of the map in the background has ended.
+
+        The next scan is answered with its result. Without such a search, it is called at once.
+        """
+        self._locating.call_when_searched(function)
 
     def add(
         self, event: SensorEvent, on_answer: Callable[[Answer], None] | None = None
@@ -171,6 +209,9 @@ class Localizer:
             self._answer = answer = self._locating.answer(event, self._odom)
             self._num_scans += 1
             self._num_located += answer.state is State.LOCATED
+            scan = self._locating.motion.scan
+            if self._watch is not None and scan is not None:
+                self._watch.add(answer, scan.returns, scan.beam_origin)
             if on_answer is not None:
                 on_answer(answer)
         return answer

@@ -4,7 +4,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
+import numpy as np
+
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.localisation.answer import Answer, State
@@ -34,6 +38,8 @@ class Locating:
     ----------
     motion : of the robot, by local SLAM.
     start : pose to try at the next scan, None: there is none.
+    given_fits : whether the scan fitted at the pose that a user gave; None while it was not tried.
+    returns : of the last scan, float64, shape (n, 2), tracking frame [m].
     """
 
     def __init__(
@@ -47,16 +53,22 @@ class Locating:
         self._known, self._config = known, config
         self._runner = SearchRunner(in_background=in_background)
         self._was_located = False
+        self._num_refuted = 0
         self._following: Following | None = None
         self._search = PlaceSearch(known, self._runner)
         self.motion = LocalMotion(config, calibration)
         self.start: StartPose | None = None
+        self._given: StartPose | None = None
+        self.given_fits: bool | None = None
+        self.returns: FloatArray = np.zeros((0, 2))
 
-    def begin_again(self, start: StartPose) -> None:
-        """Forget where the robot is, and all that the scans so far have shown."""
-        self._lose()
-        self._was_located = False
-        self.start = start
+    def give(self, start: StartPose) -> None:
+        """Begin again at a pose that a user gives if the next scan fits there."""
+        self._given, self.given_fits = start, None
+
+    def call_when_searched(self, function: Callable[[], None]) -> None:
+        """Call a function, in any thread, when the search has ended; at once if none is running."""
+        self._runner.call_when_ended(function)
 
     def answer(self, event: LaserScan | PointCloud, tf_odom_tracking: Pose | None) -> Answer:
         """Return the answer to a scan.
@@ -66,13 +78,21 @@ class Locating:
         tf_odom_tracking : the odometry's pose now, None without any.
         """
         scan = self._moved(event)
-        if self._following is not None:
+        given = self._claim_at_given(scan, tf_odom_tracking)
+        if given is not None:
+            self._lose()
+            self._num_refuted = 0
+            scan = self._moved(event)
+            self._believe(given, scan, is_proved=True)
+        elif self._following is not None:
             self._follow(self._following, scan)
             if self._following.doubt.is_lost:
+                self._num_refuted += not self._following.doubt.is_proved
                 self._lose()
                 scan = self._moved(event)
         if self._following is None:
             self._find(scan, tf_odom_tracking)
+        self.returns = scan.points
         return self._answer_of(scan)
 
     def _moved(self, event: LaserScan | PointCloud) -> LocalScan:
@@ -85,6 +105,8 @@ class Locating:
     def _follow(self, following: Following, scan: LocalScan) -> None:
         """Track the robot, and search for another place while the pose is doubted."""
         following.add(scan)
+        if following.doubt.is_proved:
+            self._num_refuted = 0
         suspect = following.doubt.is_suspect and len(scan.points) >= MIN_POINTS
         claim = self._search.check(scan, self.motion.trail, is_wanted=suspect)
         if claim is None:
@@ -98,22 +120,35 @@ class Locating:
         """Search for the robot, near a given pose or in the whole map."""
         if len(scan.points) < MIN_POINTS:
             return
-        claim = self._claim_at_start(tf_odom_tracking)
-        if claim is None:
-            claim = self._search.search(scan, self.motion.trail)
+        start, self.start = self.start, None
+        if start is not None:
+            claim = self._claim_at(start, tf_odom_tracking)
+            if claim is not None:
+                self._believe(claim, scan, is_proved=start.is_certain)
+                return
+        claim = self._search.search(scan, self.motion.trail, self._num_refuted)
         if claim is not None:
             self._believe(claim, scan)
 
-    def _claim_at_start(self, tf_odom_tracking: Pose | None) -> Claim | None:
-        start, self.start = self.start, None
+    def _claim_at(self, start: StartPose, tf_odom_tracking: Pose | None) -> Claim | None:
         composite = self.motion.trail.composite(0.0)
-        if start is None or composite is None:
+        if composite is None:
             return None
         return claim_near(self._known, composite, start, tf_odom_tracking)
 
-    def _believe(self, claim: Claim, scan: LocalScan) -> None:
+    def _claim_at_given(self, scan: LocalScan, tf_odom_tracking: Pose | None) -> Claim | None:
+        """Return the claim at the pose that a user has given, None without, or if nothing fits."""
+        if self._given is None or len(scan.points) < MIN_POINTS:
+            return None
+        claim = self._claim_at(self._given, tf_odom_tracking)
+        self._given, self.given_fits = None, claim is not None
+        return claim
+
+    def _believe(self, claim: Claim, scan: LocalScan, *, is_proved: bool = False) -> None:
         """Follow the robot from a place that is claimed."""
-        self._following = Following(self._known, self._config.local_slam, claim.tf_map_tracking)
+        self._following = Following(
+            self._known, self._config.local_slam, claim.tf_map_tracking, is_proved=is_proved
+        )
         self._following.begin(scan)
         self._was_located = True
 

@@ -18,6 +18,10 @@ from cartoloop.sensor.pose import IDENTITY, compose, relative
 SEARCH_STEP_M, SEARCH_TURN_RAD, SEARCH_PERIOD_S = 0.7, math.radians(30.0), 5.0
 """The map is searched again after this path, turn or time without a place [m], [rad], [s]."""
 
+LATER_STEP_M = 2.1
+"""The same path after `LENGTH_M` without a place [m]: in a building that is not on the map,
+searching does not go on at the same cost."""
+
 CHECK_STEP_M = 1.5
 """Path between two searches while a pose is doubted [m]."""
 
@@ -46,10 +50,16 @@ class PlaceSearch:
         self.decision = NOTHING
         runner.forget()
 
-    def search(self, scan: LocalScan, trail: Trail) -> Claim | None:
-        """Search the scans of the trail if it is time to; return a place that was proved."""
+    def search(self, scan: LocalScan, trail: Trail, num_refuted: int) -> Claim | None:
+        """Search the scans of the trail if it is time to; return a place that is claimed.
+
+        Parameters
+        ----------
+        num_refuted : claims that the scans refuted soon after.
+        """
+        step = SEARCH_STEP_M if trail.travelled < LENGTH_M else LATER_STEP_M
         lengths = (LENGTH_M, SHORT_PATH_M) if trail.length > SHORT_PATH_M else (LENGTH_M,)
-        self._begin(scan, trail, lengths, SEARCH_STEP_M)
+        self._begin(scan, trail, lengths, step, num_refuted)
         decision = self._take()
         if decision is not None:
             self.decision = decision
@@ -73,14 +83,23 @@ class PlaceSearch:
             for pose, probability, score in self.decision.places
         )
 
-    def _begin(self, scan: LocalScan, trail: Trail, lengths: Sequence[float], step: float) -> None:
+    def _begin(
+        self,
+        scan: LocalScan,
+        trail: Trail,
+        lengths: Sequence[float],
+        step: float,
+        num_refuted: int = 0,
+    ) -> None:
         if self._runner.is_busy or not self._is_due(scan, trail, step):
             return
         paths = [min(trail.length, length) for length in lengths]
         composites = [trail.composite(length) for length in lengths]
         tried = [(c, path) for c, path in zip(composites, paths, strict=True) if c is not None]
         self._searched_at = trail.travelled, trail.turned, scan.time
-        self._runner.begin(partial(_decide_any, self._known, tried), scan.tf_local_tracking)
+        self._runner.begin(
+            partial(_decide_any, self._known, tried, num_refuted), scan.tf_local_tracking
+        )
 
     def _take(self) -> Decision | None:
         finished = self._runner.take()
@@ -108,11 +127,13 @@ class PlaceSearch:
         )
 
 
-def _decide_any(known: KnownMap, tried: Sequence[tuple[Composite, float]]) -> Decision:
+def _decide_any(
+    known: KnownMap, tried: Sequence[tuple[Composite, float]], num_refuted: int
+) -> Decision:
     """Return the decision on the first scans that fit anywhere, given with their path lengths."""
     decision = NOTHING
     for composite, path in tried:
-        decision = decide(known, composite, path)
+        decision = decide(known, composite, path, num_refuted)
         if decision.places or decision.claim:
             break
     return decision

@@ -15,7 +15,7 @@ from cartoloop.localisation.answer import Answer, State
 from cartoloop.localisation.lines import KeptPose, read_pose_file, write_pose_file
 from cartoloop.localisation.localizer import Localizer
 from cartoloop.sensor.events import SensorEvent
-from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
 from cartoloop.stop_request import StopRequest
 
 KEEP_PERIOD_S = 5.0
@@ -32,27 +32,35 @@ class RunSummary:
     times_lost : how often the place was known and then not.
     path_to_first : path by local SLAM until the place was first known [m]; NaN: it never was.
     pose : the last pose in the map, None without any.
+    first_pose : the pose in the map at the first scan, by that at the first scan that was located
+        and the motion before it; None without any.
     """
 
     states: Counter[State] = field(default_factory=Counter)
     times_lost: int = 0
     path_to_first: float = math.nan
     pose: Pose | None = None
+    first_pose: Pose | None = None
     _path: float = 0.0
+    _first_local: Pose = IDENTITY
     _last: Answer | None = None
 
     def add(self, answer: Answer) -> None:
         """Count an answer."""
         last = self._last
-        if last is not None:
+        if last is None:
+            self._first_local = answer.tf_local_tracking
+        else:
             step = math.dist(last.tf_local_tracking[:2], answer.tf_local_tracking[:2])
             self._path += step
             self.times_lost += last.state is State.LOCATED and answer.state is not State.LOCATED
         self.states[answer.state] += 1
-        if answer.state is State.LOCATED:
+        if answer.tf_map_tracking is not None:
             self.pose = answer.tf_map_tracking
-            if math.isnan(self.path_to_first):
+            if self.first_pose is None:
                 self.path_to_first = self._path
+                back = relative(answer.tf_local_tracking, self._first_local)
+                self.first_pose = compose(self.pose, back)
         self._last = answer
 
     def text(self) -> str:

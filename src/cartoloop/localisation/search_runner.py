@@ -66,6 +66,14 @@ class SearchRunner:
         finished, self._finished = self._finished, None
         return finished
 
+    def call_when_ended(self, function: Callable[[], None]) -> None:
+        """Call a function, in any thread, when the search has ended; at once if none is running."""
+        running = self._running
+        if running is None:
+            function()
+        else:
+            running.add_done_callback(lambda _: function())
+
     def forget(self) -> None:
         """Do not wait for the search any longer; its result is not wanted."""
         if self._running is not None:

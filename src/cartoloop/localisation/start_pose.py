@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cartoloop.localisation.decision import CLAIMED_AGREEMENT, CLAIMED_SCORE, Claim
+from cartoloop.localisation.decision import Claim
 from cartoloop.localisation.global_search import FoundPlace, find_near, refine
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import Composite
@@ -15,8 +15,11 @@ from cartoloop.sensor.pose import Pose, compose, relative
 START_WINDOW_M, START_WINDOW_RAD = 1.0, math.radians(20.0)
 """Window around a given pose [m], [rad]."""
 
-CERTAIN_AGREEMENT = 0.7
-"""Agreement relative to the usual one from which a user's pose is believed."""
+START_SCORE = 0.75
+"""Score from which a pose to begin with is believed, relative to the usual one."""
+
+CERTAIN_AGREEMENT, KEPT_AGREEMENT = 0.7, 0.88
+"""The same for the agreement: of a user's pose, and of one that was kept."""
 
 
 class StartPose(NamedTuple):
@@ -56,7 +59,7 @@ def claim_near(
     for pose in start.poses(tf_odom_tracking):
         found = find_near(
             known, composite.points, pose, START_WINDOW_M, START_WINDOW_RAD,
-            CLAIMED_SCORE * known.usual.score,
+            START_SCORE * known.usual.score,
         )  # fmt: skip
         if found is not None and (best is None or found.score > best.score):
             best = found
@@ -66,5 +69,5 @@ def claim_near(
     pose = known.to_map(match.tf_submap_scan)
     x, y = composite.beam_origins[0].tolist()
     fit = known.fit(composite.points, Pose(x, y, 0.0), pose)
-    least = CERTAIN_AGREEMENT if start.is_certain else CLAIMED_AGREEMENT
+    least = CERTAIN_AGREEMENT if start.is_certain else KEPT_AGREEMENT
     return Claim(pose, match) if fit.agreement >= least * known.usual.agreement else None

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.global_slam.closures import Closures
@@ -151,6 +150,8 @@ def without_nodes(grid: FinishedGrid, kept: FloatArray, forgotten: FloatArray) -
     kept, forgotten : positions of the nodes that were inserted into it, shapes (n, 2), (m, 2)
         [m, submap frame]; neither is empty.
     """
+    from scipy.spatial import KDTree  # slow to import, and few edits need it
+
     num_rows, num_cols = grid.shape
     if grid.size == 0:
         return grid

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +22,12 @@ from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.journal.frames import FILE_NAME as JOURNAL
 from cartoloop.map_data import MapData
+from cartoloop.map_file.adjustment_tables import read_adjustment_tables
 from cartoloop.map_file.closure_tables import constraints_and_closures
 from cartoloop.map_file.closure_tables_v2 import constraints_and_closures_v2
 from cartoloop.map_file.damage import damage_reported, require_cells_to_fit
 from cartoloop.map_file.edit_table import read_edits
 from cartoloop.map_file.file_set import repair_file_set
-from cartoloop.map_file.journal_map import OpenBase, read_journal_map
 from cartoloop.map_file.saved_config import config_of_json
 from cartoloop.map_file.schema import (
     APPLICATION_ID,
@@ -42,6 +42,9 @@ from cartoloop.report import ConstraintSummary, InputSummary, Report
 from cartoloop.sensor.packed_points import unpack_points
 from cartoloop.submaps.finished_grid import FinishedGrid
 
+if TYPE_CHECKING:
+    from cartoloop.map_file.journal_map import OpenBase
+
 Row = tuple[Any, ...]
 
 _TABLES = [
@@ -51,6 +54,8 @@ _TABLES = [
     "constraints",
     "closures",
     "matches",
+    "trusted",
+    "held",
     "statuses",
     "reasons",
     "trajectory",
@@ -81,6 +86,8 @@ def read_map(path: str | PathLike[str], open_base: OpenBase | None = None) -> Ma
     repair_file_set(given if given.is_dir() else given.parent)
     file = map_file_of(given)
     if file.name == JOURNAL:
+        from cartoloop.map_file.journal_map import read_journal_map
+
         return read_journal_map(file, open_base)
     with _opened(file) as database, damage_reported(file):
         about: dict[str, str] = dict(_rows(database, "about"))
@@ -167,7 +174,9 @@ def _graph(database: sqlite3.Connection) -> tuple[PoseGraph, Closures]:
         graph.fix_submap(0)
     version = database.execute("PRAGMA user_version").fetchone()[0]
     read = constraints_and_closures_v2 if version == 2 else constraints_and_closures
-    return graph, read(database, graph)
+    closures = read(database, graph)
+    read_adjustment_tables(database, graph)
+    return graph, closures
 
 
 def _scan_index(nodes: Sequence[Row], num_scans: int) -> NDArray[np.int64]:

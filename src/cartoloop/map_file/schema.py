@@ -70,6 +70,12 @@ CREATE TABLE matches (
   ixx REAL, ixy REAL, ixt REAL, iyy REAL, iyt REAL, itt REAL, residual REAL, moved_m REAL,
   moved_rad REAL, score REAL, runner_up REAL, joined_at INTEGER);
 
+-- Closures in the graph that no robust loss weakens, as those that join two parts
+CREATE TABLE trusted (closure INTEGER PRIMARY KEY);
+
+-- What adjustment does not move: a submap or a node, the other is NULL. No row: the first submap
+CREATE TABLE held (number INTEGER PRIMARY KEY, submap INTEGER, node INTEGER);
+
 CREATE TABLE statuses (status INTEGER PRIMARY KEY, name TEXT);
 
 CREATE TABLE reasons (reason INTEGER PRIMARY KEY, name TEXT);

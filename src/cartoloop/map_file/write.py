@@ -17,6 +17,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.global_slam.closure_matches import UPPER
 from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.pose_graph import ConstraintKind
+from cartoloop.map_file.adjustment_tables import held_rows, trusted_rows
 from cartoloop.map_file.edit_table import edit_rows
 from cartoloop.map_file.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES
 from cartoloop.map_file.sessions import session_rows
@@ -58,6 +59,8 @@ def fill(database: sqlite3.Connection, result: MapData) -> None:
     _insert(database, "nodes", _nodes(result))
     _insert(database, "constraints", _constraints(result.graph))
     _insert(database, "closures", _closures(result.closures, result.graph))
+    _insert(database, "trusted", trusted_rows(result.graph))
+    _insert(database, "held", held_rows(result.graph))
     _insert(database, "matches", _matches(result.closures))
     _insert(database, "statuses", iter([(code.value, code.text) for code in Status]))
     _insert(database, "reasons", iter([(code.value, code.text) for code in Reason]))

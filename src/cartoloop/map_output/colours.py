@@ -46,6 +46,10 @@ PLACE_COLOURS: dict[Severity, Colour] = {
 }
 """Places of minor severity are not drawn."""
 
+APPEARED_COLOUR: Colour = (213, 94, 0)
+DISAPPEARED_COLOUR: Colour = (0, 114, 178)
+"""Of what stands in a place now and of what is gone: vermilion and blue, of the same palette."""
+
 
 def contrast(first: Colour, second: Colour) -> float:
     """Return the contrast ratio of two colours, 1 to 21, as WCAG 2 defines it."""

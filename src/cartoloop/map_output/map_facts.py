@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,11 @@ from cartoloop.map_output.occupancy_map import OccupancyMap, compose_map
 
 _BLOCK_M = 0.4
 """Edge of the blocks that are known or not [m]: a robot fits in no narrower passage."""
+
+AnyMap = TypeVar("AnyMap", bound=MapData)
+
+SURVEYED = "surveyed"
+"""Key in the report of a saved map: extent and area of its floor."""
 
 _DENSE = 0.8
 """A block is surveyed if this share of its cells is known for sure. Rays that stray through a
@@ -120,6 +127,10 @@ def map_facts(result: MapData, occupancy_map: OccupancyMap | None = None) -> Map
         submaps = result.config.local_slam.submaps
         occupancy_map = compose_map(*main_submaps(result), submaps)
     extent, area_m2 = surveyed(occupancy_map, result.config.map_output.free_thresh)
+    return _facts(result, extent, area_m2, occupancy_map.resolution)
+
+
+def _facts(result: MapData, extent: Extent | None, area_m2: float, resolution: float) -> MapFacts:
     report = result.report
     return MapFacts(
         name=report.input.name,
@@ -130,9 +141,33 @@ def map_facts(result: MapData, occupancy_map: OccupancyMap | None = None) -> Map
         duration_s=report.input.duration_s,
         scans=report.input.scans,
         loop_closures=result.graph.num_loop_closures,
-        resolution=occupancy_map.resolution,
+        resolution=resolution,
         verdict=report.quality.verdict,
     )
+
+
+def saved_facts(result: MapData) -> MapFacts | None:
+    """Return the facts of a map as they were when it was saved; None where they are not known.
+
+    Those of a map that was edited since are not.
+    """
+    saved = result.report.extra.get(SURVEYED)
+    if not isinstance(saved, Mapping) or result.original is not None or result.edits:
+        return None
+    try:
+        box = saved["extent"]
+        extent = None if box is None else Extent(*(float(side) for side in box))
+        area_m2 = float(saved["area_m2"])
+    except (KeyError, TypeError, ValueError):
+        return None
+    return _facts(result, extent, area_m2, result.config.local_slam.submaps.resolution)
+
+
+def with_surveyed(result: AnyMap, facts: MapFacts) -> AnyMap:
+    """Return a map whose report says what was surveyed, so that it is not searched for again."""
+    box = None if facts.extent is None else list(astuple(facts.extent))
+    extra = result.report.extra | {SURVEYED: {"extent": box, "area_m2": facts.area_m2}}
+    return replace(result, report=replace(result.report, extra=extra))
 
 
 def surveyed(occupancy_map: OccupancyMap, free_below: float) -> tuple[Extent | None, float]:

@@ -172,10 +172,41 @@ class MapPicture:
             if count:
                 legend.append((f"{count} {severity} place{'s' if count > 1 else ''}", colour))
         self._draw_places(places)
+        self.draw_footer(legend)
+
+    def paint(self, cells: BoolArray, colour: Colour) -> None:
+        """Give cells of the map a colour; bool, of its shape."""
+        shrink, enlarge = max(1, round(1.0 / self._zoom)), max(1, round(self._zoom))
+        rows, cols = cells.shape
+        padded = np.pad(cells, ((-rows % shrink, 0), (0, -cols % shrink)))[::-1]
+        mask = Image.fromarray(_any_of_blocks(padded, shrink))
+        large = mask.resize((mask.width * enlarge, mask.height * enlarge))
+        left, top = self._offset.astype(np.int64).tolist()
+        self.canvas.paste(colour, (left, top), large)
+
+    def draw_numbers(self, points_map: FloatArray, colours: Sequence[Colour]) -> None:
+        """Draw numbers from 1 on, on discs of a colour each, to the upper right of positions.
+
+        Parameters
+        ----------
+        points_map : float64, shape (n, 2) [m, map frame].
+        """
+        beside = self._to_canvas(points_map) + np.array((_FONT_SIZE, -_FONT_SIZE))
+        for number, ((x, y), colour) in enumerate(zip(beside.tolist(), colours, strict=True), 1):
+            self._draw_number(number, x, y, colour)
+
+    def draw_footer(self, legend: Sequence[tuple[str, Colour]]) -> None:
+        """Draw the scale bar, and a legend of texts and colours."""
         _draw_footer(self.canvas, self._zoom / self._frame.resolution, legend)
 
-    def _draw_places(self, places: Sequence[Place]) -> None:
+    def _draw_number(self, number: int, x: float, y: float, colour: Colour) -> None:
+        """Draw a number on a disc of its colour at a pixel: a bare number is not read on white."""
         font = ImageFont.load_default(_FONT_SIZE)
+        draw = ImageDraw.Draw(self.canvas)
+        draw.circle((x, y), 0.8 * _FONT_SIZE, fill=colour)
+        draw.text((x, y), str(number), fill=text_colour(colour), font=font, anchor="mm")
+
+    def _draw_places(self, places: Sequence[Place]) -> None:
         for number, place in enumerate(places, 1):
             colour = PLACE_COLOURS.get(place.severity)
             if colour is None:
@@ -184,12 +215,9 @@ class MapPicture:
             ring = np.column_stack((np.cos(angles), np.sin(angles))) * place.radius
             ring_px = self._to_canvas(ring + np.array((place.x, place.y)))
             self._draw_lines(ring_px[np.newaxis], colour, width=4, opacity=0.9)
-            # at the upper right, on a disc of its colour: a bare number is not read on white
-            x, y = ring_px[9].tolist()
-            if self._is_shown(ring_px[9]):
-                draw = ImageDraw.Draw(self.canvas)
-                draw.circle((x, y), 0.8 * _FONT_SIZE, fill=colour)
-                draw.text((x, y), str(number), fill=text_colour(colour), font=font, anchor="mm")
+            if self._is_shown(ring_px[9]):  # at the upper right
+                x, y = ring_px[9].tolist()
+                self._draw_number(number, x, y, colour)
 
     def _shows(self, x: float, y: float) -> bool:
         """Return whether a position of the map [m] is in the picture."""
@@ -226,6 +254,13 @@ def _shade(
         level = np.where(part < 0.0, np.float32(256.0), part * np.float32(255.0))
         strip = Image.fromarray(table[np.rint(level).astype(np.int16)])
         out_image.paste(strip.reduce(shrink), (left, top + first // shrink))
+
+
+def _any_of_blocks(cells: BoolArray, factor: int) -> BoolArray:
+    """Return whether any cell of each block of `factor` by `factor` is true."""
+    rows, cols = cells.shape
+    blocks = cells.reshape(rows // factor, factor, cols // factor, factor)
+    return np.asarray(blocks.any(axis=(1, 3)))
 
 
 def palette() -> ByteArray:

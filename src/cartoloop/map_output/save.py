@@ -20,7 +20,7 @@ from cartoloop.map_file.file_set import new_file_set
 from cartoloop.map_file.write import map_bytes
 from cartoloop.map_output.closures_file import closures_csv, nodes_csv
 from cartoloop.map_output.main_part import main_path, main_scans, main_submaps
-from cartoloop.map_output.map_facts import map_facts
+from cartoloop.map_output.map_facts import map_facts, with_surveyed
 from cartoloop.map_output.map_files import pgm_bytes, yaml_text
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.output_folder import prepare_folder
@@ -78,7 +78,7 @@ def save(
         The folder or a file in it cannot be written, or the map is too large.
     """
     with new_file_set(prepare_folder(out), stop) as folder:
-        _write_files(result, folder, layers)
+        result = _write_files(result, folder, layers)
         text = _config_text(result, origins) if config_text is None else config_text
         write_file(folder / "config.toml", text)
         report = replace(result.report, config_hash=config_hash(result.config))
@@ -87,13 +87,15 @@ def save(
     return report
 
 
-def _write_files(result: MapData, folder: Path, layers: Collection[Layer]) -> None:
-    """Write all files except the configuration and the report."""
+def _write_files(result: MapData, folder: Path, layers: Collection[Layer]) -> MapData:
+    """Write all files except the configuration and the report; return the map with its extent."""
     occupancy_map = compose_map(*main_submaps(result), result.config.local_slam.submaps)
     options = result.config.map_output
     write_file(folder / "map.pgm", pgm_bytes(occupancy_map, options))
     write_file(folder / "map.yaml", yaml_text(occupancy_map, options, "map.pgm"))
-    picture = MapPicture(occupancy_map, map_facts(result, occupancy_map).caption())
+    facts = map_facts(result, occupancy_map)
+    result = with_surveyed(result, facts)
+    picture = MapPicture(occupancy_map, facts.caption())
     del occupancy_map  # free the largest array before the others are made
     write_file(folder / "map.png", png_bytes(result, picture, layers))
     del picture
@@ -105,6 +107,7 @@ def _write_files(result: MapData, folder: Path, layers: Collection[Layer]) -> No
     write_file(folder / "nodes.csv", nodes_csv(result))
     write_file(folder / "closures.csv", closures_csv(result))
     write_file(folder / map_file.FILE_NAME, map_bytes(result))
+    return result
 
 
 def _config_text(result: MapData, origins: Mapping[str, str] | None) -> str:

@@ -21,6 +21,7 @@ import numpy as np
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.errors import InputError
 from cartoloop.readers.fingerprint import fingerprint
+from cartoloop.readers.kept_readings import KeptReadings
 from cartoloop.readers.line_format import LineError, LineFormat, Parse, Reading
 from cartoloop.readers.line_times import line_times, note_damage, note_times
 from cartoloop.readers.log import EventGenerator, LogBase, ProblemLog
@@ -102,6 +103,7 @@ class LineLog(LogBase):
         self._geometry = self._default_geometry()
         self._geometries: dict[tuple[ScanGeometry, int], ScanGeometry] = {}
         self._recent: tuple[ScanGeometry | None, ScanGeometry | None] = None, None
+        self._kept = KeptReadings()
         self._index_lines()
         scans = [self._lines_of(scanner) for scanner in self._used]
         odometry = np.flatnonzero(self._kinds == _ODOMETRY)
@@ -137,7 +139,7 @@ class LineLog(LogBase):
     def _events(self, problems: ProblemLog) -> EventGenerator:
         parse = _careful(self._format.parser(self._head))
         unused = self._unused_scanners()
-        kinds, times = self._kinds.tolist(), self._times.tolist()
+        kinds, times, kept = self._kinds.tolist(), self._times.tolist(), self._kept
         last_odometry = None
         for number, (line, kind) in enumerate(zip(self._text.lines(), kinds, strict=False)):
             if kind in unused:
@@ -146,13 +148,12 @@ class LineLog(LogBase):
             try:
                 if kind == _CUT_OFF:
                     raise LineError("line cut off", "the last line is cut off")
-                reading = parse(_bounded(line))
+                reading = kept.of_line(number) if kept.is_whole else parse(_bounded(line))
                 if reading is None:
                     continue
                 if kind == _SILENT:
-                    _check(
-                        reading, self._geometry
-                    )  # the other lines passed it while they were indexed
+                    # The other lines passed it while they were indexed.
+                    _check(reading, self._geometry)
             except LineError as error:
                 place = f"{self.name}:{number + 1}: {error.detail}"
                 is_lost = bool(error.detail) and self._format.is_scan(line)
@@ -214,8 +215,9 @@ class LineLog(LogBase):
         first_fault = ""
         for number, line in enumerate(self._text.lines()):
             kind, stamp = _SILENT, math.nan
+            outcome: Reading | LineError | None
             try:
-                reading = parse(_bounded(line))
+                reading = outcome = parse(_bounded(line))
                 if reading is not None:
                     _check(reading, self._geometry)
                     kind, stamp = self._index_reading(number, reading), reading.stamp
@@ -224,8 +226,10 @@ class LineLog(LogBase):
                     ):
                         num_poses[kind] += 1
             except LineError as error:
+                outcome = error
                 if error.detail and not first_fault:
                     first_fault = f"{self._text.path}:{number + 1}: {error.detail}"
+            self._kept.add(outcome)
             kinds.append(kind)
             stamps.append(stamp if abs(stamp) <= LATEST_STAMP else math.nan)
         self._kinds = np.array(kinds, dtype=np.uint16)

@@ -200,23 +200,30 @@ class SubmapMatcher:
         min_score: float,
         max_range: float = math.inf,
         runner_up: RunnerUp = NO_RUNNER_UP,
+        heading: float = 0.0,
+        angular_window: float = math.pi,
     ) -> BranchAndBoundMatch | None:
         """Return the best match at any rotation, the scan's origin anywhere in the grid, or None.
 
         Parameters are those of :meth:`match`; by default there is no runner-up. Of equal scores the
         one nearest to the grid's centre wins.
+
+        Parameters
+        ----------
+        heading, angular_window : part of the rotations that is searched, its middle and what lies
+            to each side of it [rad].
         """
         half_height, half_width = (size // 2 for size in self._grid.shape)
         centre = (
             self._grid.origin_x + half_width * self._grid.resolution,
             self._grid.origin_y + half_height * self._grid.resolution,
-            0.0,
+            heading,
         )
         found = self._search(
             ScanPoints.of([points]),
             np.array((centre,)),
             np.array(((half_width, half_height),)),
-            np.array((math.pi,)),
+            np.array((angular_window,)),
             min_score,
             runner_up,
             max_range=max_range,

@@ -20,14 +20,15 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cartoloop.errors import CartoloopError, UsageError
+from cartoloop.sensor.pose import Pose
 from cartoloop.viewer import protocol, requests
 from cartoloop.viewer.editing import NOT_ALLOWED, Editing
-from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.pictures import Pictures
 from cartoloop.viewer.playback import Playback
 from cartoloop.viewer.protocol import MessageType
 from cartoloop.viewer.requests import BadRequestError, parse_request
 from cartoloop.viewer.subscriptions import Subscription
+from cartoloop.viewer.view_state import ViewState
 
 REQUEST_PERIOD_S = 0.05
 """No page is answered more often than this."""
@@ -47,7 +48,7 @@ _TYPES = {".js": "text/javascript", ".mjs": "text/javascript", ".css": "text/css
 
 
 def create_app(
-    state: LiveState,
+    state: ViewState,
     playback: Playback | None = None,
     token: str = "",
     on_failure: Callable[[Exception], None] | None = None,
@@ -145,7 +146,7 @@ class _Session:
     def __init__(
         self,
         websocket: WebSocket,
-        state: LiveState,
+        state: ViewState,
         playback: Playback | None,
         pictures: Pictures,
         editing: Editing | None,
@@ -239,13 +240,27 @@ class _Session:
                 self._playback.set_speed(request.value)
         self._state.refresh()
 
-    async def _look_up(self, request: requests.Query | requests.EditRequest) -> bytes:
+    async def _change(self, request: requests.EditRequest | requests.SetPose) -> bytes:
+        """Carry out what changes the map, or says where the robot is."""
+        if isinstance(request, requests.SetPose):
+            given = {"id": request.id, "number": self._state.give_pose(Pose(*request.pose))}
+            return protocol.json_message(MessageType.GIVEN, given)
+        if self._editing is None:
+            raise UsageError(NOT_ALLOWED)
+        edited = {"id": request.id, "text": await self._editing.carry_out(request)}
+        return protocol.json_message(MessageType.EDITED, edited)
+
+    async def _look_up(
+        self, request: requests.Query | requests.EditRequest | requests.SetPose
+    ) -> bytes:
         match request:
-            case requests.DropClosure() | requests.UndoEdit() | requests.RedoEdit():
-                if self._editing is None:
-                    raise UsageError(NOT_ALLOWED)
-                edited = {"id": request.id, "text": await self._editing.carry_out(request)}
-                return protocol.json_message(MessageType.EDITED, edited)
+            case (
+                requests.DropClosure()
+                | requests.UndoEdit()
+                | requests.RedoEdit()
+                | requests.SetPose()
+            ):
+                return await self._change(request)
             case requests.ClosureDetails():
                 content = self._state.closure(request.constraint) | {"id": request.id}
                 if self._editing is not None:

@@ -6,7 +6,6 @@ Only the viewer's thread accesses it.
 
 from __future__ import annotations
 
-import secrets
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, replace
@@ -16,27 +15,19 @@ import numpy as np
 
 from cartoloop.config import SubmapConfig
 from cartoloop.global_slam.pose_graph import ConstraintKind
-from cartoloop.map_output.colours import DARK, LIGHT
 from cartoloop.map_output.evidence_sum import cell_log_odds
 from cartoloop.map_output.map_facts import MapFacts
-from cartoloop.map_output.occupancy_map import MAX_LOG_ODDS
-from cartoloop.map_output.picture import palette
 from cartoloop.session import MAIN_PART, Session
-from cartoloop.version import __version__
 from cartoloop.viewer import protocol
 from cartoloop.viewer.closure_details import closure_details, closure_list
 from cartoloop.viewer.feed import Update
-from cartoloop.viewer.parts import (
-    ConstraintTable,
-    Latest,
-    Part,
-    Table,
-)
+from cartoloop.viewer.parts import ConstraintTable, Table
 from cartoloop.viewer.pictures import Drawing
 from cartoloop.viewer.protocol import MessageType
 from cartoloop.viewer.readings import OVER, Readings
 from cartoloop.viewer.submap_parts import SubmapParts
-from cartoloop.viewer.subscriptions import Key, Subscription, Subscriptions, key_of
+from cartoloop.viewer.subscriptions import key_of
+from cartoloop.viewer.view_state import ViewState, hello_content
 
 if TYPE_CHECKING:
     from cartoloop.viewer.playback import Playback
@@ -47,7 +38,7 @@ _READS = 3
 Mode = Literal["recording", "live", "finished"]
 
 
-class LiveState:
+class LiveState(ViewState):
     """The state of a map that grows, or has grown.
 
     Parameters
@@ -62,8 +53,6 @@ class LiveState:
     ----------
     mode : what is shown now; "finished" once mapping is over.
     last : the latest update, None before the first.
-    parts : what pages are sent, by key.
-    subscriptions : the pages that are connected.
     """
 
     def __init__(
@@ -74,39 +63,27 @@ class LiveState:
         readings: Readings,
         playback: Playback | None = None,
     ) -> None:
+        log_odds = cell_log_odds(config)
+        super().__init__(hello_content(name, config.resolution, log_odds.tolist()), mode, _LATEST)
         self.readings = readings
         self.last: Update | None = None
-        self.subscriptions = Subscriptions()
         self._name = name
         self._facts: MapFacts | None = None
         self._playback = playback
         self._config = config
-        log_odds = cell_log_odds(config)
         self._submaps = SubmapParts(log_odds)
         self._poses = Table(MessageType.SUBMAP_POSES, np.zeros((0, 3)), sent_whole=True)
         self._nodes = Table(MessageType.NODES, np.zeros((0, 3)))
         self._times = Table(MessageType.NODE_TIMES, np.zeros(0))
         self._constraints = ConstraintTable()
-        self._latest = {kind: Latest() for kind in _LATEST}
-        self.parts: dict[Key, Part] = {
+        self.parts |= {
             key_of(MessageType.SUBMAP_POSES): self._poses,
             key_of(MessageType.NODES): self._nodes,
             key_of(MessageType.NODE_TIMES): self._times,
             key_of(MessageType.CONSTRAINTS): self._constraints,
         }
-        self.parts |= {key_of(kind): part for kind, part in self._latest.items()}
         self._num_found = 0
-        self._hello = _hello_content(name, config, log_odds.tolist())
-        self._set_mode(mode)
         self.refresh()
-
-    def subscribe(self) -> Subscription:
-        """Return the subscription of a page that joins now."""
-        return self.subscriptions.add(self.parts)
-
-    def unsubscribe(self, subscription: Subscription) -> None:
-        """Forget a page that has left."""
-        self.subscriptions.remove(subscription)
 
     def apply(self, update: Update) -> None:
         """Take in what has changed, except for the growing submaps."""
@@ -150,15 +127,12 @@ class LiveState:
             "loop_closures": self._num_loop_closures(),
         }
         self._show_json(MessageType.READINGS, self.readings.content(counts, paused=paused))
-        playing = self._playback is not None and self.readings.phase in ("starting", "mapping")
-        content = {
-            "paused": paused and playing,
-            "speed": self._playback.speed if self._playback is not None else None,
-            "can_pause": playing,
-            "can_set_speed": playing,
-            "can_scrub": self.readings.phase in OVER,
-        }
-        self._show_json(MessageType.PLAYBACK, content)
+        phase = self.readings.phase
+        self._show_playback(
+            self._playback,
+            is_running=phase in ("starting", "mapping"),
+            can_scrub=phase in OVER,
+        )
 
     def show_facts(self, facts: MapFacts) -> None:
         """Show the facts of the map, which grows no more."""
@@ -283,14 +257,6 @@ class LiveState:
             self.subscriptions.note(MessageType.SUBMAP_PREVIEW, submap)
             self.subscriptions.note(MessageType.SUBMAP, submap)
 
-    def _show(self, kind: MessageType, message: bytes) -> None:
-        """Replace the message of a part that is only one message."""
-        if self._latest[kind].set(message):
-            self.subscriptions.note(kind)
-
-    def _show_json(self, kind: MessageType, content: dict[str, Any]) -> None:
-        self._show(kind, protocol.json_message(kind, content))
-
     def _num_loop_closures(self) -> int:
         return int(np.count_nonzero(self._constraints.rows.kinds == ConstraintKind.LOOP_CLOSURE))
 
@@ -302,15 +268,8 @@ class LiveState:
         with suppress(LookupError):  # the last pass is changing the record: with the next update
             self._show_json(MessageType.LATEST_CLOSURE, self.closure(int(closures[-1])))
 
-    def _set_mode(self, mode: Mode) -> None:
-        """Set what pages that join from now on are shown."""
-        self.mode: Mode = mode
-        message = protocol.json_message(MessageType.HELLO, self._hello | {"mode": mode})
-        self._latest[MessageType.HELLO].set(message)  # pages that have joined keep theirs
-
 
 _LATEST = (
-    MessageType.HELLO,
     MessageType.PLAYBACK,
     MessageType.READINGS,
     MessageType.QUALITY,
@@ -345,21 +304,4 @@ def _session_content(session: Session) -> dict[str, Any]:
         "first_node": session.first_node,
         "first_submap": session.first_submap,
         "part": session.part,
-    }
-
-
-def _hello_content(name: str, config: SubmapConfig, log_odds: list[float]) -> dict[str, Any]:
-    """Return the content of HELLO but for the mode."""
-    return {
-        "protocol": protocol.PROTOCOL_VERSION,
-        "program": f"cartoloop {__version__}",
-        "session": secrets.token_hex(8),
-        "name": name,
-        "mode": "",
-        "frame": "map",
-        "resolution": config.resolution,
-        "log_odds": log_odds,
-        "max_log_odds": MAX_LOG_ODDS,
-        "palette": palette().tolist(),
-        "colours": {"light": LIGHT._asdict(), "dark": DARK._asdict()},
     }

@@ -84,12 +84,12 @@ class _Rows(ABC):
 
 
 class Table(_Rows):
-    """Poses or times, one row each.
+    """Poses, times or points, one row each.
 
     Parameters
     ----------
-    kind : SUBMAP_POSES, NODES or NODE_TIMES.
-    values : the rows, none at first: poses, shape (0, 3), or times, shape (0,).
+    kind : SUBMAP_POSES, NODES, NODE_TIMES or PATH.
+    values : the rows, none at first: poses or points, shape (0, 3), or times, shape (0,).
     sent_whole : whether all rows are sent whenever one is added.
 
     Attributes

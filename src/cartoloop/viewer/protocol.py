@@ -66,12 +66,17 @@ class MessageType(IntEnum):
     SESSIONS = 24
     EDITS = 25
     EDITED = 26
+    PATH = 27
+    STATES = 28
+    LOCALISATION = 29
+    GIVEN = 30
 
 
 _TABLE_DTYPES = {
     MessageType.SUBMAP_POSES: "<f8",
     MessageType.NODES: "<f4",
     MessageType.NODE_TIMES: "<f8",
+    MessageType.PATH: "<f4",
 }
 
 
@@ -187,12 +192,13 @@ def patch_message(
 def table_message(
     kind: MessageType, revision: int, first: int, values: NDArray[np.floating]
 ) -> bytes:
-    """Return the rows of a table from `first` on: SUBMAP_POSES, NODES or NODE_TIMES.
+    """Return the rows of a table from `first` on: SUBMAP_POSES, NODES, NODE_TIMES or PATH.
 
     Parameters
     ----------
     revision : rises when older rows change.
-    values : all rows: poses, shape (n, 3), or stamps [s], shape (n,).
+    values : all rows: poses, shape (n, 3), stamps [s], shape (n,), or points of a path, shape
+        (n, 3).
     """
     head = _TABLE.pack(first, len(values) - first, len(values), revision)
     return message(kind, head + _bytes(values[first:], _TABLE_DTYPES[kind]))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -11,7 +12,13 @@ from cartoloop.viewer.playback import MAX_SPEED, MIN_SPEED
 
 MAX_REQUEST_BYTES = 1000
 
+MAX_COORDINATE_M = 1e5
+"""Poses farther from the origin of the map are refused [m]."""
+
 Number = Annotated[int, Field(ge=0, lt=2**53)]
+
+Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M, allow_inf_nan=False)]
+Angle = Annotated[float, Field(ge=-math.tau, le=math.tau, allow_inf_nan=False)]
 
 
 class _Request(BaseModel):
@@ -92,6 +99,14 @@ class RedoEdit(_Request):
     edit: Number
 
 
+class SetPose(_Request):
+    """Try a pose of the robot in the map: x, y [m], theta [rad]."""
+
+    type: Literal["set_pose"]
+    id: Number
+    pose: tuple[Coordinate, Coordinate, Angle]
+
+
 class Picture(_Request):
     """Send the map as a PNG file."""
 
@@ -112,7 +127,7 @@ Query = ClosureDetails | AllClosures | Before | NodeScan | Picture
 EditRequest = DropClosure | UndoEdit | RedoEdit
 """Requests that change the map and its files."""
 
-Request = Play | Pause | Speed | Query | EditRequest | Ping
+Request = Play | Pause | Speed | Query | EditRequest | SetPose | Ping
 
 _ANY: TypeAdapter[Request] = TypeAdapter(Annotated[Request, Field(discriminator="type")])
 

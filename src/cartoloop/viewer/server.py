@@ -19,10 +19,9 @@ from cartoloop.viewer.app import create_app, is_loopback
 from cartoloop.viewer.budget import MAX_REST_S, Budget, Clocks
 from cartoloop.viewer.connections import ACCEPTED_AT_ONCE, BoundedConnection
 from cartoloop.viewer.editing import Editing
-from cartoloop.viewer.feed import Feed
-from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.playback import Playback
 from cartoloop.viewer.requests import MAX_REQUEST_BYTES
+from cartoloop.viewer.view_state import ViewState
 
 DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 8765
 
@@ -41,6 +40,9 @@ _PORTS_TRIED = 20
 _LOOK_UP_S = 0.2
 """Period of checks whether the thread still runs, while waiting for it [s]."""
 
+NextUpdate = Callable[[], Callable[[], None] | None]
+"""Returns what takes the next update into the state, None without one."""
+
 _ANY_HOST = ("0.0.0.0", "::")
 _ELSEWHERE = "192.0.2.1"  # reserved for documentation: no host has it
 
@@ -51,7 +53,7 @@ class ViewServer:
     Parameters
     ----------
     state : what is shown; from now on it belongs to the server's thread.
-    feed : source of updates; None where the state does not change.
+    next_update : called in the server's thread; None where the state does not change.
     playback : what pages may pause.
     host, port : where it is served; where the port is taken, one of the next.
     editing : carries out the edits of pages; None where they may not edit.
@@ -69,15 +71,15 @@ class ViewServer:
 
     def __init__(
         self,
-        state: LiveState,
-        feed: Feed | None = None,
+        state: ViewState,
+        next_update: NextUpdate | None = None,
         playback: Playback | None = None,
         host: str = DEFAULT_HOST,
         port: int = DEFAULT_PORT,
         editing: Editing | None = None,
     ) -> None:
         self._state = state
-        self._feed = feed
+        self._next_update = next_update
         self._playback = playback
         self.failure: Exception | None = None
         token = "" if is_loopback(host) else secrets.token_urlsafe(16)
@@ -176,11 +178,11 @@ class ViewServer:
         budget, refreshed, is_drawn = Budget(), -math.inf, True
         while True:
             now = Clocks.now()
-            update = self._feed.take() if self._feed is not None else None
-            flat_out = update is not None and self._is_flat_out
+            take_in = self._next_update() if self._next_update is not None else None
+            flat_out = take_in is not None and self._is_flat_out
             budget.begin(now, flat_out=flat_out)
-            if update is not None:
-                self._state.apply(update)
+            if take_in is not None:
+                take_in()
                 is_drawn = False
             if not is_drawn and budget.may_draw(now, flat_out=flat_out):
                 budget.draw(now)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.viewer.previews import Preview
-from cartoloop.viewer.protocol import Texture
 from cartoloop.viewer.textures import FinishedTexture, GrowingTexture
 
 if TYPE_CHECKING:
@@ -65,8 +64,7 @@ class SubmapParts:
         def parts(submap: int) -> tuple[Preview, FinishedTexture]:
             growing = self.growing.get(submap)
             version = growing.version + 1 if growing else 1
-            packed = new[submap]
-            grid = Texture(packed.cells, packed.origin_x, packed.origin_y, packed.resolution)
+            grid = new[submap]
             return Preview(submap, grid, self._log_odds), FinishedTexture(submap, version, grid)
 
         made = dict(zip(new, _map_all(parts, list(new)), strict=True))

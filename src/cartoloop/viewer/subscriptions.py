@@ -25,7 +25,7 @@ _ORDER = (
     MessageType.NODES, MessageType.NODE_TIMES, MessageType.SUBMAP_PREVIEW,
     MessageType.SUBMAP, MessageType.CONSTRAINTS, MessageType.QUALITY,
     MessageType.FACTS, MessageType.SESSIONS, MessageType.EDITS, MessageType.LATEST_CLOSURE,
-    MessageType.SCAN,
+    MessageType.PATH, MessageType.STATES, MessageType.LOCALISATION, MessageType.SCAN,
 )  # fmt: skip
 
 

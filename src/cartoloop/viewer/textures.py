@@ -41,14 +41,26 @@ class FinishedTexture:
     """A submap that will not change any more; a part of the state."""
 
     def __init__(self, submap: int, version: int, grid: FinishedGrid | Texture) -> None:
-        cells = drawn_cells(grid.cells)
-        texture = Texture(cells, grid.origin_x, grid.origin_y, grid.resolution)
-        self._message = submap_message(submap, version, texture, finished=True)
+        self._submap = submap
+        self._grid: FinishedGrid | Texture | None = grid
+        self._message = b""
         self._token = (0, version)
 
     def news(self, seen: Token | None) -> tuple[bytes, Token]:
         """Return all of it, unless it was seen."""
-        return (b"" if seen == self._token else self._message), self._token
+        if seen == self._token:
+            return b"", self._token
+        if not self._message:
+            self.make()
+        return self._message, self._token
+
+    def make(self) -> None:
+        """Make the message, which takes 10 ms, before a page asks for it; for any thread."""
+        if (grid := self._grid) is None:
+            return
+        texture = Texture(drawn_cells(grid.cells), grid.origin_x, grid.origin_y, grid.resolution)
+        self._message = submap_message(self._submap, self._token[1], texture, finished=True)
+        self._grid = None
 
 
 class GrowingTexture:

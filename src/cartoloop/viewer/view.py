@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
-from cartoloop.map_output.map_facts import map_facts
+from cartoloop.map_output.map_facts import map_facts, saved_facts
 from cartoloop.viewer.editing import Editing, edits_content
 from cartoloop.viewer.feed import Feed, whole
 from cartoloop.viewer.live_state import LiveState
@@ -65,7 +66,7 @@ class LiveView:
             self._playback,
         )
         self._feed = Feed()
-        self._server = ViewServer(self._state, self._feed, self._playback, host, port)
+        self._server = ViewServer(self._state, self._next_update, self._playback, host, port)
 
     @property
     def url(self) -> str:
@@ -129,6 +130,10 @@ class LiveView:
 
         self._server.call_and_wait(show)
 
+    def _next_update(self) -> Callable[[], None] | None:
+        update = self._feed.take()
+        return None if update is None else partial(self._state.apply, update)
+
     def close(self) -> None:
         """Close all connections."""
         self._server.close()
@@ -161,7 +166,7 @@ def serve_result(
     readings.real_time_factor = result.report.real_time_factor or None
     _end(readings, result)
     state.apply(whole(result))
-    state.show_facts(map_facts(result))
+    state.show_facts(saved_facts(result) or map_facts(result))
     editing = None
     if editor is not None:
         editing = Editing(editor, state)

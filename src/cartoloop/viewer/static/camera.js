@@ -145,7 +145,7 @@ function insets(view, bounds) {
 }
 
 /** What may cover the map. */
-const COVERS = ["panel", "tools", "playback", "closures", "closure", "measures", "scale"];
+const COVERS = ["panel", "tools", "playback", "closures", "closure", "measures", "pose", "scale"];
 /** Of something that spans so much of the screen, nothing is to be seen beside it. */
 const SPANS = 0.6;
 

@@ -14,7 +14,8 @@ const EDIT_TIMEOUT_MS = 300000;
 const EDITS = new Set(["drop_closure", "undo_edit", "redo_edit"]);
 /** A connection that takes longer to be made is given up. */
 const OPEN_TIMEOUT_MS = 8000;
-const ANSWERS = new Set([Type.CLOSURE, Type.CLOSURES, Type.PROBLEM, Type.PONG, Type.EDITED]);
+const ANSWERS = new Set([Type.CLOSURE, Type.CLOSURES, Type.PROBLEM, Type.PONG, Type.EDITED,
+  Type.GIVEN]);
 
 /** @typedef {"connected" | "lost" | "silent"} Status silent: the other side may be out of reach */
 

@@ -19,6 +19,8 @@ const SHIFT_TURN = 0.006;
  * @property {(px: number, py: number, event: PointerEvent) => boolean} onPress whether it is taken:
  *   what is dragged then is not the map
  * @property {(px: number, py: number, event: PointerEvent) => void} onDrag of what was taken
+ * @property {(px: number, py: number) => void} onRelease what was taken is let go after it was dragged
+ * @property {() => void} onAbandon what was taken is no longer dragged: another finger has come
  * @property {(px: number, py: number, event: PointerEvent) => void} onHover
  */
 
@@ -54,6 +56,7 @@ export class Gestures {
       this.turns = event.shiftKey || event.button === 2;
       this.isTaken = event.button === 0 && this.hands.onPress(event.clientX, event.clientY, event);
     } else {
+      if (this.isTaken) this.hands.onAbandon();
       this.isClick = false;
       this.isTaken = false;
       this.twist = 0;
@@ -102,8 +105,10 @@ export class Gestures {
   up(event, isCancelled = false) {
     if (!this.pointers.delete(event.pointerId)) return;
     if (this.pointers.size === 0) this.canvas.classList.remove("dragging");
+    if (this.isTaken && isCancelled) this.hands.onAbandon();
+    else if (this.isTaken && !this.isClick) this.hands.onRelease(event.clientX, event.clientY);
     if (this.isClick && !isCancelled) this.hands.onClick(event.clientX, event.clientY, event);
-    this.isClick = false;
+    this.isClick = this.isTaken = false;
   }
 
   wheel(event) {

@@ -44,6 +44,10 @@ import { beginOf } from "./residual.js";
  * @property {Record<string, any> | null} quality as the server sent it
  * @property {object[]} sessions as the server sent them
  * @property {Record<string, any> | null} edits as the server sent them
+ * @property {Record<string, any> | null} localisation as the server sent it
+ * @property {[number, string][]} states that a localisation went through
+ * @property {number} path number of points of the path in the map
+ * @property {number[] | null} given pose that is drawn while it is given by hand
  */
 
 /** @param {any} page */
@@ -65,7 +69,7 @@ export function inspector(page) {
 }
 
 /** @returns {PageState} */
-function stateOf({ connection, state, renderer, motion, stage, closure, measures, camera, theme, playback, session, suspects }) {
+function stateOf({ connection, state, renderer, motion, stage, closure, measures, camera, theme, playback, session, suspects, poseTool }) {
   return {
     connected: connection.isOpen,
     complete: state.isComplete,
@@ -96,6 +100,10 @@ function stateOf({ connection, state, renderer, motion, stage, closure, measures
     quality: state.quality,
     sessions: state.sessions,
     edits: state.edits,
+    localisation: state.localisation,
+    states: state.states,
+    path: state.path.length,
+    given: poseTool.pose,
   };
 }
 

@@ -16,12 +16,14 @@ import { Hint } from "./hint.js";
 import { inspector } from "./inspect.js";
 import { roundText } from "./grid.js";
 import { Layers } from "./layers.js";
+import { Localisation } from "./localisation.js";
 import { Marks } from "./marks.js";
 import { Measures } from "./measures.js";
 import { Motion } from "./motion.js";
 import { Panel } from "./panel.js";
 import { Places } from "./places.js";
 import { PlaybackBar } from "./playback.js";
+import { PoseTool } from "./pose_tool.js";
 import { PROTOCOL_VERSION, Type } from "./protocol.js";
 import { drawFoot, saveBlob, savePng } from "./save.js";
 import { ScaleBar } from "./scale_bar.js";
@@ -57,7 +59,7 @@ class Page {
     this.renderer.map.colours = this.theme.map;
     this.camera = new Camera(this.view, {
       bounds: () => this.bounds(),
-      isFinished: () => this.state.isOver,
+      isFinished: () => this.state.isOver || this.isLocating,
       isCalm: () => this.motion.calm.matches,
       onMove: () => this.stage?.schedule(),
       onShown: () => this.showView(),
@@ -78,8 +80,13 @@ class Page {
     this.places = new Places(hooks.onShow);
     this.table = new ClosureTable(hooks);
     this.measures = new Measures(this.view, hooks);
+    this.localisation = new Localisation(hooks);
+    this.poseTool = new PoseTool(this.view, {
+      ...hooks, onTouch: () => this.stage?.touch(), onToggle: (isOn) => this.showGiving(isOn),
+    });
     this.stage = new Stage({ ...this, onDrawn: () => this.showOver() });
     this.tools = new Tools(this.view, this.actions());
+    byId("pose-close").addEventListener("click", () => this.poseTool.toggle(false));
     byId("measures-close").addEventListener("click", () => this.setMeasuring(false));
     this.canvas.addEventListener("pointerleave", () => this.scaleBar.point(null));
     this.gestures = new Gestures(this.canvas, this.view, this.hands());
@@ -107,6 +114,8 @@ class Page {
     this.places.show(null);
     this.panel.showFacts(null);
     this.sessions.show([]);
+    this.localisation.show();
+    this.poseTool.show();
     this.edits.show();
     this.showBefore();
   }
@@ -143,7 +152,13 @@ class Page {
         this.edits.show();
         if (this.state.isComplete) this.noteEdit();
         break;
-      case Type.SCAN: case Type.LATEST_CLOSURE: this.stage.touch(); break;
+      case Type.STATES: case Type.LOCALISATION:
+        this.localisation.show();
+        this.poseTool.show();
+        this.marks.show(this.stage.scene(performance.now()));
+        this.stage.touch();
+        break;
+      case Type.SCAN: case Type.PATH: case Type.LATEST_CLOSURE: this.stage.touch(); break;
       case Type.COMPLETE: performance.mark("cartoloop:complete"); // falls through
       default:
         this.playback.show();
@@ -171,6 +186,7 @@ class Page {
     this.theme.colours = hello.colours;
     this.renderer.begin(hello);
     this.renderer.map.colours = this.theme.map;
+    document.body.dataset.mode = hello.mode;
     this.panel.begin(hello);
     this.measures.begin(hello.name);
   }
@@ -212,6 +228,7 @@ class Page {
     this.renderer.map.colours = this.theme.map;
     this.layers.show();
     this.sessions.refresh();
+    this.localisation.drawStates();
     this.closure.drawScans();
     this.stage.change();
   }
@@ -224,6 +241,7 @@ class Page {
       onView: () => this.move(),
       onZoom: () => this.zoom(),
       openLatest: () => {
+        if (this.isLocating) return;
         this.setMeasuring(false);
         this.closure.openLatest();
       },
@@ -231,6 +249,7 @@ class Page {
       toggleFollow: () => this.camera.setFollowing(!this.camera.isFollowing),
       toggleMeasures: () => this.setMeasuring(!this.measures.isOn),
       finishMeasure: () => this.measures.finish(),
+      togglePose: () => this.togglePose(),
       toggleTable: () => this.toggleTable(),
       toggleGrid: () => this.layers.set("grid", !this.layers.on.grid),
       toggleBefore: () => this.toggleBefore(),
@@ -243,6 +262,7 @@ class Page {
         this.hint.show("");
         if (this.measures.cancel()) return;
         this.setMeasuring(false);
+        this.poseTool.toggle(false);
         this.table.close();
         this.closure.close();
       },
@@ -254,8 +274,13 @@ class Page {
     return {
       onChange: () => this.move(),
       onZoom: () => this.zoom(),
-      onPress: (px, py) => this.measures.press(px, py),
-      onDrag: (px, py, event) => this.measures.drag(px, py, !event.altKey),
+      onPress: (px, py, event) => this.measures.press(px, py) || this.poseTool.press(px, py, event),
+      onDrag: (px, py, event) => {
+        if (this.poseTool.isOn) this.poseTool.drag(px, py);
+        else this.measures.drag(px, py, !event.altKey);
+      },
+      onRelease: (px, py) => this.poseTool.release(px, py),
+      onAbandon: () => this.poseTool.abandon(),
       onHover: (px, py) => this.hover(px, py),
       onClick: (px, py, event) => this.click(px, py, event),
     };
@@ -284,6 +309,10 @@ class Page {
       this.measures.click(px, py, !event.altKey);
       return;
     }
+    if (this.poseTool.isOn) {
+      this.poseTool.click(px, py);
+      return;
+    }
     const row = this.closureAt(px, py);
     if (row === null) this.closure.close();
     else this.closure.open(row);
@@ -294,7 +323,26 @@ class Page {
     this.closure.open(row).then(() => this.closure.bringIntoSight());
   }
 
+  /** Whether a robot is localised in a finished map, which has no closures to look at. */
+  get isLocating() {
+    return this.state.hello?.mode === "locating";
+  }
+
+  togglePose() {
+    if (!this.isLocating) return;
+    this.setMeasuring(false);
+    this.poseTool.toggle();
+  }
+
+  /** Show that drags on the map give a pose, or do not. */
+  showGiving(isOn) {
+    byId("pose-button").setAttribute("aria-pressed", String(isOn));
+    byId("pose-button").setAttribute("aria-expanded", String(isOn));
+    this.canvas.classList.toggle("giving", isOn);
+  }
+
   toggleTable() {
+    if (this.isLocating) return;
     this.setMeasuring(false);
     this.table.toggle();
   }
@@ -302,7 +350,7 @@ class Page {
   /** Go back to how the map was before loop closure, or forth again; the poses are asked for once. */
   async toggleBefore() {
     const { state, stage, motion } = this;
-    if (!state.isOver) return;
+    if (!state.isOver || this.isLocating) return;
     if (state.before === null) {
       try {
         const { submaps, nodes } = await this.connection.ask({ type: "before" });
@@ -320,7 +368,7 @@ class Page {
 
   showBefore() {
     const { isOver, isBefore } = this.state;
-    byId("before").hidden = !isOver;
+    byId("before").hidden = !isOver || this.isLocating;
     byId("before").setAttribute("aria-pressed", String(isBefore));
     byId("before-note").hidden = !isBefore;
   }
@@ -346,7 +394,10 @@ class Page {
 
   setMeasuring(isOn) {
     if (isOn === this.measures.isOn) return;
-    if (isOn) this.closure.close();
+    if (isOn) {
+      this.closure.close();
+      this.poseTool.toggle(false);
+    }
     this.measures.toggle(isOn);
     byId("tape").setAttribute("aria-pressed", String(isOn));
     byId("tape").setAttribute("aria-expanded", String(isOn));

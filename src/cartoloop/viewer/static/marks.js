@@ -1,15 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 /**
- * Words on the map: which end of the way is which.
+ * Words on the map: which end of the way is which, how probable a place is.
  * @module
  */
 import { byId, svg } from "./dom.js";
 import { endsOf } from "./overlays.js";
+import { transform } from "./poses.js";
+import { percent } from "./words.js";
 
 const WORDS = Object.freeze({ start: "Start", end: "End" });
 /** From a point to the middle of its label, across and up [px]; at the other side where both are near. */
 const ASIDE_PX = 38;
 const NEAR_PX = 40;
+/** From a place to the middle of its label [px]. */
+const BEHIND_PX = 30;
+/** More labels than these hide the map. */
+const MOST_PLACES = 6;
 
 /** Labels beside points of the map. */
 export class Marks {
@@ -24,6 +30,9 @@ export class Marks {
   /** @param {import("./overlays.js").Scene} scene */
   show(scene) {
     this.labels = scene.layers.ends ? this.labelsOf(endsOf(scene)) : [];
+    if (scene.state.localisation && scene.layers.candidates) {
+      this.labels = this.labelsOfPlaces(scene.state.localisation.places);
+    }
     this.layer.replaceChildren(...this.labels.map(({ text, x, y }) => {
       const label = svg(this.layer, "text", { x, y });
       label.textContent = text;
@@ -32,6 +41,14 @@ export class Marks {
         svg(this.layer, "rect", { x: x - width / 2, y: y - 10, width, height: 20, rx: 5 }), label,
       ]);
     }));
+  }
+
+  /** Return the probabilities of the likeliest places, each behind its arrow. */
+  labelsOfPlaces(places) {
+    return places.slice(0, MOST_PLACES).map(({ map, probability }) => {
+      const [x, y] = this.view.toScreen(...transform(map, -BEHIND_PX / this.view.scale, 0));
+      return { text: percent(probability), x, y };
+    });
   }
 
   labelsOf(ends) {

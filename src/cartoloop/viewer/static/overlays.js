@@ -5,6 +5,7 @@
  */
 import { inkOf, LineList, Pen, Shape } from "./gl/lines.js";
 import { gridLines, gridStep } from "./grid.js";
+import { LocalisationOverlay } from "./localisation_overlay.js";
 import { chain, poseAt, transform } from "./poses.js";
 import { Kind } from "./protocol.js";
 import { beginOf, residualOf } from "./residual.js";
@@ -13,7 +14,7 @@ import { sessionInk, sessionsOf } from "./sessions.js";
 /** Layers, and whether they are on at first. */
 export const LAYERS = Object.freeze({
   trajectory: true, ends: true, scan: true, nodes: false, suspects: true, closures: true,
-  constraints: false, latest: true, quality: true, grid: false,
+  constraints: false, latest: true, quality: true, candidates: true, grid: false,
 });
 
 /** Distances on the screen below which points are left out [px]; at most twice that. */
@@ -42,6 +43,7 @@ const PLACE_INKS = Object.freeze({ doubtful: "doubtful", wrong: "wrong" });
  * @property {import("./suspects.js").Suspects} suspects
  * @property {boolean} isBefore whether the poses are those before loop closure
  * @property {boolean} isOver whether the map grows no more, and no other time is shown
+ * @property {import("./poses.js").Pose | null} given pose that is being given by hand
  * @property {number} pulse of the latest closure, from 1 to 0
  */
 
@@ -63,6 +65,7 @@ export class Overlays {
     this.dots = new Shape(gl);
     this.places = new Shape(gl);
     this.grid = new Shape(gl);
+    this.localisation = new LocalisationOverlay(this);
   }
 
   /**
@@ -95,6 +98,11 @@ export class Overlays {
   drawNow(view, scene) {
     this.begin(view);
     const { layers, scan } = scene;
+    if (scene.state.localisation) {
+      this.localisation.draw(view, scene);
+      this.pen.end();
+      return;
+    }
     if (layers.trajectory && scan) this.drawTail(scene);
     if (layers.latest && scene.latest && !scene.closure) this.drawClosure(scene.latest, scene);
     if (layers.scan && scan) this.drawScan(scan);
@@ -188,9 +196,9 @@ export class Overlays {
     this.pen.lines(this.tail, WAY_PX);
   }
 
-  drawScan({ pose, points }) {
+  drawScan({ pose, points }, alpha = 0.9) {
     this.setPoints(this.returns, pose, points);
-    this.pen.dots(this.returns, 3.2, tint(this.theme.inks.scan, 0.9));
+    this.pen.dots(this.returns, 3.2, tint(this.theme.inks.scan, alpha));
   }
 
   setPoints(shape, pose, points) {

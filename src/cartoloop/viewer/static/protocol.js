@@ -36,6 +36,10 @@ export const Type = Object.freeze({
   SESSIONS: 24,
   EDITS: 25,
   EDITED: 26,
+  PATH: 27,
+  STATES: 28,
+  LOCALISATION: 29,
+  GIVEN: 30,
 });
 
 /** Kinds of constraints. @enum {number} */
@@ -103,6 +107,10 @@ const READERS = {
     const rows = readRows(buffer, at);
     return { ...rows, poses: new Float32Array(buffer, at + 16, 3 * rows.count) };
   },
+  [Type.PATH]: (buffer, at) => {
+    const rows = readRows(buffer, at);
+    return { ...rows, points: new Float32Array(buffer, at + 16, 3 * rows.count) };
+  },
   [Type.NODE_TIMES]: (buffer, at) => {
     const rows = readRows(buffer, at);
     return { ...rows, times: new Float64Array(buffer, at + 16, rows.count) };
@@ -115,7 +123,8 @@ const READERS = {
 };
 for (const type of [Type.HELLO, Type.READINGS, Type.PLAYBACK, Type.LATEST_CLOSURE, Type.COMPLETE,
   Type.CLOSURE, Type.PROBLEM, Type.PONG, Type.ANSWER, Type.QUALITY, Type.FACTS,
-  Type.CLOSURES, Type.SESSIONS, Type.EDITS, Type.EDITED]) {
+  Type.CLOSURES, Type.SESSIONS, Type.EDITS, Type.EDITED, Type.STATES,
+  Type.LOCALISATION, Type.GIVEN]) {
   READERS[type] = (buffer, at, length) => ({
     content: JSON.parse(text.decode(new Uint8Array(buffer, at, length))),
   });

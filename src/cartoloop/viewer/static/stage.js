@@ -31,6 +31,7 @@ export class Stage {
    * @param {import("./suspects.js").Suspects} parts.suspects
    * @param {() => void} parts.onDrawn all has been drawn again
    * @param {import("./closure.js").ClosureCard} parts.closure
+   * @param {import("./pose_tool.js").PoseTool} parts.poseTool
    */
   constructor(parts) {
     Object.assign(this, parts);
@@ -180,6 +181,7 @@ export class Stage {
       isBefore: state.isBefore,
       numNodes: Math.min(playback.numNodes, motion.nodes.shown.length / 3),
       scan: playback.isBack ? playback.scan : state.scan,
+      given: this.poseTool.pose,
       closure: this.closure.details, latest: state.isOver ? null : state.latestClosure,
       pulse: Math.max(0, 1 - (now - this.pulseBegan) / PULSE_MS),
     };
@@ -187,6 +189,7 @@ export class Stage {
 
   /** Return where the robot is, as of the time that is shown. */
   robotPose() {
+    if (this.state.localisation) return this.state.localisation.map;
     const { scan } = this.playback.isBack ? this.playback : this.state;
     return scan?.pose ?? null;
   }

@@ -101,6 +101,14 @@ export class MapState {
     this.before = null;
     this.isBefore = false;
     this.isComplete = false;
+    /** Where the robot is in a finished map. @type {import("./localisation.js").LocalisationContent | null} */
+    this.localisation = null;
+    /** Stamp at which each state began [s], and its name. @type {[number, string][]} */
+    this.states = [];
+    /** x, y, and 1 where a stretch of the path begins. */
+    this.path = new Table(Float32Array, 3);
+    /** Rises with each change of the path. */
+    this.pathVersion = 0;
     this.submapPoses = new Table(Float64Array, 3);
     this.nodes = new Table(Float32Array, 3);
     this.times = new Table(Float64Array);
@@ -126,6 +134,12 @@ export class MapState {
       case Type.FACTS: this.facts = message.content; break;
       case Type.SESSIONS: this.sessions = message.content.sessions; break;
       case Type.EDITS: this.edits = message.content; break;
+      case Type.STATES: this.states = message.content.runs; break;
+      case Type.LOCALISATION: this.localisation = message.content; break;
+      case Type.PATH:
+        this.path.set(message.first, message.points);
+        this.pathVersion++;
+        break;
       case Type.SCAN: this.scan = message; break;
       case Type.COMPLETE: this.isComplete = true; break;
       case Type.SUBMAP_POSES: return this.setRows("submapPoses", message, message.poses);

@@ -20,14 +20,15 @@ const INKS = {
     halo: [255, 255, 255], closure: [213, 94, 0], intra: [86, 150, 190], nodes: [0, 158, 115],
     rejected: [170, 60, 140], violated: [200, 40, 20], start: [0, 121, 90], end: [27, 31, 37],
     grid: [48, 52, 58], window: [94, 98, 104], matched: [0, 114, 178], found: [213, 94, 0],
-    doubtful: [230, 159, 0], wrong: [204, 51, 119],
+    doubtful: [230, 159, 0], wrong: [204, 51, 119], candidate: [146, 98, 0], given: [170, 60, 140],
   },
   dark: {
     trajectory: [86, 180, 233], scan: [240, 150, 60], node: [86, 180, 233], robot: [86, 180, 233],
     halo: [20, 23, 27], closure: [240, 128, 60], intra: [90, 140, 175], nodes: [40, 190, 145],
     rejected: [230, 150, 210], violated: [255, 110, 80], start: [76, 201, 160], end: [244, 240, 230],
     grid: [236, 235, 231], window: [170, 175, 182], matched: [86, 180, 233],
-    found: [240, 128, 60], doubtful: [240, 180, 40], wrong: [240, 90, 150],
+    found: [240, 128, 60], doubtful: [240, 180, 40], wrong: [240, 90, 150], candidate: [230, 210, 80],
+    given: [230, 150, 210],
   },
 };
 

@@ -46,6 +46,7 @@ class Popover {
  * @property {() => void} toggleFollow
  * @property {() => void} toggleMeasures
  * @property {() => void} finishMeasure
+ * @property {() => void} togglePose give the pose of the robot by hand
  * @property {() => void} toggleTable
  * @property {() => void} toggleGrid
  * @property {() => void} toggleBefore
@@ -70,7 +71,7 @@ export class Tools {
     const buttons = {
       "zoom-in": () => this.zoom(ZOOM), "zoom-out": () => this.zoom(1 / ZOOM),
       fit: actions.fit, north: () => this.turnUpright(), follow: actions.toggleFollow,
-      tape: actions.toggleMeasures, "closures-button": actions.toggleTable,
+      tape: actions.toggleMeasures, "pose-button": actions.togglePose, "closures-button": actions.toggleTable,
       before: actions.toggleBefore, theme: actions.toggleTheme, "help-button": () => help.showModal(),
       "help-close": () => help.close(), "save-view": () => this.saved(actions.saveView),
       "save-map": () => this.saved(actions.saveMap),
@@ -141,6 +142,7 @@ export class Tools {
       case "c": case "C": return actions.openLatest;
       case "f": case "F": return actions.toggleFollow;
       case "m": case "M": return actions.toggleMeasures;
+      case "p": case "P": return actions.togglePose;
       case "Enter": return actions.finishMeasure;
       case "t": case "T": return actions.toggleTable;
       case "g": case "G": return actions.toggleGrid;
