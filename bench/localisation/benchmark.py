@@ -19,6 +19,7 @@ from bench.localisation.drives import (
     simulated_drive,
     with_moved_boxes,
 )
+from bench.localisation.world_rows import carried_row, live_row, share, stranger_row
 from bench.record import Case, Figure, Record, Row
 from cartoloop.evaluation.map_image import MapImage
 from cartoloop.localisation.changes.areas import Kind
@@ -123,19 +124,14 @@ def _single_row(case: Case, found: measures.SingleScans) -> Row:
     figures = {
         "scans": Figure.exact(len(claimed), better=None),
         "overlapping": Figure.exact(100.0 * float(overlapping.mean()), "%", None),
-        "of these claimed": _share(claimed[overlapping], "more"),
-        "claims that are right": _share(right[claimed], "more"),
+        "of these claimed": share(claimed[overlapping], "more"),
+        "claims that are right": share(right[claimed], "more"),
         "wrong, of all": Figure.exact(100.0 * float((claimed & ~right).mean()), "%"),
         "time": Figure.of_samples([1e3 * time for time in found.times], "ms"),
         "longest": Figure(1e3 * max(found.times), "ms"),
         "processor time": Figure.of_samples([1e3 * time for time in found.processor], "ms"),
     }
     return Row({"what": "one scan from nowhere", **case}, figures)
-
-
-def _share(values: np.ndarray[tuple[int], np.dtype[np.bool_]], better: str) -> Figure:
-    share = 100.0 * float(values.mean()) if len(values) else math.nan
-    return Figure.exact(share, "%", "more" if better == "more" else "less")
 
 
 def _starts(drive: Drive, overlapping: Sequence[float], count: int) -> list[int]:
@@ -174,8 +170,8 @@ def _driving_figures(runs: Sequence[measures.Followed], *, by_overlap: bool) -> 
     lost = sum(run.states["lost"] for run in runs)
     return {
         "drives": Figure.exact(len(runs), better=None),
-        "located within 3 m": _share(np.array(paths) <= 3.0, "more"),
-        "within 10 m": _share(np.array(paths) <= 10.0, "more"),
+        "located within 3 m": share(np.array(paths) <= 3.0, "more"),
+        "within 10 m": share(np.array(paths) <= 10.0, "more"),
         "located": Figure.exact(100.0 * located / max(decisions, 1), "%", None),
         "wrong": Figure.exact(100.0 * sum(r.num_wrong for r in runs) / max(decisions, 1), "%"),
         "lost": Figure.exact(100.0 * lost / max(decisions, 1), "%"),
@@ -233,11 +229,11 @@ def _simulated_rows(seeds: int, drives: int, progress: Progress) -> Iterator[Row
     yield Row(
         {"what": "tracking, boxes moved", **worlds}, _driving_figures(moved, by_overlap=False)
     )
-    yield _live_row(worlds, live)
+    yield live_row(worlds, live)
     if strangers:
-        yield _stranger_row(worlds, strangers)
+        yield stranger_row(worlds, strangers)
     if carried:
-        yield _carried_row(worlds, carried)
+        yield carried_row(worlds, carried)
 
 
 def _changed_rows(seeds: int, progress: Progress) -> Iterator[Row]:
@@ -272,44 +268,3 @@ def _percent(part: int, whole: int) -> Figure:
 
 def _pose(drive: Drive, scan: int) -> Pose:
     return Pose(*drive.truth[scan].tolist())
-
-
-def _live_row(case: Case, runs: Sequence[measures.Followed]) -> Row:
-    times = 1e3 * np.concatenate([run.processor for run in runs])
-    return Row(
-        {"what": "a robot, from nowhere", **case},
-        {
-            "scans": Figure.exact(len(times), better=None),
-            "time of the calling thread": Figure(float(np.median(times)), "ms"),
-            "99%": Figure(float(np.quantile(times, 0.99)), "ms"),
-            "longest": Figure(float(times.max()), "ms"),
-        },
-    )
-
-
-def _stranger_row(case: Case, runs: Sequence[measures.Followed]) -> Row:
-    decisions = sum(sum(run.states.values()) for run in runs)
-    located = sum(run.num_located for run in runs)
-    return Row(
-        {"what": "in the map of another building", **case},
-        {
-            "drives": Figure.exact(len(runs), better=None),
-            "wrong": Figure.exact(100.0 * located / max(decisions, 1), "%"),
-            "longest located": Figure.exact(max(run.longest_located_s for run in runs), "s"),
-        },
-    )
-
-
-def _carried_row(case: Case, found: Sequence[measures.CarriedAway]) -> Row:
-    noticed = np.array([one.noticed_path <= 3.0 or one.noticed_s <= 5.0 for one in found])
-    again = np.array([one.found_path <= 10.0 for one in found])
-    paths = [one.found_path for one in found if math.isfinite(one.found_path)]
-    return Row(
-        {"what": "carried away", **case},
-        {
-            "drives": Figure.exact(len(found), better=None),
-            "noticed within 3 m or 5 s": _share(noticed, "more"),
-            "within 10 m": _share(again, "more"),
-            "found after": Figure.exact_of_inputs(paths or [math.inf], "m"),
-        },
-    )
