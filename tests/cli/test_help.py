@@ -114,7 +114,7 @@ def test_help_lists_commands_and_options_in_groups(capsys):
         "Use a map",
         "Recordings and parameters",
     ]
-    titles = ["Arguments", "Options", "Messages", "Recording", "View", "Configuration"]
+    titles = ["Arguments", "Options", "Messages", "View", "Recording", "Configuration"]
     assert re.findall(r"^(\w.*):$", of_live, re.MULTILINE) == titles
 
 

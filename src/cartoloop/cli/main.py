@@ -103,9 +103,8 @@ add_command(
     locate_command,
     LocateOptions,
     [
-        "cartoloop locate intel drive.bag --poses poses.jsonl --changes changed",
-        "cartoloop locate map.yaml tcp://127.0.0.1:7000 --at 1.5,-2,90",
-        "cartoloop locate intel drive.bag --view --speed 1",
+        "cartoloop locate intel drive.bag --changes changed --view --speed 1",
+        "cartoloop locate map.yaml tcp://127.0.0.1:7000 --at 1.5,-2,90 --poses poses.jsonl",
     ],
     group=USE,
 )
