@@ -31,7 +31,7 @@ from cartoloop.live.warm_up import get_ready
 from cartoloop.map_file.run_header import RunHeader
 from cartoloop.mapper import Mapper
 from cartoloop.readers import open_log
-from cartoloop.run_journal import RunJournal, begin_journal
+from cartoloop.runs.journal import RunJournal, begin_journal
 from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
 
 CONFIG = Config()

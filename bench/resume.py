@@ -32,7 +32,7 @@ from cartoloop.journal.frames import FILE_NAME as JOURNAL
 from cartoloop.map_file.file_set import FILES
 from cartoloop.readers import open_log
 from cartoloop.result import load_map
-from cartoloop.run_journal import interrupted_run
+from cartoloop.runs.journal import interrupted_run
 from cartoloop.simulation import make_world, ring, simulate
 
 LIMIT_S = 900.0

@@ -11,11 +11,11 @@ import os
 import sys
 from pathlib import Path
 
-from cartoloop import recording_run
 from cartoloop.mapper import Mapper
-from cartoloop.recording_run import map_recording, resume_recording
-from cartoloop.run_journal import RunJournal
-from cartoloop.run_observer import RunObserver
+from cartoloop.runs import recording
+from cartoloop.runs.journal import RunJournal
+from cartoloop.runs.observer import RunObserver
+from cartoloop.runs.recording import map_recording, resume_recording
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 from cartoloop.sensor.events import SensorEvent
 
@@ -40,7 +40,7 @@ def main() -> None:
     relax_gc()
     observer = _Counting() if journal == "counted" else RunObserver()
     if journal == "without":
-        recording_run._new_journal = lambda *_: None  # type: ignore[assignment]
+        recording._new_journal = lambda *_: None  # type: ignore[assignment]
     if journal == "kept":
         RunJournal.remove = RunJournal.close  # type: ignore[method-assign]
     if how == "resume":

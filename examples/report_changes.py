@@ -14,7 +14,6 @@ import numpy as np
 
 import cartoloop
 from cartoloop.localisation.changes.output import save_changes, table
-from cartoloop.map_update import update_map
 from cartoloop.simulation import Recording, make_world, simulate
 
 BEFORE, AFTER = (30.0, 6.58), (24.0, 6.58)
@@ -52,7 +51,7 @@ def main(out: str = "example-changes") -> list[str]:
 
     recording = folder / "later.log"
     later.write_log(recording)
-    update_map(folder / "map", recording)
+    cartoloop.update_map(folder / "map", recording)
     print(f"updated: {folder / 'map'}")  # noqa: T201
     return [area.kind.value for area in changes.areas]
 

@@ -9,7 +9,7 @@ import pytest
 
 import cartoloop
 from cartoloop.errors import InputError, Interrupted, OutputError
-from cartoloop.run_observer import RunObserver
+from cartoloop.runs.observer import RunObserver
 from cartoloop.simulation import ring, simulate
 from cartoloop.stop_request import StopRequest
 

@@ -18,9 +18,9 @@ from cartoloop.journal.frames import FILE_NAME, PREAMBLE, Kind, frame_bytes, rec
 from cartoloop.map_file.file_set import FILES
 from cartoloop.map_file.run_header import RunHeader, read_journal
 from cartoloop.readers.read_options import ReadOptions
-from cartoloop.recording_run import map_recording, resume_recording
-from cartoloop.run_journal import RunJournal
-from cartoloop.run_observer import RunObserver
+from cartoloop.runs.journal import RunJournal
+from cartoloop.runs.observer import RunObserver
+from cartoloop.runs.recording import map_recording, resume_recording
 from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import ring, simulate
 from cartoloop.stop_request import StopRequest

@@ -28,11 +28,12 @@ if TYPE_CHECKING:
     from cartoloop.merging import merge as merge
     from cartoloop.readers import open_log as open_log
     from cartoloop.readers import read as read
-    from cartoloop.recording_run import map_recording as map_recording
-    from cartoloop.recording_run import resume_recording as resume_recording
     from cartoloop.result import Result as Result
     from cartoloop.result import edit as edit
     from cartoloop.result import load_map as load_map
+    from cartoloop.runs.recording import map_recording as map_recording
+    from cartoloop.runs.recording import resume_recording as resume_recording
+    from cartoloop.runs.update import update_map as update_map
     from cartoloop.sensor.events import CloudGeometry as CloudGeometry
     from cartoloop.sensor.events import Imu as Imu
     from cartoloop.sensor.events import LaserScan as LaserScan
@@ -64,11 +65,12 @@ _HOME = {
     "edit": ("result", "edit"),
     "load": ("result", "load_map"),
     "load_map": ("result", "load_map"),
-    "map_recording": ("recording_run", "map_recording"),
+    "map_recording": ("runs.recording", "map_recording"),
     "merge": ("merging", "merge"),
     "open_log": ("readers", "open_log"),
     "read": ("readers", "read"),
-    "resume_recording": ("recording_run", "resume_recording"),
+    "resume_recording": ("runs.recording", "resume_recording"),
+    "update_map": ("runs.update", "update_map"),
 }
 """Module and name of each public object."""
 

@@ -12,8 +12,8 @@ import pytest
 
 from cartoloop import InputError, load_map
 from cartoloop.cli.main import run
-from cartoloop.map_update import update_map
-from cartoloop.recording_run import map_recording
+from cartoloop.runs.recording import map_recording
+from cartoloop.runs.update import update_map
 from cartoloop.sensor.pose import Pose, inverse, transform_points
 from cartoloop.simulation import make_world, simulate
 from tests.localisation.rooms import ROOM, START, carmen_text, drive, write_image

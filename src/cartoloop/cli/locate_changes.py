@@ -66,7 +66,7 @@ class ChangeOptions:
                 param_hint="--update",
             )
         if self.update:
-            from cartoloop.map_update import folder_to_update
+            from cartoloop.runs.update import folder_to_update
 
             folder_to_update(map_)
         if self.changes is not None:
@@ -83,7 +83,7 @@ class ChangeOptions:
             It is, or the map cannot be read.
         """
         if self.update:
-            from cartoloop.map_update import check_is_new, folder_to_update
+            from cartoloop.runs.update import check_is_new, folder_to_update
 
             check_is_new(folder_to_update(map_), log)
 
@@ -126,7 +126,7 @@ def update(
     from cartoloop.cli.mapping import UnsavedDisplay
     from cartoloop.cli.session_lines import APART_STATUS, session_lines
     from cartoloop.errors import Interrupted
-    from cartoloop.map_update import BEFORE, folder_to_update, mapped_onto, replace_map, why_apart
+    from cartoloop.runs.update import BEFORE, folder_to_update, mapped_onto, replace_map, why_apart
 
     folder = folder_to_update(map_)
     if stop.made:

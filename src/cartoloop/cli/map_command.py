@@ -122,7 +122,7 @@ def map_command(options: MapOptions) -> None:
 
     from cartoloop.readers import open_logs
     from cartoloop.readers.spool import regular_files
-    from cartoloop.recording_run import folder_of
+    from cartoloop.runs.recording import folder_of
 
     files = regular_files(options.logs)
     folder = folder_of(out, files, overwrite=options.overwrite)
@@ -192,7 +192,7 @@ def _as_before(
     """
     from cartoloop.config_file import LoadedConfig
     from cartoloop.readers.read_options import ReadOptions
-    from cartoloop.run_journal import interrupted_run, nothing_to_resume
+    from cartoloop.runs.journal import interrupted_run, nothing_to_resume
 
     run = interrupted_run(folder.path)
     if run is None:

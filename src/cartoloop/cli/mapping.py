@@ -15,9 +15,9 @@ from cartoloop.cli.progress import Progress, format_duration, progress
 from cartoloop.cli.second_process import start_second_process
 from cartoloop.cli.session_lines import show_sessions
 from cartoloop.cli.stop_signals import SignalStop, stop_signals
-from cartoloop.recording_run import map_recording, resume_recording
 from cartoloop.report import odometry_warning
-from cartoloop.run_observer import RunObserver
+from cartoloop.runs.observer import RunObserver
+from cartoloop.runs.recording import map_recording, resume_recording
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def map_log(
     onto: Path | None = None,
     pose: Pose | None = None,
 ) -> Result:
-    """Map a recording, save the map and print the summary; see `recording_run.map_recording`."""
+    """Map a recording, save the map and print the summary; see `runs.recording.map_recording`."""
     set_malloc_thresholds()
     relax_gc()
     with (

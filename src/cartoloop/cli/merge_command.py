@@ -36,7 +36,7 @@ def merge_command(options: MergeOptions) -> None:
     from cartoloop.cli.mapping import compilation_notice, require_good, summary
     from cartoloop.cli.session_lines import require_joined, show_sessions
     from cartoloop.cli.stop_signals import stop_signals
-    from cartoloop.merge_run import merge_maps
+    from cartoloop.runs.merge import merge_maps
 
     def note(step: str) -> None:
         typer.echo(step, err=True)

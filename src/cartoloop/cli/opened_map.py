@@ -39,7 +39,7 @@ def open_map(path: Path) -> Result:
 
 def _how_to_go_on(folder: Path) -> str:
     """Return by which command the interrupted run in a folder is resumed, as a clause."""
-    from cartoloop.run_journal import interrupted_run
+    from cartoloop.runs.journal import interrupted_run
 
     run = interrupted_run(folder)
     if run is None:

@@ -35,7 +35,7 @@ class Kind(IntEnum):
     """What a record holds; the payloads are described in docs/map-file.md."""
 
     HEADER = 0
-    """JSON: the run, see `run_journal`."""
+    """JSON: the run, see `runs.journal`."""
     CALIBRATION = 1
     """JSON: what the first pass over the recording found out about the sensors, or null."""
     MATCH = 2

@@ -20,8 +20,8 @@ from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.output_folder import saved_map
 from cartoloop.map_output.save import save
 from cartoloop.merging import merge
-from cartoloop.run_base import is_same_folder
-from cartoloop.run_journal import nothing_to_resume
+from cartoloop.runs.base import is_same_folder
+from cartoloop.runs.journal import nothing_to_resume
 from cartoloop.sensor.pose import Pose
 from cartoloop.session import MAIN_PART
 

@@ -29,11 +29,11 @@ from cartoloop.map_output.output_folder import RunFolder, prepare_folder
 from cartoloop.map_output.picture import DEFAULT_LAYERS, Layer
 from cartoloop.mapper import Mapper
 from cartoloop.result import Result
-from cartoloop.run_base import base_of_new_run, is_same_folder, path_of_base
-from cartoloop.run_end import Outcome, Saved, completed, save_outcome, timed
-from cartoloop.run_events import finish
-from cartoloop.run_journal import RunJournal, begin_journal
-from cartoloop.run_observer import RunObserver
+from cartoloop.runs.base import base_of_new_run, is_same_folder, path_of_base
+from cartoloop.runs.end import Outcome, Saved, completed, save_outcome, timed
+from cartoloop.runs.events import finish
+from cartoloop.runs.journal import RunJournal, begin_journal
+from cartoloop.runs.observer import RunObserver
 from cartoloop.sensor.pose import Pose
 from cartoloop.session import named
 from cartoloop.stop_request import StopRequest

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One call from a recording to a saved map: read, map, complete the report, save.
 
->>> from cartoloop.recording_run import map_recording
+>>> from cartoloop.runs.recording import map_recording
 >>> result = map_recording("intel.clf.gz", out="intel")
 >>> result.report.wall_s, result.report.skipped
 """
@@ -22,9 +22,9 @@ from cartoloop.errors import InputError, Interrupted, UsageError
 from cartoloop.journal.outcomes import NO_RUN_OUTCOMES
 from cartoloop.map_file.run_header import RunHeader
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
-from cartoloop.run_end import Outcome, Saved, completed, save_outcome, timed
-from cartoloop.run_events import map_events
-from cartoloop.run_journal import (
+from cartoloop.runs.end import Outcome, Saved, completed, save_outcome, timed
+from cartoloop.runs.events import map_events
+from cartoloop.runs.journal import (
     InterruptedRun,
     RunJournal,
     begin_journal,
@@ -33,7 +33,7 @@ from cartoloop.run_journal import (
     options_document,
     resume_journal,
 )
-from cartoloop.run_observer import RunObserver
+from cartoloop.runs.observer import RunObserver
 from cartoloop.session import named
 from cartoloop.stop_request import StopRequest
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from cartoloop.map_output.picture import Layer
     from cartoloop.readers import Log, ReadOptions
     from cartoloop.result import Result
-    from cartoloop.run_base import RunBase
+    from cartoloop.runs.base import RunBase
     from cartoloop.sensor.pose import Pose
 
 
@@ -99,7 +99,7 @@ def map_recording(
     log = _opened(recording, options, out if onto is None else None, overwrite)
     base = None
     if onto is not None:
-        from cartoloop.run_base import base_of_new_run
+        from cartoloop.runs.base import base_of_new_run
 
         base = base_of_new_run(onto, onto_pose, out, loaded.config, (log.name, log.fingerprint))
     run = _Run(log, loaded, drawn, observer or RunObserver(), stop or StopRequest(), base)
@@ -144,7 +144,7 @@ def resume_recording(
         As `map_recording`; or there is nothing to resume.
     """
     from cartoloop.map_output.picture import known_layers
-    from cartoloop.run_base import base_of_resumed_run
+    from cartoloop.runs.base import base_of_resumed_run
 
     path = Path(as_path(out, "resume_recording: out"))
     observer, stop = observer or RunObserver(), stop or StopRequest()

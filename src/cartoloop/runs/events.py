@@ -6,8 +6,8 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from cartoloop.run_end import Outcome
-from cartoloop.run_observer import RunObserver
+from cartoloop.runs.end import Outcome
+from cartoloop.runs.observer import RunObserver
 from cartoloop.stop_request import StopRequest
 
 if TYPE_CHECKING:

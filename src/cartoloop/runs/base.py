@@ -16,7 +16,7 @@ from cartoloop.map_file.map_digest import map_digest
 from cartoloop.map_file.read import map_file_of
 from cartoloop.map_file.run_header import BaseOfRun
 from cartoloop.map_sessions import earlier_maps
-from cartoloop.run_journal import InterruptedRun
+from cartoloop.runs.journal import InterruptedRun
 from cartoloop.sensor.pose import Pose
 
 

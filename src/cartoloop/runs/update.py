@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording that was localised in a map is taken over into it, which then shows what has changed.
 
->>> from cartoloop.map_update import update_map
+>>> from cartoloop.runs.update import update_map
 >>> result = update_map("office-map", "drive.bag")
 
 The recording becomes a session of the map, mapped in the lifelong mode from where the robot was
@@ -24,9 +24,9 @@ from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.output_folder import prepare_folder
 from cartoloop.map_output.save import save
 from cartoloop.map_output.unfinished_file import unfinished_file
-from cartoloop.recording_run import map_recording
 from cartoloop.result import load_map
-from cartoloop.run_observer import RunObserver
+from cartoloop.runs.observer import RunObserver
+from cartoloop.runs.recording import map_recording
 from cartoloop.sensor.pose import Pose
 from cartoloop.session import MAIN_PART
 from cartoloop.stop_request import StopRequest

@@ -13,7 +13,7 @@ from cartoloop.config_file import LoadedConfig, config_hash
 from cartoloop.errors import Interrupted, UsageError
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.output_folder import RunFolder, prepare_folder
-from cartoloop.run_end import Outcome, save_outcome, timed
+from cartoloop.runs.end import Outcome, save_outcome, timed
 from cartoloop.stop_request import StopRequest
 
 if TYPE_CHECKING:
