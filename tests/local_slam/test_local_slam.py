@@ -13,8 +13,8 @@ from cartoloop.config import Config, LocalSlamConfig
 from cartoloop.errors import InputError
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
 from cartoloop.sensor.pose import Pose
-from cartoloop.simulation import OdometryModel, make_world, simulate
-from tests.local_slam.small_world import errors, record, run
+from cartoloop.simulation import Lidar, OdometryModel, drive, make_world, simulate
+from tests.local_slam.small_world import errors, furnished_room, record, run
 
 MIN_POINTS = LocalSlamConfig().insertion.min_num_points
 
@@ -48,6 +48,18 @@ def test_poses_with_odometry_have_errors_of_centimetres(recording, mapped):
     assert len(distance) == len(recording.stamps)
     assert distance.max() < 0.05
     assert math.degrees(angle.max()) < 1.0
+
+
+@pytest.mark.parametrize(("field_deg", "rate"), [(180.0, 5.0), (360.0, 10.0)])
+def test_pixels_do_not_hold_a_slow_robot(field_deg, rate):
+    world, field = furnished_room(), math.radians(field_deg)
+    lidar = Lidar(num_beams=180, angle_min=-field / 2, angle_increment=field / 180, rate=rate)
+    slow = drive(world.route, speed=0.2)
+    recording = simulate(world, lidar, seed=5, duration=15.0, motion=slow)
+
+    poses, _, _ = run(recording.events())
+
+    assert errors(poses, recording.true_poses)[0].max() < 0.03
 
 
 def test_poses_without_odometry_have_errors_of_centimetres(recording):

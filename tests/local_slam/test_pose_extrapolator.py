@@ -67,6 +67,29 @@ def test_odometry_predicts_the_step_in_any_frame(extrapolator):
     assert prediction.tf_local_tracking == pytest.approx(compose(start, step))
 
 
+def sigma_of_a_step(extrapolator, step):
+    """The standard deviation of the translation of a step that the odometry reports."""
+    extrapolator.add_odometry(0.0, IDENTITY)
+    extrapolator.add_pose(0.0, IDENTITY)
+    extrapolator.add_odometry(0.2, step)
+    return extrapolator.predict(0.2).information[0] ** -0.5
+
+
+@pytest.mark.parametrize(
+    ("step", "share"),
+    [
+        (Pose(0.3, 0.0, 0.0), 1.0),
+        (Pose(0.04, 0.03, 0.0), 0.5),
+        (Pose(0.0, 0.0, 0.1), 0.3),
+        (Pose(0.001, 0.0, 0.0), 0.2),
+        (IDENTITY, 1.0),
+    ],
+)
+def test_short_steps_of_odometry_are_known_better(extrapolator, step, share):
+    full = LocalSlamConfig().prediction.unknown_translation_sigma
+    assert sigma_of_a_step(extrapolator, step) == pytest.approx(share * full)
+
+
 def test_odometry_has_precedence_over_the_velocity(extrapolator):
     extrapolator.add_odometry(0.0, IDENTITY)
     extrapolator.add_pose(0.0, IDENTITY)

@@ -43,6 +43,21 @@ class PredictionConfig(Section):
     unknown_rotation_sigma: float = Field(
         0.1, gt=0, description="sigma of odometry that is not yet calibrated [rad]"
     )
+    full_sigma_step: float = Field(
+        0.1,
+        gt=0,
+        description="step of the odometry from which its sigma is as above; that of shorter steps, "
+        "as slow robots make between scans, is less in proportion [m]",
+    )
+    min_sigma_share: float = Field(
+        0.2, gt=0, le=1, description="share of its sigma that the shortest steps have"
+    )
+    num_young_scans: int = Field(
+        10,
+        ge=0,
+        description="scans in a submap below which odometry counts for more, as their number is "
+        "less: the pixels of few scans are apart and hold a scan in its place",
+    )
     acceleration: float = Field(
         1.0, gt=0, description="without odometry: typical change of the velocity [m/s^2]"
     )

@@ -50,6 +50,9 @@ UNKNOWN_SHIFTS_S: tuple[float, ...] = tuple(0.1 * k for k in range(-4, 13) if k)
 STANDING_SPEED, STANDING_RATE = 0.05, 0.03
 """Velocities below which matched scans do not contradict rest [m/s], [rad/s]: their noise."""
 
+TURN_LEVER_M = 0.3
+"""A turn counts as the step of a point at this distance [m]: wheels slip as the robot turns."""
+
 
 class Prediction(NamedTuple):
     """The motion prior of a scan: all that the scan matcher needs besides scan and submap.
@@ -250,7 +253,7 @@ class PoseExtrapolator:
         return Prediction(
             pose,
             True,
-            self._odometry_information(),
+            self._odometry_information(step),
             partial(self._fallbacks, time),
             stands=step == IDENTITY,
         )
@@ -273,7 +276,7 @@ class PoseExtrapolator:
         return Prediction(
             compose(pose, self._with_gyro_turn(step, begin, time)),
             True,
-            self._odometry_information() / (number + 1),
+            self._odometry_information(step) / (number + 1),
             partial(self._fallbacks, time),
         )
 
@@ -282,13 +285,15 @@ class PoseExtrapolator:
         information = self._velocity_information(time, tf_local_tracking)
         return Prediction(tf_local_tracking, False, information, partial(self._fallbacks, time))
 
-    def _odometry_information(self) -> FloatArray:
+    def _odometry_information(self, step: Pose) -> FloatArray:
+        """Return the information of a step of the odometry."""
         config, model = self._prediction, self._calibration.model
-        translation = config.unknown_translation_sigma
+        share = self._sigma_share(step)
+        translation = share * config.unknown_translation_sigma
         if model.is_known:
             translation = max(
                 config.translation_error_factor * model.translation_error,
-                config.min_translation_sigma,
+                share * config.min_translation_sigma,
             )
         rotation = config.unknown_rotation_sigma
         if model.knows_rotation:
@@ -296,6 +301,19 @@ class PoseExtrapolator:
                 config.rotation_error_factor * model.rotation_error, config.min_rotation_sigma
             )
         return isotropic_information(translation, rotation)
+
+    def _sigma_share(self, step: Pose) -> float:
+        """Return the share of the usual sigma of a translation that a step has.
+
+        Pixels of scans with wide gaps hold a scan in its place, with the same force at each scan. A
+        slow robot would be held for metres if its short steps were not known better than long ones.
+        Odometry that reports no motion at all may be frozen.
+        """
+        if step == IDENTITY:
+            return 1.0
+        config = self._prediction
+        length = math.hypot(step.x, step.y) + TURN_LEVER_M * abs(step.theta)
+        return min(max(length / config.full_sigma_step, config.min_sigma_share), 1.0)
 
     def _velocity_information(self, time: float, moved: Pose) -> FloatArray:
         config, rest = self._prediction, self._tf_local_tracking
