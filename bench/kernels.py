@@ -18,12 +18,15 @@ from bench.input_kernels import INPUT_KERNELS, input_workloads
 from bench.measuring import alternate
 from bench.record import Case, Figure, Record, Row
 from bench.workload import Workload
+from cartoloop.arrays import FloatArray
 from cartoloop.config import CorrelativeMatcherConfig, LifelongConfig
 from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score, refine_all
+from cartoloop.kernels.map_changes import LookLimits, note_look
 from cartoloop.lifelong.selection import select
 from cartoloop.local_slam.wall_step import WallStep
+from cartoloop.localisation.changes.watch import no_looks
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.quality.encounters import shifts_in
@@ -40,7 +43,7 @@ from cartoloop.submaps.submap import Submap
 DRIVE_KERNELS = (
     "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
     "wall step",
-    "finish", "precompute", "mean score", "agree", "fit", "displace", "branch and bound",
+    "finish", "precompute", "mean score", "agree", "fit", "changes", "displace", "branch and bound",
     "match again", "compose map", "fade",
 )  # fmt: skip
 KERNELS = (*DRIVE_KERNELS, *GRAPH_KERNELS, *INPUT_KERNELS)
@@ -192,6 +195,20 @@ def _wall_step(driven: Drive) -> Workload:
     )  # fmt: skip
 
 
+def _map_changes(known: KnownMap, tf_map_scan: Pose, points: FloatArray, case: Case) -> Workload:
+    """Return the comparison of a scan with a map, cell by cell."""
+    grid = known.cell_grid
+    origin = np.array((grid.origin_x, grid.origin_y))
+    start = (np.array(tf_map_scan[:2]) - origin) / grid.resolution
+    ends = (transform_points(tf_map_scan, points) - origin) / grid.resolution
+    limits = LookLimits(200, 100, 1.5, 0.4, 0.005, 6.0, 2.0, 10)
+    looks = no_looks(grid.cells.shape)
+    note = partial(
+        note_look, grid.cells, limits, float(start[0]), float(start[1]), ends, 1, 0.0, looks
+    )
+    return Workload("changes", ("map_changes",), case, note, len(ends), "beams")
+
+
 def _submap_workloads(driven: Drive) -> Iterator[Workload]:
     """Yield the steps that finish a submap, and the search for a scan in it."""
     grid = driven.grids[0]
@@ -225,6 +242,7 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
                 np.array(in_submap)),
         sum(map(len, points)), "points",
     )  # fmt: skip
+    yield _map_changes(known, in_submap[0], points[0], case)
     group = transform_points(Pose(*in_submap[0]), points[0])
     yield Workload(
         "displace", ("map_agreement",), case,

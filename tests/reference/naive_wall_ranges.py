@@ -13,7 +13,7 @@ def naive_wall_ranges(walls, poses, angles, range_max):
     ax = walls[:, 0] - poses[:, 0, None, None]
     ay = walls[:, 1] - poses[:, 1, None, None]
     sx, sy = walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         determinant = dx * sy - dy * sx
         distance = (ax * sy - ay * sx) / determinant
         along = (ax * dy - ay * dx) / determinant

@@ -62,6 +62,14 @@ class _Look(NamedTuple):
     ends: FloatArray
 
 
+def no_looks(shape: tuple[int, ...]) -> LookGrids:
+    """Return what no looks come to, for a map of a shape."""
+    return LookGrids(
+        np.zeros(shape, np.int32), np.zeros(shape, np.uint16), np.zeros(shape, np.uint16),
+        np.zeros(shape, np.uint16), np.zeros(shape, np.int8), np.zeros(shape), np.zeros(shape),
+    )  # fmt: skip
+
+
 class ChangeWatch:
     """Compares scans with a map; its memory does not grow.
 
@@ -76,11 +84,7 @@ class ChangeWatch:
 
     def __init__(self, known: KnownMap) -> None:
         self._known = known
-        shape = known.cell_grid.cells.shape
-        self._grids = LookGrids(
-            np.zeros(shape, np.int32), np.zeros(shape, np.uint16), np.zeros(shape, np.uint16),
-            np.zeros(shape, np.uint16), np.zeros(shape, np.int8), np.zeros(shape), np.zeros(shape),
-        )  # fmt: skip
+        self._grids = no_looks(known.cell_grid.cells.shape)
         self.num_scans = 0
         self._waiting: deque[_Look] = deque()
         self._last: dict[Pose, tuple[float, Pose]] = {}  # by the pose of the scanner
