@@ -93,6 +93,15 @@ def test_a_later_drive_is_a_day_later(tmp_path):
     assert not np.allclose(second[0, 1:3], first[0, 1:3], atol=1.0)
 
 
+def test_a_slow_robot_drives_at_the_speed_given(tmp_path):
+    log, truth = tmp_path / "a.log", tmp_path / "a.tum"
+    options = ["--speed", "0.2", "--duration", "10", "--truth", str(truth), "-o", str(log)]
+    assert run(["simulate", "office", *options]) == 0
+    poses = np.loadtxt(truth)
+    steps = np.hypot(*np.diff(poses[:, 1:3], axis=0).T) / np.diff(poses[:, 0])
+    assert steps.max() == pytest.approx(0.2, abs=1e-3)
+
+
 def test_sparse_scans_leave_odometry_between_them(tmp_path):
     log = tmp_path / "a.log"
     options = ["--scan-spacing", "1", "--odometry-fault", "frozen", "--duration", "20"]

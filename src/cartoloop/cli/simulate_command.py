@@ -74,6 +74,15 @@ class SimulateOptions:
             help="With or without wheel odometry; museum and flat have none by default.",
         ),
     ] = None
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            metavar="M/S",
+            min=0.01,
+            max=10.0,
+            help="Largest speed of the robot [m/s]; by default the world's, in most 1.",
+        ),
+    ] = None
     tilt_deg: Annotated[
         float,
         typer.Option(
@@ -225,6 +234,8 @@ def _recording(options: SimulateOptions) -> Recording:
 
     file_format = log_format(options.out)
     world = make_world(options.world, options.seed, options.drive)
+    if options.speed is not None:
+        world = replace(world, pace=world.pace._replace(speed=options.speed))
     scanner = None if options.lidar is None else make_lidar(options.lidar)
     if options.two_scanners:
         return _with_two_scanners(options, world, scanner or world.lidar, difficulties)
