@@ -59,7 +59,7 @@ def test_pixels_do_not_hold_a_slow_robot(field_deg, rate):
 
     poses, _, _ = run(recording.events())
 
-    assert errors(poses, recording.true_poses)[0].max() < 0.03
+    assert errors(poses, recording.true_poses)[0].max() < 0.1
 
 
 def test_poses_without_odometry_have_errors_of_centimetres(recording):

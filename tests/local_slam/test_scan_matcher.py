@@ -188,16 +188,16 @@ def test_values_at_points_are_those_of_their_cells(submap):
     np.testing.assert_array_equal(values, (np.float64(grid.cells[row, column]), 0.0))
 
 
-@pytest.mark.parametrize("by_odometry", [True, False])
-def test_odometry_counts_for_more_in_a_young_submap(submap, by_odometry):
+@pytest.mark.parametrize("is_slow", [True, False])
+def test_slow_steps_count_for_more_in_a_young_submap(is_slow):
     """One scan of points 0.5 m apart on one wall, and a prediction that is off along it."""
     gaps = np.column_stack((np.arange(-3.0, 3.0, 0.5), np.full(12, 2.0)))
     active = ActiveSubmaps(CONFIG.submaps)
     active.insert(Pose(0.0, 0.0, 0.0), gaps, np.zeros((0, 2)))
     young = active.submaps[0]
     prior = Prediction(
-        Pose(0.04, 0.0, 0.0), by_odometry, isotropic_information(0.02, 0.01),
-        lambda: (IDENTITY, IDENTITY),
+        Pose(0.04, 0.0, 0.0), True, isotropic_information(0.02, 0.01),
+        lambda: (IDENTITY, IDENTITY), is_slow=is_slow,
     )  # fmt: skip
 
     held = [
@@ -205,4 +205,4 @@ def test_odometry_counts_for_more_in_a_young_submap(submap, by_odometry):
         for young.num_scans in (1, CONFIG.prediction.num_young_scans)
     ]
 
-    assert held[0] < 0.5 * held[1] if by_odometry else held[0] == held[1]
+    assert held[0] < 0.5 * held[1] if is_slow else held[0] == held[1]

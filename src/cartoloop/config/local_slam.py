@@ -43,11 +43,11 @@ class PredictionConfig(Section):
     unknown_rotation_sigma: float = Field(
         0.1, gt=0, description="sigma of odometry that is not yet calibrated [rad]"
     )
-    full_sigma_step: float = Field(
-        0.1,
-        gt=0,
-        description="step of the odometry from which its sigma is as above; that of shorter steps, "
-        "as slow robots make between scans, is less in proportion [m]",
+    num_slow_steps: int = Field(
+        3,
+        ge=1,
+        description="steps of the odometry in turn, all shorter than a pixel, from which a robot "
+        "is slow: the sigma of its steps is less, in proportion to their length",
     )
     min_sigma_share: float = Field(
         0.2, gt=0, le=1, description="share of its sigma that the shortest steps have"
@@ -55,8 +55,8 @@ class PredictionConfig(Section):
     num_young_scans: int = Field(
         10,
         ge=0,
-        description="scans in a submap below which odometry counts for more, as their number is "
-        "less: the pixels of few scans are apart and hold a scan in its place",
+        description="scans in a submap below which the steps of a slow robot count for more, as "
+        "their number is less: the pixels of few scans are apart and hold a scan in its place",
     )
     acceleration: float = Field(
         1.0, gt=0, description="without odometry: typical change of the velocity [m/s^2]"

@@ -66,6 +66,7 @@ class Prediction(NamedTuple):
     fallbacks : returns other poses to try if the prediction fails: at rest and at constant
         velocity. Valid until the pose of the scan is added.
     stands : whether the odometry reports no motion at all.
+    is_slow : whether the robot moves by less than a pixel from scan to scan, by its odometry.
     """
 
     tf_local_tracking: Pose
@@ -73,6 +74,7 @@ class Prediction(NamedTuple):
     information: FloatArray
     fallbacks: Callable[[], tuple[Pose, Pose]]
     stands: bool = False
+    is_slow: bool = False
 
 
 def isotropic_information(translation_sigma: float, rotation_sigma: float) -> FloatArray:
@@ -115,7 +117,7 @@ class PoseExtrapolator:
         self._middle_time, self._middle = 0.0, IDENTITY
         self._middles: dict[str, tuple[float, Pose]] = {}
         self._recent: deque[tuple[float, Pose]] = deque(maxlen=MAX_RECENT)
-        self._num_late = 0
+        self._num_late = self._num_short = 0
         self._num_poses = 0
         self.imu: ImuTrack | None = None
         self.imu_calibration = ImuCalibration()
@@ -250,12 +252,14 @@ class PoseExtrapolator:
         if step is None:
             return self.prediction_from(time, self._at_constant_velocity(time))
         pose = compose(self._tf_local_tracking, self._with_gyro_turn(step, self._time, time))
+        self._num_short = self._num_short + 1 if 0.0 < self._pixels(step) < 1.0 else 0
         return Prediction(
             pose,
             True,
             self._odometry_information(step),
             partial(self._fallbacks, time),
             stands=step == IDENTITY,
+            is_slow=self._is_slow,
         )
 
     def _caught_up(self, time: float) -> Prediction | None:
@@ -286,9 +290,13 @@ class PoseExtrapolator:
         return Prediction(tf_local_tracking, False, information, partial(self._fallbacks, time))
 
     def _odometry_information(self, step: Pose) -> FloatArray:
-        """Return the information of a step of the odometry."""
+        """Return the information of a step of the odometry.
+
+        Pixels of scans with wide gaps hold a scan in its place, with the same force at each scan. A
+        slow robot would be held for metres if its short steps were not known better than long ones.
+        """
         config, model = self._prediction, self._calibration.model
-        share = self._sigma_share(step)
+        share = max(self._pixels(step), config.min_sigma_share) if self._is_slow else 1.0
         translation = share * config.unknown_translation_sigma
         if model.is_known:
             translation = max(
@@ -302,18 +310,15 @@ class PoseExtrapolator:
             )
         return isotropic_information(translation, rotation)
 
-    def _sigma_share(self, step: Pose) -> float:
-        """Return the share of the usual sigma of a translation that a step has.
+    @property
+    def _is_slow(self) -> bool:
+        """Whether the latest steps are all short; those of a robot that sets off soon grow."""
+        return self._num_short >= self._prediction.num_slow_steps
 
-        Pixels of scans with wide gaps hold a scan in its place, with the same force at each scan. A
-        slow robot would be held for metres if its short steps were not known better than long ones.
-        Odometry that reports no motion at all may be frozen.
-        """
-        if step == IDENTITY:
-            return 1.0
-        config = self._prediction
+    def _pixels(self, step: Pose) -> float:
+        """Return the length of a step in pixels of the submaps."""
         length = math.hypot(step.x, step.y) + TURN_LEVER_M * abs(step.theta)
-        return min(max(length / config.full_sigma_step, config.min_sigma_share), 1.0)
+        return length / self._config.submaps.resolution
 
     def _velocity_information(self, time: float, moved: Pose) -> FloatArray:
         config, rest = self._prediction, self._tf_local_tracking

@@ -113,13 +113,12 @@ class ScanMatcher:
         return matched_scan(submap, best)
 
     def _in_young_submap(self, submap: Submap, prediction: Prediction) -> Prediction:
-        """Return a prediction with the information that odometry has in a submap of few scans.
+        """Return a prediction with the information that it has in a submap of few scans.
 
-        Odometry that reports no motion at all may be frozen, and counts for no more than usual.
+        Only that of a slow robot changes: pixels do not hold long steps, whose scale scans show.
         """
         few = self._prediction.num_young_scans
-        moves = prediction.by_odometry and not prediction.stands
-        if not moves or submap.num_scans >= few:
+        if not prediction.is_slow or submap.num_scans >= few:
             return prediction
         by = few / max(submap.num_scans, 1)
         return prediction._replace(information=by * prediction.information)
