@@ -252,7 +252,7 @@ class PoseExtrapolator:
         if step is None:
             return self.prediction_from(time, self._at_constant_velocity(time))
         pose = compose(self._tf_local_tracking, self._with_gyro_turn(step, self._time, time))
-        self._num_short = self._num_short + 1 if 0.0 < self._pixels(step) < 1.0 else 0
+        self._num_short = self._num_short + 1 if self._is_short(step, time - self._time) else 0
         return Prediction(
             pose,
             True,
@@ -314,6 +314,14 @@ class PoseExtrapolator:
     def _is_slow(self) -> bool:
         """Whether the latest steps are all short; those of a robot that sets off soon grow."""
         return self._num_short >= self._prediction.num_slow_steps
+
+    def _is_short(self, step: Pose, duration: float) -> bool:
+        """Return whether the odometry reports less than a pixel, and the scans no more than two.
+
+        Wheels that slip report little, too, but the robot moves on.
+        """
+        matched = self._pixels(self._velocity.step(duration))
+        return 0.0 < self._pixels(step) < 1.0 and matched < 2.0
 
     def _pixels(self, step: Pose) -> float:
         """Return the length of a step in pixels of the submaps."""
