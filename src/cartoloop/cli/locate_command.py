@@ -260,6 +260,10 @@ def _warn(line: str) -> None:
     typer.echo(f"warning: {line}", err=True)
 
 
+def _places(count: int) -> str:
+    return "one place, not proved" if count == 1 else f"{count} places, the likeliest"
+
+
 def change(answer: Answer) -> str:
     """Return the line that says a new state."""
     line = f"{answer.stamp:.3f}  {answer.state}"
@@ -269,7 +273,7 @@ def change(answer: Answer) -> str:
     if answer.places:
         (x, y, theta), probability, _ = answer.places[0]
         return (
-            f"{line}  {len(answer.places)} places, the likeliest ({probability:.0%}) "
+            f"{line}  {_places(len(answer.places))} ({probability:.0%}) "
             f"x {x:.2f} m, y {y:.2f} m, {math.degrees(theta):.1f} deg"
         )
     return line
