@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -24,7 +25,9 @@ if TYPE_CHECKING:
     from cartoloop.config_file import LoadedConfig
     from cartoloop.map_output.output_folder import RunFolder
     from cartoloop.map_output.picture import Layer
+    from cartoloop.readers import Log
     from cartoloop.readers.read_options import ReadOptions
+    from cartoloop.result import Result
     from cartoloop.sensor.pose import Pose
 
 _LOG_HELP = (
@@ -158,11 +161,15 @@ def map_command(options: MapOptions) -> None:
         onto=options.onto,
         pose=pose,
     )
-    if not options.view:
-        result = run()
-        require_joined(result)
-        require_good(result.report, options.strict)
-        return
+    result = _viewed(run, options, log, loaded) if options.view else run()
+    require_joined(result)
+    require_good(result.report, options.strict)
+
+
+def _viewed(
+    run: Callable[..., Result], options: MapOptions, log: Log, loaded: LoadedConfig
+) -> Result:
+    """Map with a view, which stays open after the run until the user ends it."""
     view = options.open_view(log.name, loaded.config, log.num_scans, log.duration)
     try:
         result = run(view=view)
@@ -172,8 +179,7 @@ def map_command(options: MapOptions) -> None:
             wait_for_stop(f"view           {view.url}")
     finally:
         view.close()
-    require_joined(result)
-    require_good(result.report, options.strict)
+    return result
 
 
 def _as_before(
