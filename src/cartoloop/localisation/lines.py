@@ -125,4 +125,4 @@ def _rounded(pose: Sequence[float]) -> list[float]:
 
 
 def _number(value: float) -> float | None:
-    return None if math.isnan(value) else round(value, 4)
+    return round(value, 4) if math.isfinite(value) else None

@@ -15,6 +15,7 @@ import numpy as np
 from cartoloop.errors import UsageError
 from cartoloop.localisation.answer import Answer
 from cartoloop.localisation.known_map import KnownMap
+from cartoloop.localisation.lines import answer_content
 from cartoloop.localisation.start_pose import START_WINDOW_M
 from cartoloop.sensor.pose import Pose
 from cartoloop.viewer import protocol
@@ -29,6 +30,7 @@ from cartoloop.viewer.subscriptions import key_of
 from cartoloop.viewer.view_state import ViewState, hello_content
 
 _NO_POINTS = np.zeros((0, 2))
+_SHOWN = ("stamp", "state", "map", "score", "runner_up", "agreement", "places")
 _KINDS = (
     MessageType.PLAYBACK,
     MessageType.READINGS,
@@ -172,26 +174,15 @@ def _shown_at(answer: Answer) -> Pose | None:
 
 
 def _answer_content(answer: Answer) -> dict[str, Any]:
-    sigma, covariance = position_sigma(answer), answer.covariance
-    pose = answer.tf_map_tracking
-    return {
-        "stamp": answer.stamp,
-        "state": answer.state.value,
-        "map": None if pose is None else _rounded(pose),
-        "sigma_m": None if sigma is None else _number(sigma),
-        "sigma_rad": None if covariance is None else _number(math.sqrt(float(covariance[2, 2]))),
-        "score": _number(answer.score),
-        "runner_up": _number(answer.runner_up),
-        "agreement": _number(answer.agreement),
-        "places": [
-            {
-                "map": _rounded(place.tf_map_tracking),
-                "probability": _number(place.probability),
-                "score": _number(place.score),
-            }
-            for place in answer.places
-        ],
-    }
+    """Return what pages show of an answer, as lines of poses have it."""
+    content, sigma = answer_content(answer), position_sigma(answer)
+    shown = {key: content[key] for key in _SHOWN}
+    if sigma is not None and answer.covariance is not None:
+        shown |= {
+            "sigma_m": _number(sigma),
+            "sigma_rad": _number(math.sqrt(float(answer.covariance[2, 2]))),
+        }
+    return shown
 
 
 def _rounded(pose: Pose) -> list[float]:
