@@ -194,3 +194,13 @@ def test_a_folder_without_a_map_is_not_continued(tmp_path):
 def write(folder, header):
     content = frame_bytes([record_bytes(Kind.HEADER, header.to_json())])
     (folder / FILE_NAME).write_bytes(PREAMBLE + content)
+
+
+def test_a_drive_without_scans_leaves_the_map_alone(tmp_path):
+    save(small_result(), tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+    with pytest.raises(InputError, match="no scan has arrived"):
+        map_live(Sender([]), None, tmp_path, onto=tmp_path)
+
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

@@ -136,6 +136,9 @@ def map_live(
         files = _Files(notices, options.poses)
         try:
             failure = _map_source(source, mapper, notices, options, files, observer, stop)
+            if base is not None and mapper.num_scans == 0:
+                nothing = f"{source.name}: no scan has arrived; {out} is as it was"
+                raise failure or InputError(nothing)
         except BaseException:
             mapper.close()
             if mapper.num_scans == 0:
