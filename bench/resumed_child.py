@@ -15,7 +15,8 @@ from cartoloop.mapper import Mapper
 from cartoloop.runs import recording
 from cartoloop.runs.journal import RunJournal
 from cartoloop.runs.observer import RunObserver
-from cartoloop.runs.recording import map_recording, resume_recording
+from cartoloop.runs.recording import map_recording
+from cartoloop.runs.resuming import resume_recording
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 from cartoloop.sensor.events import SensorEvent
 

@@ -20,7 +20,8 @@ from cartoloop.map_file.run_header import RunHeader, read_journal
 from cartoloop.readers.read_options import ReadOptions
 from cartoloop.runs.journal import RunJournal
 from cartoloop.runs.observer import RunObserver
-from cartoloop.runs.recording import map_recording, resume_recording
+from cartoloop.runs.recording import map_recording
+from cartoloop.runs.resuming import resume_recording
 from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import ring, simulate
 from cartoloop.stop_request import StopRequest

@@ -17,7 +17,8 @@ from cartoloop.journal.frames import FILE_NAME, PREAMBLE, Kind
 from cartoloop.map_file.file_set import FILES
 from cartoloop.map_file.run_header import read_journal
 from cartoloop.runs.journal import RunJournal
-from cartoloop.runs.recording import map_recording, resume_recording
+from cartoloop.runs.recording import map_recording
+from cartoloop.runs.resuming import resume_recording
 from cartoloop.sensor.pose import Pose
 from cartoloop.session import MAIN_PART
 from cartoloop.simulation import ring, simulate

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from cartoloop.result import edit as edit
     from cartoloop.result import load_map as load_map
     from cartoloop.runs.recording import map_recording as map_recording
-    from cartoloop.runs.recording import resume_recording as resume_recording
+    from cartoloop.runs.resuming import resume_recording as resume_recording
     from cartoloop.runs.update import update_map as update_map
     from cartoloop.sensor.events import CloudGeometry as CloudGeometry
     from cartoloop.sensor.events import Imu as Imu
@@ -69,7 +69,7 @@ _HOME = {
     "merge": ("merging", "merge"),
     "open_log": ("readers", "open_log"),
     "read": ("readers", "read"),
-    "resume_recording": ("runs.recording", "resume_recording"),
+    "resume_recording": ("runs.resuming", "resume_recording"),
     "update_map": ("runs.update", "update_map"),
 }
 """Module and name of each public object."""

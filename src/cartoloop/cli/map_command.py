@@ -125,7 +125,7 @@ def map_command(options: MapOptions) -> None:
 
     from cartoloop.readers import open_logs
     from cartoloop.readers.spool import regular_files
-    from cartoloop.runs.recording import folder_of
+    from cartoloop.runs.opening import folder_of
 
     files = regular_files(options.logs)
     folder = folder_of(out, files, overwrite=options.overwrite)

@@ -17,7 +17,8 @@ from cartoloop.cli.session_lines import show_sessions
 from cartoloop.cli.stop_signals import SignalStop, stop_signals
 from cartoloop.report import odometry_warning
 from cartoloop.runs.observer import RunObserver
-from cartoloop.runs.recording import map_recording, resume_recording
+from cartoloop.runs.recording import map_recording
+from cartoloop.runs.resuming import resume_recording
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
 if TYPE_CHECKING:
