@@ -258,12 +258,12 @@ class ConstraintSearchConfig(Section):
 class PoseAdjustmentConfig(Section):
     """Section V-A: the optimisation problem (SPA)."""
 
-    loss: Loss = Field(Loss.HUBER, description="robust loss of loop closures: rho of (SPA)")
+    loss: Loss = Field(Loss.TRUNCATED, description="robust loss of loop closures: rho of (SPA)")
     loss_scale: float | None = Field(
         None,
         gt=0,
         description="residual E beyond which a closure's influence is limited; unless set, the "
-        "default of the loss: 3, or 6 for graduated_non_convexity",
+        "default of the loss: 10 for truncated, 6 for graduated_non_convexity, 3 for others",
     )
     intra_submap_weight: float = Field(
         0.7,

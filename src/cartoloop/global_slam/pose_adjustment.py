@@ -39,7 +39,7 @@ class AdjustmentOptions:
     relative_tolerance : change of the cost, as a share of it, below which the result stands.
     """
 
-    loss: Loss = Loss.HUBER
+    loss: Loss = Loss.TRUNCATED
     loss_scale: float | None = None
     robust_kinds: Collection[ConstraintKind] = (ConstraintKind.LOOP_CLOSURE,)
     max_iterations: int = 50

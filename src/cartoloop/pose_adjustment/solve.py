@@ -14,6 +14,7 @@ from cartoloop.pose_adjustment.graduation import graduate
 from cartoloop.pose_adjustment.losses import GroupLoss, kernel_losses
 from cartoloop.pose_adjustment.plan import Plan
 from cartoloop.pose_adjustment.problem import Measurements
+from cartoloop.pose_adjustment.truncation import truncate
 from cartoloop.sensor.pose import wrap_angles
 
 
@@ -58,7 +59,7 @@ def solve(
     max_iterations : linear systems solved at most.
     relative_tolerance : change of the cost, as a share of it, below which the result stands.
     believed : which of the first constraints an earlier adjustment left a weight, shape (k,): where
-        that is still right, graduated non-convexity does not have to decide again.
+        that is still right, truncated losses do not have to decide again.
 
     Notes
     -----
@@ -79,8 +80,11 @@ def solve(
         )
     descent = Descent(plan, max_iterations, relative_tolerance)
     measured = Measurements.of(problem)
-    if any(group.loss is Loss.GRADUATED_NON_CONVEXITY for group in losses):
+    used = {group.loss for group in losses}
+    if Loss.GRADUATED_NON_CONVEXITY in used:
         run = graduate(descent, measured, losses, believed)
+    elif Loss.TRUNCATED in used:
+        run = truncate(descent, measured, losses, believed)
     else:
         kernel = kernel_losses(losses)
         start = better_start(plan, measured, kernel) if max_iterations else problem.poses()

@@ -37,6 +37,11 @@ class Loss(StrEnum):
     0.1 % of true constraints would lie beyond E = 4 (chi square, three degrees of freedom) if the
     informations of matches were right. They leave out how submaps are distorted.
     """
+    TRUNCATED = "truncated", 10.0
+    """The same from where Huber's loss ends: what is far from there is out.
+
+    True constraints lie far beyond E = 4 where submaps are distorted and a loop has just closed.
+    """
 
     default_scale: float
     code: int
@@ -49,6 +54,9 @@ class Loss(StrEnum):
         row.code = len(cls.__members__)
         return row
 
+
+DECIDED = frozenset({Loss.GRADUATED_NON_CONVEXITY, Loss.TRUNCATED})
+"""Losses of constraints that are in or out."""
 
 FIXED_WEIGHTS = len(Loss)
 """Code of a group of constraints whose weights are set by the caller instead of a loss."""
