@@ -20,6 +20,7 @@ from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, constraint_
 from cartoloop.global_slam.submap_paths import SubmapPaths
 from cartoloop.kernels.csv_rows import MAX_DIGITS, write_rows
 from cartoloop.kernels.due_pairs import NodePlace, PairRule, pairs_of_node
+from cartoloop.pose_adjustment import Loss
 
 GRAPHS = ((1_000, 12, 3_000), (11_456, 128, 35_300))
 """Nodes, submaps and constraints of the graphs; the second is of the paper's museum's size."""
@@ -44,7 +45,7 @@ def graph_workloads() -> Iterator[Workload]:
         size = len(graph.kinds)
         adjusting = ("pose_adjustment", "sparse_cholesky")
         for name, iterations in (("adjust", 50), ("adjust, one step", 1)):
-            problem = Problem.of(graph, AdjustmentOptions(max_iterations=iterations))
+            problem = Problem.of(graph, AdjustmentOptions(Loss.HUBER, max_iterations=iterations))
             yield Workload(
                 name, adjusting, case, OwnProgram(problem).solve, size, "constraints"
             )  # fmt: skip

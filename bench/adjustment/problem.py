@@ -20,7 +20,7 @@ from cartoloop.global_slam.pose_adjustment import (
     held_of,
 )
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.pose_adjustment import scale_of
+from cartoloop.pose_adjustment import Loss, scale_of
 
 
 class Solve(NamedTuple):
@@ -67,7 +67,7 @@ class Problem:
     @classmethod
     def of(cls, graph: PoseGraph, options: AdjustmentOptions | None = None) -> Problem:
         """Return the problem of adjusting a graph from its present poses."""
-        options = options or AdjustmentOptions()
+        options = options or AdjustmentOptions(Loss.HUBER)
         vertex_a, vertex_b = constraint_ends(graph)
         between_nodes = graph.kinds == ConstraintKind.NODE_TO_NODE
         is_alone = np.ones(graph.num_submaps + graph.num_nodes, dtype=bool)

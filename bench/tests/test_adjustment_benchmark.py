@@ -16,6 +16,7 @@ from bench.adjustment.problem import OwnProgram, Problem, Solve
 from bench.adjustment.synthetic_graphs import bipartite_graph
 from bench.record import Record
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
+from cartoloop.pose_adjustment import Loss
 
 pytestmark = pytest.mark.slow
 
@@ -142,7 +143,7 @@ def cost_of(method, problem):
 
 def own_cost(problem):
     problem.place(problem.start)
-    return adjust(problem.graph, AdjustmentOptions(relative_tolerance=1e-9)).cost
+    return adjust(problem.graph, AdjustmentOptions(Loss.HUBER, relative_tolerance=1e-9)).cost
 
 
 @pytest.mark.parametrize("uneven", [False, True])

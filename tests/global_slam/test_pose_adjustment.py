@@ -15,6 +15,7 @@ from cartoloop.global_slam.pose_adjustment import (
     graph_problem,
 )
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.kernels.pose_adjustment.losses import DECIDED
 from cartoloop.pose_adjustment import (
     GroupLoss,
     Loss,
@@ -27,7 +28,7 @@ from cartoloop.sensor.pose import compose_all, relative_all, wrap_angles
 from tests.global_slam.bipartite_graph import all_poses, walk
 from tests.reference import naive_pose_adjustment as naive
 
-M_ESTIMATORS = [loss for loss in Loss if loss is not Loss.GRADUATED_NON_CONVEXITY]
+M_ESTIMATORS = [loss for loss in Loss if loss not in DECIDED]
 SKEWED = np.array([[900.0, 200.0, 50.0], [200.0, 300.0, -80.0], [50.0, -80.0, 2000.0]])
 EXACT = {"noise": (0.0, 0.0), "drift": (0.3, 0.05)}
 
@@ -144,7 +145,7 @@ def test_a_second_adjustment_finds_nothing_to_do():
     graph = walk(200, 10, 60, seed=2).graph
     first = adjust(graph, to_the_end())
     poses = all_poses(graph)
-    second = adjust(graph, AdjustmentOptions())
+    second = adjust(graph, AdjustmentOptions(Loss.HUBER))
     assert second.iterations <= 1
     assert second.cost == pytest.approx(first.cost, rel=1e-9)
     np.testing.assert_allclose(all_poses(graph), poses, atol=1e-7)
@@ -166,24 +167,26 @@ def test_robust_losses_reduce_the_effect_of_false_closures(loss):
     np.testing.assert_array_equal(result.weights[graph.kinds == ConstraintKind.INTRA_SUBMAP], 1.0)
 
 
-def test_graduated_non_convexity_separates_false_closures():
+@pytest.mark.parametrize("loss", sorted(DECIDED))
+def test_false_closures_are_out_true_ones_are_in(loss):
     graph, _, nodes = walk(300, 15, 60, seed=5, num_false=12)
-    result = adjust(graph, to_the_end(Loss.GRADUATED_NON_CONVEXITY))
+    result = adjust(graph, to_the_end(loss))
     closures = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)
     np.testing.assert_array_equal(result.weights[closures[:12]], 0.0)
     np.testing.assert_array_equal(result.weights[closures[12:]], 1.0)
     assert result.cost == pytest.approx(
-        naive.cost(graph, all_poses(graph), Loss.GRADUATED_NON_CONVEXITY, 6.0), rel=1e-9
+        naive.cost(graph, all_poses(graph), loss, loss.default_scale), rel=1e-9
     )
     assert position_errors(graph, nodes).mean() < 0.1
 
 
-def test_false_closures_that_agree_are_separated_once():
+@pytest.mark.parametrize("loss", sorted(DECIDED))
+def test_false_closures_that_agree_are_separated_once(loss):
     graph, _, nodes = walk(300, 15, 60, seed=5)
     adjuster = PoseAdjuster(graph)
-    options = to_the_end(Loss.GRADUATED_NON_CONVEXITY)
+    options = to_the_end(loss)
     adjuster.adjust(options)
-    false = np.arange(60, 80)
+    false = np.arange(60, 76)
     wrong = compose_all(
         np.array((1.5, -1.0, 0.3)), relative_all(graph.submap_poses[9], nodes[false])
     )
@@ -203,7 +206,7 @@ def test_false_closures_that_agree_are_separated_once():
     assert standing.iterations <= 3 < deciding.iterations
 
 
-@pytest.mark.parametrize("loss", [Loss.NONE, Loss.HUBER, Loss.GRADUATED_NON_CONVEXITY])
+@pytest.mark.parametrize("loss", [Loss.NONE, Loss.HUBER, *sorted(DECIDED)])
 def test_a_chain_that_turned_by_radians_is_adjusted(loss):
     graph, truth = grid_world(600, seed=2, noise=(0.05, 0.2))
     graph_at_truth = graph.copy()
@@ -354,7 +357,7 @@ def test_one_submap_that_saw_a_node_twice_counts_both():
 
 def test_too_few_iterations_are_reported():
     graph = walk(200, 10, 60, seed=2, drift=(0.3, 0.05)).graph
-    result = adjust(graph, AdjustmentOptions(max_iterations=1))
+    result = adjust(graph, AdjustmentOptions(Loss.HUBER, max_iterations=1))
     assert not result.converged
     assert result.iterations == 1
     assert result.cost < result.initial_cost

@@ -92,7 +92,7 @@ def read(name):
     return read_g2o(path)
 
 
-TO_THE_END = AdjustmentOptions(relative_tolerance=1e-9, max_iterations=100)
+TO_THE_END = AdjustmentOptions(Loss.HUBER, relative_tolerance=1e-9, max_iterations=100)
 
 
 @pytest.mark.parametrize("name", ["intel", "csail"])

@@ -88,7 +88,9 @@ def test_pairs_that_were_never_requested_have_no_window():
 
 def test_the_weight_is_that_of_the_robust_loss():
     record = closures.record([closure(0.2), closure(0.6)])
-    text = closures_csv(replace(small_result(), closures=record)).decode()
+    settings = {"global_slam": {"pose_adjustment": {"loss": "huber"}}}
+    result = small_result(Config.model_validate(settings))
+    text = closures_csv(replace(result, closures=record)).decode()
     weights = [float(row["weight"]) for row in rows(text)]
 
     # E is 2 and 6, and the scale of Huber's loss is 3

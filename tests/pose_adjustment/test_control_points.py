@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust, graph_problem
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.kernels.pose_adjustment.losses import DECIDED
 from cartoloop.pose_adjustment import GroupLoss, Loss, control_points, plan, solve
 from cartoloop.sensor.pose import compose_all, relative_all, wrap_angles
 from tests.global_slam.bipartite_graph import all_poses, walk
@@ -60,7 +61,7 @@ def test_control_points_give_the_dense_solution(seed, with_angles, num_odometry)
     assert_same_poses(np.concatenate((result.submap_poses, result.node_poses)), poses, 1e-4)
 
 
-@pytest.mark.parametrize("loss", [Loss.HUBER, Loss.CAUCHY, Loss.GRADUATED_NON_CONVEXITY])
+@pytest.mark.parametrize("loss", [Loss.HUBER, Loss.CAUCHY, *sorted(DECIDED)])
 def test_each_group_has_its_own_loss_and_scale(loss):
     graph, _, nodes = walk(60, 6, 20, seed=1)
     chosen = np.arange(0, 60, 6)

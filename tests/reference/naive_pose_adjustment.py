@@ -29,7 +29,7 @@ def rho(loss, scale, squared):
         return phi * math.log(1.0 + squared / phi)
     if loss == "dynamic_covariance_scaling":
         return squared if squared <= phi else phi * (3.0 * squared - phi) / (phi + squared)
-    if loss == "graduated_non_convexity":
+    if loss in ("graduated_non_convexity", "truncated"):
         return min(squared, phi)
     return squared
 

@@ -35,7 +35,8 @@ class AdjustmentOptions:
     loss : what limits the influence of single constraints.
     loss_scale : where it begins, in units of the whitened residual E; None: the loss's default.
     robust_kinds : kinds of constraint that the loss acts on; the others are trusted.
-    max_iterations : linear systems solved at most.
+    max_iterations : linear systems solved at most; a truncated loss needs several descents, each of
+        which may take as many.
     relative_tolerance : change of the cost, as a share of it, below which the result stands.
     """
 
