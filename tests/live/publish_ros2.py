@@ -13,6 +13,7 @@ from cyclonedds.topic import Topic
 from bench.soak.dds_sender import FIXED, SENSOR, header, odometry_message, scan_message
 from cartoloop.live import dds_types as dds
 from cartoloop.sensor.events import LaserScan
+from tests.limits import wait_until
 from tests.live.live_room import drive
 
 
@@ -29,11 +30,11 @@ def main(domain, seconds):
     mount.transform.translation.x = 0.25
     fixed.write(dds.TFMessage([mount]))
     other = writer("rt/chatter", dds.Time, SENSOR)
-    time.sleep(1.0)  # until they have found each other
+    wait_until(lambda: all(topic.get_matched_subscriptions() for topic in (scans, odometry)))
     for event in drive(seconds).events(with_odometry=True):
         if isinstance(event, LaserScan):
             scans.write(scan_message(event, event.stamp))
-            time.sleep(0.01)
+            time.sleep(0.05)  # a busy receiver keeps the last 16
         else:
             odometry.write(odometry_message(event, event.stamp))
             other.write(dds.Time(1, 2))
