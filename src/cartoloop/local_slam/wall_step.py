@@ -20,7 +20,8 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import WallStepConfig
-from cartoloop.kernels.outline_shift import best_step, open_direction, trace_outline
+from cartoloop.kernels.outline_lines import trace_outline
+from cartoloop.kernels.outline_shift import best_step, open_direction
 from cartoloop.local_slam.match_records import WallMemory
 from cartoloop.sensor.pose import Pose, compose, inverse, wrap_angle
 
