@@ -21,7 +21,7 @@ _ROUNDING = 1e-9
 """Much more than sums of the same costs in different order differ by [share of the sum]."""
 
 _NUM_CLASSES = 16
-"""Points are put into order by classes of how much they tell: exact sorting takes longer."""
+"""Number of classes that points are put into order by: exact sorting takes longer."""
 
 
 @borrowing_kernel
@@ -99,12 +99,12 @@ def best_step(
     """
     outline = Outline(lines_of(bearings, ends, max_gap), places_in_sectors(ends))
     places = _placed(points, tf_sensor_points)
-    telling = np.empty_like(places)
-    matched = _most_telling_first(outline, places, along, fit, telling)
+    decisive = np.empty_like(places)
+    matched = _most_decisive_first(outline, places, along, fit, decisive)
     best, least = -1, matched if stride > 1 else math.inf
     for step in range(0, steps.shape[0], stride):
         shift = steps[step] - moved
-        if not _costs_more(outline, telling, shift, along, fit, least):
+        if not _costs_more(outline, decisive, shift, along, fit, least):
             cost = _cost_at(outline, places, shift, along, fit, least)
             if cost < least:
                 best, least = step, cost
@@ -114,7 +114,7 @@ def best_step(
         if step % stride == 0:
             continue
         shift = steps[step] - moved
-        if not _costs_more(outline, telling, shift, along, fit, least):
+        if not _costs_more(outline, decisive, shift, along, fit, least):
             cost = _cost_at(outline, places, shift, along, fit, least)
             if cost < least or (cost == least and step < best):
                 best, least = step, cost
@@ -139,17 +139,16 @@ def _placed(points: FloatArray, tf_sensor_points: tuple[float, float, float]) ->
 
 
 @kernel
-def _most_telling_first(
+def _most_decisive_first(
     outline: Outline,
     places: FloatArray,
     along: tuple[float, float],
     fit: tuple[float, float, float],
-    out_telling: FloatArray,
+    out_decisive: FloatArray,
 ) -> float:
     """Return the cost of points as matched, and write them in another order.
 
-    Those are first that fit badly, or that are shifted across their lines. The order is that of
-    classes, of which a point belongs to one.
+    Those are first that fit badly, or that are shifted across their lines.
     """
     limit = 0.5 * (fit[1] / fit[0]) ** 2
     classes = np.empty(places.shape[0], dtype=np.int64)
@@ -170,14 +169,14 @@ def _most_telling_first(
     for k in range(places.shape[0]):
         place = begins[classes[k]]
         begins[classes[k]] += 1
-        out_telling[place, 0], out_telling[place, 1] = places[k, 0], places[k, 1]
+        out_decisive[place, 0], out_decisive[place, 1] = places[k, 0], places[k, 1]
     return total
 
 
 @inlined_kernel
 def _costs_more(
     outline: Outline,
-    telling: FloatArray,
+    decisive: FloatArray,
     shift: float,
     along: tuple[float, float],
     fit: tuple[float, float, float],
@@ -185,7 +184,7 @@ def _costs_more(
 ) -> bool:
     """Return whether a shift of points clearly costs more than a bound, in whatever order."""
     above = bound * (1.0 + _ROUNDING)
-    return _cost_at(outline, telling, shift, along, fit, above) > above
+    return _cost_at(outline, decisive, shift, along, fit, above) > above
 
 
 @borrowing_kernel
