@@ -29,8 +29,8 @@ MAX_CELLS = 2**27
 _ZLIB_HEADER, _ZLIB_CHECKSUM = 2, 4
 """Before and after the compressed data of a zlib stream (RFC 1950) [bytes]."""
 
-_MEMORY = ReusedMemory(max_idle_bytes=8 << 20)
-"""Memory of probabilities: that of two large grids."""
+_MEMORY = ReusedMemory(max_idle_bytes=16 << 20)
+"""Memory of probabilities: that of four large grids."""
 
 
 class FinishedGrid:
