@@ -15,8 +15,8 @@ from cartoloop.arrays import FloatArray
 SHORTEST_M = 1e-300
 """Two ends at the same place make a line of this length [m], so that nothing is divided by zero."""
 
-NUM_SECTORS = 1024
-"""Number of sectors that all directions are divided into: some for each beam of a scanner."""
+MIN_SECTORS, SECTORS_A_POINT = 1024, 4
+"""All directions are divided into this many sectors at least, and into some for each point."""
 
 
 class Outline(NamedTuple):
@@ -26,7 +26,7 @@ class Outline(NamedTuple):
     ----------
     lines : float64, (n + 1, 4), x, y of the first end, and unit vector; NaN where there is no line:
         so in the first row, which is before all points, and in the last, which is after them.
-    sectors : uint32, (NUM_SECTORS + 1,), the row of the last point before each sector.
+    sectors : uint32, (number of sectors + 1,), the row of the last point before each sector.
     """
 
     lines: FloatArray
@@ -50,21 +50,22 @@ def lines_of(bearings: FloatArray, ends: FloatArray, max_gap: float) -> FloatArr
 
 
 @inlined_kernel
-def _sector_of(x: float, y: float) -> np.uint64:
-    """Return the sector of a direction: they ascend with bearings, and are similarly wide."""
+def _sector_of(x: float, y: float, count: int) -> np.uint64:
+    """Return the sector of a direction, of `count`: ascending with bearings, similarly wide."""
     share = y / max(abs(x) + abs(y), SHORTEST_M)
     if x < 0.0:
         share = math.copysign(2.0, y) - share
-    return min(np.uint64((share + 2.0) * (0.25 * NUM_SECTORS)), np.uint64(NUM_SECTORS - 1))
+    return min(np.uint64((share + 2.0) * (0.25 * count)), np.uint64(count - 1))
 
 
 @kernel
 def places_in_sectors(ends: FloatArray) -> NDArray[np.uint32]:
     """Return the row of the last point before each sector, see :class:`Outline`."""
-    sectors = np.empty(NUM_SECTORS + 1, dtype=np.uint32)
+    count = max(MIN_SECTORS, SECTORS_A_POINT * ends.shape[0])
+    sectors = np.empty(count + 1, dtype=np.uint32)
     filled = 0
     for k in range(ends.shape[0]):
-        sector = _sector_of(ends[k, 0], ends[k, 1])
+        sector = _sector_of(ends[k, 0], ends[k, 1], count)
         while filled <= sector:
             sectors[filled] = k
             filled += 1
@@ -109,7 +110,7 @@ def trace_outline(
 def line_towards(outline: Outline, x: float, y: float) -> np.uint64:
     """Return the row of the last outline point whose bearing is not above that of (x, y)."""
     lines = outline.lines
-    sector = _sector_of(x, y)
+    sector = _sector_of(x, y, outline.sectors.shape[0] - 1)
     one = np.uint64(1)  # Indices without a sign: negative ones would count from the end.
     line = np.uint64(outline.sectors[sector])
     last = np.uint64(outline.sectors[sector + one])

@@ -101,12 +101,16 @@ def best_step(
     places = _placed(points, tf_sensor_points)
     decisive = np.empty_like(places)
     matched = _most_decisive_first(outline, places, along, fit, decisive)
-    best, least = -1, matched if stride > 1 else math.inf
+    best, least = -1, matched
+    if stride == 1 and steps.shape[0] > 0:
+        # Others probably cost more.
+        best = _nearest(steps, moved)
+        least = _cost_at(outline, places, steps[best] - moved, along, fit, math.inf)
     for step in range(0, steps.shape[0], stride):
         shift = steps[step] - moved
         if not _costs_more(outline, decisive, shift, along, fit, least):
             cost = _cost_at(outline, places, shift, along, fit, least)
-            if cost < least:
+            if cost < least or (cost == least and step < best):
                 best, least = step, cost
     if best < 0:
         return matched, best
@@ -124,6 +128,16 @@ def best_step(
         if 0 <= step < steps.shape[0]:
             out_costs[k] = _cost_at(outline, places, steps[step] - moved, along, fit, math.inf)
     return matched, best
+
+
+@kernel
+def _nearest(steps: FloatArray, moved: float) -> int:
+    """Return the index of the step nearest to another."""
+    nearest = 0
+    for step in range(1, steps.shape[0]):
+        if abs(steps[step] - moved) < abs(steps[nearest] - moved):
+            nearest = step
+    return nearest
 
 
 @kernel
