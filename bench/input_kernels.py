@@ -17,6 +17,7 @@ from cartoloop.config import SensorConfig
 from cartoloop.readers.carmen_lines import read_scan_line
 from cartoloop.readers.ros.raw_messages import decode_multi_echo
 from cartoloop.sensor.events import LaserScan, PointCloud
+from cartoloop.sensor.packed_points import pack_points
 from cartoloop.sensor.range_filter import RangeFilter
 from cartoloop.sensor.sweep_motion import SweepMotion
 from cartoloop.simulation import make_world
@@ -25,7 +26,7 @@ from cartoloop.simulation.rig import MountedLidar, sweep_ranges
 
 INPUT_KERNELS = (
     "read scan line", "read echoes", "filter in motion", "filter a cloud", "simulate a scan",
-    "simulate a cloud",
+    "simulate a cloud", "pack",
 )  # fmt: skip
 
 RINGS_DEG = np.arange(-15.0, 16.0, 2.0)
@@ -51,6 +52,15 @@ def input_workloads() -> Iterator[Workload]:
     )
     yield Workload(
         "read scan line", ("decimal_text",), case, partial(read_scan_line, line), beams, "beams"
+    )
+
+    returns = (
+        RangeFilter(SensorConfig())
+        .apply(LaserScan(0.0, 0.0, ranges, MountedLidar(lidar).geometry))
+        .returns
+    )
+    yield Workload(
+        "pack", ("packed_points",), case, partial(pack_points, returns), len(returns), "points"
     )
 
     echoes = _message_of_echoes(ranges)

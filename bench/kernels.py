@@ -190,7 +190,7 @@ def _wall_step(driven: Drive) -> Workload:
     wall_step, moved = WallStep(config), Pose(0.2, 0.0, 0.0)
     wall_step.add(0.0, Pose(0.0, 0.0, 0.0), data.tf_tracking_sensor, data.returns)
     return Workload(
-        "wall step", ("outline_shift",), {"input": driven.name},
+        "wall step", ("outline_lines", "outline_shift"), {"input": driven.name},
         partial(wall_step.better_pose, 0.2, moved, data.returns), len(data.returns), "points",
     )  # fmt: skip
 

@@ -62,6 +62,7 @@ for name, signatures in compiled().items():
 LOCAL_SLAM = {
     "correlative",
     "grid_update",
+    "outline_lines",
     "outline_shift",
     "pixel_rows",
     "range_projection",

@@ -106,3 +106,15 @@ def test_the_window_does_not_depend_on_the_axes(angle):
     first, second = reach(poses), reach(turned)
     assert second.linear_window == pytest.approx(first.linear_window)
     assert second.angular_window == pytest.approx(first.angular_window)
+
+
+def test_the_drift_follows_the_positions_that_are_asked_for():
+    paths = SubmapPaths(CONFIG, STEP * np.arange(NUM_SUBMAPS), NO_CLOSURES, np.zeros(0))
+    straight = np.column_stack((STEP * np.arange(NUM_SUBMAPS), np.zeros(NUM_SUBMAPS)))
+    square = chain(steps())[:, :2]
+    first, again, other = (paths.drift_from(3, each) for each in (straight, straight, square))
+    fresh = SubmapPaths(CONFIG, STEP * np.arange(NUM_SUBMAPS), NO_CLOSURES, np.zeros(0))
+    assert np.array_equal(first, again)
+    assert not np.allclose(first, other)
+    assert np.array_equal(other, fresh.drift_from(3, square))
+    assert np.array_equal(paths.drift_from(5, square), fresh.drift_from(5, square))

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.kernels.outline_shift import best_step, open_direction, trace_outline
+from cartoloop.kernels.outline_shift import best_step, open_direction
 from cartoloop.sensor.pose import Pose, inverse, transform_points
 from tests.reference.naive_outline_shift import naive_cost, naive_open_direction
 
@@ -91,21 +91,3 @@ def test_the_open_direction_is_that_of_the_walls(seed):
     assert found[0] == pytest.approx(ratio, abs=1e-12)
     if ratio < 0.99:
         assert math.sin(found[1] - direction) == pytest.approx(0.0, abs=1e-9)
-
-
-@settings(deadline=None, max_examples=60)
-@given(seed=seeds, is_reversed=st.booleans())
-def test_an_outline_is_traced_from_its_scanner(seed, is_reversed):
-    rng = np.random.default_rng(seed)
-    bearings, ends = scan_of(rng)
-    if is_reversed:
-        bearings, ends = bearings[::-1], ends[::-1]
-    tf_tracking_sensor = Pose(*rng.uniform(-1.0, 1.0, 3).tolist())
-    points = transform_points(tf_tracking_sensor, ends)
-    found_bearings, found_ends = np.empty(len(points)), np.empty((len(points), 2))
-
-    ascends = trace_outline(points, inverse(tf_tracking_sensor)[:], found_bearings, found_ends)
-
-    assert ascends is not is_reversed
-    np.testing.assert_allclose(found_ends, ends, atol=1e-9)
-    np.testing.assert_allclose(found_bearings, bearings, atol=1e-9)

@@ -17,7 +17,7 @@ from cartoloop.map_output.colours import (
     contrast,
     text_colour,
 )
-from cartoloop.map_output.picture import palette
+from cartoloop.map_output.picture import NEUTRAL, palette
 
 GREYS = [(value, value, value) for value in (0, 60, 120, 180, 255)]
 
@@ -49,3 +49,4 @@ def test_free_cells_of_pictures_stand_out_of_unknown_ones():
     assert table[256] == LIGHT.ground
     assert contrast(table[round(0.196 * 255)], table[256]) >= MIN_CONTRAST
     assert table[255] == LIGHT.wall
+    assert table[NEUTRAL] == table[256]

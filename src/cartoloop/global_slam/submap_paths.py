@@ -44,6 +44,7 @@ class SubmapPaths:
         self._config = config
         self._num_submaps = m = len(submap_travelled)
         self._paths: dict[int, tuple[FloatArray, IntArray]] = {}
+        self._last_drift: tuple[int, FloatArray, FloatArray] = (-1, _NOTHING, _NOTHING)
         if closures is None or inside is None or m == 0:
             return
         first, second = closures.min(axis=1), closures.max(axis=1)
@@ -90,6 +91,10 @@ class SubmapPaths:
         -------
         covariances of x, y, theta along the shortest paths [m^2, m rad, rad^2], map axes.
         """
+        # Scans that follow each other often have the same anchor.
+        of, at, drift = self._last_drift
+        if of == submap and np.array_equal(at, positions):
+            return drift
         search = self._config.wide_search
         lengths, previous = self._paths_from(submap)
         upper = np.empty((self._num_submaps, 6))
@@ -102,7 +107,8 @@ class SubmapPaths:
             search.translation_drift**2,
             upper,
         )
-        drift: FloatArray = upper[:, _SYMMETRIC]
+        drift = upper[:, _SYMMETRIC]
+        self._last_drift = submap, positions.copy(), drift
         return drift
 
     def _paths_from(self, submap: int) -> tuple[FloatArray, IntArray]:

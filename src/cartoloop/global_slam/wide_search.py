@@ -116,12 +116,16 @@ class WideSearch:
     def request(self, scan: int, pairs: PairSelection, graph: PoseGraph) -> None:
         """Request the search of a composite scan in the submaps where the drift may place it."""
         node = int(self._scans.nodes[scan])
-        found = pairs.wide_pairs(graph, node, self._submaps)
-        requested = self._closures.submap[self._closures.node == node]
-        new = np.flatnonzero(~np.isin(found.submap, requested))
-        if len(self._scans.points[scan]) < self._all.min_num_points or len(new) == 0:
+        if len(self._scans.points[scan]) < self._all.min_num_points:
             return
-        requests = found.take(new)
+        found = pairs.wide_pairs(graph, node, self._submaps)
+        if len(found.submap) == 0:
+            return
+        requested = frozenset(self._closures.submap[self._closures.node == node].tolist())
+        new = [i for i, submap in enumerate(found.submap.tolist()) if submap not in requested]
+        if not new:
+            return
+        requests = found.take(np.array(new))
         rows = record_requests(self._recorded, self._closures, requests, graph.num_nodes)
         for submap, row in zip(requests.submap.tolist(), rows.tolist(), strict=True):
             self._waiting.append((submap, scan, row))

@@ -4,48 +4,24 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from cartoloop._jit import borrowing_kernel, inlined_kernel, kernel
-from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.arrays import FloatArray
+from cartoloop.kernels.outline_lines import (
+    SHORTEST_M,
+    Outline,
+    line_towards,
+    lines_of,
+    places_in_sectors,
+)
 
-_SHORTEST_M = 1e-300
-"""Two ends at the same place make a line of this length [m], so that nothing is divided by zero."""
+_ROUNDING = 1e-9
+"""Much more than sums of the same costs in different order differ by [share of the sum]."""
 
-
-@borrowing_kernel
-def trace_outline(
-    points: FloatArray,
-    tf_sensor_points: tuple[float, float, float],
-    out_bearings: FloatArray,
-    out_ends: FloatArray,
-) -> bool:
-    """Write points in the frame of a scanner, and where they are seen from there.
-
-    Parameters
-    ----------
-    points : float64, shape (n, 2) [m].
-    tf_sensor_points : x, y [m] and theta [rad].
-    out_bearings : float64, shape (n,), directions from the scanner [rad].
-    out_ends : float64, shape (n, 2), scanner frame [m].
-
-    Returns
-    -------
-    whether the bearings ascend, as they do where beams are in order.
-    """
-    origin_x, origin_y, theta = tf_sensor_points
-    cos, sin = math.cos(theta), math.sin(theta)
-    ascends = True
-    for k in range(points.shape[0]):
-        x = origin_x + cos * points[k, 0] - sin * points[k, 1]
-        y = origin_y + sin * points[k, 0] + cos * points[k, 1]
-        out_ends[k, 0], out_ends[k, 1] = x, y
-        out_bearings[k] = math.atan2(y, x)
-        if k > 0 and not out_bearings[k] >= out_bearings[k - 1]:
-            ascends = False
-    return ascends
+_NUM_CLASSES = 16
+"""Number of classes that points are put into order by: exact sorting takes longer."""
 
 
 @borrowing_kernel
@@ -65,7 +41,7 @@ def open_direction(bearings: FloatArray, ends: FloatArray, max_gap: float) -> tu
             continue
         x, y = ends[line + 1, 0] - ends[line, 0], ends[line + 1, 1] - ends[line, 1]
         length = math.hypot(x, y)
-        weight = min(length, 1.0) / max(length, _SHORTEST_M) ** 2
+        weight = min(length, 1.0) / max(length, SHORTEST_M) ** 2
         xx += weight * y**2
         yy += weight * x**2
         xy -= weight * x * y
@@ -117,133 +93,145 @@ def best_step(
 
     Notes
     -----
-    As a point is shifted, its direction changes little, so that its line is found from the last.
-    Costs only grow from point to point: a step is given up once it costs more than another.
+    Costs only grow from point to point: a step is given up once it costs more than another. That is
+    soonest with the points first that fit badly, or that are shifted across their lines. Sums in
+    that order differ by rounding, so that they only reject what clearly costs more.
     """
-    places, lines = _placed(points, tf_sensor_points)
-    directions = _line_directions(bearings, ends, max_gap)
-    scan = _Scan(ends, directions, bearings, places, lines)
-    matched = _cost_at(scan, 0.0, along, fit, math.inf)
-    best, least = -1, matched if stride > 1 else math.inf
+    outline = Outline(lines_of(bearings, ends, max_gap), places_in_sectors(ends))
+    places = _placed(points, tf_sensor_points)
+    decisive = np.empty_like(places)
+    matched = _most_decisive_first(outline, places, along, fit, decisive)
+    best, least = -1, matched
+    if stride == 1 and steps.shape[0] > 0:
+        # Others probably cost more.
+        best = _nearest(steps, moved)
+        least = _cost_at(outline, places, steps[best] - moved, along, fit, math.inf)
     for step in range(0, steps.shape[0], stride):
-        cost = _cost_at(scan, steps[step] - moved, along, fit, least)
-        if cost < least:
-            best, least = step, cost
+        shift = steps[step] - moved
+        if not _costs_more(outline, decisive, shift, along, fit, least):
+            cost = _cost_at(outline, places, shift, along, fit, least)
+            if cost < least or (cost == least and step < best):
+                best, least = step, cost
     if best < 0:
         return matched, best
     for step in range(steps.shape[0]):
         if step % stride == 0:
             continue
-        cost = _cost_at(scan, steps[step] - moved, along, fit, least)
-        if cost < least or (cost == least and step < best):
-            best, least = step, cost
+        shift = steps[step] - moved
+        if not _costs_more(outline, decisive, shift, along, fit, least):
+            cost = _cost_at(outline, places, shift, along, fit, least)
+            if cost < least or (cost == least and step < best):
+                best, least = step, cost
     for k in range(5):
         step = best + (-reach, -1, 0, 1, reach)[k]
         out_costs[k] = math.nan
         if 0 <= step < steps.shape[0]:
-            out_costs[k] = _cost_at(scan, steps[step] - moved, along, fit, math.inf)
+            out_costs[k] = _cost_at(outline, places, steps[step] - moved, along, fit, math.inf)
     return matched, best
 
 
-class _Scan(NamedTuple):
-    """An outline, and another scan at the matched pose.
-
-    Attributes
-    ----------
-    ends, directions : float64, (n, 2), (n - 1, 2), the outline's points and lines.
-    bearings : float64, (n,).
-    places : float64, (m, 2), the points of the scan.
-    lines : int64, (m,), in whose direction each was seen last.
-    """
-
-    ends: FloatArray
-    directions: FloatArray
-    bearings: FloatArray
-    places: FloatArray
-    lines: IntArray
+@kernel
+def _nearest(steps: FloatArray, moved: float) -> int:
+    """Return the index of the step nearest to another."""
+    nearest = 0
+    for step in range(1, steps.shape[0]):
+        if abs(steps[step] - moved) < abs(steps[nearest] - moved):
+            nearest = step
+    return nearest
 
 
 @kernel
-def _placed(
-    points: FloatArray, tf_sensor_points: tuple[float, float, float]
-) -> tuple[FloatArray, IntArray]:
-    """Return points in the scanner frame, and that the line of none of them is known."""
+def _placed(points: FloatArray, tf_sensor_points: tuple[float, float, float]) -> FloatArray:
+    """Return points in the scanner frame, shape (m, 2)."""
     places = np.empty((points.shape[0], 2))
-    lines = np.empty(points.shape[0], dtype=np.int64)
     sensor_x, sensor_y, theta = tf_sensor_points
     cos, sin = math.cos(theta), math.sin(theta)
     for k in range(points.shape[0]):
         places[k, 0] = sensor_x + cos * points[k, 0] - sin * points[k, 1]
         places[k, 1] = sensor_y + sin * points[k, 0] + cos * points[k, 1]
-        lines[k] = -1
-    return places, lines
+    return places
+
+
+@kernel
+def _most_decisive_first(
+    outline: Outline,
+    places: FloatArray,
+    along: tuple[float, float],
+    fit: tuple[float, float, float],
+    out_decisive: FloatArray,
+) -> float:
+    """Return the cost of points as matched, and write them in another order.
+
+    Those are first that fit badly, or that are shifted across their lines.
+    """
+    limit = 0.5 * (fit[1] / fit[0]) ** 2
+    classes = np.empty(places.shape[0], dtype=np.int64)
+    begins = np.zeros(_NUM_CLASSES + 1, dtype=np.int64)
+    total = 0.0
+    for k in range(places.shape[0]):
+        line = line_towards(outline, places[k, 0], places[k, 1])
+        cost = _distance_cost(outline, line, places[k, 0], places[k, 1], fit)
+        total += cost
+        share = cost / limit
+        across = along[0] * outline.lines[line, 3] - along[1] * outline.lines[line, 2]
+        if not math.isnan(across):
+            share += 0.5 * abs(across)
+        classes[k] = _NUM_CLASSES - 1 - min(int(share * _NUM_CLASSES / 1.5), _NUM_CLASSES - 1)
+        begins[classes[k] + 1] += 1
+    for number in range(1, _NUM_CLASSES):
+        begins[number] += begins[number - 1]
+    for k in range(places.shape[0]):
+        place = begins[classes[k]]
+        begins[classes[k]] += 1
+        out_decisive[place, 0], out_decisive[place, 1] = places[k, 0], places[k, 1]
+    return total
+
+
+@inlined_kernel
+def _costs_more(
+    outline: Outline,
+    decisive: FloatArray,
+    shift: float,
+    along: tuple[float, float],
+    fit: tuple[float, float, float],
+    bound: float,
+) -> bool:
+    """Return whether a shift of points clearly costs more than a bound, in whatever order."""
+    above = bound * (1.0 + _ROUNDING)
+    return _cost_at(outline, decisive, shift, along, fit, above) > above
 
 
 @borrowing_kernel
 def _cost_at(
-    scan: _Scan,
+    outline: Outline,
+    places: FloatArray,
     shift: float,
     along: tuple[float, float],
     fit: tuple[float, float, float],
     bound: float,
 ) -> float:
-    """Return the cost of a shift of a scan, or a part of it that is above a bound."""
-    sigma, max_distance, outside_share = fit
-    limit = 0.5 * (max_distance / sigma) ** 2
+    """Return the cost of a shift of points, or a part of it that is above a bound."""
     shift_x, shift_y = shift * along[0], shift * along[1]
-    num_lines = scan.directions.shape[0]
     cost = 0.0
-    for k in range(scan.places.shape[0]):
-        x, y = scan.places[k, 0] + shift_x, scan.places[k, 1] + shift_y
-        line = _line_towards(scan.bearings, scan.ends, x, y, scan.lines[k])
-        scan.lines[k] = line
-        if line < 0 or line >= num_lines or math.isnan(scan.directions[line, 0]):
-            cost += outside_share * limit
-        else:
-            across = (x - scan.ends[line, 0]) * scan.directions[line, 1]
-            distance = across - (y - scan.ends[line, 1]) * scan.directions[line, 0]
-            cost += min(0.5 * (distance / sigma) ** 2, limit)
+    for k in range(places.shape[0]):
+        x, y = places[k, 0] + shift_x, places[k, 1] + shift_y
+        cost += _distance_cost(outline, line_towards(outline, x, y), x, y, fit)
         if cost > bound:
             break
     return cost
 
 
-@kernel
-def _line_directions(bearings: FloatArray, ends: FloatArray, max_gap: float) -> FloatArray:
-    """Return the unit vectors of an outline's lines, shape (n - 1, 2); NaN where there is none."""
-    directions = np.empty((bearings.shape[0] - 1, 2))
-    for line in range(directions.shape[0]):
-        directions[line, 0] = directions[line, 1] = math.nan
-        if bearings[line + 1] - bearings[line] < max_gap:
-            x, y = ends[line + 1, 0] - ends[line, 0], ends[line + 1, 1] - ends[line, 1]
-            length = max(math.hypot(x, y), _SHORTEST_M)
-            directions[line, 0], directions[line, 1] = x / length, y / length
-    return directions
-
-
 @inlined_kernel
-def _line_towards(bearings: FloatArray, ends: FloatArray, x: float, y: float, line: int) -> int:
-    """Return the last outline point whose bearing is not above that of (x, y), -1 without any.
-
-    `line` is a guess; one next to the answer saves time.
-    """
-    last = bearings.shape[0] - 1
-    # Cross products compare directions that are less than half a turn apart.
-    if 0 <= line < last and ends[line, 0] * x + ends[line, 1] * y > 0.0:
-        while line >= 0 and ends[line, 0] * y - ends[line, 1] * x < 0.0:
-            line -= 1
-        if line >= 0:
-            while line < last and ends[line + 1, 0] * y - ends[line + 1, 1] * x >= 0.0:
-                line += 1
-        if 0 <= line < last:
-            return line
-    # By hand: np.searchsorted makes a kernel slow to load from the cache.
-    bearing = math.atan2(y, x)
-    first, end = 0, bearings.shape[0]
-    while first < end:
-        middle = (first + end) // 2
-        if bearings[middle] <= bearing:
-            first = middle + 1
-        else:
-            end = middle
-    return first - 1
+def _distance_cost(
+    outline: Outline, line: np.uint64, x: float, y: float, fit: tuple[float, float, float]
+) -> float:
+    """Return the cost of the distance of a point from a line, given its row."""
+    sigma, max_distance, outside_share = fit
+    lines = outline.lines
+    limit = 0.5 * (max_distance / sigma) ** 2
+    across = (x - lines[line, 0]) * lines[line, 3]
+    distance = across - (y - lines[line, 1]) * lines[line, 2]
+    if math.isnan(distance):
+        return outside_share * limit
+    cost: float = min(0.5 * (distance / sigma) ** 2, limit)
+    return cost

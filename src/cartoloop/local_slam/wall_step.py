@@ -20,7 +20,8 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import WallStepConfig
-from cartoloop.kernels.outline_shift import best_step, open_direction, trace_outline
+from cartoloop.kernels.outline_lines import trace_outline
+from cartoloop.kernels.outline_shift import best_step, open_direction
 from cartoloop.local_slam.match_records import WallMemory
 from cartoloop.sensor.pose import Pose, compose, inverse, wrap_angle
 
@@ -235,8 +236,8 @@ def _compare(
     tf_sensor_local = inverse(compose(last.pose, last.tf_tracking_sensor))
     axis = math.cos(direction), math.sin(direction)
     direction -= tf_sensor_local.theta
-    along = np.array((math.cos(direction), math.sin(direction)))
-    moved = float(along @ (pose.x - last.pose.x, pose.y - last.pose.y))
+    along = math.cos(direction), math.sin(direction)
+    moved = along[0] * (pose.x - last.pose.x) + along[1] * (pose.y - last.pose.y)
     reach = min(config.max_speed * (time - last.time), config.max_step) + config.max_distance
     steps = _steps_to_try(math.ceil(reach / config.step), config.step)
     costs = np.empty(5)
@@ -255,7 +256,8 @@ def _compare(
     )
     if best < 0:
         return None
-    return _Comparison(float(steps[best]) - moved, tuple(costs.tolist()), matched_cost, along)
+    apart = float(steps[best]) - moved
+    return _Comparison(apart, tuple(costs.tolist()), matched_cost, np.array(along))
 
 
 @lru_cache(maxsize=256)

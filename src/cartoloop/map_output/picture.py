@@ -58,6 +58,9 @@ _LARGEST_EDGE = 4000
 _STRIP_ROWS = 64
 """Rows of pixels that are shaded at a time: bounds the memory."""
 
+NEUTRAL = 127
+"""Probability, times 255, that is shown in the colour of unknown cells."""
+
 _SMOOTHING = 2
 """Lines are drawn this much larger and reduced, against stairs."""
 
@@ -246,14 +249,15 @@ def _shade(
 ) -> None:
     """Draw the cells alone into a part of an image, `shrink` by `shrink` of them a pixel."""
     # A table of colours, and never all pixels at once: a map may have tens of millions of cells.
-    table = palette()
+    table = palette()[:-1].tobytes()
     left, top = left_top
     from_top = probability[::-1]
     for first in range(0, len(from_top), _STRIP_ROWS * shrink):
         part = from_top[first : first + _STRIP_ROWS * shrink]
-        level = np.where(part < 0.0, np.float32(256.0), part * np.float32(255.0))
-        strip = Image.fromarray(table[np.rint(level).astype(np.int16)])
-        out_image.paste(strip.reduce(shrink), (left, top + first // shrink))
+        level = np.where(part < 0.0, np.float32(NEUTRAL), part * np.float32(255.0))
+        strip = Image.fromarray(np.rint(level).astype(np.uint8))
+        strip.putpalette(table)
+        out_image.paste(strip.convert("RGB").reduce(shrink), (left, top + first // shrink))
 
 
 def _any_of_blocks(cells: BoolArray, factor: int) -> BoolArray:

@@ -54,6 +54,10 @@ class LeastSquaresMatch(NamedTuple):
     iterations: int
 
 
+_SYMMETRIC = np.array(((3, 4, 5), (4, 6, 7), (5, 7, 8)))
+"""Where :func:`match_scan` writes the upper triangle of an information matrix."""
+
+
 def match(
     smooth_map: SmoothMap,
     points: FloatArray,
@@ -85,11 +89,10 @@ def match(
         options[:],
         found,
     )
-    x, y, theta, xx, xy, xt, yy, yt, tt, squares, cost = found.tolist()
-    information = np.array(((xx, xy, xt), (xy, yy, yt), (xt, yt, tt)))
+    x, y, theta, *_, squares, cost = found.tolist()
     return LeastSquaresMatch(
         Pose(x, y, wrap_angle(theta)),
-        information,
+        found[_SYMMETRIC],
         math.sqrt(squares / len(points)),
         cost,
         iterations,

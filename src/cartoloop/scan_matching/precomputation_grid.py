@@ -43,7 +43,7 @@ MARGIN = _FINE[-1] + LARGEST_STEP
 
 _END_MARGIN = LARGEST_STEP + 1
 
-_MEMORY = ReusedMemory(max_idle_bytes=24 << 20)
+_MEMORY = ReusedMemory(max_idle_bytes=40 << 20)
 
 
 @dataclass(frozen=True, slots=True)

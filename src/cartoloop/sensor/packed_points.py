@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.arrays import FloatArray
+from cartoloop.kernels.packed_points import pack_rows
 
 POINT_UNIT = 0.001
 """Points are kept to a millimetre, or where they lie further than 32 m, as finely as they fit."""
@@ -20,10 +21,10 @@ def pack_points(points: NDArray[np.floating]) -> tuple[float, bytes]:
 
     They are not compressed: noise does not compress.
     """
-    furthest = float(np.abs(points).max(initial=0.0))
-    unit = max(POINT_UNIT, furthest / _MAX_INT16)
-    numbers = np.rint(points.T / unit).astype("<i2")
-    return unit, numbers.tobytes()
+    numbers = np.empty((2, len(points)), dtype=np.int16)
+    exact = np.ascontiguousarray(points, dtype=np.float64)
+    unit = pack_rows(exact, POINT_UNIT, _MAX_INT16, numbers)
+    return unit, numbers.astype("<i2", copy=False).tobytes()
 
 
 def unpack_points(num_points: int, unit: float, numbers_of_unit: bytes | memoryview) -> FloatArray:

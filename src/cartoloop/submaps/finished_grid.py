@@ -26,8 +26,11 @@ PROBABILITY_STEP = (MAX_PROBABILITY - MIN_PROBABILITY) / MAX_STEPS
 MAX_CELLS = 2**27
 """Of one submap: a square of 500 m at 0.05 m; more is no submap but a damaged file."""
 
-_MEMORY = ReusedMemory(max_idle_bytes=8 << 20)
-"""Memory of probabilities: that of two large grids."""
+_ZLIB_HEADER, _ZLIB_CHECKSUM = 2, 4
+"""Before and after the compressed data of a zlib stream (RFC 1950) [bytes]."""
+
+_MEMORY = ReusedMemory(max_idle_bytes=16 << 20)
+"""Memory of probabilities: that of four large grids."""
 
 
 class FinishedGrid:
@@ -96,7 +99,9 @@ class FinishedGrid:
     @property
     def cells(self) -> ByteArray:
         """The values of the cells; decompressed on each access, 1 ms for a million or two."""
-        cells = zlib.decompress(self._packed, bufsize=max(self.size, 1))
+        # Without the checksum at the end, which was compared when the cells came from a file.
+        stream = memoryview(self._packed)[_ZLIB_HEADER:-_ZLIB_CHECKSUM]
+        cells = zlib.decompress(stream, wbits=-zlib.MAX_WBITS, bufsize=max(self.size, 1))
         return np.frombuffer(cells, dtype=np.uint8).reshape(self.shape)
 
     def probabilities(self) -> NDArray[np.float32]:

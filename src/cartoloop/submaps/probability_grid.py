@@ -14,6 +14,7 @@ from cartoloop.errors import InputError
 from cartoloop.kernels import ray_casting
 from cartoloop.kernels.cell_values import known_box
 from cartoloop.kernels.grid_update import update_cells
+from cartoloop.runtime.reused_memory import ReusedMemory
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.finished_grid import (
     MAX_PROBABILITY,
@@ -24,6 +25,9 @@ from cartoloop.submaps.finished_grid import (
 
 GROWTH_CELLS = 64
 """Minimum growth of a grid, so that it rarely grows [cells]: 3.2 m at 0.05 m."""
+
+_MEMORY = ReusedMemory(max_idle_bytes=16 << 20)
+"""Memory of growing grids: that of four usual ones."""
 
 
 class Extent(NamedTuple):
@@ -95,8 +99,7 @@ class ProbabilityGrid:
         above = _growth(last_row + 1 - own_row - num_rows)
         if not (left or below or right or above):
             return
-        grown = np.zeros((below + num_rows + above, left + num_cols + right), dtype=np.float32)
-        grown[below : below + num_rows, left : left + num_cols] = cells
+        grown = _surrounded(cells, (below, above), (left, right))
         self.extent = Extent(grown, own_col - left, own_row - below)
 
     def finish(self) -> FinishedGrid:
@@ -114,6 +117,24 @@ class ProbabilityGrid:
 def _growth(shortfall: int) -> int:
     """Return the growth at a side where `shortfall` cells are missing [cells]."""
     return shortfall + GROWTH_CELLS if shortfall > 0 else 0
+
+
+def _surrounded(
+    cells: NDArray[np.float32], rows: tuple[int, int], columns: tuple[int, int]
+) -> NDArray[np.float32]:
+    """Return cells with zeros around them: rows below and above, columns left and right."""
+    num_rows, num_cols = cells.shape
+    below, left = rows[0], columns[0]
+    above, right = below + num_rows, left + num_cols
+    shape = (above + rows[1], right + columns[1])
+    size = cells.itemsize * shape[0] * shape[1]
+    # Rounded up, so that the next but one grid, which is a little larger, fits in there, too.
+    memory = _MEMORY.array(1 << (size - 1).bit_length())[:size]
+    grown = memory.view(np.float32).reshape(shape)
+    grown[:below] = grown[above:] = 0.0
+    grown[below:above, :left] = grown[below:above, right:] = 0.0
+    grown[below:above, left:right] = cells
+    return grown
 
 
 class ScanCells(NamedTuple):
