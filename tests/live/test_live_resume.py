@@ -187,7 +187,7 @@ def test_an_interrupted_recording_is_not_continued(tmp_path):
 
 
 def test_a_folder_without_a_map_is_not_continued(tmp_path):
-    with pytest.raises(OutputError, match="holds no interrupted run"):
+    with pytest.raises(InputError, match="is not there; give a folder"):
         map_to_continue(tmp_path, lambda _: None)
 
 
