@@ -137,10 +137,11 @@ class JoinConfig(Section):
         0.1, gt=0, le=1, description="share of returns that may lie on floor of the other part"
     )
     max_contradicted_wall: float = Field(
-        1.35,
+        1.2,
         ge=0,
-        description="length of a wall of the one part on floor of the other, from which it "
-        "forbids the join [m]; doors and furniture are shorter",
+        description="length of a straight wall of the one part on floor of the other, from which "
+        "it forbids the join [m], counted 0.3 m beside the other's walls; doors and furniture are "
+        "shorter",
     )
     min_hidden_area: float = Field(
         3.0,

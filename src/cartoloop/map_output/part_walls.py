@@ -34,7 +34,7 @@ BESIDE_M = 0.5
 """What a wall hides begins within this distance [m]."""
 
 
-STRAIGHT_CELLS = 2.0
+STRAIGHT_CELLS = 1.5
 """Cells of a wall lie as close as this to its axis."""
 
 MIN_WALLS_BEHIND_M = 1.0
