@@ -4,13 +4,12 @@
 Each run maps a short drive into a folder with a finished map that other parameters made, so that
 each file of it differs. It is ended at a random moment of the run, of its saving, or of the
 millisecond in which the files change places. Afterwards all files must be of one map, and each must
-open; the next program that opens the folder must find a whole map.
+open; the next program that opens the folder must find a whole map. Some runs add the drive to the
+map of another one (``--onto``): those are resumed, and must end in the same bytes.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 import random
 import shutil
 import signal
@@ -24,9 +23,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from bench.environment import environment
-from bench.opened_files import opening_fault
+from bench.opened_files import digest_of, digests_of, opening_fault
 from bench.record import Case, Figure, Record, Row
 from cartoloop.errors import CartoloopError
+from cartoloop.journal.frames import FILE_NAME as JOURNAL
 from cartoloop.map_file.file_set import COMPLETE, FILES, MOVING, UNFINISHED
 from cartoloop.map_output.output_folder import STOPPED, saved_map
 from cartoloop.result import load_map
@@ -47,6 +47,9 @@ OLD_SETTING = "local_slam.submaps.resolution=0.08"
 SIGNALS = ("SIGKILL", "SIGKILL", "SIGKILL", "SIGTERM", "SIGHUP", "SIGINT")
 """What ends a run, each as likely as it stands here."""
 
+COMMANDS = ("map", "map --onto", "live")
+_IN_TURN = ("map", "map --onto", "live", "map", "map", "map --onto", "live", "map --onto")
+
 MOMENTS = ("mapping", "saving", "replacing")
 """When a run is ended: at any moment, after the first file was begun, while files change places."""
 
@@ -57,7 +60,7 @@ class Kill:
 
     Attributes
     ----------
-    command : ``map`` or ``live``.
+    command : one of `COMMANDS`.
     moment : one of `MOMENTS`.
     signal : name of the signal.
     share : moment within the part of the run, 0 to 1.
@@ -87,12 +90,12 @@ class Left:
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """The recording, and its maps with other parameters and with the default.
+    """The recording, the map that a run replaces, and what it ends in.
 
     Attributes
     ----------
     log : the recording.
-    folder : of the older map.
+    folder : of the older map: with other parameters, or of the drive that this one is added to.
     digests : of the files of both maps, by ``old`` and ``new``.
     mapping_s, saving_s : time of a run until the first file is begun, and from there on [s].
     """
@@ -118,9 +121,10 @@ def run(
     progress : receives a line now and then.
     """
     with tempfile.TemporaryDirectory(prefix="cartoloop-kills-") as folder:
-        drive = _drive(Path(folder))
+        alone, added = _drive(Path(folder)), _added_drive(Path(folder))
         found = []
         for number, kill in enumerate(_kills(num_kills, num_saving, seed), 1):
+            drive = added if kill.command == "map --onto" else alone
             found.append(_killed_in_time(kill, drive, Path(folder) / "out"))
             if found[-1].faults:
                 progress(f"{kill}: {'; '.join(found[-1].faults)}")
@@ -135,8 +139,7 @@ def _kills(num_kills: int, num_saving: int, seed: int) -> Iterator[Kill]:
         moment = "mapping"
         if number < num_saving:
             moment = "replacing" if number % 4 == 3 else "saving"
-        command = "live" if number % 4 == 2 else "map"
-        yield Kill(command, moment, draw.choice(SIGNALS), draw.random())
+        yield Kill(_IN_TURN[number % len(_IN_TURN)], moment, draw.choice(SIGNALS), draw.random())
 
 
 def _drive(folder: Path) -> Drive:
@@ -144,16 +147,32 @@ def _drive(folder: Path) -> Drive:
     log, old, new = folder / "drive.log", folder / "old", folder / "new"
     simulate(ring(), seed=1, duration=DRIVE_S).write_log(log)
     for out, setting in ((new, ()), (old, ("--set", OLD_SETTING)), (new, ())):  # the last is timed
-        begin = time.perf_counter()
-        process = _started("map", log, out, *setting)
-        _wait_for(process, [out / UNFINISHED])
-        mapped = time.perf_counter()
-        process.communicate(timeout=LIMIT_S)
-        saved = time.perf_counter()
-        if process.returncode:
-            raise CartoloopError(f"mapping {log} ended with status {process.returncode}")
-    digests = {"old": _digests(old), "new": _digests(new)}
-    return Drive(log, old, digests, mapped - begin, saved - mapped)
+        times = _timed("map", log, out, *setting)
+    return Drive(log, old, {"old": digests_of(old), "new": digests_of(new)}, *times)
+
+
+def _added_drive(folder: Path) -> Drive:
+    """Return a second drive, which is added to the map of the one of `_drive`."""
+    log, old, new = folder / "second.log", folder / "first", folder / "both"
+    simulate(ring(), seed=2, duration=DRIVE_S).write_log(log)
+    _timed("map", folder / "drive.log", old)
+    for _ in range(2):
+        shutil.rmtree(new, ignore_errors=True)
+        shutil.copytree(old, new)
+        times = _timed("map --onto", log, new)
+    return Drive(log, old, {"old": digests_of(old), "new": digests_of(new)}, *times)
+
+
+def _timed(command: str, log: Path, out: Path, *options: str) -> tuple[float, float]:
+    """Let a run come to its end; return the time until it saves its map, and that of saving [s]."""
+    begin = time.perf_counter()
+    process = _started(command, log, out, *options)
+    _wait_for(process, [out / UNFINISHED])
+    mapped = time.perf_counter()
+    process.communicate(timeout=LIMIT_S)
+    if process.returncode:
+        raise CartoloopError(f"mapping {log} ended with status {process.returncode}")
+    return mapped - begin, time.perf_counter() - mapped
 
 
 def _killed_in_time(kill: Kill, drive: Drive, out: Path) -> Left:
@@ -187,8 +206,9 @@ def _killed(kill: Kill, drive: Drive, out: Path) -> Left | None:
 
 
 def _started(command: str, source: Path, out: Path, *options: str) -> subprocess.Popen[bytes]:
+    name, _, onto = command.partition(" ")
     return subprocess.Popen(
-        [sys.executable, "-m", "cartoloop", command, str(source), "-o", str(out), *options],
+        [sys.executable, "-m", "cartoloop", name, str(source), onto or "-o", str(out), *options],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
@@ -224,7 +244,21 @@ def _examined(kill: Kill, drive: Drive, out: Path) -> Left:
     saved = saved_map(out)
     if saved is None or saved.files not in (FILES, ("map.cartoloop",)):
         left.faults.append(f"not a whole map: {saved}")
+    if kill.command == "map --onto" and (out / JOURNAL).exists():
+        left.faults += _resuming_faults(drive, out)
     return left
+
+
+def _resuming_faults(drive: Drive, out: Path) -> list[str]:
+    """Resume a run; return what is wrong with its end."""
+    resumed = subprocess.run(
+        [sys.executable, "-m", "cartoloop", "map", str(drive.log), "--resume", str(out)],
+        capture_output=True, text=True, timeout=LIMIT_S, check=False,
+    )  # fmt: skip
+    if resumed.returncode:
+        return [f"not resumed: {resumed.stderr.strip()}"]
+    differing = [name for name in FILES if digest_of(out / name) != drive.digests["new"][name]]
+    return [f"resumed, but other bytes in {', '.join(differing)}"] if differing else []
 
 
 def _owner(path: Path, drive: Drive, kill: Kill) -> str:
@@ -232,7 +266,7 @@ def _owner(path: Path, drive: Drive, kill: Kill) -> str:
     old, new = drive.digests["old"][path.name], drive.digests["new"][path.name]
     if not path.exists() or old == new:
         return ""
-    digest = _digest(path)
+    digest = digest_of(path)
     if digest == old:
         return "old"
     # No two live maps are the same.
@@ -240,24 +274,8 @@ def _owner(path: Path, drive: Drive, kill: Kill) -> str:
     return "new" if is_new else f"unknown ({path.name})"
 
 
-def _digests(folder: Path) -> dict[str, str]:
-    return {name: _digest(folder / name) for name in FILES}
-
-
-def _digest(path: Path) -> str:
-    """Return what identifies a file: of the report, which has times in it, the configuration."""
-    if path.name == "report.json":
-        saved = saved_map(path.parent)
-        return "" if saved is None else f"{saved.name} {_config_of(path)}"
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _config_of(report: Path) -> str:
-    return str(json.loads(report.read_text(encoding="utf-8"))["config_hash"])
-
-
 def _rows(found: list[Left]) -> Iterator[Row]:
-    for command in ("map", "live"):
+    for command in COMMANDS:
         for moment in MOMENTS:
             some = [x for x in found if (x.kill.command, x.kill.moment) == (command, moment)]
             if not some:

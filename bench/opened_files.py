@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the files of a map can be opened, each by what would read it."""
+"""Whether the files of a map can be opened, each by what would read it, and what they are."""
 
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import tomllib
 from collections.abc import Callable
@@ -13,6 +14,8 @@ from PIL import Image
 
 from bench.g2o import read_g2o
 from cartoloop.evaluation.trajectories import read_tum
+from cartoloop.map_file.file_set import FILES
+from cartoloop.map_output.output_folder import saved_map
 from cartoloop.result import load_map
 
 
@@ -66,3 +69,20 @@ _OPEN: dict[str, Callable[[Path], object]] = {
     "config.toml": lambda path: tomllib.loads(path.read_text(encoding="utf-8")),
     "report.json": lambda path: json.loads(path.read_bytes()),
 }
+
+
+def digests_of(folder: Path) -> dict[str, str]:
+    """Return what identifies each file of a map, by its name."""
+    return {name: digest_of(folder / name) for name in FILES}
+
+
+def digest_of(path: Path) -> str:
+    """Return what identifies a file: of the report, which has times in it, the configuration."""
+    if path.name == "report.json":
+        saved = saved_map(path.parent)
+        return "" if saved is None else f"{saved.name} {_config_of(path)}"
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _config_of(report: Path) -> str:
+    return str(json.loads(report.read_text(encoding="utf-8"))["config_hash"])

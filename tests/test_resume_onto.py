@@ -96,7 +96,7 @@ def test_what_was_computed_is_not_computed_again(first, log, whole, tmp_path, mo
         "global_slam.constraint_search.search",
         "global_slam.wide_search.find_scans",
         "global_slam.joining.find_scans",
-        "global_slam.part_joins.tentative_join",
+        "global_slam.part_joins.tentative_joins",
     ):
         monkeypatch.setattr(f"cartoloop.{place}", compute)
     interrupted(first, whole, tmp_path, 1.0)

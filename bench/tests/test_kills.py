@@ -8,7 +8,7 @@ import shutil
 import pytest
 
 from bench import kills
-from bench.opened_files import opening_fault
+from bench.opened_files import digests_of, opening_fault
 from cartoloop.map_file.file_set import FILES
 from cartoloop.map_output.save import save
 from tests.map_output.small_result import small_result
@@ -18,9 +18,9 @@ from tests.map_output.small_result import small_result
 def test_killed_runs_leave_whole_maps():
     lines = []
 
-    record = kills.run(4, 3, seed=1, progress=lines.append)
+    record = kills.run(6, 4, seed=1, progress=lines.append)
 
-    assert sum(row.figures["kills"].value for row in record.rows) == 4
+    assert sum(row.figures["kills"].value for row in record.rows) == 6
     assert [row.figures["faults"].value for row in record.rows] == [0.0] * len(record.rows), lines
 
 
@@ -31,7 +31,7 @@ def test_files_of_two_maps_are_noticed(tmp_path):
     (new / "map.png").write_bytes((new / "map.png").read_bytes() + b"\0")
     shutil.copytree(old, mixed)
     shutil.copy(new / "map.png", mixed)
-    digests = {"old": kills._digests(old), "new": kills._digests(new)}
+    digests = {"old": digests_of(old), "new": digests_of(new)}
     drive = kills.Drive(tmp_path / "drive.log", old, digests, 1.0, 1.0)
 
     def faults(folder):

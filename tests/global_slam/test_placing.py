@@ -88,10 +88,19 @@ def test_nothing_is_believed_without_claims():
 
 def test_refused_placement_is_not_proposed_again():
     first, second = (3.0, -2.0, 1.0), (40.0, 0.0, 0.0)
-    claims = [*along(first), *along(second, count=4, first=10)]
+    claims = [*along(first, count=3, evidence=0.05), *along(second, first=10)]
     found, why_not = believed(claims, refused=[Pose(*first)])
     assert why_not == ""
     assert found.tf_one_other == pytest.approx(second)
+
+
+def test_refused_placement_counts_against_others():
+    # Where the best place was refused the building repeats itself: the next one may be wrong too.
+    first, second = (3.0, -2.0, 1.0), (40.0, 0.0, 0.0)
+    claims = [*along(first), *along(second, count=4, first=10)]
+    found, why_not = believed(claims, refused=[Pose(*first)])
+    assert found.tf_one_other == pytest.approx(second)
+    assert "two places fit" in why_not
 
 
 def test_bent_parts_still_agree():

@@ -12,7 +12,7 @@ from live_room import message_of
 from test_live_run import Recorder, Sender
 
 from cartoloop.config import Config
-from cartoloop.errors import InputError, Interrupted, OutputError
+from cartoloop.errors import InputError, Interrupted
 from cartoloop.journal.frames import FILE_NAME, PREAMBLE, Kind, frame_bytes, record_bytes
 from cartoloop.journal.writer import JournalWriter
 from cartoloop.live.continued import last_pose, map_to_continue
@@ -187,7 +187,7 @@ def test_an_interrupted_recording_is_not_continued(tmp_path):
 
 
 def test_a_folder_without_a_map_is_not_continued(tmp_path):
-    with pytest.raises(OutputError, match="holds no interrupted run"):
+    with pytest.raises(InputError, match="is not there; give a folder"):
         map_to_continue(tmp_path, lambda _: None)
 
 

@@ -60,6 +60,39 @@ def test_door_that_was_closed_does_not_contradict():
     assert wall_faults(closed, opened, SUBMAPS, JOIN) == []
 
 
+def test_beams_through_a_window_do_not_contradict():
+    # The end of the corridor is of glass to the other part: it sees floor behind, but no wall.
+    closed, opened = corridor(200, end_at=100), corridor(200)
+    cells = opened.grids[0].cells.copy()
+    cells[10, 100:] = cells[9 + WIDTH, 100:] = UNSEEN
+    opened = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], opened.poses)
+    assert wall_faults(closed, opened, SUBMAPS, JOIN) == []
+
+
+def test_ragged_edge_does_not_contradict():
+    # What is seen through a gap ends anywhere.
+    ends = np.random.default_rng(1).integers(85, 100, WIDTH)
+    ragged = corridor(200)
+    cells = ragged.grids[0].cells.copy()
+    for row, end in enumerate(ends, start=10):
+        cells[row, end:] = UNSEEN
+        cells[row, end] = WALL
+    ragged = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], ragged.poses)
+    assert wall_faults(ragged, corridor(200), SUBMAPS, JOIN) == []
+
+
+def test_slanted_wall_contradicts():
+    slanted = corridor(200)
+    cells = slanted.grids[0].cells.copy()
+    for row in range(10, 10 + WIDTH):
+        cells[row, 80 + row :] = UNSEEN
+        cells[row, 79 + row : 81 + row] = WALL
+    slanted = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], slanted.poses)
+    (fault,) = wall_faults(slanted, corridor(200), SUBMAPS, JOIN)
+    # Of 3.1 m, without its ends: they are near walls of the other part.
+    assert fault.length == pytest.approx(2.3, abs=0.2)
+
+
 def test_parts_that_do_not_overlap_do_not_contradict():
     far = Submaps(corridor(200).grids, np.array([(100.0, 0.0, 0.0)]))
     assert wall_faults(corridor(200, end_at=100), far, SUBMAPS, JOIN) == []

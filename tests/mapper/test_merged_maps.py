@@ -62,6 +62,15 @@ def true_error(result, simulated):
     return float(absolute_trajectory_error(result.trajectory, poses).mean())
 
 
+def test_drives_of_which_one_is_stretched_are_joined():
+    # Without a first pass, the first round is half a percent too long: matched once, too many of
+    # its scans contradict the other.
+    simulated = simulate(ring(seed=9), seed=9)
+    stretched = cartoloop.merge([mapped(each) for each in halves(list(simulated.events()))])
+    assert [session.part for session in stretched.sessions] == [MAIN_PART, MAIN_PART]
+    assert true_error(stretched, simulated) < MAX_ERROR_M
+
+
 def test_drives_of_one_building_are_joined(merged):
     assert [session.part for session in merged.sessions] == [MAIN_PART, MAIN_PART]
     (join,) = merged.report.extra["joins"]

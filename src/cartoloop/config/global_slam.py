@@ -102,13 +102,13 @@ class JoinConfig(Section):
     """
 
     min_score: float = Field(
-        0.42,
+        0.38,
         ge=0,
         le=1,
         description="matches below are rejected; where parts overlap a little, they score low",
     )
     min_score_ratio: float = Field(
-        0.75, ge=0, le=1, description="or below this share of the score of the submap's own scans"
+        0.68, ge=0, le=1, description="or below this share of the score of the submap's own scans"
     )
     min_margin: float = Field(
         0.03, ge=0, description="the score must exceed that in any other place by this"
@@ -139,8 +139,9 @@ class JoinConfig(Section):
     max_contradicted_wall: float = Field(
         1.2,
         ge=0,
-        description="length of a wall of the one part on floor of the other, from which it "
-        "forbids the join [m]; doors and furniture are shorter",
+        description="length of a straight wall of the one part on floor of the other, from which "
+        "it forbids the join [m], counted 0.3 m beside the other's walls; doors and furniture are "
+        "shorter",
     )
     min_hidden_area: float = Field(
         3.0,

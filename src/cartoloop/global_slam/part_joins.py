@@ -25,7 +25,7 @@ from cartoloop.global_slam.join_records import (
 from cartoloop.global_slam.joining import Joining
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import SessionRanges
-from cartoloop.global_slam.tentative_join import place_part, tentative_join
+from cartoloop.global_slam.tentative_join import place_part, tentative_joins
 from cartoloop.global_slam.wide_search import refined
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
@@ -177,7 +177,7 @@ class PartJoins:
         of_submap = np.array([each.submap for each in candidates], dtype=np.int64)
         of_node = self._scans.nodes[np.array([each.scan for each in candidates])]
         placed = attempt.found.tf_one_other
-        joined = tentative_join(
+        for joined in tentative_joins(
             self._config,
             graph,
             placed,
@@ -185,8 +185,10 @@ class PartJoins:
             *parts,
             self._submaps,
             node_points,
-        )
-        check = self._check(joined, self._submaps, node_points, *parts)
+        ):
+            check = self._check(joined, self._submaps, node_points, *parts)
+            if not check.fault:
+                break
         if self._recorded.is_recording:
             decision = JoinDecision(attempt.one, attempt.other, placed, check, found)
             self._recorded.record(Kind.JOIN_DECIDED, join_decision_record(decision))

@@ -53,7 +53,7 @@ class Placement(NamedTuple):
     tf_one_other : where they place the other part.
     evidence : of all of them.
     extent : largest distance between two of them [m].
-    rival : evidence of the best set that places it elsewhere.
+    rival : evidence of the best set that places it elsewhere, also where that was refused.
     """
 
     claims: tuple[Claim, ...]
@@ -83,7 +83,8 @@ def placement(
     chosen = [left[i] for i in best]
     strongest = max(chosen, key=lambda claim: (claim.evidence, -claim.candidate.row))
     pose = strongest.tf_one_other
-    others = [claim for claim in left if not _is_same(claim, pose, wide)]
+    # Where a place that fits was refused, places look alike: what it had counts against others.
+    others = [claim for claim in claims if not _is_same(claim, pose, wide)]
     rival = _heaviest(others, wide)
     places = np.array([claim.tf_one_scan[:2] for claim in chosen])
     extent = np.hypot(*np.moveaxis(places[:, np.newaxis] - places, 2, 0)).max()

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -24,6 +24,9 @@ EVERY_NTH_NODE = 4
 MAX_SUBMAPS = 40
 """Submaps of either part that are matched, at most: those with the most nodes of the other."""
 
+MAX_ROUNDS = 3
+"""Rounds of matching, at most."""
+
 
 def place_part(graph: PoseGraph, tf_one_other: Pose, nodes: IntArray, submaps: IntArray) -> None:
     """Move the nodes and submaps of one part into the frame of another, in place."""
@@ -32,7 +35,7 @@ def place_part(graph: PoseGraph, tf_one_other: Pose, nodes: IntArray, submaps: I
     graph.submap_poses[submaps] = compose_all(pose, graph.submap_poses[submaps])
 
 
-def tentative_join(
+def tentative_joins(
     config: GlobalSlamConfig,
     graph: PoseGraph,
     tf_one_other: Pose,
@@ -41,8 +44,11 @@ def tentative_join(
     submap_parts: IntArray,
     submaps: Sequence[FinishedSubmap],
     node_points: ScanPoints,
-) -> PoseGraph:
-    """Return a copy of a graph with part 1 joined to part 0.
+) -> Iterator[PoseGraph]:
+    """Yield copies of a graph with part 1 joined to part 0, in each round bent to fit better.
+
+    One round does where both parts are true. Where one is stretched, most of its nodes are too far
+    from where they fit to be matched at first.
 
     Parameters
     ----------
@@ -61,12 +67,19 @@ def tentative_join(
         are_trusted=True,
     )
     iterations = config.pose_adjustment.max_num_final_iterations
-    adjustment = GraphAdjustment(joined, config)
-    adjustment.run(iterations)
-    for matches in _overlap_matches(config, joined, node_parts, submap_parts, submaps, node_points):
-        joined.add_loop_closures(matches)
-    adjustment.run(iterations)
-    return joined
+    GraphAdjustment(joined, config).run(iterations)
+    unmatched = joined.copy()
+    for _ in range(MAX_ROUNDS):
+        matched = unmatched.copy()
+        matched.node_poses[:] = joined.node_poses
+        matched.submap_poses[:] = joined.submap_poses
+        for matches in _overlap_matches(
+            config, joined, node_parts, submap_parts, submaps, node_points
+        ):
+            matched.add_loop_closures(matches)
+        GraphAdjustment(matched, config).run(iterations)
+        joined = matched
+        yield joined
 
 
 def _overlap_matches(

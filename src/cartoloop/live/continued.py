@@ -21,7 +21,6 @@ from cartoloop.map_output.output_folder import saved_map
 from cartoloop.map_output.save import save
 from cartoloop.merging import merge
 from cartoloop.runs.base import is_same_folder
-from cartoloop.runs.journal import nothing_to_resume
 from cartoloop.sensor.pose import Pose
 from cartoloop.session import MAIN_PART
 
@@ -57,18 +56,16 @@ def map_to_continue(folder: Path, note: Callable[[str], None]) -> MapData:
     Raises
     ------
     InputError
-        The map cannot be read, or the interrupted run is of a recording.
+        There is no map, it cannot be read, or the interrupted run is of a recording.
     OutputError
-        There is no map, another run writes there, or the folder cannot be written.
+        Another run writes there, or the folder cannot be written.
     """
     repair_file_set(folder)
     file, journal = folder / FILE_NAME, folder / JOURNAL
     if is_locked(journal):
         raise in_use(journal)
     if not journal.is_file():
-        if not file.is_file():
-            raise nothing_to_resume(folder)
-        return open_map(file)
+        return open_map(folder)
     header = read_journal(journal, whole=False)[0]
     if header.kind == "map":
         raise InputError(

@@ -2,20 +2,20 @@
 """Walls of one part of a map through which another part saw: what forbids that they are joined.
 
 Furniture that was moved and doors that were opened leave walls where another session sees floor.
-They are short, or what they hide is small. The end of a corridor that leads on for metres in
-another session is neither: the two sessions are of different places that look alike.
+They are short, or what they hide is small. Beams that pass through a window return from nowhere:
+no walls are seen behind it. The end of a corridor that leads on for metres in another session is
+neither: the two sessions are of different places that look alike.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import JoinConfig, SubmapConfig
 from cartoloop.map_output.occupancy_map import CellBox, compose_map
 from cartoloop.sensor.pose import Pose, transform_points
@@ -32,6 +32,13 @@ BRIDGED_M = 0.15
 
 BESIDE_M = 0.5
 """What a wall hides begins within this distance [m]."""
+
+
+STRAIGHT_CELLS = 1.5
+"""Cells of a wall lie as close as this to its axis."""
+
+MIN_WALLS_BEHIND_M = 1.0
+"""Less wall, as cells in a row, beside floor behind a wall: beams passed through a window [m]."""
 
 
 class Submaps(NamedTuple):
@@ -54,7 +61,7 @@ class WallFault(NamedTuple):
     ----------
     x, y : its middle, in the frame of both parts [m].
     length : of the wall [m].
-    hidden : area behind it that only the other part knows [m^2].
+    hidden : area behind it that only the other part knows, and where that has seen walls [m^2].
     """
 
     x: float
@@ -122,13 +129,12 @@ def _faults(
         return []
     bridge = max(1, round(BRIDGED_M / resolution))
     pieces, _ = ndimage.label(_grown(contradicted, bridge), structure=np.ones((3, 3)))
-    behind, count = ndimage.label(floor & (walls < 0.0))
-    areas = np.bincount(behind.ravel(), minlength=count + 1) * resolution**2
+    behind, areas = _hidden(walls, seen, floor, resolution, bridge)
     beside = max(1, round(BESIDE_M / resolution))
     faults = []
     for number, (rows, cols) in enumerate(ndimage.find_objects(pieces), start=1):
-        height, width = rows.stop - rows.start - 2 * bridge, cols.stop - cols.start - 2 * bridge
-        length = math.hypot(height, width) * resolution
+        length = _straight_length(contradicted[rows, cols] & (pieces[rows, cols] == number))
+        length *= resolution
         if length < join.max_contradicted_wall:
             continue
         around = (
@@ -142,6 +148,42 @@ def _faults(
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
             faults.append(WallFault(x, y, length, hidden))
     return faults
+
+
+def _straight_length(cells: BoolArray) -> float:
+    """Return along how much of their main axis cells lie close to it: less for ragged ones [cells].
+
+    The edges of what is seen through a gap, and of furniture, are ragged; walls are straight.
+    """
+    places = np.argwhere(cells).astype(np.float64)
+    places -= places.mean(axis=0)
+    _, axes = np.linalg.eigh(places.T @ places)
+    across, along = (places @ axes).T
+    close = along[np.abs(across - np.median(across)) <= STRAIGHT_CELLS]
+    # Cells of an oblique line are up to 1.4 apart.
+    return 2.0 * len(np.unique(np.floor(close / 2.0)))
+
+
+def _hidden(
+    walls: NDArray[np.float32],
+    seen: NDArray[np.float32],
+    floor: BoolArray,
+    resolution: float,
+    bridge: int,
+) -> tuple[IntArray, FloatArray]:
+    """Return pieces of floor that the first map does not know, by number, and the area of each.
+
+    The area of pieces beside which hardly any wall was seen is 0.
+    """
+    from scipy import ndimage
+
+    unknown = walls < 0.0
+    pieces, count = ndimage.label(floor & unknown)
+    areas = np.bincount(pieces.ravel(), minlength=count + 1).astype(np.float64) * resolution**2
+    reach = ndimage.grey_dilation(pieces, size=(2 * bridge + 1, 2 * bridge + 1))
+    beside = np.bincount(reach[(seen > WALL) & unknown], minlength=count + 1) * resolution
+    areas[beside < MIN_WALLS_BEHIND_M] = 0.0
+    return pieces, areas
 
 
 def _grown(cells: BoolArray, radius: int) -> BoolArray:
