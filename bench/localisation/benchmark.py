@@ -37,6 +37,9 @@ PEOPLE = 3
 MAX_PATH_M = 20.0
 """Path of each drive from nowhere [m]."""
 
+LEAST_PATH_M = 12.0
+"""Drives from nowhere begin where at least this path is left [m], where there is any such place."""
+
 PARTICLES = 5000
 """Of the particle filter at its start; AMCL's default of 2,000 rarely finds the place."""
 
@@ -136,7 +139,9 @@ def _single_row(case: Case, found: measures.SingleScans) -> Row:
 
 def _starts(drive: Drive, overlapping: Sequence[float], count: int) -> list[int]:
     """Return scans to begin with: spread over the drive, where the map shows what they show."""
-    last = len(drive.truth) - 1
+    steps = np.hypot(*np.diff(drive.truth[:, :2], axis=0).T)
+    left = float(steps.sum()) - np.concatenate(((0.0,), np.cumsum(steps)))
+    last = int(np.count_nonzero(left >= LEAST_PATH_M)) or len(drive.truth) - 1
     chosen = []
     for start in np.linspace(0, 0.95 * last, count).astype(int).tolist():
         near = next((i for i in range(start, last) if overlapping[i]), None)
