@@ -50,7 +50,7 @@ def test_a_robot_carried_away_is_lost_after_any_path():
     assert doubt_after([0.95] * 1000 + carried).is_lost
 
 
-def test_a_place_much_alike_is_doubted_sooner_after_a_sudden_fall():
+def test_a_place_much_alike_is_lost_after_a_sudden_fall():
     alike = [0.55] * 30  # 3 m
 
     assert doubt_after([0.95] * 100 + alike).is_lost
