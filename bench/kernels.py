@@ -237,7 +237,7 @@ def _submap_workloads(driven: Drive) -> Iterator[Workload]:
         grid.cells, grid.origin_x, grid.origin_y, grid.resolution, IDENTITY, "a submap"
     )
     yield Workload(
-        "fit", ("scan_fit",), case,
+        "fit", ("scan_fit", "straight_walls"), case,
         partial(known.fit_all, ScanPoints.of(points), np.zeros((len(points), 2)),
                 np.array(in_submap)),
         sum(map(len, points)), "points",

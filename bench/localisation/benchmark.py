@@ -21,6 +21,7 @@ from bench.localisation.drives import (
 )
 from bench.localisation.world_rows import carried_row, live_row, share, stranger_row
 from bench.record import Case, Figure, Record, Row
+from cartoloop.arrays import FloatArray
 from cartoloop.evaluation.map_image import MapImage
 from cartoloop.localisation.changes.areas import Kind
 from cartoloop.localisation.known_map import KnownMap, known_map_of, known_map_of_image
@@ -36,6 +37,9 @@ PEOPLE = 3
 
 MAX_PATH_M = 20.0
 """Path of each drive from nowhere [m]."""
+
+LEAST_PATH_M = 12.0
+"""Drives from nowhere begin where at least this path is left [m], where there is any such place."""
 
 PARTICLES = 5000
 """Of the particle filter at its start; AMCL's default of 2,000 rarely finds the place."""
@@ -136,7 +140,9 @@ def _single_row(case: Case, found: measures.SingleScans) -> Row:
 
 def _starts(drive: Drive, overlapping: Sequence[float], count: int) -> list[int]:
     """Return scans to begin with: spread over the drive, where the map shows what they show."""
-    last = len(drive.truth) - 1
+    steps = np.hypot(*np.diff(drive.truth[:, :2], axis=0).T)
+    left = float(steps.sum()) - np.concatenate(((0.0,), np.cumsum(steps)))
+    last = int(np.count_nonzero(left >= LEAST_PATH_M)) or len(drive.truth) - 1
     chosen = []
     for start in np.linspace(0, 0.95 * last, count).astype(int).tolist():
         near = next((i for i in range(start, last) if overlapping[i]), None)
@@ -203,11 +209,13 @@ def _simulated_rows(seeds: int, drives: int, progress: Progress) -> Iterator[Row
     strangers: list[measures.Followed] = []
     live: list[measures.Followed] = []
     carried: list[measures.CarriedAway] = []
+    map_errors: list[FloatArray] = []
     before: KnownMap | None = None
     for seed in range(seeds):
         progress(f"{WORLD} {seed}: mapping and driving again")
         drive = simulated_drive(WORLD, seed)
         known = known_map_of(drive.result)
+        map_errors.append(drive.map_errors)
         start = _pose(drive, 0)
         unchanged.append(measures.follow(known, drive, at=start))
         live.append(measures.follow(known, drive, max_path=MAX_PATH_M, live=True))
@@ -225,7 +233,9 @@ def _simulated_rows(seeds: int, drives: int, progress: Progress) -> Iterator[Row
     if not seeds:
         return
     worlds: Case = {"drive": f"{WORLD}, {seeds} seeds", "map": "ours"}
-    yield Row({"what": "tracking", **worlds}, _driving_figures(unchanged, by_overlap=False))
+    figures = _driving_figures(unchanged, by_overlap=False)
+    figures["rms of the map itself"] = Figure.exact(100.0 * _rms(np.concatenate(map_errors)), "cm")
+    yield Row({"what": "tracking", **worlds}, figures)
     yield Row(
         {"what": "tracking, boxes moved", **worlds}, _driving_figures(moved, by_overlap=False)
     )

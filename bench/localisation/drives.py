@@ -51,12 +51,15 @@ class Drive:
     result : the map; made of other scans.
     events : odometry and scans, in turn.
     truth : float64, shape (n, 3), tf_map_tracking of each scan.
+    map_errors : float64, by how far the scans that made the map lie from the truth in it [m]; empty
+        where that is not known.
     """
 
     name: str
     result: Result
     events: list[SensorEvent]
     truth: FloatArray
+    map_errors: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @cached_property
     def scan_places(self) -> IntArray:
@@ -160,9 +163,12 @@ def simulated_drive(
     back = simulate(
         replace(later, route=route), seed=2 * seed + 1, motion=drive(route, *world.pace)
     )
-    tf_map_world = aligned(first.true_poses[: len(result.stamps)], result.trajectory)
+    mapped_truth = first.true_poses[: len(result.stamps)]
+    tf_map_world = aligned(mapped_truth, result.trajectory)
+    apart = result.trajectory - compose_all(np.array(tf_map_world), mapped_truth)
     truth = compose_all(np.array(tf_map_world), back.true_poses)
-    return Drive(f"{name} {seed}", result, list(back.events()), truth)
+    map_errors = np.hypot(apart[:, 0], apart[:, 1])
+    return Drive(f"{name} {seed}", result, list(back.events()), truth, map_errors)
 
 
 @cache

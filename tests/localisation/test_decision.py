@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from cartoloop.localisation.decision import (
+    AGREEMENT_OF_TRAIL,
+    DISTINCTNESS_OF_TRAIL,
     MARGIN_OF_PATH,
     MARGIN_OF_SCAN,
     MAX_REFUTED_PATH_M,
@@ -79,7 +81,10 @@ def test_scans_of_a_path_need_less_agreement():
     assert [each.score for each in needed] == sorted((e.score for e in needed), reverse=True)
     agreements = [each.agreement for each in needed]
     assert agreements == sorted(agreements, reverse=True)
-    assert agreements[-1] == agreements[-2] == known.low_agreement
+    assert agreements[-1] == agreements[-2] == AGREEMENT_OF_TRAIL * known.low_agreement
+    distinct = [each.distinctness for each in needed]
+    assert distinct == sorted(distinct, reverse=True)
+    assert distinct[-1] == distinct[-2] == DISTINCTNESS_OF_TRAIL * known.low_distinctness
 
 
 def test_refuted_claims_make_the_next_one_need_more_path():

@@ -50,6 +50,19 @@ def test_a_robot_carried_away_is_lost_after_any_path():
     assert doubt_after([0.95] * 1000 + carried).is_lost
 
 
+def test_a_place_much_alike_is_lost_after_a_sudden_fall():
+    alike = [0.55] * 30  # 3 m
+
+    assert doubt_after([0.95] * 100 + alike).is_lost
+    assert not doubt_after([0.95] * 100 + [0.8, 0.7] + alike).is_lost
+
+
+def test_a_fall_is_forgotten_when_scans_agree_again():
+    before, after = [0.95] * 100, [0.8, 0.7, *[0.55] * 30]
+
+    assert not doubt_after([*before, 0.5, 0.95, *after]).is_lost
+
+
 def test_people_passing_by_are_forgotten():
     doubt = Doubt(LOW)
     for _ in range(3):

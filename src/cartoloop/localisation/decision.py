@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.localisation.answer import Place
+from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import (
     FoundPlace,
     find,
@@ -21,7 +22,7 @@ from cartoloop.localisation.global_search import (
     refine,
     runner_up_score,
 )
-from cartoloop.localisation.known_map import Fit, KnownMap
+from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import LENGTH_M, Composite
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose
@@ -37,9 +38,13 @@ another one nearly as well as in their own, but those of a path do not."""
 LISTED_BELOW = 0.15
 """Places are listed from a score that is lower by this than that of a claim."""
 
-AGREEMENT_OF_SCAN = 0.97
-"""The same for the agreement of a single scan; of `LENGTH_M` of path, that which nine of ten
-scans of the map reach."""
+AGREEMENT_OF_SCAN, AGREEMENT_OF_TRAIL = 0.98, 0.98
+"""The same for the agreement: of a single scan relative to the usual one, of `LENGTH_M` of path
+relative to that which nine of ten scans of the map reach."""
+
+DISTINCTNESS_OF_SCAN, DISTINCTNESS_OF_TRAIL = 1.0, 0.9
+"""The same for the distinctness, both relative to that which nine of ten scans of the map reach: in
+a wrong place, corridors agree, and what stands at them does not."""
 
 REFUTED_PATH_M = 2.0
 """Path that a claim needs for each claim before that the scans then refuted [m]."""
@@ -119,11 +124,12 @@ class Needed(NamedTuple):
 
     Attributes
     ----------
-    score, agreement : of the scans there.
+    score, agreement, distinctness : of the scans there.
     """
 
     score: float
     agreement: float
+    distinctness: float
 
 
 def needed_of(known: KnownMap, path: float, num_refuted: int = 0) -> Needed | None:
@@ -136,10 +142,18 @@ def needed_of(known: KnownMap, path: float, num_refuted: int = 0) -> Needed | No
     """
     if path < min(num_refuted * REFUTED_PATH_M, MAX_REFUTED_PATH_M):
         return None
-    usual, share = known.usual, min(path / LENGTH_M, 1.0)
-    single = AGREEMENT_OF_SCAN * usual.agreement
-    agreement = single + share * (min(known.low_agreement, single) - single)
-    return Needed(_claimed_score(path) * usual.score, agreement)
+    agreement = AGREEMENT_OF_SCAN * known.usual.agreement
+    distinctness = DISTINCTNESS_OF_SCAN * known.low_distinctness
+    return Needed(
+        _claimed_score(path) * known.usual.score,
+        _falling(agreement, min(AGREEMENT_OF_TRAIL * known.low_agreement, agreement), path),
+        _falling(distinctness, DISTINCTNESS_OF_TRAIL * known.low_distinctness, path),
+    )
+
+
+def _falling(of_scan: float, of_trail: float, path: float) -> float:
+    """Return what is needed of scans on a path [m]: it changes evenly up to `LENGTH_M`."""
+    return of_scan + min(path / LENGTH_M, 1.0) * (of_trail - of_scan)
 
 
 def decide(known: KnownMap, composite: Composite, path: float, num_refuted: int = 0) -> Decision:
@@ -185,7 +199,7 @@ def searched_score(known: KnownMap, path: float) -> float:
 
 def _claimed_score(path: float) -> float:
     """Return the score from which places may be claimed, relative to the usual one."""
-    return SCORE_OF_SCAN + min(path / LENGTH_M, 1.0) * (SCORE_OF_TRAIL - SCORE_OF_SCAN)
+    return _falling(SCORE_OF_SCAN, SCORE_OF_TRAIL, path)
 
 
 def needed_margin(path: float) -> float:
@@ -215,11 +229,9 @@ def _claim(
     match = refine(known, composite.points, best.tf_map_tracking)
     pose = known.to_map(match.tf_submap_scan)
     fit = fit_of_composite(known, composite, pose)
-    if not fit.agreement >= needed.agreement or fit.num_counted < MIN_COUNTED_SHARE * int(
-        composite.scans.counts.sum()
-    ):
-        return None
-    return Claim(pose, match)
+    fits = fit.agreement >= needed.agreement and fit.distinctness >= needed.distinctness
+    is_known = fit.num_counted >= MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
+    return Claim(pose, match) if fits and is_known else None
 
 
 def _places(known: KnownMap, candidates: list[_Candidate]) -> tuple[Place, ...]:

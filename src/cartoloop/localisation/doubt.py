@@ -59,8 +59,12 @@ TRUST_M, TRUSTED = 10.0, 3.0
 multiple of the limits only [m]: whole rooms may have been changed since the map was made."""
 
 SUDDEN = 0.3
-"""Decrease of the agreement from one scan to the next that ends this trust: a robot that drives
+"""Decrease of the agreement within two scans that ends this trust: a robot that drives
 into a changed place sees more and more of it, one that is carried away another place at once."""
+
+FALLEN, RECOVERED = QUICK._replace(expected=0.8), 0.9
+"""After such a decrease the quick sum is the first one, until a scan agrees like the second:
+another place may be much alike."""
 
 
 class Doubt:
@@ -80,8 +84,10 @@ class Doubt:
         slow = Watch(SLOW_SHARE * low, SLOW_LIMIT)
         self._watches = [QUICK, slow, Watch(NEW_SHARE * low, NEW_LIMIT)]
         self._sums = [0.0, 0.0, 0.0]
-        self._mean = self._last = 1.0
+        self._mean = 1.0
+        self._latest = (0.0, 0.0)
         self._trust = 0.0
+        self._has_fallen = False
         self._unproved = 0.0 if is_proved else PROOF_M
 
     @property
@@ -123,11 +129,14 @@ class Doubt:
             return
         weight = min(max(path / METRES, duration / SECONDS), MAX_WEIGHT)
         agreement = min(agreement, 1.0)
-        if self._last - agreement > SUDDEN:
-            self._trust = 0.0
-        elif self.is_proved and agreement >= SUSPECT_AGREEMENT:
+        if max(self._latest) - agreement > SUDDEN:
+            self._trust, self._has_fallen = 0.0, True
+        elif agreement >= RECOVERED:
+            self._has_fallen = False
+        self._watches[0] = FALLEN if self._has_fallen else QUICK
+        if not self._has_fallen and self.is_proved and agreement >= SUSPECT_AGREEMENT:
             self._trust = min(self._trust + path / TRUST_M, 1.0)
-        self._last = agreement
+        self._latest = (self._latest[1], agreement)
         self._mean += weight * (agreement - self._mean)
         for i, (expected, limit) in enumerate(self._watches):
             total = self._sums[i] + weight * (expected - agreement)

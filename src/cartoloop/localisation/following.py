@@ -11,7 +11,8 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
 from cartoloop.localisation.decision import MIN_POINTS
 from cartoloop.localisation.doubt import Doubt
-from cartoloop.localisation.known_map import Fit, KnownMap
+from cartoloop.localisation.fit import Fit
+from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.local_motion import LocalScan
 from cartoloop.localisation.tracking import MAP_SIGMA_M, MAP_SIGMA_RAD, Tracker
 from cartoloop.sensor.pose import IDENTITY, Pose, relative

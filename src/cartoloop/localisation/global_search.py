@@ -12,7 +12,8 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LeastSquaresMatcherConfig
-from cartoloop.localisation.known_map import TILE_M, Fit, KnownMap
+from cartoloop.localisation.fit import Fit
+from cartoloop.localisation.known_map import TILE_M, KnownMap
 from cartoloop.localisation.trail import Composite
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.branch_and_bound import (

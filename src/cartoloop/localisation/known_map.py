@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +14,12 @@ from cartoloop.arrays import ByteArray, FloatArray
 from cartoloop.errors import InputError
 from cartoloop.evaluation.map_image import MapImage, read_map
 from cartoloop.kernels.map_agreement import CellGrid
-from cartoloop.kernels.scan_batch import ScanBatch
-from cartoloop.kernels.scan_fit import BEHIND_WALL, ON_FLOOR, ON_WALL, FitLimits, count_fit
-from cartoloop.kernels.sum_at_points import sum_at_points
+from cartoloop.localisation.fit import Fit, FitJudge
+from cartoloop.localisation.own_scans import learn_from_own_scans
 from cartoloop.map_data import MapData
 from cartoloop.map_file.schema import FILE_NAME
 from cartoloop.map_output.occupancy_map import compose_map
-from cartoloop.quality.pairs import FLOOR, OFF_WALL_M, ON_WALL_M, WALL
+from cartoloop.quality.pairs import WALL
 from cartoloop.result import load_map
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.least_squares import SmoothMap
@@ -31,17 +29,9 @@ from cartoloop.submaps.finished_grid import (
     MAX_PROBABILITY,
     MIN_PROBABILITY,
     FinishedGrid,
-    mean_probability,
     mean_value,
     quantize_probabilities,
 )
-
-CLEARANCE_M = 0.5
-"""Walls nearer than this to either end of a beam do not block it [m]: along a wall, beams pass
-through its blurred edge."""
-
-MAX_COUNTED_RANGE_M = 25.0
-"""Returns farther away do not count for the agreement [m]: a small turn moves them off a wall."""
 
 MIN_RESOLUTION_M, WORKING_RESOLUTION_M = 0.035, 0.05
 """Images with smaller pixels are searched at about the second [m]: smaller pixels are not more
@@ -51,37 +41,16 @@ MAX_CELLS = 2**26
 """Largest map [cells]: a square of 400 m; it takes 1.2 GB."""
 
 FOREIGN_SCORE, FOREIGN_AGREEMENT, FOREIGN_LOW_AGREEMENT = 0.65, 0.9, 0.8
+FOREIGN_DISTINCTNESS, FOREIGN_LOW_DISTINCTNESS = 0.88, 0.78
 """What scans usually reach in a map without scans of its own, see :class:`Fit`, and the agreement
-that nine of ten reach."""
-
-LOW_QUANTILE = 0.1
-"""Share of the map's own scans that agree less with it than its low agreement."""
+and distinctness that nine of ten reach."""
 
 TILE_M = 8.0
 """Edge of the parts of the map that are searched for their best places [m]."""
 
-NUM_OWN_SCANS = 300
-"""Number of the map's own scans that its usual fit is the median of."""
-
 _UNKNOWN_SHADE, _SHADE_TOLERANCE = 1.0 - 205.0 / 255.0, 0.002
 """Occupancy of the shade of unknown pixels, which some programs write with thresholds that would
 make it floor."""
-
-
-class Fit(NamedTuple):
-    """How well a scan fits to the map at a pose.
-
-    Attributes
-    ----------
-    score : mean probability at its returns.
-    agreement : of the returns where the map is known, the share on walls; the others lie on floor
-        or behind walls. NaN where none is counted.
-    num_counted : number of returns where the map is known.
-    """
-
-    score: float
-    agreement: float
-    num_counted: int
 
 
 class KnownMap:
@@ -99,10 +68,11 @@ class KnownMap:
     ----------
     matcher : branch and bound in the grid; its precomputed grids are made here, and kept.
     smooth_map : for least squares.
+    judge : of how well scans fit.
     tile_centres : float64, shape (n, 3), poses in the middle of the squares of `TILE_M` in which
         anything is known, grid frame.
     usual : the fit that scans usually reach.
-    low_agreement : the agreement that nine of ten scans reach.
+    low_agreement, low_distinctness : those that nine of ten scans reach.
 
     Raises
     ------
@@ -125,14 +95,7 @@ class KnownMap:
         self._tf_grid_map = inverse(tf_map_grid)
         self.grid = FinishedGrid(cells, origin_x, origin_y, resolution)
         self._cells = CellGrid(np.ascontiguousarray(cells), origin_x, origin_y, resolution)
-        self._limits = FitLimits(
-            math.floor(mean_value(WALL)),
-            math.floor(mean_value(FLOOR)),
-            math.ceil(ON_WALL_M / resolution),
-            math.ceil(OFF_WALL_M / resolution),
-            CLEARANCE_M / resolution,
-            MAX_COUNTED_RANGE_M,
-        )
+        self.judge = FitJudge(self._cells)
         # A copy: the memory that the probabilities come in is used again.
         self.smooth_map = SmoothMap(
             self.grid.probabilities().copy(), origin_x, origin_y, resolution
@@ -142,8 +105,9 @@ class KnownMap:
             np.zeros((1, 2)), IDENTITY, linear_window=0.0, angular_window=0.0, min_score=0.0
         )
         self.tile_centres = self._tile_centres()
-        self.usual = Fit(FOREIGN_SCORE, FOREIGN_AGREEMENT, 0)
+        self.usual = Fit(FOREIGN_SCORE, FOREIGN_AGREEMENT, FOREIGN_DISTINCTNESS, 0)
         self.low_agreement = FOREIGN_LOW_AGREEMENT
+        self.low_distinctness = FOREIGN_LOW_DISTINCTNESS
 
     @staticmethod
     def _raise_if_unusable(cells: ByteArray, name: str) -> None:
@@ -213,24 +177,8 @@ class KnownMap:
         beam_origins : float64, shape (k, 2), where their beams start, tracking frame [m].
         poses : float64, shape (k, 3), tf_map_tracking of each.
         """
-        num_points = int(scans.counts.sum())
-        if num_points == 0:
-            return Fit(0.0, math.nan, 0)
-        at = np.array([self.to_grid(Pose(*pose)) for pose in poses.tolist()])
-        grid = self._cells
-        total = sum_at_points(
-            grid.cells, 1, grid.origin_x, grid.origin_y, grid.resolution,
-            scans.points, scans.firsts, scans.ends, at,
-        )  # fmt: skip
-        counts = np.zeros((len(scans), 3), dtype=np.int64)
-        count_fit(
-            grid, self._limits, ScanBatch(scans.points, scans.firsts, scans.ends),
-            np.ascontiguousarray(beam_origins), at, counts,
-        )  # fmt: skip
-        on_wall, on_floor, behind = counts.sum(axis=0)[[ON_WALL, ON_FLOOR, BEHIND_WALL]].tolist()
-        num_counted = on_wall + on_floor + behind
-        agreement = on_wall / num_counted if num_counted else math.nan
-        return Fit(mean_probability(float(total) / num_points), agreement, num_counted)
+        at = [self.to_grid(Pose(*pose)) for pose in poses.tolist()]
+        return self.judge.fit(scans, beam_origins, np.array(at, dtype=np.float64).reshape(-1, 3))
 
 
 def known_map_of(data: MapData, name: str = "the map") -> KnownMap:
@@ -253,15 +201,10 @@ def known_map_of(data: MapData, name: str = "the map") -> KnownMap:
         IDENTITY,
         name,
     )
-    fits = [
-        known.fit(data.node_points[node], IDENTITY, Pose(*data.graph.node_poses[node].tolist()))
-        for node in range(0, len(data.node_points), len(data.node_points) // NUM_OWN_SCANS + 1)
-    ]
-    fits = [fit for fit in fits if fit.num_counted]
-    if fits:
-        score, agreement = np.median([fit[:2] for fit in fits], axis=0).tolist()
-        known.usual = Fit(score, agreement, len(fits))
-        known.low_agreement = float(np.quantile([fit.agreement for fit in fits], LOW_QUANTILE))
+    own = learn_from_own_scans(known.judge, data)
+    if own is not None:
+        known.usual = own.usual
+        known.low_agreement, known.low_distinctness = own.low_agreement, own.low_distinctness
     return known
 
 

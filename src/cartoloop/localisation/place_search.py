@@ -25,9 +25,12 @@ searching does not go on at the same cost."""
 CHECK_STEP_M = 1.5
 """Path between two searches while a pose is doubted [m]."""
 
-SHORT_PATH_M = 3.0
+SHORT_PATH_M = 6.0
 """Path whose scans are searched where those of the whole trail fit nowhere [m]: the robot may have
-come from where nothing is mapped."""
+come from where nothing is mapped. Shorter parts of a long path do fit somewhere by chance."""
+
+CHECK_PATH_M = 3.0
+"""Path whose scans are searched while a pose is doubted [m]."""
 
 
 class PlaceSearch:
@@ -68,7 +71,7 @@ class PlaceSearch:
     def check(self, scan: LocalScan, trail: Trail, *, is_wanted: bool) -> Claim | None:
         """Search the scans of the last metres while a pose is doubted; return a proved place."""
         if is_wanted:
-            self._begin(scan, trail, (SHORT_PATH_M,), CHECK_STEP_M)
+            self._begin(scan, trail, (CHECK_PATH_M,), CHECK_STEP_M)
         decision = self._take()
         if decision is None or decision.claim is None:
             return None

@@ -16,8 +16,9 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.pose_extrapolator import isotropic_information
 from cartoloop.local_slam.scan_matcher import degenerate_direction
+from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import find_near
-from cartoloop.localisation.known_map import Fit, KnownMap
+from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import SCAN_FILTER
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.least_squares import MatchOptions, match_information

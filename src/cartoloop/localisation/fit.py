@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well scans fit to a map: where their returns lie, and what their beams pass through."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.kernels.map_agreement import CellGrid
+from cartoloop.kernels.scan_batch import ScanBatch
+from cartoloop.kernels.scan_fit import (
+    BEHIND_WALL,
+    ON_FLOOR,
+    ON_STRAIGHT_WALL,
+    ON_WALL,
+    SEEN_THROUGH,
+    STRAIGHT,
+    FitLimits,
+    count_fit,
+    count_passes,
+)
+from cartoloop.kernels.straight_walls import mark_straight_walls
+from cartoloop.kernels.sum_at_points import sum_at_points
+from cartoloop.quality.pairs import FLOOR, OFF_WALL_M, ON_WALL_M, WALL
+from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.submaps.finished_grid import mean_probability, mean_value
+
+CLEARANCE_M = 0.5
+"""Walls nearer than this to either end of a beam do not block it [m]: along a wall, beams pass
+through its blurred edge."""
+
+MAX_COUNTED_RANGE_M = 25.0
+"""Returns farther away do not count for the agreement [m]: a small turn moves them off a wall."""
+
+STRAIGHT_M, NUM_HEADINGS = 1.0, 16
+"""A wall that goes on straight this far to both sides [m], in one of this number of headings, is
+straight."""
+
+STRAIGHT_WEIGHT = 0.25
+"""A return on a straight wall counts this much for distinctness: corridors are alike."""
+
+MIN_PASSES = 3
+"""A wall that this number of beams of the map's own scans pass through is seen through, as glass
+and railings are: other beams may pass as well."""
+
+LOW_SHARE = 0.1
+"""Share of the scans that may be less distinct than what is the distinctness of all."""
+
+MIN_DISTINCT = 5.0
+"""Scans with less than this to count are not looked at for distinctness."""
+
+
+class Fit(NamedTuple):
+    """How well scans fit to the map at their poses.
+
+    Attributes
+    ----------
+    score : mean probability at the returns.
+    agreement : of the returns where the map is known, the share on walls; the others lie on floor
+        or behind walls. NaN where none is counted.
+    distinctness : the same with a lower weight of returns on straight walls, which lie on walls in
+        many wrong places as well. Of several scans, nine of ten reach it. NaN where too few are
+        counted.
+    num_counted : number of returns where the map is known.
+    """
+
+    score: float
+    agreement: float
+    distinctness: float
+    num_counted: int
+
+
+class FitJudge:
+    """Judges how well scans fit to the cells of a map.
+
+    Parameters
+    ----------
+    grid : of the map.
+    """
+
+    def __init__(self, grid: CellGrid) -> None:
+        resolution = grid.resolution
+        self._grid = grid
+        self._limits = FitLimits(
+            math.floor(mean_value(WALL)),
+            math.floor(mean_value(FLOOR)),
+            math.ceil(ON_WALL_M / resolution),
+            math.ceil(OFF_WALL_M / resolution),
+            CLEARANCE_M / resolution,
+            MAX_COUNTED_RANGE_M,
+        )
+        angles = np.arange(NUM_HEADINGS) * (math.pi / NUM_HEADINGS)
+        self._marks = np.zeros_like(grid.cells)
+        mark_straight_walls(
+            grid.cells,
+            self._limits.wall,
+            max(round(STRAIGHT_M / resolution), 1),
+            np.column_stack((np.cos(angles), np.sin(angles))),
+            self._marks,
+        )
+        self._marks *= STRAIGHT
+
+    def passes(self, scans: ScanPoints, beam_origins: FloatArray, poses: FloatArray) -> IntArray:
+        """Return how many beams pass through each wall, int64, shape of the map.
+
+        Parameters
+        ----------
+        scans, beam_origins, poses : as for `fit`.
+        """
+        passes = np.zeros(self._grid.cells.shape, dtype=np.int64)
+        count_passes(
+            self._grid, self._limits, ScanBatch(scans.points, scans.firsts, scans.ends),
+            np.ascontiguousarray(beam_origins), poses, passes,
+        )  # fmt: skip
+        return passes
+
+    def set_passes(self, passes: IntArray) -> None:
+        """Set which walls are seen through, given how many beams of the map's scans pass."""
+        self._marks &= STRAIGHT
+        self._marks[passes >= MIN_PASSES] |= SEEN_THROUGH
+
+    def fit(self, scans: ScanPoints, beam_origins: FloatArray, poses: FloatArray) -> Fit:
+        """Return how well scans fit together.
+
+        Parameters
+        ----------
+        scans : k of them.
+        beam_origins : float64, shape (k, 2), where their beams start, tracking frame [m].
+        poses : float64, shape (k, 3), of each in the grid's frame.
+        """
+        num_points = int(scans.counts.sum())
+        if num_points == 0:
+            return Fit(0.0, math.nan, math.nan, 0)
+        grid = self._grid
+        total = sum_at_points(
+            grid.cells, 1, grid.origin_x, grid.origin_y, grid.resolution,
+            scans.points, scans.firsts, scans.ends, poses,
+        )  # fmt: skip
+        counts = np.zeros((len(scans), 4), dtype=np.int64)
+        count_fit(
+            grid, self._marks, self._limits, ScanBatch(scans.points, scans.firsts, scans.ends),
+            np.ascontiguousarray(beam_origins), poses, counts,
+        )  # fmt: skip
+        on_wall, on_floor, behind = counts.sum(axis=0)[[ON_WALL, ON_FLOOR, BEHIND_WALL]].tolist()
+        num_counted = on_wall + on_floor + behind
+        agreement = on_wall / num_counted if num_counted else math.nan
+        score = mean_probability(float(total) / num_points)
+        return Fit(score, agreement, _distinctness(counts), num_counted)
+
+
+def _distinctness(counts: IntArray) -> float:
+    """Return the distinctness that nine of ten scans reach, given what they count."""
+    straight = counts[:, ON_STRAIGHT_WALL]
+    agreeing = counts[:, ON_WALL] - (1.0 - STRAIGHT_WEIGHT) * straight
+    counted = agreeing + counts[:, ON_FLOOR] + counts[:, BEHIND_WALL]
+    is_counted = counted >= MIN_DISTINCT
+    if not is_counted.any():
+        return math.nan
+    shares = np.sort(agreeing[is_counted] / counted[is_counted])
+    return float(shares[math.floor(LOW_SHARE * len(shares))])
