@@ -145,6 +145,33 @@ def best_step(
     return matched, best
 
 
+@kernel
+def add_shift_costs(
+    bearings: FloatArray,
+    ends: FloatArray,
+    max_gap: float,
+    points: FloatArray,
+    tf_sensor_points: tuple[float, float, float],
+    along: tuple[float, float],
+    shifts: FloatArray,
+    fit: tuple[float, float, float],
+    costs: FloatArray,
+) -> None:
+    """Add what each shift of a scan costs to `costs`, as :func:`best_step` defines it.
+
+    Parameters
+    ----------
+    shifts : float64, shape (k,), along `along` from the pose as matched [m].
+    costs : float64, shape (k,).
+    bearings, ends, max_gap, points, tf_sensor_points, along, fit : see :func:`best_step`.
+    """
+    places, lines = _placed(points, tf_sensor_points)
+    directions = _line_directions(bearings, ends, max_gap)
+    scan = _Scan(ends, directions, bearings, places, lines)
+    for k in range(shifts.shape[0]):
+        costs[k] += _cost_at(scan, shifts[k], along, fit, math.inf)
+
+
 class _Scan(NamedTuple):
     """An outline, and another scan at the matched pose.
 
