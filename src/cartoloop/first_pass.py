@@ -24,7 +24,7 @@ from cartoloop.stop_request import StopRequest
 _logger = logging.getLogger(__name__)
 
 if TYPE_CHECKING:
-    from cartoloop.local_slam.odometry_calibration import OdometryParameters
+    from cartoloop.local_slam.odometry_parameters import OdometryParameters
     from cartoloop.readers import Log
 
 MAX_SHARE, LEAST_SCANS = 0.1, 300
@@ -87,7 +87,8 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
         events.close()
         mapper.close()
     found = mapper.calibration
-    if found.odometry.knows_rotation or any(found.scanner_offsets.values()):
+    odometry = found.odometry
+    if odometry.knows_rotation or odometry.knows_scale or any(found.scanner_offsets.values()):
         return found
     return None
 

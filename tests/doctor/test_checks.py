@@ -10,7 +10,7 @@ import pytest
 from cartoloop.doctor import clouds, frames, imu, odometry, scans, times
 from cartoloop.doctor.contents import Stream, times_of
 from cartoloop.doctor.findings import Finding, from_message, worst_first
-from cartoloop.local_slam.odometry_calibration import OdometryParameters
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.local_slam.odometry_veer import NO_VEER, Veer
 from cartoloop.readers.ros.inventory import TopicSummary, TransformSummary
 from cartoloop.readers.ros.stream_times import StampStatistics

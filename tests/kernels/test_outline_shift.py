@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.kernels.outline_shift import best_step, open_direction
+from cartoloop.kernels.outline_shift import add_shift_costs, best_step, open_direction
 from cartoloop.sensor.pose import Pose, inverse, transform_points
 from tests.reference.naive_outline_shift import naive_cost, naive_open_direction
 
@@ -64,6 +64,34 @@ def test_the_best_step_costs_least_of_all(seed, stride):
     around = [best - REACH, best - 1, best, best + 1, best + REACH]
     wanted = [expected[k] if 0 <= k < len(steps) else math.nan for k in around]
     assert costs.tolist() == pytest.approx(wanted, nan_ok=True)
+
+
+@settings(deadline=None, max_examples=100)
+@given(seed=seeds)
+def test_costs_of_shifts_are_added(seed):
+    rng = np.random.default_rng(seed)
+    bearings, ends = scan_of(rng)
+    direction = rng.uniform(0.0, math.tau)
+    along = math.cos(direction), math.sin(direction)
+    pose = Pose(*rng.uniform(-0.2, 0.2, 3).tolist())
+    points = transform_points(inverse(pose), ends + rng.normal(0.0, 0.03, ends.shape))
+    shifts, before = STEP * np.arange(-3, 4), rng.uniform(0.0, 5.0, 7)
+    costs = before.copy()
+
+    add_shift_costs(
+        bearings, ends, MAX_GAP, points, pose[:], along, shifts, (SIGMA, MAX_DISTANCE, OUTSIDE),
+        costs,
+    )  # fmt: skip
+
+    places = transform_points(pose, points)
+    expected = [
+        naive_cost(
+            bearings, ends, MAX_GAP, places, (shift * along[0], shift * along[1]), SIGMA,
+            MAX_DISTANCE, OUTSIDE,
+        )
+        for shift in shifts.tolist()
+    ]  # fmt: skip
+    assert (costs - before).tolist() == pytest.approx(expected)
 
 
 def test_of_equal_steps_the_first_is_best():

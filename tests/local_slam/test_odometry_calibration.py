@@ -15,9 +15,9 @@ from cartoloop.local_slam.odometry_calibration import (
     MAX_SCALE,
     MIN_SCALE,
     OdometryCalibration,
-    OdometryParameters,
     estimate,
 )
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.local_slam.odometry_track import OdometryTrack
 from cartoloop.local_slam.odometry_veer import NO_VEER, Veer
 from cartoloop.sensor.pose import (

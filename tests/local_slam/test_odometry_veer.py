@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cartoloop.local_slam.matched_scans import MatchedScans, ScanSeries, latest
-from cartoloop.local_slam.odometry_calibration import OdometryCalibration, OdometryParameters
+from cartoloop.local_slam.odometry_calibration import OdometryCalibration
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.local_slam.odometry_track import OdometryTrack
 from cartoloop.local_slam.odometry_veer import (
     MAX_VEER,

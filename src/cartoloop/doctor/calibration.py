@@ -13,7 +13,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.doctor.odometry import OdometryWatch
 from cartoloop.local_slam.local_slam import LocalSlam
-from cartoloop.local_slam.odometry_calibration import OdometryParameters
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.readers.log import Log
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.event_faults import fault_of

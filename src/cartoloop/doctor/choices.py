@@ -11,7 +11,7 @@ from cartoloop.doctor.clouds import CloudWatch
 from cartoloop.doctor.contents import Contents
 from cartoloop.doctor.odometry import OdometryWatch
 from cartoloop.doctor.scans import ScanWatch
-from cartoloop.local_slam.odometry_calibration import OdometryParameters
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.readers.log import Log
 from cartoloop.sensor.sensor_profile import SensorProfile
 

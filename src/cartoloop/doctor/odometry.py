@@ -11,7 +11,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.doctor.findings import Finding, first_of
-from cartoloop.local_slam.odometry_calibration import OdometryParameters
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.sensor.events import Odometry
 from cartoloop.sensor.pose import Pose, relative
 

@@ -131,6 +131,32 @@ def best_step(
 
 
 @kernel
+def add_shift_costs(
+    bearings: FloatArray,
+    ends: FloatArray,
+    max_gap: float,
+    points: FloatArray,
+    tf_sensor_points: tuple[float, float, float],
+    along: tuple[float, float],
+    shifts: FloatArray,
+    fit: tuple[float, float, float],
+    costs: FloatArray,
+) -> None:
+    """Add what each shift of a scan costs to `costs`, as :func:`best_step` defines it.
+
+    Parameters
+    ----------
+    shifts : float64, shape (k,), along `along` from the pose as matched [m].
+    costs : float64, shape (k,).
+    bearings, ends, max_gap, points, tf_sensor_points, along, fit : see :func:`best_step`.
+    """
+    outline = Outline(lines_of(bearings, ends, max_gap), places_in_sectors(ends))
+    places = _placed(points, tf_sensor_points)
+    for k in range(shifts.shape[0]):
+        costs[k] += _cost_at(outline, places, shifts[k], along, fit, math.inf)
+
+
+@kernel
 def _nearest(steps: FloatArray, moved: float) -> int:
     """Return the index of the step nearest to another."""
     nearest = 0

@@ -198,6 +198,7 @@ class LocalSlam:
             if match is not None and (by := self._clocks.add(name, time, pose)):
                 self.extrapolator.shift(name, by)
         scanner.wall_step.add(time, pose, filtered.data.tf_tracking_sensor, filtered.data.returns)
+        self._measure_distance(time, pose, filtered.data, scanner)
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             node = self._insert(scan, filtered.data, pose, self._information(match))
@@ -300,6 +301,17 @@ class LocalSlam:
         # what the scans say of the step is as good as odometry
         prediction = Prediction(pose, True, information, lambda: (pose, pose))
         return self._match(filtered, prediction, scanner.matcher), True
+
+    def _measure_distance(self, time: float, pose: Pose, data: RangeData, scanner: Scanner) -> None:
+        """Measure the distance from a scan about a metre back, to calibrate the odometry."""
+        meter = scanner.distance_meter
+        if not self.extrapolator.trusts_odometry:
+            meter.forget()
+            return
+        with self._timer.measure("match"):
+            distance = meter.add(time, pose, data.tf_tracking_sensor, data.returns)
+        if distance is not None:
+            self.extrapolator.add_distance(distance)
 
     def _step_along_walls(
         self,

@@ -11,9 +11,9 @@ repeatedly while mapping.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,8 +25,18 @@ from cartoloop.local_slam.clock_offset import (
     next_estimate,
 )
 from cartoloop.local_slam.matched_scans import ScanSeries, latest
+from cartoloop.local_slam.measured_distance import MeasuredDistance
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.odometry_scale import (
+    MATCHED_ERROR,
+    MIN_DISTANCES,
+    MIN_KNOWN_ERROR,
+    NUM_DISTANCES,
+    combined,
+    measured_ratio,
+)
 from cartoloop.local_slam.odometry_track import OdometryTrack
-from cartoloop.local_slam.odometry_veer import NO_VEER, Veer, estimate_veer
+from cartoloop.local_slam.odometry_veer import estimate_veer
 from cartoloop.sensor.pose import Pose, relative_all
 
 WINDOW = 1500
@@ -55,132 +65,6 @@ MIN_TYPICAL_ERROR_M = 1e-4
 """Lower limit of the typical error of a step [m], so that exact data do not divide by zero."""
 
 
-@dataclass(frozen=True, slots=True)
-class OdometryParameters:
-    """The estimated errors of the odometry.
-
-    Attributes
-    ----------
-    time_offset : a reading is this much newer than the scan of the same stamp [s].
-    rotation_scale, translation_scale : true motion over reported motion.
-    yaw : forward direction of the odometry in the tracking frame [rad].
-    lever_x, lever_y : the tracking frame relative to the point whose motion is reported [m].
-    rotation_error : median error of the rotation of a calibrated step [rad]; NaN before the robot
-        has turned enough, because straight steps do not show it.
-    num_turns : number of turning steps that it was estimated from.
-    translation_error : the same of the distance [m]; NaN before the first estimate.
-    veer : turn on each metre that is not reported.
-    num_stretches : number of metres that it was estimated from.
-    """
-
-    time_offset: float = 0.0
-    rotation_scale: float = 1.0
-    translation_scale: float = 1.0
-    yaw: float = 0.0
-    lever_x: float = 0.0
-    lever_y: float = 0.0
-    rotation_error: float = math.nan
-    translation_error: float = math.nan
-    num_turns: int = 0
-    veer: Veer = NO_VEER
-    num_stretches: int = 0
-
-    @property
-    def is_known(self) -> bool:
-        """Whether there was enough motion for an estimate."""
-        return not math.isnan(self.translation_error)
-
-    @property
-    def knows_rotation(self) -> bool:
-        """Whether the robot has turned enough for an estimate of clock offset and rotation."""
-        return not math.isnan(self.rotation_error)
-
-    @property
-    def veer_by_name(self) -> dict[str, float]:
-        """The veer, for documents [rad/m]: constant, cos, sin."""
-        return self.veer._asdict()
-
-    def summary(self) -> dict[str, Any]:
-        """Return the estimates, for the report."""
-        return {
-            "time_offset_s": self.time_offset,
-            "rotation_scale": self.rotation_scale,
-            "translation_scale": self.translation_scale,
-            "yaw_rad": self.yaw,
-            "lever_m": [self.lever_x, self.lever_y],
-            "veer_rad_per_m": self.veer_by_name,
-            "rotation_error_rad": self.rotation_error if self.knows_rotation else None,
-            "translation_error_m": self.translation_error if self.is_known else None,
-        }
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as values of JSON, None for what is not known."""
-        values = {**asdict(self), "veer": list(self.veer)}
-        return {
-            name: None if isinstance(value, float) and math.isnan(value) else value
-            for name, value in values.items()
-        }
-
-    @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> OdometryParameters:
-        """Return what :meth:`to_dict` made values of JSON of; what is missing is not known.
-
-        Raises
-        ------
-        ValueError, TypeError, AttributeError
-            They are of something else.
-        """
-        values: dict[str, Any] = {
-            name: math.nan if value is None else float(value)
-            for name, value in content.items()
-            if name not in ("veer", "num_turns", "num_stretches")
-        }
-        for name in ("num_turns", "num_stretches"):
-            values[name] = int(content.get(name, 0))
-        constant, cos, sin = content.get("veer", NO_VEER)
-        return cls(**values, veer=Veer(float(constant), float(cos), float(sin)))
-
-    def predict(self, reported: Pose, heading: float = 0.0) -> Pose:
-        """Return the motion of the tracking frame for a motion that the odometry reports.
-
-        Parameters
-        ----------
-        reported : the motion.
-        heading : of the odometry at its begin [rad].
-        """
-        reported = self.veer.corrected(reported, heading)
-        theta = self.rotation_scale * reported.theta
-        cos, sin = math.cos(theta) - 1.0, math.sin(theta)
-        along = self.translation_scale * math.cos(self.yaw)
-        across = self.translation_scale * math.sin(self.yaw)
-        return Pose(
-            along * reported.x - across * reported.y + cos * self.lever_x - sin * self.lever_y,
-            across * reported.x + along * reported.y + sin * self.lever_x + cos * self.lever_y,
-            theta,
-        )
-
-    def predict_all(self, reported: FloatArray, headings: FloatArray) -> FloatArray:
-        """Return :meth:`predict` of each row, shape (n, 3), equal to the last bit."""
-        return self.without_veer_all(self.veer.corrected_all(reported, headings))
-
-    def without_veer_all(self, reported: FloatArray) -> FloatArray:
-        """Return the same of reported motions that are corrected for veer, shape (n, 3)."""
-        theta = self.rotation_scale * reported[:, 2]
-        # numpy's sine and cosine differ from the C library's in the last digit.
-        cos = np.array([math.cos(angle) for angle in theta.tolist()]) - 1.0
-        sin = np.array([math.sin(angle) for angle in theta.tolist()])
-        along = self.translation_scale * math.cos(self.yaw)
-        across = self.translation_scale * math.sin(self.yaw)
-        x, y = reported[:, 0], reported[:, 1]
-        return np.column_stack(
-            (
-                along * x - across * y + cos * self.lever_x - sin * self.lever_y,
-                across * x + along * y + sin * self.lever_x + cos * self.lever_y,
-                theta,
-            )
-        )
-
-
 class OdometryCalibration:
     """Collects matched scan poses and estimates the :class:`OdometryParameters` from them.
 
@@ -201,6 +85,8 @@ class OdometryCalibration:
         self._window = window
         self._due = first
         self._series: dict[str, ScanSeries] = {}
+        self._known = self.model
+        self._distances: deque[MeasuredDistance] = deque(maxlen=NUM_DISTANCES)
         self._num_scans = 0
 
     def shift(self, scanner: str, by: float) -> None:
@@ -208,6 +94,10 @@ class OdometryCalibration:
         series = self._series.get(scanner)
         if series is not None:
             series.times = [time + by for time in series.times]
+
+    def add_distance(self, distance: MeasuredDistance) -> None:
+        """Add a distance that scans measured."""
+        self._distances.append(distance)
 
     def add(
         self,
@@ -240,7 +130,10 @@ class OdometryCalibration:
             )
             known = replace(before, veer=veer, num_stretches=num_stretches)
             scans = latest(every, self._window)
-            self.model = estimate(scans.times, scans.poses, *odometry, known, scans.is_usable)
+            model = estimate(scans.times, scans.poses, *odometry, known, scans.is_usable)
+            if model is not known:
+                model = with_measured_scale(model, self._distances, *odometry, self._known)
+            self.model = model
 
 
 def estimate(
@@ -300,6 +193,49 @@ def estimate(
         rotation_error=float(np.median(errors[:, 2])) if knows_rotation else math.nan,
         translation_error=float(np.median(np.hypot(errors[:, 0], errors[:, 1]))),
     )
+
+
+def with_measured_scale(
+    model: OdometryParameters,
+    distances: Sequence[MeasuredDistance],
+    odometry_times: FloatArray,
+    odometry_poses: FloatArray,
+    known: OdometryParameters,
+) -> OdometryParameters:
+    """Return a model with the scale of distances that scans alone measured.
+
+    What matched poses show of the scale is little more than what was assumed of it, where
+    scans determine little. It counts as long as few distances were measured.
+
+    Parameters
+    ----------
+    model : fits the matched poses best.
+    distances : as measured.
+    odometry_times, odometry_poses : as for :func:`estimate`.
+    known : what was known before the run.
+    """
+    begins = np.array([one.begin for one in distances]) - model.time_offset
+    ends = np.array([one.end for one in distances]) - model.time_offset
+    is_known = (begins >= odometry_times[0]) & (ends <= odometry_times[-1])
+    estimates = [(model.translation_scale, MATCHED_ERROR)]
+    if known.knows_scale:
+        estimates.append((known.translation_scale, max(known.scale_error, MIN_KNOWN_ERROR)))
+    if np.count_nonzero(is_known) >= MIN_DISTANCES:
+        used = [one for one, inside in zip(distances, is_known.tolist(), strict=True) if inside]
+        columns = (odometry_poses[:, 0], odometry_poses[:, 1], np.unwrap(odometry_poses[:, 2]))
+        first, last = (
+            np.column_stack([np.interp(times[is_known], odometry_times, c) for c in columns])
+            for times in (begins, ends)
+        )
+        moved = model.predict_all(relative_all(first, last), first[:, 2])
+        along = np.array([one.along for one in used])
+        ratio, error = measured_ratio(used, np.sum(moved[:, :2] * along, axis=1))
+        estimates.append((model.translation_scale * ratio, model.translation_scale * error))
+    if len(estimates) == 1:
+        return model
+    scale, error = combined(estimates)
+    scale = min(max(scale, MIN_SCALE), MAX_SCALE)
+    return replace(model, translation_scale=scale, scale_error=error)
 
 
 def _robust_scale(reported: FloatArray, true: FloatArray) -> float:

@@ -20,6 +20,10 @@ WINDOW_S, MIN_STEPS = 1.0, 5
 """Least time [s] and number of steps that are compared together: errors of single matches and of
 the clock average out."""
 
+SLOW_WINDOW_S, WINDOW_M = 4.0, 0.6
+"""Window of a slow robot: as long as scans and odometry have moved by less than the second [m], up
+to the first [s]. In a second, it moves by less than errors that are no fault."""
+
 MAX_WINDOW_S = 5.0
 """Longest window [s]: scans that come more slowly overlap too little to contradict wheels."""
 
@@ -123,15 +127,24 @@ class _Window:
         steps.append(step)
         self._sums = [a + b for a, b in zip(self._sums, step.matched + step.reported, strict=True)]
         while len(steps) > MIN_STEPS and step.end - steps[1].begin >= WINDOW_S:
-            old = steps.popleft()
-            self._sums = [
-                a - b for a, b in zip(self._sums, old.matched + old.reported, strict=True)
-            ]
+            first = steps[0].matched + steps[0].reported
+            rest = [a - b for a, b in zip(self._sums, first, strict=True)]
+            if step.end - steps[1].begin < SLOW_WINDOW_S and _moved(rest) < WINDOW_M:
+                break
+            steps.popleft()
+            self._sums = rest
 
     def clear(self) -> None:
         """Drop all steps."""
         self.steps.clear()
         self._sums = [0.0] * 6
+
+
+def _moved(sums: list[float]) -> float:
+    """Return the larger of the motions of scans and odometry in a window; a radian is a metre."""
+    return max(
+        math.hypot(sums[0], sums[1]) + abs(sums[2]), math.hypot(sums[3], sums[4]) + abs(sums[5])
+    )
 
 
 class OdometryTrust:

@@ -15,7 +15,9 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.imu_calibration import ImuCalibration
-from cartoloop.local_slam.odometry_calibration import OdometryCalibration, OdometryParameters
+from cartoloop.local_slam.measured_distance import MeasuredDistance
+from cartoloop.local_slam.odometry_calibration import OdometryCalibration
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.local_slam.odometry_track import OdometryTrack
 from cartoloop.local_slam.odometry_trust import (
     Evidence,
@@ -134,6 +136,11 @@ class PoseExtrapolator:
         return self._trust.faults
 
     @property
+    def trusts_odometry(self) -> bool:
+        """Whether there is odometry that moves as the scans do."""
+        return len(self._odometry) > 0 and not self._is_stale and self._trust.is_trusted
+
+    @property
     def measures_motion(self) -> bool:
         """Whether odometry or an IMU measures the motion between scans."""
         return len(self._odometry) > 0 or self.imu is not None
@@ -196,6 +203,10 @@ class PoseExtrapolator:
             x, y, rate = self._velocity.step(1.0)
             self.imu.note_standing(math.hypot(x, y) < STANDING_SPEED and abs(rate) < STANDING_RATE)
             self.imu_calibration.add(middle_time, middle, self.imu)
+
+    def add_distance(self, distance: MeasuredDistance) -> None:
+        """Add a distance between two scans that these alone measure."""
+        self._calibration.add_distance(distance)
 
     def shift(self, scanner: str, by: float) -> None:
         """Correct the times of a scanner's scans so far, since its clock offset changes [s]."""

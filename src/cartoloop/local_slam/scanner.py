@@ -11,6 +11,7 @@ from typing import Self
 import numpy as np
 
 from cartoloop.config import LocalSlamConfig
+from cartoloop.local_slam.measured_distance import DistanceMeter
 from cartoloop.local_slam.motion_filter import MotionFilter
 from cartoloop.local_slam.scan_matcher import ScanMatcher
 from cartoloop.local_slam.wall_step import WallStep
@@ -29,6 +30,7 @@ class Scanner:
     matcher : holds the typical residual of its scans.
     motion_filter : one for each scanner, so that each contributes to the map.
     wall_step : compares its scans with each other where nothing else measures the motion.
+    distance_meter : measures the distance between scans about a metre apart.
     num_scans : number of its scans.
     is_in_map : whether one of its scans was inserted.
     recent : its latest scans.
@@ -37,6 +39,7 @@ class Scanner:
     matcher: ScanMatcher
     motion_filter: MotionFilter
     wall_step: WallStep
+    distance_meter: DistanceMeter = field(default_factory=DistanceMeter)
     num_scans: int = 0
     is_in_map: bool = False
     recent: deque[LaserScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))

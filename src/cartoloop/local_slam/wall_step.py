@@ -20,9 +20,9 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import WallStepConfig
-from cartoloop.kernels.outline_lines import trace_outline
 from cartoloop.kernels.outline_shift import best_step, open_direction
 from cartoloop.local_slam.match_records import WallMemory
+from cartoloop.local_slam.outline import Outline, outline_of
 from cartoloop.sensor.pose import Pose, compose, inverse, wrap_angle
 
 _STRIDE = 3
@@ -33,24 +33,11 @@ _NEIGHBOUR = 1.5
 """Steps that differ by less than this many are neighbours: noise decides between them."""
 
 
-class _Outline(NamedTuple):
-    """A scan in the frame of its scanner; lines connect the ends of neighbouring beams.
-
-    Attributes
-    ----------
-    bearings : float64, (n,), ascending [rad].
-    points : float64, (n, 2), ends of the beams [m].
-    """
-
-    bearings: FloatArray
-    points: FloatArray
-
-
 class _LastScan(NamedTuple):
     time: float
     pose: Pose
     tf_tracking_sensor: Pose
-    outline: _Outline
+    outline: Outline
 
 
 class _Comparison(NamedTuple):
@@ -115,7 +102,7 @@ class WallStep:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
         if self._last is not None and not self._is_due:
             return
-        outline = _outline_of(returns, tf_tracking_sensor)
+        outline = outline_of(returns, tf_tracking_sensor)
         self._last = _LastScan(time, pose, tf_tracking_sensor, outline)
 
     def better_pose(
@@ -271,11 +258,3 @@ def _is_sharp(found: _Comparison, config: WallStepConfig) -> bool:
     shorter, *_, longer = found.costs
     # Neither is true of a cost that is NaN, next to the end of the steps.
     return shorter - found.cost >= config.min_rise and longer - found.cost >= config.min_rise
-
-
-def _outline_of(returns: FloatArray, tf_tracking_sensor: Pose) -> _Outline:
-    bearings, points = np.empty(len(returns)), np.empty((len(returns), 2))
-    if not trace_outline(returns, inverse(tf_tracking_sensor)[:], bearings, points):
-        order = np.argsort(bearings, kind="stable")
-        bearings, points = bearings[order], points[order]
-    return _Outline(bearings, points)

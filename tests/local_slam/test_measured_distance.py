@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Distances between scans, by the scans alone, and the scale of the odometry that follows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cartoloop.local_slam.measured_distance import (
+    MAX_DISTANCE_M,
+    DistanceMeter,
+    MeasuredDistance,
+)
+from cartoloop.local_slam.odometry_calibration import with_measured_scale
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.odometry_scale import combined, measured_ratio
+from cartoloop.sensor.pose import IDENTITY, Pose, compose
+from tests.local_slam.test_wall_step import corridor_scan
+
+CUPBOARDS = (2.0, 2.8, 5.0, 6.2, 9.0, 9.6)
+
+
+def measure(true, matched, cupboards=CUPBOARDS, frame=IDENTITY, turn=0.0, seed=0):
+    """Return what is measured between scans a distance `true` apart, matched at another one."""
+    rng, meter = np.random.default_rng(seed), DistanceMeter()
+    assert meter.add(0.0, frame, IDENTITY, corridor_scan(0.0, rng, cupboards)) is None
+    pose = compose(frame, Pose(matched, 0.0, turn))
+    return meter.add(1.5, pose, IDENTITY, corridor_scan(true, rng, cupboards))
+
+
+@pytest.mark.parametrize("frame", [IDENTITY, Pose(3.0, -2.0, 2.5)])
+@pytest.mark.parametrize("held", [-0.1, -0.03, 0.0, 0.05])
+def test_scans_measure_a_distance_wherever_they_are_matched(frame, held):
+    found = measure(1.2, 1.2 + held, frame=frame)
+    assert found.distance == pytest.approx(1.2, abs=0.01)
+    assert (found.begin, found.end) == (0.0, 1.5)
+    assert found.along == pytest.approx((1.0, 0.0))
+
+
+def test_bare_walls_hardly_measure_a_distance():
+    bare = measure(1.2, 1.2, ())
+    assert bare is None or bare.information < 0.1 * measure(1.2, 1.2).information
+
+
+def test_near_scans_are_not_compared():
+    assert measure(0.8, 0.8) is None
+
+
+def test_scans_far_apart_are_not_compared():
+    assert measure(2.1, MAX_DISTANCE_M + 0.1) is None
+
+
+def test_scans_across_a_turn_are_not_compared():
+    assert measure(1.2, 1.2, turn=math.radians(20.0)) is None
+
+
+def test_scans_of_few_returns_are_not_compared():
+    rng, meter = np.random.default_rng(0), DistanceMeter()
+    meter.add(0.0, IDENTITY, IDENTITY, corridor_scan(0.0, rng)[:20])
+    returns = corridor_scan(1.2, rng)
+    assert meter.add(1.5, Pose(1.2, 0.0, 0.0), IDENTITY, returns) is None
+
+
+def test_a_meter_that_forgets_compares_nothing():
+    rng, meter = np.random.default_rng(0), DistanceMeter()
+    meter.add(0.0, IDENTITY, IDENTITY, corridor_scan(0.0, rng))
+    meter.forget()
+    assert meter.add(1.5, Pose(1.2, 0.0, 0.0), IDENTITY, corridor_scan(1.2, rng)) is None
+
+
+def distances(scale, number=100, noise=0.02, seed=1):
+    """Return distances along x, one a second, and the odometry that reports 1 m for each."""
+    rng = np.random.default_rng(seed)
+    measured = scale + rng.normal(0.0, noise, number)
+    times = np.arange(number + 1.0)
+    odometry = np.column_stack((times, np.zeros(number + 1), np.zeros(number + 1)))
+    found = [
+        MeasuredDistance(float(k), k + 1.0, float(one), (1.0, 0.0), 1000.0)
+        for k, one in enumerate(measured)
+    ]
+    return found, times, odometry
+
+
+def test_the_ratio_is_that_of_most_distances():
+    measured, _, _ = distances(0.98)
+    slipping = [one._replace(distance=0.2) for one in measured[:8]]
+    ratio, error = measured_ratio(slipping + measured[8:], np.ones(100))
+    assert ratio == pytest.approx(0.98, abs=0.005)
+    assert 0.001 <= error < 0.005
+
+
+def test_a_ratio_of_nothing_is_not_known():
+    measured, _, _ = distances(1.0, number=10)
+    assert measured_ratio(measured, np.zeros(10)) == (1.0, math.inf)
+
+
+def test_values_are_weighted_by_their_errors():
+    mean, error = combined([(1.0, 0.01), (1.02, 0.01), (7.0, math.inf)])
+    assert mean == pytest.approx(1.01)
+    assert error == pytest.approx(0.01 / math.sqrt(2.0))
+
+
+@pytest.mark.parametrize("scale", [0.97, 1.03])
+def test_a_scale_that_confirms_itself_is_corrected(scale):
+    measured, *odometry = distances(scale)
+    matched = OdometryParameters(translation_error=0.001)  # as was assumed: 1
+    found = with_measured_scale(matched, measured, *odometry, OdometryParameters())
+    assert found.translation_scale == pytest.approx(scale, abs=0.005)
+    assert found.knows_scale
+
+
+def test_what_was_known_counts_where_little_is_measured():
+    measured, *odometry = distances(0.97, number=5)
+    known = OdometryParameters(translation_scale=0.95, scale_error=0.001)
+    matched = OdometryParameters(translation_error=0.001)
+    found = with_measured_scale(matched, measured, *odometry, known)
+    assert found.translation_scale == pytest.approx(0.957, abs=0.002)
+
+
+def test_a_scale_that_nothing_measured_is_that_of_the_matches():
+    measured, *odometry = distances(0.97, number=5)
+    matched = OdometryParameters(translation_scale=1.01, translation_error=0.001)
+    assert with_measured_scale(matched, measured, *odometry, OdometryParameters()) == matched
