@@ -178,9 +178,8 @@ def test_session_that_is_cut_short_is_kept_with_the_map(rounds, maps):
     assert result.sessions[0].part == MAIN_PART
     assert result.graph.num_nodes > maps[0].graph.num_nodes
     first = result.graph.node_poses[: maps[0].graph.num_nodes]
-    np.testing.assert_allclose(
-        first, maps[0].graph.node_poses, atol=1e-4
-    )  # adjusted again, to convergence
+    # Adjusted again, to convergence.
+    np.testing.assert_allclose(first, maps[0].graph.node_poses, atol=1e-4)
 
 
 def test_session_is_added_where_it_is_said_to_be(rounds, maps):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import FloatArray
-from cartoloop.kernels.outline_shift import trace_outline
+from cartoloop.kernels.outline_lines import trace_outline
 from cartoloop.sensor.pose import Pose, inverse
 
 
