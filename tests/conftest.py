@@ -79,7 +79,7 @@ def ring_result(ring_events):
 @pytest.fixture(scope="session")
 def two_rounds():
     """Twice around a ring of corridors 24 m wide, with odometry that slips and drifts."""
-    return simulate(ring(), seed=1)
+    return simulate(ring(), seed=2)
 
 
 @pytest.fixture(scope="session")

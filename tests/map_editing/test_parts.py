@@ -37,7 +37,8 @@ def pair_across(result, apart):
     """A closure of the ring between the two sessions."""
     graph, first = result.graph, apart.sessions[1]
     across = (graph.kinds == ConstraintKind.LOOP_CLOSURE) & (graph.index_b >= first.first_node)
-    row = np.flatnonzero(across & (graph.index_a < first.first_submap))[-1]
+    rows = np.flatnonzero(across & (graph.index_a < first.first_submap))
+    row = rows[len(rows) // 2]  # those at the ends overlap little
     return int(graph.index_a[row]), int(graph.index_b[row])
 
 
