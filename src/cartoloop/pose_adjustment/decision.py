@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,10 +25,13 @@ class Decision:
 
     Parameters
     ----------
+    descent : for the plan of a problem.
+    measured : of that problem.
     losses : of each group; decided upon are those of `DECIDED` losses.
 
     Attributes
     ----------
+    descent, measured : as given.
     truncated : the losses as kernels read them.
     weighted : the same, with weights in the place of what is decided.
     weights : of all measurements, shape (n,), in [0, 1].
@@ -38,8 +41,8 @@ class Decision:
     def __init__(
         self, descent: Descent, measured: Measurements, losses: Sequence[GroupLoss]
     ) -> None:
-        self._descent = descent
-        self._measured = measured
+        self.descent = descent
+        self.measured = measured
         self.truncated = kernel_losses(losses)
         self._is_decided = np.array([group.loss in DECIDED for group in losses])
         codes = np.where(self._is_decided, FIXED_WEIGHTS, self.truncated.codes)
@@ -79,19 +82,8 @@ class Decision:
 
     def lower(self, poses: FloatArray, descent: Descent | None = None) -> Run:
         """Return the descent from some poses with the present weights."""
-        self._descent.plan.set_weights(self.weights)
-        return self.note((descent or self._descent).run(poses, self.weighted))
-
-    def earlier(self, poses: FloatArray, believed: BoolArray | None) -> Run | None:
-        """Return the descent with an earlier decision and all new measurements in.
-
-        None if there was no such decision, or it does not explain itself any more.
-        """
-        if believed is None or believed.all():
-            return None
-        self.weights[: believed.size] = believed
-        run = self.lower(poses)
-        return run if self.explains_itself() else None
+        self.descent.plan.set_weights(self.weights)
+        return self.note((descent or self.descent).run(poses, self.weighted))
 
     def settle(self, run: Run) -> Run:
         """Take in what fits where a run ended, leave out what does not, until that stands."""
@@ -105,14 +97,36 @@ class Decision:
     def note(self, run: Run) -> Run:
         """Note the residuals where a run ended."""
         self.iterations += run.iterations
-        self.squared = self._measured.residuals(run.poses).squared[self._own]
+        self.squared = self.measured.residuals(run.poses).squared[self._own]
         return run
 
     def judged(self, run: Run) -> Run:
         """Return a run with its truncated cost."""
-        return replace(run, cost=cost_at(self._descent.plan, run.poses, self.truncated))
+        return replace(run, cost=cost_at(self.descent.plan, run.poses, self.truncated))
 
-    def result(self, run: Run, initial_cost: float) -> Run:
-        """Return what deciding came to, with the weights in the plan."""
-        self._descent.plan.set_weights(self.weights)
-        return Run(run.poses, run.cost, initial_cost, self.iterations, run.converged)
+
+def decide(
+    decision: Decision, how: Callable[[Decision, FloatArray], Run], believed: BoolArray | None
+) -> Run:
+    """Return the poses and set the weights, 0 or 1 where is decided.
+
+    Parameters
+    ----------
+    how : decides, given where the poses of all vertices are.
+    believed : which of the first measurements an earlier adjustment believed, shape (k,); None if
+        there was none. That decision stands, at the cost of a single descent, if it still explains
+        itself with all new measurements believed: what it believes is within the scale, what it
+        does not is outside.
+    """
+    plan = decision.descent.plan
+    poses = plan.problem.poses()
+    initial_cost = cost_at(plan, poses, decision.truncated)
+    run: Run | None = None
+    if believed is not None and not believed.all():
+        decision.weights[: believed.size] = believed
+        run = decision.lower(poses.copy())
+    if run is None or not decision.explains_itself():
+        run = how(decision, poses)
+    plan.set_weights(decision.weights)
+    cost = cost_at(plan, run.poses, decision.truncated)
+    return Run(run.poses, cost, initial_cost, decision.iterations, run.converged)

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cartoloop.arrays import BoolArray, FloatArray
-from cartoloop.kernels.pose_adjustment.losses import Loss
+from cartoloop.kernels.pose_adjustment.losses import DECIDED, Loss
 from cartoloop.pose_adjustment.chordal import better_start
+from cartoloop.pose_adjustment.decision import Decision, decide
 from cartoloop.pose_adjustment.descent import Descent
 from cartoloop.pose_adjustment.graduation import graduate
 from cartoloop.pose_adjustment.losses import GroupLoss, kernel_losses
@@ -81,10 +82,9 @@ def solve(
     descent = Descent(plan, max_iterations, relative_tolerance)
     measured = Measurements.of(problem)
     used = {group.loss for group in losses}
-    if Loss.GRADUATED_NON_CONVEXITY in used:
-        run = graduate(descent, measured, losses, believed)
-    elif Loss.TRUNCATED in used:
-        run = truncate(descent, measured, losses, believed)
+    if used & DECIDED:
+        how = graduate if Loss.GRADUATED_NON_CONVEXITY in used else truncate
+        run = decide(Decision(descent, measured, losses), how, believed)
     else:
         kernel = kernel_losses(losses)
         start = better_start(plan, measured, kernel) if max_iterations else problem.poses()
