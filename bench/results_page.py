@@ -67,7 +67,7 @@ def write_results_page(folder: Path, page: Path) -> None:
 def _introduction(records: dict[str, Record]) -> Section:
     commands = [
         [
-            f"`python -m bench {name.replace('-', ' --')}`",
+            f"`python -m bench {_command(name)}`",
             record.environment.get("date", ""),
             _where(record),
         ]
@@ -75,6 +75,11 @@ def _introduction(records: dict[str, Record]) -> Section:
     ]
     text = page_text()["introduction"]
     return Section(text["title"], (text["text"], Table(["command", "date", "where"], commands)))
+
+
+def _command(name: str) -> str:
+    """Return the command that writes a record: ``scaling --again`` writes ``scaling-again``."""
+    return name.removesuffix("-again") + " --again" if name.endswith("-again") else name
 
 
 def _where(record: Record) -> str:
