@@ -26,8 +26,8 @@ from typing import IO
 from bench.fuzz.seeds import Seeds, make_seeds
 from bench.fuzz.worker import LIMIT_S, PASSED, Outcome, input_folder
 
-RANGE = 2000
-"""Inputs of a process: its memory is that of these, not of all before."""
+LONGEST_RANGE = 10_000
+"""Inputs of a process at most: its memory is that of these, not of all before."""
 
 _START_S = 120.0
 """Time for a process to start and compile [s]."""
@@ -116,7 +116,8 @@ def run_all(options: FuzzOptions, report: Callable[[str], None]) -> Results:
     """
     results = Results()
     last = options.first + options.count
-    starts = iter(range(options.first, last, RANGE))
+    length = min(LONGEST_RANGE, -(-options.count // options.num_processes))
+    starts = iter(range(options.first, last, length))
     with (
         _seed_folder(options.data) as seeds,
         ThreadPoolExecutor(options.num_processes) as threads,
@@ -124,7 +125,7 @@ def run_all(options: FuzzOptions, report: Callable[[str], None]) -> Results:
 
         def work() -> None:
             for start in starts:  # shared: an iterator of integers gives each to one thread
-                end = min(start + RANGE, last)
+                end = min(start + length, last)
                 for outcome in _run_range(seeds.folder, options.seed, start, end, options.only):
                     results.add(outcome)
                     if outcome.what not in PASSED:

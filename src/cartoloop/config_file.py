@@ -61,8 +61,8 @@ def load_config(path: Path | None = None, settings: Sequence[str] = ()) -> Loade
     if path is not None:
         text = read_text_input(path, _MAX_BYTES, "TOML", ConfigError)
         for key, value in _parse_toml(text, path).items():
-            where = f"{path}{_line_of(key, text)}"
-            _check(key, value, values, where)
+            if fault := _fault(key, value, values):
+                raise ConfigError(f"{path}{_line_of(key, text)}: {fault}")
             values[key] = value
             origins[key] = f"file {path.name}"
     for setting in settings:
@@ -71,7 +71,8 @@ def load_config(path: Path | None = None, settings: Sequence[str] = ()) -> Loade
         if not equals:
             raise ConfigError(f"--set {setting}: expected key=value")
         value = _parse_value(written.strip())
-        _check(key, value, values, f"--set {setting}")
+        if fault := _fault(key, value, values):
+            raise ConfigError(f"--set {setting}: {fault}")
         values[key] = value
         origins[key] = "--set"
     return LoadedConfig(_validate(values, origins), origins)
@@ -165,18 +166,19 @@ _MIN_LIKENESS = 1.5
 """Of a key that is proposed instead of an unknown one, of at most 3: misspelt keys reach 2."""
 
 
-def _check(key: str, value: object, known: Mapping[str, object], where: str) -> None:
-    """Raise ConfigError if there is no such parameter, or no parameter can have such a value."""
+def _fault(key: str, value: object, known: Mapping[str, object]) -> str:
+    """Return why there is no such parameter, or no parameter can have such a value; else ""."""
     if key not in known:
         if any(other.startswith(f"{key}.") for other in known):
-            raise ConfigError(f"{where}: '{key}' is a section; set one of the keys in it")
+            return f"'{key}' is a section; set one of the keys in it"
         nearest = _nearest(key, known)
         hint = (
             "'cartoloop config show' lists all" if nearest is None else f"did you mean '{nearest}'?"
         )
-        raise ConfigError(f"{where}: unknown key '{key}'; {hint}")
+        return f"unknown key '{key}'; {hint}"
     if isinstance(value, float) and not math.isfinite(value):
-        raise ConfigError(f"{where}: {key} must be a finite number")
+        return f"{key} must be a finite number"
+    return ""
 
 
 def _nearest(key: str, known: Mapping[str, object]) -> str | None:

@@ -8,7 +8,9 @@ command line can name the formats at once.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -63,6 +65,12 @@ def text_formats() -> Iterator[LineFormat]:
 
 
 def _entry_points() -> list[EntryPoint]:
+    return _entry_points_on(tuple(sys.path))
+
+
+@cache
+def _entry_points_on(_: tuple[str, ...]) -> list[EntryPoint]:
+    """Return those of all packages on a search path; cached, since the files of all are read."""
     from importlib.metadata import entry_points
 
     return sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
