@@ -112,7 +112,7 @@ class Robot(LiveObserver):
 
     def _send_all(self) -> None:
         sender = self._network.connect()
-        next_fault = self._fault_period_s
+        next_fault = 0.5 * self._fault_period_s  # none at the very end: what comes then is too late
         for time_s, event in day(self._end_s, self._numbers, drives_again=self._drives_again):
             while time_s >= next_fault:
                 next_fault += self._fault_period_s

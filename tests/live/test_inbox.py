@@ -94,6 +94,7 @@ def test_closing_lets_a_source_go():
     sender.join(5.0)
 
     assert not sender.is_alive()
+    assert inbox.num_late == 3
 
 
 def test_the_clock_of_arrivals_never_jumps(monkeypatch):

@@ -18,25 +18,28 @@ from cartoloop.mapper import Mapper
 
 
 class Sender:
-    """Sends what it is given, then the end."""
+    """Sends what it is given, then the end, then what comes too late."""
 
     name = "sender"
 
-    def __init__(self, sent):
+    def __init__(self, sent, late):
         self.sent = sent
+        self.late = late
 
     def run(self, put, notices, stop):
         for line in self.sent:
             put(parse_message(line))
         put(EndMessage())
+        for line in self.late:
+            put(parse_message(line))
 
 
-def run(sent, mapper, reported, **options):
-    """Run a session until its source ends; its notices go to a list."""
+def run(sent, mapper, reported, late=(), **options):
+    """Run a session until its source ends; its notices go to a list. Return what was skipped."""
     notices = Notices(reported.append)
-    LiveSession(
-        Sender(sent), mapper, Inbox(waits=True), Sequencer(notices), notices, **options
-    ).run(lambda: False)
+    sender, inbox, sequencer = Sender(sent, late), Inbox(waits=True), Sequencer(notices)
+    LiveSession(sender, mapper, inbox, sequencer, notices, **options).run(lambda: False)
+    return notices.skipped
 
 
 @pytest.fixture
@@ -58,6 +61,17 @@ def test_each_scan_gets_its_pose(mapper):
         tuple(pose) for pose in result.local_trajectory.tolist()
     ]
     assert all(pose.latency >= 0.0 for pose in poses)
+
+
+def test_scans_after_the_end_are_counted(mapper):
+    sent = lines(3.0)
+    scans = [line for line in sent if json.loads(line)["type"] == "scan"]
+
+    skipped = run(sent, mapper, reported := [], late=scans)
+
+    assert mapper.num_scans == len(scans)
+    assert skipped == {"scans that came after the end, not used": len(scans)}
+    assert any("after the end" in line for line in reported)
 
 
 def test_it_is_tidied_up_right_after_a_pose_is_out(mapper, monkeypatch):

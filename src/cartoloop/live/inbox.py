@@ -47,6 +47,7 @@ class Inbox:
     Attributes
     ----------
     dropped : number of messages dropped, by kind; the oldest are dropped first.
+    num_late : number of scans that nobody will take: they waited when it was closed, or came later.
     """
 
     def __init__(
@@ -57,6 +58,7 @@ class Inbox:
         clock: Callable[[], float] | None = None,
     ) -> None:
         self.dropped: Counter[str] = Counter()
+        self.num_late = 0
         self._clock = clock or steady_clock()
         self._max_scans = max_scans
         self._waits = waits
@@ -76,6 +78,7 @@ class Inbox:
             while self._waits and self._is_full(is_scan) and not self._is_closed:
                 self._changed.wait(0.1)
             if self._is_closed:
+                self.num_late += is_scan
                 return
             if self._is_full(is_scan) and not isinstance(message, EndMessage):
                 self._drop(is_scan)
@@ -107,9 +110,12 @@ class Inbox:
         return len(self._queue)
 
     def close(self) -> None:
-        """Accept no more messages; sources that are held up continue."""
+        """Accept no more messages and forget those that wait; sources that are held up continue."""
         with self._changed:
             self._is_closed = True
+            self.num_late += self._num_scans
+            self._queue.clear()
+            self._num_scans = 0
             self._changed.notify_all()
 
     def _is_full(self, is_scan: bool) -> bool:

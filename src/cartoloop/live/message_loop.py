@@ -94,6 +94,8 @@ class MessageLoop:
             self._ending.set()
             self._inbox.close()
             self._thread.join(2.0)
+            if num_late := self._inbox.num_late:
+                self._notices.skip("scans that came after the end, not used", count=num_late)
             self._notices.tick(all_of_it=True)
         if self._failure is not None:
             raise self._failure
