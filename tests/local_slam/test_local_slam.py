@@ -13,7 +13,16 @@ from cartoloop.config import Config, LocalSlamConfig
 from cartoloop.errors import InputError
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
 from cartoloop.sensor.pose import Pose
-from cartoloop.simulation import Lidar, OdometryModel, drive, make_world, simulate
+from cartoloop.simulation import (
+    Difficulties,
+    Lidar,
+    OdometryFault,
+    OdometryModel,
+    drive,
+    make_lidar,
+    make_world,
+    simulate,
+)
 from tests.local_slam.small_world import errors, furnished_room, record, run
 
 MIN_POINTS = LocalSlamConfig().insertion.min_num_points
@@ -60,6 +69,20 @@ def test_pixels_do_not_hold_a_slow_robot(field_deg, rate):
     poses, _, _ = run(recording.events())
 
     assert errors(poses, recording.true_poses)[0].max() < 0.1
+
+
+@pytest.mark.parametrize("odometry", ["none", "frozen"])
+def test_pixels_hold_no_slow_robot_without_odometry(odometry):
+    """Pixels of the first scan held it for a metre, until the next one was due."""
+    world = make_world("office", 800)
+    world = replace(world, pace=world.pace._replace(speed=0.2))
+    faults = Difficulties(odometry_faults=(OdometryFault.FROZEN,) * (odometry == "frozen"))
+    lidar = make_lidar("sick-180")
+    recording = simulate(world, lidar, seed=800, duration=12.0, difficulties=faults)
+
+    poses, _, _ = run(recording.events(with_odometry=odometry == "frozen"))
+
+    assert errors(poses, recording.true_poses)[0].max() < 0.05
 
 
 def test_poses_without_odometry_have_errors_of_centimetres(recording):

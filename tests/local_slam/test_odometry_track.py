@@ -31,6 +31,13 @@ def test_readings_are_returned_as_they_are():
         assert readings.at(time) == pytest.approx(Pose(x, 2.0 * x, theta))
 
 
+def test_odometry_has_moved_once_a_reading_differs():
+    repeated = (1.0, 0.3, 0.1), (1.2, 0.3, 0.1)
+    assert not track().has_moved
+    assert not track(*repeated).has_moved
+    assert track(*repeated, (1.4, 0.31, 0.1), (1.6, 0.31, 0.1)).has_moved
+
+
 def test_between_readings_the_motion_is_straight():
     readings = track((1.0, 0.0, 0.0), (2.0, 1.0, 0.4))
     assert readings.at(1.25) == pytest.approx(Pose(0.25, 0.5, 0.1))

@@ -70,6 +70,7 @@ def test_odometry_predicts_the_step_in_any_frame(extrapolator):
 def sigmas_of_steps(extrapolator, steps):
     """The standard deviations of the translations of steps that the odometry reports."""
     pose, sigmas = IDENTITY, []
+    extrapolator.add_odometry(-0.2, Pose(-0.01, 0.0, 0.0))
     extrapolator.add_odometry(0.0, pose)
     extrapolator.add_pose(0.0, pose)
     for number, step in enumerate(steps, 1):
@@ -94,6 +95,15 @@ def test_steps_of_a_slow_robot_are_known_better(extrapolator, step, share):
     full = LocalSlamConfig().prediction.unknown_translation_sigma
     sigmas = sigmas_of_steps(extrapolator, [step] * 4)
     assert sigmas == pytest.approx([full, full, share * full, share * full])
+
+
+def test_odometry_that_never_moved_predicts_nothing(extrapolator):
+    for number in range(4):
+        extrapolator.add_odometry(0.2 * number, IDENTITY)
+        assert not extrapolator.predict(0.2 * number).by_odometry
+        extrapolator.add_pose(0.2 * number, IDENTITY)
+    extrapolator.add_odometry(0.8, Pose(0.1, 0.0, 0.0))
+    assert extrapolator.predict(0.8).by_odometry
 
 
 def test_a_robot_that_sets_off_is_not_slow(extrapolator):
@@ -261,6 +271,7 @@ def test_a_match_corrects_the_motion_during_its_sweep(extrapolator):
 
 
 def test_a_measured_motion_is_not_corrected(extrapolator):
+    extrapolator.add_odometry(-0.05, Pose(-0.01, 0.0, 0.0))
     for k in range(5):
         extrapolator.add_odometry(0.05 * k, IDENTITY)
     extrapolator.add_pose(0.0, IDENTITY)

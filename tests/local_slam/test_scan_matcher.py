@@ -21,7 +21,6 @@ from cartoloop.local_slam.scan_matcher import (
 )
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import (
-    IDENTITY,
     Pose,
     compose,
     inverse,
@@ -186,23 +185,3 @@ def test_values_at_points_are_those_of_their_cells(submap):
     far = np.array((1e3, -1e3))
     values = values_at(grid, np.array((at, far)), Pose(0.0, 0.0, 0.0))
     np.testing.assert_array_equal(values, (np.float64(grid.cells[row, column]), 0.0))
-
-
-@pytest.mark.parametrize("is_slow", [True, False])
-def test_slow_steps_count_for_more_in_a_young_submap(is_slow):
-    """One scan of points 0.5 m apart on one wall, and a prediction that is off along it."""
-    gaps = np.column_stack((np.arange(-3.0, 3.0, 0.5), np.full(12, 2.0)))
-    active = ActiveSubmaps(CONFIG.submaps)
-    active.insert(Pose(0.0, 0.0, 0.0), gaps, np.zeros((0, 2)))
-    young = active.submaps[0]
-    prior = Prediction(
-        Pose(0.04, 0.0, 0.0), True, isotropic_information(0.02, 0.01),
-        lambda: (IDENTITY, IDENTITY), is_slow=is_slow,
-    )  # fmt: skip
-
-    held = [
-        abs(ScanMatcher(CONFIG).match(young, gaps, prior).tf_local_tracking.x - 0.04)
-        for young.num_scans in (1, CONFIG.prediction.num_young_scans)
-    ]
-
-    assert held[0] < 0.5 * held[1] if is_slow else held[0] == held[1]

@@ -58,6 +58,15 @@ def test_a_robot_held_between_walls_is_released(frame):
     assert theta == pytest.approx(0.0, abs=1e-9)
 
 
+def test_a_slow_robot_held_between_walls_is_released():
+    wall_step, places = WallStep(CONFIG), 0.03 * np.arange(12)
+    found = walk(wall_step, places, np.zeros(12), (6.0, 7.5, 12.0, 14.0))
+    released = [(place, pose) for place, pose in zip(places, found, strict=True) if pose]
+    assert released
+    for place, pose in released:
+        assert pose.x == pytest.approx(place, abs=0.05)
+
+
 def test_a_match_that_is_right_is_left_alone():
     places = 0.2 * np.arange(6)
     assert walk(WallStep(CONFIG), places, places, (6.0, 7.5)) == [None] * 6

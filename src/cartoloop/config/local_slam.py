@@ -55,8 +55,8 @@ class PredictionConfig(Section):
     num_young_scans: int = Field(
         10,
         ge=0,
-        description="scans in a submap below which the steps of a slow robot count for more, as "
-        "their number is less: the pixels of few scans are apart and hold a scan in its place",
+        description="first scans of a session from which a grid of walls is made: a slow robot, or "
+        "one without odometry, is matched to that, since the pixels of few scans hold it",
     )
     acceleration: float = Field(
         1.0, gt=0, description="without odometry: typical change of the velocity [m/s^2]"
@@ -131,6 +131,12 @@ class WallStepConfig(Section):
     max_turn_deg: float = Field(
         4.0, ge=0, description="scans are not compared across larger turns [deg]"
     )
+    max_duration: float = Field(
+        1.0,
+        gt=0,
+        description="without odometry: a scan is compared with later ones for this time, as long "
+        "as the robot has moved by less than min_odometry_step [s]",
+    )
     min_num_returns: int = Field(50, ge=2, description="scans with fewer are not compared")
     max_gap_deg: float = Field(3.0, gt=0, description="between neighbouring returns [deg]")
     position_sigma: float = Field(0.02, gt=0, description="of the step that was found [m]")
@@ -138,7 +144,9 @@ class WallStepConfig(Section):
         40.0, gt=0, description="with odometry: the same as min_evidence"
     )
     min_odometry_step: float = Field(
-        0.15, ge=0, description="with odometry: scans are compared over at least this distance [m]"
+        0.15,
+        ge=0,
+        description="scans are compared over at least this distance, if not for the time [m]",
     )
     max_odometry_step: float = Field(
         0.6,

@@ -21,6 +21,7 @@ from cartoloop.config import (
 from cartoloop.errors import InputError
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes, unfit
+from cartoloop.local_slam.first_map import FirstMap
 from cartoloop.local_slam.match_records import (
     match_record,
     recorded_match,
@@ -124,6 +125,7 @@ class LocalSlam:
         self._range_filter = RangeFilter(sensor)
         self._scanners: dict[str, Scanner] = {}
         self._active = ActiveSubmaps(config.submaps, first_submap, outcomes.finished_submaps)
+        self._first_map = FirstMap(config)
         self._clocks = ScannerClocks(known.scanner_offsets if known else None)
         self._next_node = first_node
         self.extrapolator = PoseExtrapolator(config, known.odometry if known else None)
@@ -229,8 +231,13 @@ class LocalSlam:
     def _match(
         self, filtered: FilteredScan, prediction: Prediction, matcher: ScanMatcher
     ) -> MatchedScan:
-        """Return the match of a scan to the older active submap, which exists."""
-        submap = self._active.submaps[0]
+        """Return the match of a scan to the older active submap, which exists.
+
+        Instead of a young one, whose pixels may hold the robot, to the walls that it shows.
+        """
+        submap, walls = self._active.submaps[0], self._first_map.submap
+        if walls is not None and (prediction.is_slow or not prediction.by_odometry):
+            submap = walls
         if (recorded := self._recorded.replay(Kind.MATCH)) is not None:
             match, matcher.memory = recorded_match(recorded)
             return matched_scan(submap, match)
@@ -387,6 +394,7 @@ class LocalSlam:
                 )
             except InputError as error:
                 raise InputError(f"at the scan with stamp {scan.stamp:.6f}: {error}") from error
+            self._first_map.insert(tf_local_tracking, data, insertion.submaps[0])
             node = Node(
                 self._next_node,
                 scan.time,

@@ -75,11 +75,13 @@ class OdometryTrack:
     ----------
     num_late : how often it caught up.
     late_since : time of the reading that it last repeated before it caught up [s].
+    has_moved : whether it has reported any motion.
     """
 
     def __init__(self) -> None:
         self.num_late = 0
         self.late_since = math.nan
+        self.has_moved = False
         self._is_repeating = False
         self._pace = _Pace()
         self._jump_times: list[float] = []
@@ -115,6 +117,7 @@ class OdometryTrack:
                 self.num_late += 1
                 self.late_since = self._times[-1]
             self._pace.add(time, self._poses[-1], pose)
+            self.has_moved = self.has_moved or pose != self._poses[-1]
         self._times.append(time)
         self._poses.append(pose)
 

@@ -452,7 +452,7 @@ class PoseExtrapolator:
 
     def _odometry_step(self, begin: float, end: float) -> Pose | None:
         """Return the calibrated motion between two times, None if it is not known or trusted."""
-        if self._is_stale or not self._trust.is_trusted:
+        if self._is_stale or not self._trust.is_trusted or not self._odometry.has_moved:
             return None
         return self._measured_step(begin, end)
 

@@ -79,7 +79,6 @@ class ScanMatcher:
         ----------
         points : float64, shape (n, 2), tracking frame [m]; n > 0.
         """
-        prediction = self._in_young_submap(submap, prediction)
         window, information = self._window, prediction.information
         prior = relative(submap.tf_local_submap, prediction.tf_local_tracking)
         is_lost = False
@@ -111,17 +110,6 @@ class ScanMatcher:
             )
             best = best._replace(tf_submap_scan=pose)
         return matched_scan(submap, best)
-
-    def _in_young_submap(self, submap: Submap, prediction: Prediction) -> Prediction:
-        """Return a prediction with the information that it has in a submap of few scans.
-
-        Only that of a slow robot changes: pixels do not hold long steps, whose scale scans show.
-        """
-        few = self._prediction.num_young_scans
-        if not prediction.is_slow or submap.num_scans >= few:
-            return prediction
-        by = few / max(submap.num_scans, 1)
-        return prediction._replace(information=by * prediction.information)
 
     def _may_correct(
         self,

@@ -73,7 +73,8 @@ class _Comparison(NamedTuple):
 class WallStep:
     """Compares each scan of a scanner with one before.
 
-    Without odometry that is the last scan. Odometry is judged over a distance.
+    The last one until the robot has moved by some distance, or some time has passed: pixels hold a
+    slow robot, and its step from scan to scan is noise. Odometry is judged once it has.
 
     Parameters
     ----------
@@ -131,13 +132,12 @@ class WallStep:
             self._moved_at = time
         self._is_due = (
             last is None
-            or not by_odometry
-            or self._evidence >= config.min_odometry_evidence
-            or self._is_far(last, time, pose)
+            or (by_odometry and self._evidence >= config.min_odometry_evidence)
+            or self._is_far(last, time, pose, by_odometry)
         )
         if (
             last is None
-            or not self._is_due
+            or (by_odometry and not self._is_due)
             or not self._is_comparable(last, pose, returns, by_odometry)
             or 0.0 < time - self._moved_at < config.max_standstill
         ):
@@ -193,14 +193,15 @@ class WallStep:
         moved = math.hypot(pose.x - last.pose.x, pose.y - last.pose.y)
         return not by_odometry or moved <= config.max_odometry_step
 
-    def _is_far(self, last: _LastScan, time: float, pose: Pose) -> bool:
-        """Return whether a scan is so far from the last one that odometry can be judged."""
+    def _is_far(self, last: _LastScan, time: float, pose: Pose, by_odometry: bool) -> bool:
+        """Return whether a scan is so far from the last one that a step can be judged."""
         config = self._config
+        longest = config.max_odometry_duration if by_odometry else config.max_duration
         return (
             math.hypot(pose.x - last.pose.x, pose.y - last.pose.y) >= config.min_odometry_step
             or abs(wrap_angle(pose.theta - last.pose.theta))
             > 0.5 * math.radians(config.max_turn_deg)
-            or not 0.0 <= time - last.time < config.max_odometry_duration
+            or not 0.0 <= time - last.time < longest
         )
 
 
