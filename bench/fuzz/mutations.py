@@ -167,7 +167,7 @@ def mutate_arguments(random: Random, arguments: Sequence[str], options: Sequence
             case 2 if place < len(changed):
                 changed[place] = random.choice(NUMBERS)
             case 3 if place < len(changed):
-                raw = mutated(random, changed[place].encode())
+                raw = mutated(random, changed[place].encode("utf-8", "surrogateescape"))
                 changed[place] = raw.decode("utf-8", "replace")
             case _:
                 changed.insert(place, random.choice(NUMBERS))

@@ -31,7 +31,9 @@ def test_changes_depend_on_the_seed_alone():
 
 def test_changed_command_lines_stay_in_their_folder():
     for number in range(500):
-        arguments = mutate_arguments(Random(number), ["map", "../a", "-o", "/etc"], NUMBERS)
+        arguments = mutate_arguments(
+            Random(number), ["map", "../a", "-o", "/etc", "\udcff"], NUMBERS
+        )
         assert not any("/" in argument or ".." in argument for argument in arguments)
 
 
