@@ -248,7 +248,7 @@ class GlobalSlam:
             [submap.index for submap in node.submaps],
             [node.index for _ in node.submaps],
             [relative(submap.tf_local_submap, pose) for submap in node.submaps],
-            np.broadcast_to(information, (len(node.submaps), 3, 3)),
+            [information for _ in node.submaps],
         )
 
     def _finish(self, submap: Submap) -> FinishedSubmap:

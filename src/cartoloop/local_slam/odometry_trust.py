@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from cartoloop.sensor.pose import Pose, relative, wrap_angle
+from cartoloop.sensor.pose import IDENTITY, Pose, relative, wrap_angle
 from cartoloop.sensor.wall_normals import CORRIDOR_RATIO
 
 WINDOW_S, MIN_STEPS = 1.0, 5
@@ -105,46 +105,54 @@ class _Step(NamedTuple):
 
 
 class _Window:
-    """The latest steps of one scanner, and the sums of their motions."""
+    """The latest steps of one scanner, and the sums of their motions.
+
+    Attributes
+    ----------
+    steps : the latest.
+    matched, reported : sums of the motions of scans and odometry.
+    """
 
     def __init__(self) -> None:
         self.steps: deque[_Step] = deque()
-        self._sums = [0.0] * 6
-
-    @property
-    def matched(self) -> Pose:
-        """Motion of the scans."""
-        return Pose(*self._sums[:3])
-
-    @property
-    def reported(self) -> Pose:
-        """Motion of the odometry."""
-        return Pose(*self._sums[3:])
+        self.matched = self.reported = IDENTITY
 
     def add(self, step: _Step) -> None:
         """Add a step, and drop those that are not needed for a window."""
         steps = self.steps
         steps.append(step)
-        self._sums = [a + b for a, b in zip(self._sums, step.matched + step.reported, strict=True)]
+        self.matched = _sum(self.matched, step.matched)
+        self.reported = _sum(self.reported, step.reported)
         while len(steps) > MIN_STEPS and step.end - steps[1].begin >= WINDOW_S:
-            first = steps[0].matched + steps[0].reported
-            rest = [a - b for a, b in zip(self._sums, first, strict=True)]
-            if step.end - steps[1].begin < SLOW_WINDOW_S and _moved(rest) < WINDOW_M:
+            first = steps[0]
+            matched = _difference(self.matched, first.matched)
+            reported = _difference(self.reported, first.reported)
+            if (
+                step.end - steps[1].begin < SLOW_WINDOW_S
+                and max(_size(matched), _size(reported)) < WINDOW_M
+            ):
                 break
             steps.popleft()
-            self._sums = rest
+            self.matched, self.reported = matched, reported
 
     def clear(self) -> None:
         """Drop all steps."""
         self.steps.clear()
-        self._sums = [0.0] * 6
+        self.matched = self.reported = IDENTITY
 
 
-def _moved(sums: list[float]) -> float:
-    """Return the larger of the motions of scans and odometry in a window; a radian is a metre."""
-    return max(
-        math.hypot(sums[0], sums[1]) + abs(sums[2]), math.hypot(sums[3], sums[4]) + abs(sums[5])
-    )
+def _sum(one: Pose, other: Pose) -> Pose:
+    """Return the sum of two motions, number by number."""
+    x, y, theta = one
+    more_x, more_y, more_theta = other
+    return Pose(x + more_x, y + more_y, theta + more_theta)
+
+
+def _difference(one: Pose, other: Pose) -> Pose:
+    """Return the difference of two motions, number by number."""
+    x, y, theta = one
+    less_x, less_y, less_theta = other
+    return Pose(x - less_x, y - less_y, theta - less_theta)
 
 
 class OdometryTrust:
@@ -241,20 +249,28 @@ def _step(
     """Return a step of scans and odometry, rotated into the local frame, as far as it counts."""
     (begin, before), (end, after) = last, now
     if evidence is None:
-        return _Step(begin, end, Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0))
-    step = relative(before, after)
-    both = []
-    for motion in (step, reported):
-        # Along the mean heading of the scans, so that a wrong turn is no wrong distance.
-        heading = before.theta + 0.5 * (step.theta - motion.theta)
-        cos, sin = math.cos(heading), math.sin(heading)
-        x, y = cos * motion.x - sin * motion.y, sin * motion.x + cos * motion.y
-        if not evidence.is_determined:
-            across = -math.sin(evidence.direction), math.cos(evidence.direction)
-            length = across[0] * x + across[1] * y
-            x, y = length * across[0], length * across[1]
-        both.append(Pose(x, y, motion.theta))
-    return _Step(begin, end, both[0], both[1])
+        return _Step(begin, end, IDENTITY, IDENTITY)
+    matched = relative(before, after)
+    # Along the mean heading of the scans, so that a wrong turn is no wrong distance.
+    heading = before.theta + 0.5 * (matched.theta - reported.theta)
+    return _Step(
+        begin,
+        end,
+        _counted(matched, before.theta, evidence),
+        _counted(reported, heading, evidence),
+    )
+
+
+def _counted(motion: Pose, heading: float, evidence: Evidence) -> Pose:
+    """Return a motion in the local frame, as far as scans determine it."""
+    motion_x, motion_y, theta = motion
+    cos, sin = math.cos(heading), math.sin(heading)
+    x, y = cos * motion_x - sin * motion_y, sin * motion_x + cos * motion_y
+    if not evidence.is_determined:
+        across_x, across_y = -math.sin(evidence.direction), math.cos(evidence.direction)
+        length = across_x * x + across_y * y
+        x, y = length * across_x, length * across_y
+    return Pose(x, y, theta)
 
 
 def _sizes(matched: Pose, odometry: Pose) -> tuple[float, float, float, float]:
