@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,9 @@ DRAWN_WITHIN_M = 0.1
 
 APART_M = 0.3
 """Furniture of one drive counts where nothing stands as near as this on the other drive [m]."""
+
+SETTLED_AFTER = 3
+"""Size and cost are compared with those after this drive: the first ones see new rooms."""
 
 _POINT_SPACING_M = 0.02
 """Of the places on furniture where the map is looked at [m]."""
@@ -59,6 +62,7 @@ def run(options: LifelongOptions, progress: Callable[[str], None]) -> Record:
         progress("warming up: compiling kernels where they are not yet")
         run_command("demo", "-o", folder / "demo")
         rows = [_drive(folder, drive, options, progress) for drive in range(1, options.drives + 1)]
+        rows.append(_growth(rows))
         rows.append(_furniture(folder, options, progress))
     return Record("lifelong", tuple(rows), environment())
 
@@ -101,6 +105,22 @@ def _drive(
     return Row({"drive": str(drive)}, figures, f"{apart} sessions apart" if apart else "")
 
 
+def _growth(rows: Sequence[Row]) -> Row:
+    """Return size and cost after the last drive over those once settled, and error over the first.
+
+    Times of single runs are as noisy as the machine: the mean of all later drives is compared, too.
+    """
+    settled, last = rows[min(SETTLED_AFTER, len(rows)) - 1].figures, rows[-1].figures
+    names = ("file", "peak memory", "time a node")
+    figures = {name: Figure(last[name].value / settled[name].value) for name in names}
+    times = [row.figures["time a node"].value for row in rows[SETTLED_AFTER - 1 :]]
+    if times:
+        figures["mean time a node"] = Figure(float(np.mean(times)) / times[0])
+    first = rows[0].figures["error"].value
+    figures["error over the first"] = Figure.exact(last["error"].value / first)
+    return Row({"drive": "last / third"}, figures)
+
+
 def _rmse(error: TrajectoryError) -> float:
     """Return the root mean square of the distances [m]."""
     return float(np.sqrt(np.mean(error.absolute.translation**2)))
@@ -134,42 +154,72 @@ def _furniture(folder: Path, options: LifelongOptions, progress: Callable[[str],
 
     What counts is what a map of that drive alone shows, and what stands alone: nothing else was
     near it on the other drive. Furniture of the first drive in places that no later drive saw stays
-    on the map; those that the last drive saw count.
+    on the map; it counts where the last drive that looked saw nothing in its place.
     """
-    from cartoloop.simulation import make_world
-
     drives = options.drives
-    progress("mapping the last drive alone")
-    alone = folder / "alone"
-    run_command("map", folder / f"{drives}.log", "-o", alone)
-    first, last = (make_world("office", options.seed, drive) for drive in (1, drives))
+    first, last = (_Visit(folder, options.seed, drive) for drive in (1, drives))
     final = load_map(folder / f"map-{drives}")
     tf_final = _error(folder, folder / f"map-{drives}", drives).tf_truth_estimate
-    tf_first = _error(folder, folder / "map-1", 1).tf_truth_estimate
-    seen_last = load_map(alone)
-    tf_last = evaluate_trajectory(
-        read_tum(alone / "trajectory.tum"), read_tum(folder / f"{drives}.tum")
-    ).tf_truth_estimate
+
+    def shown(places: FloatArray) -> Figure:
+        return Figure.exact(100 * float(_is_drawn(final, tf_final, places).mean()), "%")
 
     gone = _points(first.furniture)
-    gone = gone[_distances(gone, last.walls) > APART_M]
-    gone = gone[_is_drawn(load_map(folder / "map-1"), tf_first, gone)]
-    again = gone[_is_seen(seen_last, tf_last, gone)]
+    gone = gone[last.is_clear(gone)]
+    gone = gone[first.drew(gone)]
+    again, seen_empty = gone[last.saw(gone)], np.zeros(len(gone), dtype=bool)
+    left = np.ones(len(gone), dtype=bool)
+    for drive in range(drives, 1, -1):
+        progress(f"mapping drive {drive} alone")
+        visit = last if drive == drives else _Visit(folder, options.seed, drive)
+        looked = left & visit.saw(gone)
+        seen_empty |= looked & visit.is_clear(gone)
+        left &= ~looked
     new = _points(last.furniture)
-    new = new[_distances(new, first.walls) > APART_M]
-    new = new[_is_drawn(seen_last, tf_last, new)]
+    new = new[first.is_clear(new)]
+    new = new[last.drew(new)]
     figures = {
-        "furniture of the last drive shown": Figure.exact(
-            100 * float(_is_drawn(final, tf_final, new).mean()), "%", "more"
-        ),
-        "furniture of the first drive shown": Figure.exact(
-            100 * float(_is_drawn(final, tf_final, gone).mean()), "%"
-        ),
-        "of that, where the last drive looked": Figure.exact(
-            100 * float(_is_drawn(final, tf_final, again).mean()), "%"
-        ),
+        "furniture of the last drive shown": replace(shown(new), better="more"),
+        "furniture of the first drive shown": shown(gone),
+        "of that, where the last drive looked": shown(again),
+        "where any later drive looked": shown(gone[seen_empty]),
+        "places any later drive looked at": Figure.exact(100 * float(seen_empty.mean()), "%"),
     }
     return Row({"drive": "furniture"}, figures)
+
+
+class _Visit:
+    """A drive mapped by itself, and what stood in the building then.
+
+    Parameters
+    ----------
+    folder : with the recording of the drive and its truth.
+    seed, drive : of the building.
+    """
+
+    def __init__(self, folder: Path, seed: int, drive: int) -> None:
+        from cartoloop.simulation import make_world
+
+        world, out = make_world("office", seed, drive), folder / f"alone-{drive}"
+        self.furniture, self._walls = world.furniture, world.walls
+        if not out.exists():
+            run_command("map", folder / f"{drive}.log", "-o", out)
+        self._map = load_map(out)
+        estimate, truth = read_tum(out / "trajectory.tum"), read_tum(folder / f"{drive}.tum")
+        self._tf_truth_map = evaluate_trajectory(estimate, truth).tf_truth_estimate
+
+    def is_clear(self, places: FloatArray) -> BoolArray:
+        """Return where nothing stood near then."""
+        clear: BoolArray = _distances(places, self._walls) > APART_M
+        return clear
+
+    def drew(self, places: FloatArray) -> BoolArray:
+        """Return which places the map of the drive shows as walls."""
+        return _is_drawn(self._map, self._tf_truth_map, places)
+
+    def saw(self, places: FloatArray) -> BoolArray:
+        """Return which places were observed then."""
+        return _is_seen(self._map, self._tf_truth_map, places)
 
 
 def _points(segments: FloatArray) -> FloatArray:
