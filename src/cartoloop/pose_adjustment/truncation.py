@@ -3,17 +3,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from cartoloop.arrays import FloatArray
 from cartoloop.kernels.pose_adjustment.losses import Loss
 from cartoloop.pose_adjustment.chordal import better_start
 from cartoloop.pose_adjustment.decision import Decision
 from cartoloop.pose_adjustment.descent import Run
-
-_BEGINNING_TOLERANCE = 1e-4
-"""Relative change of the cost at which a descent ends that only leads to where the next begins: to
-go on would take half of all linear systems, and leave the decision as it is."""
 
 
 def truncate(decision: Decision, poses: FloatArray) -> Run:
@@ -48,8 +42,7 @@ def truncate(decision: Decision, poses: FloatArray) -> Run:
 
 def _from_poses(decision: Decision, poses: FloatArray) -> Run:
     """Decide by what fits near some poses."""
-    descent = decision.descent
-    beginning = replace(descent, tolerance=max(_BEGINNING_TOLERANCE, descent.tolerance))
-    poses = decision.note(beginning.run(poses, decision.with_loss(Loss.CAUCHY))).poses
-    strict = decision.with_loss(Loss.DYNAMIC_COVARIANCE_SCALING)
-    return decision.settle(decision.note(descent.run(poses, strict)))
+    for loss in (Loss.CAUCHY, Loss.DYNAMIC_COVARIANCE_SCALING):
+        run = decision.note(decision.descent.run(poses, decision.with_loss(loss)))
+        poses = run.poses
+    return decision.settle(run)
