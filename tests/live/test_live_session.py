@@ -64,13 +64,15 @@ def test_each_scan_gets_its_pose(mapper):
 
 
 def test_scans_after_the_end_are_counted(mapper):
-    sent = lines(3.0)
-    scans = [line for line in sent if json.loads(line)["type"] == "scan"]
+    scans = [line for line in lines(6.0) if json.loads(line)["type"] == "scan"]
+    half = len(scans) // 2
 
-    skipped = run(sent, mapper, reported := [], late=scans)
+    skipped = run(scans[:half], mapper, reported := [], late=scans[half:])
 
-    assert mapper.num_scans == len(scans)
-    assert skipped == {"scans that came after the end, not used": len(scans)}
+    # One may come together with the end.
+    assert half <= mapper.num_scans <= half + 1
+    late = len(scans) - mapper.num_scans
+    assert skipped == {"scans that came after the end, not used": late}
     assert any("after the end" in line for line in reported)
 
 

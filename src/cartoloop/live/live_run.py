@@ -137,7 +137,7 @@ def map_live(
         try:
             failure = _map_source(source, mapper, notices, options, files, observer, stop)
             if base is not None and mapper.num_scans == 0:
-                nothing = f"{source.name}: no scan has arrived; {out} is as it was"
+                nothing = f"{source.name}: no scan has arrived; nothing was saved"
                 raise failure or InputError(nothing)
         except BaseException:
             mapper.close()
