@@ -30,6 +30,13 @@ def test_half_of_the_closures_may_be_false(kind):
     np.testing.assert_array_equal(result.weights[made.is_false], 0.0)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_default_loss_stands_half_false(kind):
+    made = graph_with_false_closures(kind, 0.5, 3)
+    adjust(made.graph)
+    assert made.error() < 0.02
+
+
 def test_every_loss_has_a_row():
     record = run(1, (Loss.NONE,))
     assert len(record.rows) == 2 * len(KINDS) * len(SHARES)
