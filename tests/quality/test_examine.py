@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from cartoloop.config import QualityConfig
+from cartoloop.quality.clusters import clusters
 from cartoloop.quality.examine import examine
-from cartoloop.quality.places import clusters
 from cartoloop.quality.verdict import Kind, Place, Quality, Severity
 from cartoloop.sensor.pose import compose_all
 

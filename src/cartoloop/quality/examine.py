@@ -14,12 +14,17 @@ from cartoloop.config import QualityConfig
 from cartoloop.quality import by_session, motion, places
 from cartoloop.quality.encounters import Encounters, encounters
 from cartoloop.quality.pairs import MapContent, compared_pairs, path_lengths
+from cartoloop.quality.ties import weak_ties
 from cartoloop.quality.verdict import VERDICTS, Kind, Place, Quality, Severity
+from cartoloop.quality.walls import wall_offsets
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.session import ranges
 
 MIN_NODES = 3
 """With fewer nodes there is nothing to compare."""
+
+WEAK_TIE_WAY_M = 100.0
+"""Closures that save a way of so long hold a part of the map [m]: its end is a metre uncertain."""
 
 HEADING_DRIFT = math.radians(0.1)
 """Drift of the heading that is expected of local SLAM [rad / sqrt(m)]: 0.04 to 0.3 degrees were
@@ -67,6 +72,7 @@ def examine(
         *places.blind_places(blind, content, config),
         *places.standing_places(stands, halls, content),
         *places.corridor_places(halls, rotation_error, content, config),
+        *places.weak_tie_places(weak_ties(content.graph, paths, WEAK_TIE_WAY_M), content),
         *_open_ends(met, paths, content, config),
     ]
     order = {Severity.WRONG: 0, Severity.DOUBTFUL: 1, Severity.MINOR: 2}
@@ -84,6 +90,7 @@ def examine(
         "unmatched_m": float(sum(event.moved for event in blind)),
         "corridor_share": float(np.mean(halls.is_corridor)) if len(halls.nodes) else 0.0,
         "confirmed_share": _confirmed_share(met, paths),
+        **_wall_figures(wall_offsets(content.graph.node_poses, scans, paths, config)),
     }
     return Quality(
         VERDICTS[worst], tuple(found), {name: round(value, 4) for name, value in figures.items()}
@@ -94,6 +101,16 @@ def _share(met: Encounters) -> float:
     """Return the share of the revisited path that contradicts itself."""
     total = float(met.length.sum())
     return float(met.length[met.contradicts].sum()) / total if total > 0.0 else 0.0
+
+
+def _wall_figures(offsets: FloatArray) -> dict[str, float]:
+    """Return how far apart visits show the same walls."""
+    middle, most = np.quantile(offsets, (0.5, 0.9)).tolist() if len(offsets) else (0.0, 0.0)
+    return {
+        "walls_compared": float(len(offsets)),
+        "wall_offset_m": middle,
+        "wall_offset_90_m": most,
+    }
 
 
 def _median(values: FloatArray) -> float:

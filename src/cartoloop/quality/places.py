@@ -7,13 +7,13 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import QualityConfig
+from cartoloop.quality import by_session
+from cartoloop.quality.clusters import clusters
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.motion import SMOOTHED_OVER, Corridors, Event, Standing
 from cartoloop.quality.pairs import MapContent, Pairs
+from cartoloop.quality.ties import Tie
 from cartoloop.quality.verdict import Kind, Place, Severity
-
-TILE_M = 4.0
-"""Places nearer to each other than about this are one [m]."""
 
 MIN_PLACE_M = 2.0
 """Shorter parts of the path that contradict each other are doors and people, not a place [m]."""
@@ -268,6 +268,31 @@ def corridor_places(
     return places[:MAX_PLACES]
 
 
+def weak_tie_places(found: list[Tie], content: MapContent) -> list[Place]:
+    """Return the places that only a few loop closures hold: worth a look, and no more."""
+    places = []
+    for tie in found:
+        closures = (
+            "one loop closure" if tie.num_closures == 1 else f"{tie.num_closures} loop closures"
+        )
+        without = (
+            f"the way between its ends would be {tie.way:.0f} m long"
+            if tie.way < by_session.APART_M
+            else "nothing would connect its ends"
+        )
+        places.append(
+            _place(
+                content.graph.node_poses[tie.nodes, :2],
+                _stamps(content, tie.nodes),
+                Kind.WEAK_TIE,
+                Severity.MINOR,
+                f"{closures} alone hold the map together here: without, {without}",
+                "drive along the way that both visits share once more, for some metres",
+            )
+        )
+    return places[:MAX_PLACES]
+
+
 def of_nodes(
     first: int,
     last: int,
@@ -281,26 +306,6 @@ def of_nodes(
     nodes = np.arange(first, last + 1)
     points = content.graph.node_poses[nodes, :2]
     return _place(points, _stamps(content, nodes), kind, severity, reason, advice)
-
-
-def clusters(points: FloatArray) -> list[IntArray]:
-    """Return groups of points (n, 2) [m]: those in tiles that touch, in order of the first."""
-    tiles: dict[tuple[int, int], list[int]] = {}
-    for row, (x, y) in enumerate(np.floor(points / TILE_M).astype(np.int64).tolist()):
-        tiles.setdefault((x, y), []).append(row)
-    groups, left = [], dict(tiles)
-    for start in tiles:
-        if start not in left:
-            continue
-        group, front = left.pop(start), [start]
-        while front:
-            x, y = front.pop()
-            for near in [(x + i, y + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]:
-                if near in left:
-                    group = group + left.pop(near)
-                    front.append(near)
-        groups.append(np.array(sorted(group), dtype=np.int64))
-    return groups
 
 
 def _extent(points: FloatArray) -> float:
