@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from bench.document import Picture, Section, Table, to_markdown
+from bench.kept_sections import with_kept_sections
 from bench.page_text import page_text
 from bench.paper.cells import title_of
 from bench.paper.report import sections as paper_sections
@@ -30,6 +31,8 @@ PICTURE_COLORS = 64
 
 def write_results_page(folder: Path, page: Path) -> None:
     """Write the page of all records in a folder, and pictures of the maps beside it.
+
+    What the page has of benchmarks without a record there stays.
 
     Parameters
     ----------
@@ -61,7 +64,12 @@ def write_results_page(folder: Path, page: Path) -> None:
         parts.append(bounds)
     if "paper" in records:
         parts += _maps(records["paper"], folder / "paper", page.parent / "images")
-    write_file(page, to_markdown("Results", parts))
+    text = to_markdown("Results", parts)
+    if page.exists():
+        titles = {name: text_of["title"] for name, text_of in page_text()["benchmarks"].items()}
+        earlier = page.read_text(encoding="utf-8")
+        text = with_kept_sections(text, earlier, titles, records, first="paper")
+    write_file(page, text)
 
 
 def _introduction(records: dict[str, Record]) -> Section:
