@@ -7,7 +7,9 @@
 from __future__ import annotations
 
 import atexit
+import io
 import os
+import select
 import shutil
 import stat
 import sys
@@ -21,6 +23,11 @@ from cartoloop.input_file import open_input
 
 STANDARD_INPUT = "standard input"
 """Name of a recording that came through it."""
+
+_CHUNK = 1 << 20
+
+_SIGNALS_S = 0.5
+"""Signals are handled within this time while nothing comes [s]."""
 
 _STANDARD_INPUTS = (Path("-"), Path("/dev/stdin"), Path("/dev/fd/0"), Path("/proc/self/fd/0"))
 
@@ -70,7 +77,8 @@ def _copied(source: Path | int, name: str) -> Path:
     copy = Path(folder) / name
     try:
         with _opened(source) as pipe, copy.open("wb") as file:
-            shutil.copyfileobj(pipe, file, 1 << 20)
+            while chunk := _next_chunk(pipe):
+                file.write(chunk)
     except TimeoutError as error:
         shutil.rmtree(folder, ignore_errors=True)
         raise InputError(f"{name}: {error.strerror}; check the program before the pipe") from error
@@ -85,7 +93,21 @@ def _copied(source: Path | int, name: str) -> Path:
     return copy
 
 
-def _opened(source: Path | int) -> BinaryIO:
+def _opened(source: Path | int) -> BinaryIO | io.FileIO:
     if isinstance(source, int):
-        return open(source, "rb", closefd=False)
+        return open(source, "rb", buffering=0, closefd=False)
     return open_input(source)
+
+
+def _next_chunk(pipe: BinaryIO | io.FileIO) -> bytes:
+    """Return what comes next through a pipe, b"" at its end.
+
+    A signal that comes just before a blocking read would wait for it: Python handles signals
+    between its own steps.
+    """
+    if isinstance(pipe, io.FileIO) and hasattr(select, "poll"):
+        poll = select.poll()
+        poll.register(pipe, select.POLLIN)
+        while not poll.poll(1e3 * _SIGNALS_S):
+            pass
+    return pipe.read(_CHUNK)
