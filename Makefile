@@ -20,7 +20,7 @@ OPTIONAL := 'import tomllib; \
 	print(*extras["dds"], *extras["oracles"])'
 # Tests of what depends on the libraries below: recordings, sockets, the view, the command line.
 LOWEST_TESTS := tests/readers tests/map_file tests/live tests/viewer tests/cli/test_command_line.py \
-	tests/kernels tests/test_kernel_cache.py tests/test_config_file.py
+	tests/test_kernel_cache.py tests/test_config_file.py
 
 .PHONY: demo test test-lowest quick boundscheck coverage check clean
 

@@ -83,55 +83,77 @@ def _run(cache, program=PROGRAM):
     ).stdout.splitlines()
 
 
-def test_kernels_from_the_cache_work_without_the_compiler(tmp_path):
-    compiles, once, ready, adaptive = _run(tmp_path)
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """Return for each program a cache that it filled, and what it printed."""
+    caches = {}
+    for program in (PROGRAM, TWO_SIGNATURES):
+        cache = tmp_path_factory.mktemp("cache")
+        caches[program] = cache, _run(cache, program)
+    return caches
+
+
+@pytest.fixture
+def cache_of(compiled, tmp_path):
+    """Return a function that returns a copy of such a cache, and what the program printed."""
+
+    def copied(program):
+        cache, printed = compiled[program]
+        shutil.copytree(cache, tmp_path, dirs_exist_ok=True)
+        return tmp_path, printed
+
+    return copied
+
+
+def test_kernels_from_the_cache_work_without_the_compiler(cache_of):
+    cache, (compiles, once, ready, adaptive) = cache_of(PROGRAM)
     assert (compiles, ready) == ("compiles", "compiler ready: True")
-    assert _run(tmp_path) == [once, "compiler ready: False", adaptive]
+    assert _run(cache) == [once, "compiler ready: False", adaptive]
 
 
 def test_borrowing_kernels_count_no_references_and_make_none(tmp_path):
     assert _run(tmp_path, BORROWING) == ["3.0", "counts: [False]", "refused"]
 
 
-def test_kernels_from_the_cache_can_be_inlined(tmp_path):
-    _, once, _, adaptive = _run(tmp_path)
-    caller = [file for file in tmp_path.rglob("*") if "adaptive_voxel_filter" in file.name]
+def test_kernels_from_the_cache_can_be_inlined(cache_of):
+    cache, (_, once, _, adaptive) = cache_of(PROGRAM)
+    caller = [file for file in cache.rglob("*") if "adaptive_voxel_filter" in file.name]
     assert caller
     for file in caller:
         file.unlink()
-    assert _run(tmp_path) == [once, "compiler ready: False", "compiles", adaptive]
+    assert _run(cache) == [once, "compiler ready: False", "compiles", adaptive]
 
 
 @pytest.mark.parametrize(("kind", "share"), [("*.nbi", 0.0), ("*.nbi", 0.5), ("*.nbc", 0.5)])
-def test_damaged_files_of_the_cache_are_replaced(tmp_path, kind, share):
-    first = _run(tmp_path, TWO_SIGNATURES)
-    files = list(tmp_path.rglob(kind))
+def test_damaged_files_of_the_cache_are_replaced(cache_of, kind, share):
+    cache, first = cache_of(TWO_SIGNATURES)
+    files = list(cache.rglob(kind))
     assert files
     for file in files:
         whole = file.read_bytes()
         file.write_bytes(whole[: int(share * len(whole))])
-    assert _run(tmp_path, TWO_SIGNATURES) == first
-    assert _run(tmp_path, TWO_SIGNATURES) == first[1:]
+    assert _run(cache, TWO_SIGNATURES) == first
+    assert _run(cache, TWO_SIGNATURES) == first[1:]
 
 
 @pytest.mark.parametrize("kind", ["*.nbi", "*.nbc"])
-def test_one_wrong_bit_has_kernels_compiled_again(tmp_path, kind):
-    first = _run(tmp_path, TWO_SIGNATURES)
-    for number, file in enumerate(sorted(tmp_path.rglob(kind))):
+def test_one_wrong_bit_has_kernels_compiled_again(cache_of, kind):
+    cache, first = cache_of(TWO_SIGNATURES)
+    for number, file in enumerate(sorted(cache.rglob(kind))):
         content = bytearray(file.read_bytes())
         content[len(content) * (number + 1) // 4] ^= 0x10
         file.write_bytes(content)
-    assert _run(tmp_path, TWO_SIGNATURES) == first
-    assert _run(tmp_path, TWO_SIGNATURES) == first[1:]
+    assert _run(cache, TWO_SIGNATURES) == first
+    assert _run(cache, TWO_SIGNATURES) == first[1:]
 
 
-def test_a_file_of_another_signature_is_not_loaded(tmp_path):
-    first = _run(tmp_path, TWO_SIGNATURES)
+def test_a_file_of_another_signature_is_not_loaded(cache_of):
+    cache, first = cache_of(TWO_SIGNATURES)
     assert first[0] == "compiles"
-    one, other = sorted(tmp_path.rglob("pixel_rows.add_span*.nbc"))
+    one, other = sorted(cache.rglob("pixel_rows.add_span*.nbc"))
     shutil.copy(one, other)
-    assert _run(tmp_path, TWO_SIGNATURES) == first
-    assert _run(tmp_path, TWO_SIGNATURES) == first[1:]
+    assert _run(cache, TWO_SIGNATURES) == first
+    assert _run(cache, TWO_SIGNATURES) == first[1:]
 
 
 def test_without_a_cache_folder_kernels_are_not_saved(tmp_path):

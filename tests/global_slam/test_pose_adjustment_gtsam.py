@@ -95,7 +95,7 @@ def read(name):
 TO_THE_END = AdjustmentOptions(Loss.HUBER, relative_tolerance=1e-9, max_iterations=100)
 
 
-@pytest.mark.parametrize("name", ["intel", "csail"])
+@pytest.mark.parametrize("name", ["csail"])
 def test_the_cost_on_a_public_graph_is_that_of_gtsam(name):
     graph = read(name)
     expected = gauss_newton(graph)
@@ -117,7 +117,7 @@ def test_far_off_starts_lead_to_the_least_cost(name, share):
     assert result.cost < share * gauss_newton(graph, max_iterations=0)
 
 
-@pytest.mark.parametrize("name", ["m3500", "manhattanOlson3500", "ringCity"])
+@pytest.mark.parametrize("name", ["m3500", "ringCity"])
 def test_gtsam_finds_no_lower_cost_near_ours(name):
     # a full run of GTSAM on these takes too long, with factors in Python
     graph = read(name)
