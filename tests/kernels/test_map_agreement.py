@@ -16,6 +16,7 @@ from cartoloop.kernels.map_agreement import (
     ShiftWindow,
     best_shifts,
     count_agreement,
+    count_along,
 )
 from cartoloop.kernels.scan_batch import ScanBatch
 from cartoloop.sensor.scan_points import ScanPoints
@@ -72,6 +73,28 @@ def test_best_shifts_are_those_of_an_exhaustive_search(seed):
         expected = naive.best_shift(cells, ORIGIN, RESOLUTION, 150, window, group)
         assert (near, fitting) == expected[:2]
         assert shift == pytest.approx(expected[2:])
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=SEEDS)
+def test_fits_along_a_direction_are_counted(seed):
+    rng = np.random.default_rng(seed)
+    cells = random_cells(rng)
+    angles = rng.uniform(-math.pi, math.pi, 3)
+    directions = np.column_stack((np.cos(angles), np.sin(angles)))
+    shifts = rng.uniform(-2.0, 2.0, int(rng.integers(0, 6)))
+    groups = [rng.uniform(-1.0, 2.5, (int(rng.integers(0, 12)), 2)) for _ in range(3)]
+    batch, counts = ScanPoints.of(groups), np.full((3, len(shifts)), -1, dtype=np.int64)
+
+    count_along(
+        CellGrid(cells, *ORIGIN, RESOLUTION), 150,
+        batch.points, batch.firsts, batch.ends, directions, shifts, counts,
+    )  # fmt: skip
+
+    for group, direction, found in zip(groups, directions, counts.tolist(), strict=True):
+        assert found == naive.fits_along(
+            cells, ORIGIN, RESOLUTION, 150, group, direction, shifts.tolist()
+        )
 
 
 def test_a_displaced_wall_is_found_where_it_is():

@@ -59,3 +59,17 @@ def best_shift(cells, origin, resolution, wall, window, points):
                     step = window.step_cells * resolution
                     best = (fitting, right * step, down * step, angle)
     return near, *best
+
+
+def fits_along(cells, origin, resolution, wall, points, direction, shifts):
+    """Return how many points fit at each shift along a direction."""
+    counts = []
+    for shift in shifts:
+        fitting = 0
+        for x, y in points:
+            col = math.floor((x + (shift * direction[0] - origin[0])) / resolution)
+            row = math.floor((y + (shift * direction[1] - origin[1])) / resolution)
+            if 0 <= row < len(cells) - 1 and 0 <= col < cells.shape[1] - 1:
+                fitting += bool(np.any(cells[row : row + 2, col : col + 2] >= wall))
+        counts.append(fitting)
+    return counts

@@ -177,6 +177,39 @@ def best_shifts(
             _try_shifts(grid, wall, window, rows, cols, angle, out_shifts[i])
 
 
+@kernel
+def count_along(
+    grid: CellGrid,
+    wall: int,
+    points: FloatArray,
+    firsts: IntArray,
+    ends: IntArray,
+    directions: FloatArray,
+    shifts: FloatArray,
+    out_counts: IntArray,
+) -> None:
+    """Write how many points of each group fit when they are shifted along a direction.
+
+    Parameters
+    ----------
+    grid, wall, points, firsts, ends : see :func:`best_shifts`.
+    directions : float64, shape (k, 2), unit vector of each group, submap frame.
+    shifts : float64, shape (s,) [m].
+    out_counts : int64, shape (k, s).
+    """
+    for i in range(firsts.shape[0]):
+        group = points[firsts[i] : ends[i]]
+        rows = np.empty(group.shape[0], dtype=np.int64)
+        cols = np.empty(group.shape[0], dtype=np.int64)
+        for s in range(shifts.shape[0]):
+            x = shifts[s] * directions[i, 0] - grid.origin_x
+            y = shifts[s] * directions[i, 1] - grid.origin_y
+            for j in range(group.shape[0]):
+                cols[j] = np.int64(np.floor((group[j, 0] + x) / grid.resolution))
+                rows[j] = np.int64(np.floor((group[j, 1] + y) / grid.resolution))
+            out_counts[i, s] = _num_fitting(grid.cells, wall, rows, cols, 0, 0)
+
+
 @borrowing_kernel
 def _centre(points: FloatArray) -> tuple[float, float]:
     """Return the mean of points."""

@@ -14,6 +14,7 @@ from cartoloop.config import QualityConfig
 from cartoloop.quality import by_session, motion, places
 from cartoloop.quality.encounters import Encounters, encounters
 from cartoloop.quality.pairs import MapContent, compared_pairs, path_lengths
+from cartoloop.quality.slides import slides
 from cartoloop.quality.ties import weak_ties
 from cartoloop.quality.verdict import VERDICTS, Kind, Place, Quality, Severity
 from cartoloop.quality.walls import wall_offsets
@@ -65,11 +66,12 @@ def examine(
         rotation_error = odometry.get("rotation_error_rad") or 0.0
     found = [
         *places.contradictions(met, share, content, config),
+        *places.slide_places(slides(met, content, scans, config), met, content),
         *places.breaks(consecutive, content, config),
         *places.gap_places(gaps, content),
         *places.misfit_places(misfits, met, content),
         *places.jump_places(jumps, content),
-        *places.blind_places(blind, content, config),
+        *places.blind_places(blind, met, content, config),
         *places.standing_places(stands, halls, content),
         *places.corridor_places(halls, rotation_error, content, config),
         *places.weak_tie_places(weak_ties(content.graph, paths, WEAK_TIE_WAY_M), content),

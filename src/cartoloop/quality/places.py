@@ -12,6 +12,7 @@ from cartoloop.quality.clusters import clusters
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.motion import SMOOTHED_OVER, Corridors, Event, Standing
 from cartoloop.quality.pairs import MapContent, Pairs
+from cartoloop.quality.slides import agreeing, num_examined
 from cartoloop.quality.ties import Tie
 from cartoloop.quality.verdict import Kind, Place, Severity
 
@@ -69,6 +70,44 @@ def contradictions(
                 severity,
                 f"{what}, along {length:.0f} m",
                 CLOSE_LOOPS,
+            )
+        )
+    return sorted(places, key=lambda place: -place.radius)[:MAX_PLACES]
+
+
+WRONG_SLIDE_SHARE = 0.25
+"""A map is wrong if this share of the encounters is displaced along the path by one distance."""
+
+
+def slide_places(displacements: FloatArray, met: Encounters, content: MapContent) -> list[Place]:
+    """Return where visits are displaced along the path against each other.
+
+    Parameters
+    ----------
+    displacements : of all encounters, see :func:`cartoloop.quality.slides.slides`.
+    met : the encounters.
+    """
+    rows = np.flatnonzero(agreeing(displacements))
+    if len(rows) == 0:
+        return []
+    apart = float(np.median(displacements[rows]))
+    is_wrong = len(rows) >= WRONG_SLIDE_SHARE * num_examined(len(met))
+    nodes = met.pairs.node[(met.first[rows] + met.end[rows] - 1) // 2]
+    places = []
+    for cluster in clusters(content.graph.node_poses[nodes, :2]):
+        own = rows[cluster]
+        members = np.concatenate([np.arange(met.first[row], met.end[row]) for row in own.tolist()])
+        seen = np.unique(met.pairs.node[members])
+        places.append(
+            _place(
+                content.graph.node_poses[seen, :2],
+                _stamps(content, np.concatenate((seen, met.pairs.own_node[members]))),
+                Kind.CONTRADICTION,
+                Severity.WRONG if is_wrong else Severity.DOUBTFUL,
+                f"visits are displaced along the path against each other by {apart:.1f} m: doors "
+                f"and corners fit there, along {_extent(content.graph.node_poses[seen, :2]):.0f} m",
+                "the distance along bare walls was measured wrongly: `cartoloop doctor` examines "
+                "the odometry; " + CLOSE_LOOPS,
             )
         )
     return sorted(places, key=lambda place: -place.radius)[:MAX_PLACES]
@@ -135,12 +174,7 @@ def misfit_places(found: list[Event], met: Encounters, content: MapContent) -> l
     """Return the places of gaps across which scans do not fit; minor ones where others do."""
     places = []
     for event in found:
-        node = int(np.searchsorted(content.node_scan_index, event.scan))
-        first, own = met.pairs.node[met.first], met.pairs.own_node[met.first]
-        bridges = (first >= node) != (own >= node)
-        agreeing = float(met.length[bridges & ~met.contradicts].sum())
-        share = agreeing / max(float(met.length[bridges].sum()), 1e-9)
-        is_bridged = agreeing >= BRIDGED_M and share >= BRIDGED_SHARE
+        is_bridged = _is_bridged(event, met, content)
         places.append(
             _at_scan(
                 event,
@@ -154,6 +188,16 @@ def misfit_places(found: list[Event], met: Encounters, content: MapContent) -> l
             )
         )
     return places[:MAX_PLACES]
+
+
+def _is_bridged(event: Event, met: Encounters, content: MapContent) -> bool:
+    """Return whether visits after an event agree with what was seen before it."""
+    node = int(np.searchsorted(content.node_scan_index, event.scan))
+    first, own = met.pairs.node[met.first], met.pairs.own_node[met.first]
+    bridges = (first >= node) != (own >= node)
+    agrees = float(met.length[bridges & ~met.contradicts].sum())
+    share = agrees / max(float(met.length[bridges].sum()), 1e-9)
+    return agrees >= BRIDGED_M and share >= BRIDGED_SHARE
 
 
 def jump_places(found: list[Event], content: MapContent) -> list[Place]:
@@ -172,14 +216,18 @@ def jump_places(found: list[Event], content: MapContent) -> list[Place]:
     ][:MAX_PLACES]
 
 
-def blind_places(found: list[Event], content: MapContent, config: QualityConfig) -> list[Place]:
-    """Return the places where nothing was matched."""
+def blind_places(
+    found: list[Event], met: Encounters, content: MapContent, config: QualityConfig
+) -> list[Place]:
+    """Return the places where nothing was matched; minor ones where visits across them agree."""
     return [
         _at_scan(
             event,
             content,
             Kind.BLIND,
-            Severity.DOUBTFUL if event.moved > config.doubtful_blind_length else Severity.MINOR,
+            Severity.DOUBTFUL
+            if event.moved > config.doubtful_blind_length and not _is_bridged(event, met, content)
+            else Severity.MINOR,
             f"no scan was matched over {event.moved:.1f} m: they rest on the odometry alone",
             "the surroundings may be farther away than sensor.max_range; drive along a wall, or "
             "through the place once more",

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Visits that are displaced along the path against each other, as along a corridor.
+
+Long walls fit wherever a scan is along them. What is left, doors, corners and boxes, is few
+returns: too few for a contradiction, but all of them fit in one other place.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.config import QualityConfig
+from cartoloop.kernels.map_agreement import count_along
+from cartoloop.quality.encounters import Encounters
+from cartoloop.quality.pairs import WALL, MapContent, cell_grid, cell_value
+from cartoloop.sensor.pose import Pose, transform_points
+from cartoloop.sensor.scan_points import ScanPoints
+
+REACH_M, STEP_M = 5.0, 0.1
+"""Displacements that are tried [m]."""
+
+HERE_M, AWAY_M, EDGE_M = 0.2, 0.3, 0.3
+"""A displacement up to the first is none, one above the second counts; one as near to the end of
+those tried as the third may be the slope of a larger one [m]."""
+
+MIN_RETURNS, MIN_SHARE, LEFT_HERE = 12, 0.05, 0.35
+"""Returns that fit elsewhere beyond what long walls explain: so many, and this share of all; here,
+no more than this share of them fits."""
+
+MAX_EXAMINED, MAX_POINTS = 200, 400
+"""Encounters that are examined, and returns of each."""
+
+MIN_AGREEING, LEAST_SHARE, TIMES_CHANCE, SPREAD_M = 4, 0.05, 3.0, 0.4
+"""So many encounters, and this share of those examined, are displaced by the same distance, within
+the last [m]; and so many times more than if displacements were random."""
+
+
+def slides(
+    met: Encounters, content: MapContent, scans: ScanPoints, config: QualityConfig
+) -> FloatArray:
+    """Return by how far each encounter fits better along the path, shape (n,) [m].
+
+    Not negative; NaN where it was not examined or does not.
+
+    Parameters
+    ----------
+    met : encounters of visits.
+    content : the map.
+    scans : the returns of its nodes.
+    config : limits.
+    """
+    found = np.full(len(met), np.nan)
+    if len(met) == 0:
+        return found
+    chosen = np.unique(np.linspace(0, len(met) - 1, num_examined(len(met))).astype(np.int64))
+    submaps = met.pairs.submap[met.first[chosen]]
+    count = round(REACH_M / STEP_M)
+    shifts: FloatArray = STEP_M * np.arange(-count, count + 1, dtype=np.float64)
+    for submap in np.unique(submaps).tolist():
+        rows = chosen[submaps == submap]
+        groups = [_points(met, row, scans, config.max_range) for row in rows.tolist()]
+        directions = np.array([_direction(met, row, content) for row in rows.tolist()])
+        batch = ScanPoints.of(groups)
+        counts = np.zeros((len(rows), len(shifts)), dtype=np.int64)
+        count_along(
+            cell_grid(content.submap_grids[submap]),
+            cell_value(WALL),
+            batch.points,
+            batch.firsts,
+            batch.ends,
+            directions,
+            shifts,
+            counts,
+        )
+        found[rows] = _displaced(counts, batch.counts, shifts)
+    return found
+
+
+def num_examined(num_encounters: int) -> int:
+    """Return how many encounters are examined, of so many."""
+    return min(num_encounters, MAX_EXAMINED)
+
+
+def agreeing(displacements: FloatArray) -> BoolArray:
+    """Return which displacements are the same, the largest such set, if there are enough."""
+    order = np.argsort(np.where(np.isnan(displacements), np.inf, displacements), kind="stable")
+    values = displacements[order][: int(np.isfinite(displacements).sum())]
+    ends = np.searchsorted(values, values + SPREAD_M, side="right")
+    counts = ends - np.arange(len(values))
+    same = np.zeros(len(displacements), dtype=np.bool_)
+    by_chance = len(values) * SPREAD_M / (REACH_M - EDGE_M - AWAY_M)
+    least = max(MIN_AGREEING, LEAST_SHARE * num_examined(len(same)), TIMES_CHANCE * by_chance)
+    if len(values) and counts.max() >= least:
+        best = int(counts.argmax())
+        same[order[best : ends[best]]] = True
+    return same
+
+
+def _displaced(counts: IntArray, num_points: IntArray, shifts: FloatArray) -> FloatArray:
+    """Return the distance at which features fit, NaN where they fit here or nowhere."""
+    walls = np.median(counts, axis=1)
+    is_far = np.abs(shifts) > AWAY_M - 0.5 * STEP_M
+    here = counts[:, np.abs(shifts) < HERE_M + 0.5 * STEP_M].max(axis=1) - walls
+    best = np.where(is_far, counts, -1).argmax(axis=1)
+    there = counts[np.arange(len(counts)), best] - walls
+    least = np.maximum(MIN_RETURNS, MIN_SHARE * num_points)
+    distance = np.abs(shifts[best])
+    is_displaced = (there >= least) & (here < LEFT_HERE * there) & (distance <= REACH_M - EDGE_M)
+    return np.where(is_displaced, distance, np.nan)
+
+
+def _points(met: Encounters, row: int, scans: ScanPoints, max_range: float) -> FloatArray:
+    """Return the returns of an encounter [m, submap frame]."""
+    own = slice(int(met.first[row]), int(met.end[row]))
+    poses, nodes = met.pairs.tf_submap_node[own].tolist(), met.pairs.node[own].tolist()
+    points = np.concatenate(
+        [
+            transform_points(Pose(*pose), scans[node])
+            for pose, node in zip(poses, nodes, strict=True)
+        ]
+    )
+    middle = met.pairs.tf_submap_node[own, :2].mean(axis=0)
+    near: FloatArray = points[np.hypot(*(points - middle).T) <= max_range]
+    return near[:: max(1, -(-len(near) // MAX_POINTS))]
+
+
+def _direction(met: Encounters, row: int, content: MapContent) -> FloatArray:
+    """Return the unit vector of the path at an encounter, submap frame."""
+    pair = int(met.first[row] + met.end[row] - 1) // 2
+    node, theta = int(met.pairs.node[pair]), met.pairs.tf_submap_node[pair, 2]
+    poses = content.graph.node_poses
+    before, after = poses[max(node - 2, 0)], poses[min(node + 2, len(poses) - 1)]
+    angle = np.arctan2(after[1] - before[1], after[0] - before[0]) - poses[node, 2] + theta
+    return np.array((np.cos(angle), np.sin(angle)))
