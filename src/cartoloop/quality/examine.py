@@ -15,17 +15,17 @@ from cartoloop.quality import by_session, motion, places
 from cartoloop.quality.encounters import Encounters, encounters
 from cartoloop.quality.pairs import MapContent, compared_pairs, path_lengths
 from cartoloop.quality.slides import slides
-from cartoloop.quality.ties import weak_ties
 from cartoloop.quality.verdict import VERDICTS, Kind, Place, Quality, Severity
 from cartoloop.quality.walls import wall_offsets
+from cartoloop.quality.weak_closures import weak_bundles
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.session import ranges
 
 MIN_NODES = 3
 """With fewer nodes there is nothing to compare."""
 
-WEAK_TIE_WAY_M = 100.0
-"""Closures that save a way of so long hold a part of the map [m]: its end is a metre uncertain."""
+MIN_DETOUR_M = 100.0
+"""Closures that save such a path hold a part of the map [m]: its end is a metre uncertain."""
 
 HEADING_DRIFT = math.radians(0.1)
 """Drift of the heading that is expected of local SLAM [rad / sqrt(m)]: 0.04 to 0.3 degrees were
@@ -74,7 +74,7 @@ def examine(
         *places.blind_places(blind, met, content, config),
         *places.standing_places(stands, halls, content),
         *places.corridor_places(halls, rotation_error, content, config),
-        *places.weak_tie_places(weak_ties(content.graph, paths, WEAK_TIE_WAY_M), content),
+        *places.weak_closure_places(weak_bundles(content.graph, paths, MIN_DETOUR_M), content),
         *_open_ends(met, paths, content, config),
     ]
     order = {Severity.WRONG: 0, Severity.DOUBTFUL: 1, Severity.MINOR: 2}

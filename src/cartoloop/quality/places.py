@@ -13,8 +13,8 @@ from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.motion import SMOOTHED_OVER, Corridors, Event, Standing
 from cartoloop.quality.pairs import MapContent, Pairs
 from cartoloop.quality.slides import agreeing, num_examined
-from cartoloop.quality.ties import Tie
 from cartoloop.quality.verdict import Kind, Place, Severity
+from cartoloop.quality.weak_closures import WeakBundle
 
 MIN_PLACE_M = 2.0
 """Shorter parts of the path that contradict each other are doors and people, not a place [m]."""
@@ -316,26 +316,28 @@ def corridor_places(
     return places[:MAX_PLACES]
 
 
-def weak_tie_places(found: list[Tie], content: MapContent) -> list[Place]:
+def weak_closure_places(found: list[WeakBundle], content: MapContent) -> list[Place]:
     """Return the places that only a few loop closures hold: worth a look, and no more."""
     places = []
-    for tie in found:
+    for bundle in found:
         closures = (
-            "one loop closure" if tie.num_closures == 1 else f"{tie.num_closures} loop closures"
+            "one loop closure"
+            if bundle.num_closures == 1
+            else f"{bundle.num_closures} loop closures"
         )
         without = (
-            f"the way between its ends would be {tie.way:.0f} m long"
-            if tie.way < by_session.APART_M
+            f"the path between its ends would be {bundle.detour:.0f} m long"
+            if bundle.detour < by_session.APART_M
             else "nothing would connect its ends"
         )
         places.append(
             _place(
-                content.graph.node_poses[tie.nodes, :2],
-                _stamps(content, tie.nodes),
-                Kind.WEAK_TIE,
+                content.graph.node_poses[bundle.nodes, :2],
+                _stamps(content, bundle.nodes),
+                Kind.WEAK_CLOSURE,
                 Severity.MINOR,
                 f"{closures} alone hold the map together here: without, {without}",
-                "drive along the way that both visits share once more, for some metres",
+                "drive once more, for some metres, where both visits have been",
             )
         )
     return places[:MAX_PLACES]

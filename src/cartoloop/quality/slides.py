@@ -25,15 +25,15 @@ HERE_M, AWAY_M, EDGE_M = 0.2, 0.3, 0.3
 those tried as the third may be the slope of a larger one [m]."""
 
 MIN_RETURNS, MIN_SHARE, LEFT_HERE = 12, 0.05, 0.35
-"""Returns that fit elsewhere beyond what long walls explain: so many, and this share of all; here,
-no more than this share of them fits."""
+"""Returns that fit elsewhere beyond what long walls explain: this number, and this share of all;
+here, no more than this share of them fits."""
 
 MAX_EXAMINED, MAX_POINTS = 200, 400
 """Encounters that are examined, and returns of each."""
 
 MIN_AGREEING, LEAST_SHARE, TIMES_CHANCE, SPREAD_M = 4, 0.05, 3.0, 0.4
-"""So many encounters, and this share of those examined, are displaced by the same distance, within
-the last [m]; and so many times more than if displacements were random."""
+"""This number of encounters, and this share of those examined, are displaced by the same distance,
+within the last [m]; and more than if displacements were random by this factor."""
 
 
 def slides(
@@ -78,7 +78,7 @@ def slides(
 
 
 def num_examined(num_encounters: int) -> int:
-    """Return how many encounters are examined, of so many."""
+    """Return how many of some encounters are examined."""
     return min(num_encounters, MAX_EXAMINED)
 
 

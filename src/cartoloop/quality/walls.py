@@ -19,8 +19,8 @@ MAX_RETURNS = 300_000
 """Returns that are compared, spread over all nodes."""
 
 MIN_RETURNS, MIN_LENGTH_M, MAX_SPREAD_M = 5, 0.08, 0.04
-"""Returns of one visit are a wall where there are so many, along a line of so large a standard
-deviation, and across it of so small a one [m]."""
+"""Returns of one visit are a wall where there are this number, along a line of at least this
+standard deviation, and across it of at most this one [m]."""
 
 SAME_SIDE = math.cos(math.radians(15.0))
 """Least cosine between the normals of walls that are one: a thin wall has two sides."""

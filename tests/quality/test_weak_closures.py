@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Weak ties in graphs made by hand: loops that are closed by many closures, or by few."""
+"""Weak bundles in graphs made by hand: loops that are closed by many closures, or by few."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.quality.pairs import path_lengths
-from cartoloop.quality.ties import weak_ties
+from cartoloop.quality.weak_closures import weak_bundles
 
 STEP_M, PER_SUBMAP = 0.5, 20
 
@@ -44,11 +44,11 @@ def close(graph, nodes, length=200.0):
     add(graph, ConstraintKind.LOOP_CLOSURE, before // PER_SUBMAP, nodes)
 
 
-def found(graph, min_way=50.0):
-    return weak_ties(graph, path_lengths(graph.node_poses), min_way)
+def found(graph, min_detour=50.0):
+    return weak_bundles(graph, path_lengths(graph.node_poses), min_detour)
 
 
-def test_without_closures_there_are_no_ties():
+def test_without_closures_there_are_no_bundles():
     assert found(ring(1.5)) == []
 
 
@@ -56,11 +56,11 @@ def test_a_loop_that_few_closures_close_is_weak():
     graph = ring(1.3)
     close(graph, [450, 451])
 
-    (tie,) = found(graph)
+    (bundle,) = found(graph)
 
-    assert tie.num_closures == 2
-    assert tie.way == pytest.approx(200.0, abs=8.0)
-    assert {450, 451} <= set(tie.nodes.tolist())
+    assert bundle.num_closures == 2
+    assert bundle.detour == pytest.approx(200.0, abs=8.0)
+    assert {450, 451} <= set(bundle.nodes.tolist())
 
 
 def test_a_loop_that_is_driven_twice_is_not():
@@ -70,21 +70,21 @@ def test_a_loop_that_is_driven_twice_is_not():
     assert found(graph) == []
 
 
-def test_another_tie_nearby_holds_as_well():
+def test_another_bundle_nearby_holds_as_well():
     graph = ring(1.5)
     close(graph, [420])
     close(graph, range(460, 520))
 
     assert found(graph) == []
-    assert [tie.num_closures for tie in found(graph, min_way=20.0)] == [1]
+    assert [bundle.num_closures for bundle in found(graph, min_detour=20.0)] == [1]
 
 
-def test_ways_lead_over_other_ties():
+def test_detours_lead_over_other_bundles():
     graph = ring(2.6)
     close(graph, range(420, 560))
-    close(graph, [900])  # of the third round to the second; the first tie is no way around it
+    close(graph, [900])  # of the third round to the second; the first bundle is no detour around it
 
-    (tie,) = found(graph)
+    (bundle,) = found(graph)
 
-    assert tie.nodes.tolist() == pytest.approx([500, 900], abs=1)
-    assert tie.way == pytest.approx(200.0, abs=8.0)
+    assert bundle.nodes.tolist() == pytest.approx([500, 900], abs=1)
+    assert bundle.detour == pytest.approx(200.0, abs=8.0)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Places that only a few loop closures hold: one of them false, and a part of the map is elsewhere.
 
-Loop closures between the same two stretches of the path are one *tie*. A tie is weak if it has few
-closures, and its ends would otherwise be connected by a long way only.
+Loop closures between the same two stretches of the path are one *bundle*. A bundle is weak if it
+has few closures, and the shortest path between its ends would be long without it.
 """
 
 from __future__ import annotations
@@ -19,38 +19,38 @@ from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.quality.clusters import clusters
 
 FEW = 3
-"""A tie of so many closures is weak: the last pass adds one for each scan that overlaps."""
+"""A bundle of this number of closures is weak: the last pass adds one for each overlapping scan."""
 
 STRETCH_M = 4.0
-"""Closures whose ends are as near to each other along the path are one tie [m]."""
+"""Closures whose ends are as near to each other along the path are one bundle [m]."""
 
 MAX_EXAMINED = 100
-"""Ties of few closures that are examined."""
+"""Bundles of few closures that are examined."""
 
 
-class Tie(NamedTuple):
-    """A weak tie.
+class WeakBundle(NamedTuple):
+    """A bundle of few closures that hold a part of the map.
 
     Attributes
     ----------
     nodes : of its closures, and those of the submaps that they are matched to.
     num_closures : that it has.
-    way : length of the shortest way between its ends without it [m]; infinite if there is none.
+    detour : length of the shortest path between its ends without it [m]; infinite if there is none.
     """
 
     nodes: IntArray
     num_closures: int
-    way: float
+    detour: float
 
 
-def weak_ties(graph: PoseGraph, paths: FloatArray, min_way: float) -> list[Tie]:
-    """Return the weak ties, the longest way first.
+def weak_bundles(graph: PoseGraph, paths: FloatArray, min_detour: float) -> list[WeakBundle]:
+    """Return the weak bundles, the longest detour first.
 
     Parameters
     ----------
     graph : as adjusted.
     paths : path length of each node [m].
-    min_way : ties whose ends are connected by a shorter way without them hold nothing [m].
+    min_detour : bundles whose ends are connected by a shorter path without them hold nothing [m].
     """
     ends = _closure_ends(graph)
     if len(ends) == 0:
@@ -58,20 +58,20 @@ def weak_ties(graph: PoseGraph, paths: FloatArray, min_way: float) -> list[Tie]:
     stretches = np.floor(paths / STRETCH_M).astype(np.int64)
     numbers = np.cumsum(np.append(0, np.diff(stretches) > 0))
     along = paths[ends]
-    ties = clusters(np.sort(along, axis=1), STRETCH_M)
+    bundles = clusters(np.sort(along, axis=1), STRETCH_M)
     network = _Network(paths, numbers)
-    for number, tie in enumerate(ties):
-        network.tie(number, numbers[ends[tie]])
+    for number, bundle in enumerate(bundles):
+        network.add(number, numbers[ends[bundle]])
     found = []
-    few = [number for number, tie in enumerate(ties) if len(np.unique(ends[tie, 1])) <= FEW]
-    few = [n for n in few if np.ptp(along[ties[n]], axis=1).max() > min_way]
+    few = [n for n, bundle in enumerate(bundles) if len(np.unique(ends[bundle, 1])) <= FEW]
+    few = [n for n in few if np.ptp(along[bundles[n]], axis=1).max() > min_detour]
     for number in few[:MAX_EXAMINED]:
-        first, last = numbers[ends[ties[number][0]]].tolist()
-        way = network.way(first, last, without=number)
-        if way > min_way:
-            own = ends[ties[number]]
-            found.append(Tie(np.unique(own), len(np.unique(own[:, 1])), way))
-    return sorted(found, key=lambda tie: -tie.way)
+        first, last = numbers[ends[bundles[number][0]]].tolist()
+        detour = network.distance(first, last, without=number)
+        if detour > min_detour:
+            own = ends[bundles[number]]
+            found.append(WeakBundle(np.unique(own), len(np.unique(own[:, 1])), detour))
+    return sorted(found, key=lambda bundle: -bundle.detour)
 
 
 def _closure_ends(graph: PoseGraph) -> IntArray:
@@ -91,7 +91,7 @@ def _closure_ends(graph: PoseGraph) -> IntArray:
 
 
 class _Network:
-    """Stretches of the path, and the ties between them.
+    """Stretches of the path, and the bundles between them.
 
     Parameters
     ----------
@@ -102,17 +102,17 @@ class _Network:
     def __init__(self, paths: FloatArray, numbers: IntArray) -> None:
         firsts = np.flatnonzero(np.append(True, np.diff(numbers) > 0))
         self._steps: list[float] = np.diff(paths[firsts]).tolist()
-        self._ties: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
+        self._bundles: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
 
-    def tie(self, number: int, ends: IntArray) -> None:
-        """Connect the stretches, shape (k, 2), of a tie."""
+    def add(self, number: int, ends: IntArray) -> None:
+        """Connect the stretches, shape (k, 2), of a bundle."""
         for one, other in np.unique(ends, axis=0).tolist():
-            self._ties[one].append((other, number))
-            self._ties[other].append((one, number))
+            self._bundles[one].append((other, number))
+            self._bundles[other].append((one, number))
 
-    def way(self, first: int, last: int, *, without: int) -> float:
-        """Return the length of the shortest way between two stretches without a tie [m]."""
-        steps, ties = self._steps, self._ties
+    def distance(self, first: int, last: int, *, without: int) -> float:
+        """Return the length of the shortest path between two stretches without a bundle [m]."""
+        steps, bundles = self._steps, self._bundles
         shortest, front = {first: 0.0}, [(0.0, first)]
         while front:
             length, at = heappop(front)
@@ -120,7 +120,7 @@ class _Network:
                 return length
             if length > shortest[at]:
                 continue
-            near = [(other, length) for other, number in ties[at] if number != without]
+            near = [(other, length) for other, number in bundles[at] if number != without]
             if at < len(steps):
                 near.append((at + 1, length + steps[at]))
             if at > 0:
