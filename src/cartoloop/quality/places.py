@@ -12,7 +12,7 @@ from cartoloop.quality.clusters import clusters
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.motion import SMOOTHED_OVER, Corridors, Event, Standing
 from cartoloop.quality.pairs import MapContent, Pairs
-from cartoloop.quality.slides import agreeing, num_examined
+from cartoloop.quality.slides import num_examined
 from cartoloop.quality.verdict import Kind, Place, Severity
 from cartoloop.quality.weak_closures import WeakBundle
 
@@ -84,10 +84,10 @@ def slide_places(displacements: FloatArray, met: Encounters, content: MapContent
 
     Parameters
     ----------
-    displacements : of all encounters, see :func:`cartoloop.quality.slides.slides`.
+    displacements : those that agree, see :func:`cartoloop.quality.slides.slides`.
     met : the encounters.
     """
-    rows = np.flatnonzero(agreeing(displacements))
+    rows = np.flatnonzero(np.isfinite(displacements))
     if len(rows) == 0:
         return []
     apart = float(np.median(displacements[rows]))

@@ -17,8 +17,8 @@ from cartoloop.quality.pairs import WALL, MapContent, cell_grid, cell_value
 from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.sensor.scan_points import ScanPoints
 
-REACH_M, STEP_M = 5.0, 0.1
-"""Displacements that are tried [m]."""
+REACHES_M, STEP_M = (5.0, 8.0), 0.1
+"""Displacements that are tried [m]: far ones are rarer, and more of them fit by chance."""
 
 HERE_M, AWAY_M, EDGE_M = 0.2, 0.3, 0.3
 """A displacement up to the first is none, one above the second counts; one as near to the end of
@@ -39,9 +39,9 @@ within the last [m]; and more than if displacements were random by this factor."
 def slides(
     met: Encounters, content: MapContent, scans: ScanPoints, config: QualityConfig
 ) -> FloatArray:
-    """Return by how far each encounter fits better along the path, shape (n,) [m].
+    """Return by how far encounters fit better along the path, shape (n,) [m]: those that agree.
 
-    Not negative; NaN where it was not examined or does not.
+    Not negative; NaN for all others.
 
     Parameters
     ----------
@@ -50,12 +50,12 @@ def slides(
     scans : the returns of its nodes.
     config : limits.
     """
-    found = np.full(len(met), np.nan)
+    found = np.full((len(REACHES_M), len(met)), np.nan)
     if len(met) == 0:
-        return found
+        return np.zeros(0)
     chosen = np.unique(np.linspace(0, len(met) - 1, num_examined(len(met))).astype(np.int64))
     submaps = met.pairs.submap[met.first[chosen]]
-    count = round(REACH_M / STEP_M)
+    count = round(max(REACHES_M) / STEP_M)
     shifts: FloatArray = STEP_M * np.arange(-count, count + 1, dtype=np.float64)
     for submap in np.unique(submaps).tolist():
         rows = chosen[submaps == submap]
@@ -73,8 +73,13 @@ def slides(
             shifts,
             counts,
         )
-        found[rows] = _displaced(counts, batch.counts, shifts)
-    return found
+        for reach, displaced in zip(REACHES_M, found, strict=True):
+            tried = np.abs(shifts) < reach + 0.5 * STEP_M
+            displaced[rows] = _displaced(counts[:, tried], batch.counts, shifts[tried])
+    for reach, displaced in zip(REACHES_M, found, strict=True):
+        displaced[~agreeing(displaced, reach)] = np.nan
+    most: FloatArray = found[np.isfinite(found).sum(axis=1).argmax()]
+    return most
 
 
 def num_examined(num_encounters: int) -> int:
@@ -82,14 +87,20 @@ def num_examined(num_encounters: int) -> int:
     return min(num_encounters, MAX_EXAMINED)
 
 
-def agreeing(displacements: FloatArray) -> BoolArray:
-    """Return which displacements are the same, the largest such set, if there are enough."""
+def agreeing(displacements: FloatArray, reach: float) -> BoolArray:
+    """Return which displacements are the same, the largest such set, if there are enough.
+
+    Parameters
+    ----------
+    displacements : shape (n,), NaN where there is none [m].
+    reach : largest one that was tried [m].
+    """
     order = np.argsort(np.where(np.isnan(displacements), np.inf, displacements), kind="stable")
     values = displacements[order][: int(np.isfinite(displacements).sum())]
     ends = np.searchsorted(values, values + SPREAD_M, side="right")
     counts = ends - np.arange(len(values))
     same = np.zeros(len(displacements), dtype=np.bool_)
-    by_chance = len(values) * SPREAD_M / (REACH_M - EDGE_M - AWAY_M)
+    by_chance = len(values) * SPREAD_M / (reach - EDGE_M - AWAY_M)
     least = max(MIN_AGREEING, LEAST_SHARE * num_examined(len(same)), TIMES_CHANCE * by_chance)
     if len(values) and counts.max() >= least:
         best = int(counts.argmax())
@@ -106,7 +117,7 @@ def _displaced(counts: IntArray, num_points: IntArray, shifts: FloatArray) -> Fl
     there = counts[np.arange(len(counts)), best] - walls
     least = np.maximum(MIN_RETURNS, MIN_SHARE * num_points)
     distance = np.abs(shifts[best])
-    is_displaced = (there >= least) & (here < LEFT_HERE * there) & (distance <= REACH_M - EDGE_M)
+    is_displaced = (there >= least) & (here < LEFT_HERE * there) & (distance <= shifts[-1] - EDGE_M)
     return np.where(is_displaced, distance, np.nan)
 
 
