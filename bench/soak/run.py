@@ -17,10 +17,12 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from bench.environment import environment
+from bench.record import Figure, Record, Row
 from bench.soak.held import Held
 from bench.soak.robot import Robot
 from bench.soak.senders import Network, Watched
@@ -91,6 +93,31 @@ class SoakResult:
         scans = self.end.scans - self.settled.scans
         return 1e6 * (self.end.memory_mb - self.settled.memory_mb) / scans if scans else math.nan
 
+    def row(self, kind: str, hours: float, *, drives_again: bool) -> Row:
+        """Return the figures for the record; `kind` is that of the source."""
+        settled, end = self.settled, self.end
+        return Row(
+            {
+                "source": kind,
+                "hours": hours,
+                "drives": "each half hour" if drives_again else "once",
+            },
+            {
+                "faults": Figure.exact(sum(self.faults.values()), better=None),
+                "scans sent": Figure.exact(self.sent, better=None),
+                "mapped": Figure(self.mapped, better="more"),
+                "cut off": Figure(self.lost, better=None),
+                "unaccounted": Figure.exact(self.unaccounted),
+                "memory after a quarter": Figure(settled.memory_mb, "MB"),
+                "memory": Figure(end.memory_mb, "MB"),
+                "memory in use after a quarter": _figure(settled.in_use_mb, "MB"),
+                "memory in use": _figure(end.in_use_mb, "MB"),
+                "nodes after a quarter": Figure(settled.nodes, better=None),
+                "nodes": Figure(end.nodes, better=None),
+                "time": Figure(self.wall_s, "s"),
+            },
+        )
+
     def table(self) -> str:
         """Return the figures for the terminal."""
         return "\n".join(
@@ -109,6 +136,19 @@ class SoakResult:
                 f"time           {self.wall_s:.0f} s",
             )
         )
+
+
+def record_of(results: Mapping[str, SoakResult], hours: float, *, drives_again: bool) -> Record:
+    """Return the record of days of that length, by kind of source."""
+    rows = tuple(
+        result.row(kind, hours, drives_again=drives_again) for kind, result in results.items()
+    )
+    return Record("soak", rows, environment())
+
+
+def _figure(value: float, unit: str) -> Figure:
+    """Return a figure that was measured once; 0 where it is unknown."""
+    return Figure(value if math.isfinite(value) else 0.0, unit)
 
 
 def soak(

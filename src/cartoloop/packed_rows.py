@@ -25,7 +25,10 @@ class PackedRows:
     def __init__(self, num_columns: int) -> None:
         self._num_columns = num_columns
         # Replaced as one, for readers in other threads.
-        self._packed_and_open: tuple[tuple[bytes, ...], NDArray[np.float64]] = ((), self._empty(BLOCK))
+        self._packed_and_open: tuple[tuple[bytes, ...], NDArray[np.float64]] = (
+            (),
+            self._empty(BLOCK),
+        )
         self._size = 0
 
     def __len__(self) -> int:
@@ -60,7 +63,7 @@ class PackedRows:
 
 
 def _packed(rows: NDArray[np.float64]) -> bytes:
-    """Return rows as compressed bytes: the first byte of all numbers, then the second, and so on."""
+    """Return rows as compressed bytes: the first byte of all numbers, then the second, ..."""
     columns = np.ascontiguousarray(rows.T)
     return zlib.compress(columns.view(np.uint8).reshape(-1, columns.itemsize).T.tobytes(), 1)
 

@@ -156,9 +156,7 @@ class OdometryTrack:
         ):
             return False
         while (
-            len(times) > 1
-            and self._last == readings.pose(-2)
-            and time - times[-2] <= MAX_REPEAT_S
+            len(times) > 1 and self._last == readings.pose(-2) and time - times[-2] <= MAX_REPEAT_S
         ):
             self._pop()
         return True
