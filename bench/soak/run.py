@@ -60,7 +60,7 @@ class SoakResult:
     lost : scans that were on their way in connections that were reset.
     missing : scans that did not come though their connection was closed properly.
     bad_lines : lines that were sent damaged, or of no known kind.
-    skipped : what the report counts, by reason.
+    skipped : what the report counts, by reason; odometry that comes late is of no line sent.
     settled, end : what the process held after a quarter of the day, and at its end.
     wall_s : time that it took [s].
     """
@@ -78,9 +78,19 @@ class SoakResult:
     wall_s: float = 0.0
 
     @property
+    def num_late(self) -> int:
+        """Number of readings of the odometry that were skipped, as after a jump of the clock."""
+        return sum(n for reason, n in self.skipped.items() if reason.startswith("odometry"))
+
+    @property
+    def num_skipped(self) -> int:
+        """Number of scans and lines that were skipped."""
+        return sum(self.skipped.values()) - self.num_late
+
+    @property
     def uncounted(self) -> int:
         """Number of scans and bad lines received that were neither mapped nor counted."""
-        return self.received + self.bad_lines - self.mapped - sum(self.skipped.values())
+        return self.received + self.bad_lines - self.mapped - self.num_skipped
 
     @property
     def unaccounted(self) -> int:
@@ -126,7 +136,8 @@ class SoakResult:
                 + ", ".join(f"{count} {kind}" for kind, count in sorted(self.faults.items())),
                 f"scans          {self.sent} sent, {self.received} received, {self.mapped} mapped; "
                 f"{self.lost} lost in connections that were reset",
-                f"bad lines      {self.bad_lines} sent, {sum(self.skipped.values())} skipped",
+                f"bad lines      {self.bad_lines} sent, {self.num_skipped} skipped",
+                f"odometry       {self.num_late} readings came late, and were skipped",
                 f"unaccounted    {self.unaccounted}",
                 f"memory         {self.settled.memory_mb:.0f} MB with {self.settled.nodes} nodes, "
                 f"in the end {self.end.memory_mb:.0f} MB with {self.end.nodes}: "
