@@ -7,6 +7,7 @@ import json
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -192,6 +193,24 @@ def test_other_files_are_refused(tmp_path, content):
     (tmp_path / FILE_NAME).write_bytes(content)
 
     with pytest.raises(InputError, match=r"is no map database|is a database, but no map"):
+        load_map(tmp_path)
+
+
+def test_a_file_of_another_name_is_no_map_to_be_made_again(tmp_path):
+    (tmp_path / "drive.log").write_bytes(b"FLASER 1 2.0\n" * 100)
+
+    with pytest.raises(InputError, match="give a folder that 'cartoloop map' wrote"):
+        load_map(tmp_path / "drive.log")
+
+
+def test_a_map_that_cannot_be_read_is_not_called_damaged(tmp_path, monkeypatch):
+    (tmp_path / FILE_NAME).write_bytes(b"")
+
+    def refuse(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(InputError, match="cannot be read: Permission denied; check the file"):
         load_map(tmp_path)
 
 

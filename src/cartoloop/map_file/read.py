@@ -130,13 +130,18 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
             f"{FILE_NAME} in one"
         )
     try:
+        file.open("rb").close()
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read: {error.strerror}; check the file") from error
+    try:
         database = open_database(file, _TABLES)
         application_id = database.execute("PRAGMA application_id").fetchone()[0]
         version = database.execute("PRAGMA user_version").fetchone()[0]
     except sqlite3.Error as error:
-        raise InputError(
-            f"{file}: is no map database ({error}); map the recording again"
-        ) from error
+        advice = "map the recording again"
+        if file.name != FILE_NAME:
+            advice = f"give a folder that 'cartoloop map' wrote, or the file {FILE_NAME} in one"
+        raise InputError(f"{file}: is no map database ({error}); {advice}") from error
     with closing(database):
         if application_id != APPLICATION_ID:
             raise InputError(f"{file}: is a database, but no map; give one that cartoloop wrote")
