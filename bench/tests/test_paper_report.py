@@ -106,7 +106,7 @@ def test_results_page_has_figures_of_the_records(tmp_path: Path) -> None:
     assert "Freiburg bldg 79" in text
 
 
-def test_results_page_has_what_faults_and_changed_inputs_came_to(tmp_path: Path) -> None:
+def test_results_page_shows_faults_and_changed_inputs(tmp_path: Path) -> None:
     day = SoakResult(Counter(drop=3), sent=900, received=890, mapped=889, lost=10, missing=0)
     (tmp_path / "soak.json").write_text(record_of({"dds": day}, 0.5, drives_again=False).to_json())
     inputs = Results()

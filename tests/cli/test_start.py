@@ -51,7 +51,7 @@ def ended(code):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals")
-def test_an_interrupt_while_modules_are_loaded_ends_it_in_silence():
+def test_an_interrupt_while_modules_load_ends_it_in_silence():
     done = ended(LOADING.format(handler="default_int_handler"))
     assert done.returncode == -signal.SIGINT
     assert (done.stdout, done.stderr) == ("", "")

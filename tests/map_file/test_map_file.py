@@ -255,6 +255,8 @@ def test_the_file_of_a_newer_program_is_refused(file):
         "DELETE FROM matches",
         "DROP TABLE matches",
         "UPDATE nodes SET point_unit = 9e999",
+        "UPDATE nodes SET x = -1e300",
+        "UPDATE submaps SET y = 1e300",
         "UPDATE nodes SET point_unit = NULL",
         "UPDATE trajectory SET y = 'somewhere'",
         "UPDATE about SET value = '{' WHERE key = 'report'",

@@ -97,7 +97,7 @@ class OdometryTrack:
 
     @property
     def is_long(self) -> bool:
-        """Whether there are so many readings that it is time to forget some."""
+        """Whether it is time to forget some of the readings."""
         return self._readings.are_many
 
     def forget(self, needed: FloatArray, reach: float) -> None:

@@ -47,6 +47,9 @@ if TYPE_CHECKING:
 
 Row = tuple[Any, ...]
 
+_MAX_PLACE = 1e9
+"""Largest number in the pose of a submap or node [m]: more than twice the way to the moon."""
+
 _TABLES = [
     "about",
     "submaps",
@@ -169,12 +172,20 @@ def _poses(rows: Sequence[Row], num_columns: int = 3) -> FloatArray:
     return array
 
 
+def _places(rows: Sequence[Row]) -> FloatArray:
+    """Return poses of submaps or nodes, whose cells can be counted."""
+    places = _poses(rows)
+    if np.any(np.abs(places) > _MAX_PLACE):
+        raise ValueError("a pose is out of all bounds")
+    return places
+
+
 def _graph(database: sqlite3.Connection) -> tuple[PoseGraph, Closures]:
     graph = PoseGraph()
     submaps = database.execute("SELECT x, y, theta FROM submaps ORDER BY submap").fetchall()
     nodes = database.execute("SELECT x, y, theta FROM nodes ORDER BY node").fetchall()
-    graph.add_submaps(_poses(submaps))
-    graph.add_nodes(_poses(nodes))
+    graph.add_submaps(_places(submaps))
+    graph.add_nodes(_places(nodes))
     if graph.num_submaps:
         graph.fix_submap(0)
     version = database.execute("PRAGMA user_version").fetchone()[0]
