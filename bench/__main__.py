@@ -461,25 +461,28 @@ def bench_fuzz(
     processes: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 2,
     only: Annotated[str, typer.Option(help="The one kind of input, such as 'map rows'.")] = "",
     data: DataOption = None,
-    out: OutOption = Path("bench-results/fuzz"),
+    out: OutOption = Path("bench-results"),
+    against: AgainstOption = None,
+    strict: StrictOption = False,
 ) -> None:
     """Change inputs of all kinds; each must be used, or refused with a stated error, in 10 s."""
     from bench.fuzz.run import FuzzOptions, run_all
 
-    folder = _data_folder(data)
+    before, folder, failed = _earlier(against, "fuzz"), _data_folder(data), out / "fuzz"
     options = FuzzOptions(
         seed=seed,
         first=first,
         count=inputs,
         num_processes=processes,
-        out=out,
+        out=failed,
         data=folder if folder.is_dir() else None,
         only=only,
     )
     results = run_all(options, lambda line: typer.echo(line, err=True))
     typer.echo(results.table())
+    _conclude(results.record(), out, before, strict)
     if results.failures or results.total < inputs:
-        typer.echo(f"inputs that failed are in {out}")
+        typer.echo(f"inputs that failed are in {failed}")
         raise typer.Exit(1)
 
 
@@ -496,17 +499,22 @@ def bench_soak(
             help="Drive each half hour, or once and stand then: the map does not grow.",
         ),
     ] = True,
-    out: OutOption = Path("bench-results/soak"),
+    out: OutOption = Path("bench-results"),
+    against: AgainstOption = None,
+    strict: StrictOption = False,
 ) -> None:
     """Map a robot for hours, in compressed time, while connections, clocks and disk fail."""
-    from bench.soak.run import soak
+    from bench.soak.run import record_of, soak
 
-    failed = False
+    before = _earlier(against, "soak")
+    results = {}
     for kind in _names(sources):
-        result = soak(kind, hours, faults, out / kind, seed, drives_again=drives_again)
-        typer.echo(f"source         {kind}\n{result.table()}\n")
-        failed = failed or result.unaccounted != 0
-    if failed:
+        folder = out / "soak" / kind
+        results[kind] = soak(kind, hours, faults, folder, seed, drives_again=drives_again)
+        typer.echo(f"source         {kind}\n{results[kind].table()}\n")
+    record = record_of(results, hours, drives_again=drives_again)
+    _conclude(record, out, before, strict)
+    if any(result.unaccounted for result in results.values()):
         raise typer.Exit(1)
 
 

@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -23,8 +23,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import IO
 
+from bench.environment import environment
 from bench.fuzz.seeds import Seeds, make_seeds
 from bench.fuzz.worker import LIMIT_S, PASSED, Outcome, input_folder
+from bench.record import Figure, Record, Row
 
 LONGEST_RANGE = 10_000
 """Inputs of a process at most: its memory is that of these, not of all before."""
@@ -42,24 +44,50 @@ class Results:
     counts : number of inputs by kind and what came of them.
     failures : those that failed.
     longest : the input that took longest.
+    longest_s : the longest time by kind [s].
     """
 
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
     failures: list[Outcome] = field(default_factory=list)
     longest: Outcome | None = None
+    longest_s: dict[str, float] = field(default_factory=dict)
 
     def add(self, outcome: Outcome) -> None:
         """Add the outcome of one input."""
         self.counts[outcome.target, outcome.what] += 1
         if outcome.what not in PASSED:
             self.failures.append(outcome)
-        if self.longest is None or outcome.seconds > self.longest.seconds:
+        target, seconds = outcome.target, outcome.seconds
+        self.longest_s[target] = max(seconds, self.longest_s.get(target, 0.0))
+        if self.longest is None or seconds > self.longest.seconds:
             self.longest = outcome
 
     @property
     def total(self) -> int:
         """Number of inputs."""
         return sum(self.counts.values())
+
+    def record(self) -> Record:
+        """Return the counts by kind of input, and of all."""
+        targets = sorted({target for target, _ in self.counts})
+        rows = [self._row(name, [name]) for name in targets]
+        return Record("fuzz", (*rows, self._row("all", targets)), environment())
+
+    def _row(self, name: str, targets: Sequence[str]) -> Row:
+        counts: Counter[str] = Counter()
+        for (target, what), count in self.counts.items():
+            counts[what] += count if target in targets else 0
+        failures = counts.total() - sum(counts[what] for what in PASSED)
+        return Row(
+            {"input": name},
+            {
+                "inputs": Figure.exact(counts.total(), better=None),
+                "used": Figure.exact(counts["fine"], better=None),
+                "refused": Figure.exact(counts["stated"], better=None),
+                "failures": Figure.exact(failures),
+                "longest": Figure(max(self.longest_s[target] for target in targets), "s"),
+            },
+        )
 
     def table(self) -> str:
         """Return the counts by kind of input, for the terminal."""

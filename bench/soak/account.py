@@ -28,8 +28,9 @@ class Account:
 
     def __init__(self, most: int) -> None:
         self.num_sent = 0
-        self._stamps = np.zeros(most)
-        self._came = np.zeros(most, dtype=np.bool_)
+        # Not zeros, whose memory the system would hand out scan by scan, as if the mapper grew.
+        self._stamps = np.full(most, np.nan)
+        self._came = np.full(most, False)
         self._next, self._newest = 0, -1
         self._cuts: list[tuple[int, int]] = []
         self._first = 0

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cartoloop.sensor.events import LaserScan, SensorEvent
+from cartoloop.sensor.events import LaserScan, Odometry, SensorEvent
 from cartoloop.simulation import ring, simulate
 
 STANDS_S = 1800.0
@@ -25,7 +25,7 @@ _NOISE_M = 0.01
 def day(
     end_s: float, numbers: np.random.Generator, *, drives_again: bool = True
 ) -> Iterator[tuple[float, SensorEvent]]:
-    """Yield events with their times [s], up to `end_s`.
+    """Yield events with their times [s], up to `end_s`; wheels that stand are reported, too.
 
     Parameters
     ----------
@@ -41,9 +41,11 @@ def day(
                 return
             yield time_s, event
         last = next(event for event in reversed(there) if isinstance(event, LaserScan))
+        wheels = next(event for event in reversed(there) if isinstance(event, Odometry))
         stands_s = min(STANDS_S if drives_again else end_s, max(end_s - time_s, 0.0))
         for _ in range(round(stands_s / PERIOD_S)):
             time_s += PERIOD_S
+            yield time_s, Odometry(time_s, time_s, wheels.tf_odom_tracking)
             ranges = last.ranges + numbers.normal(0.0, _NOISE_M, len(last.ranges))
             yield time_s, LaserScan(time_s, time_s, np.maximum(ranges, 0.05), last.geometry)
         there.reverse()

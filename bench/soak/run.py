@@ -17,10 +17,12 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from bench.environment import environment
+from bench.record import Figure, Record, Row
 from bench.soak.held import Held
 from bench.soak.robot import Robot
 from bench.soak.senders import Network, Watched
@@ -58,7 +60,7 @@ class SoakResult:
     lost : scans that were on their way in connections that were reset.
     missing : scans that did not come though their connection was closed properly.
     bad_lines : lines that were sent damaged, or of no known kind.
-    skipped : what the report counts, by reason.
+    skipped : what the report counts, by reason; odometry that comes late is of no line sent.
     settled, end : what the process held after a quarter of the day, and at its end.
     wall_s : time that it took [s].
     """
@@ -76,9 +78,19 @@ class SoakResult:
     wall_s: float = 0.0
 
     @property
+    def num_late(self) -> int:
+        """Number of readings of the odometry that were skipped, as after a jump of the clock."""
+        return sum(n for reason, n in self.skipped.items() if reason.startswith("odometry"))
+
+    @property
+    def num_skipped(self) -> int:
+        """Number of scans and lines that were skipped."""
+        return sum(self.skipped.values()) - self.num_late
+
+    @property
     def uncounted(self) -> int:
         """Number of scans and bad lines received that were neither mapped nor counted."""
-        return self.received + self.bad_lines - self.mapped - sum(self.skipped.values())
+        return self.received + self.bad_lines - self.mapped - self.num_skipped
 
     @property
     def unaccounted(self) -> int:
@@ -91,6 +103,31 @@ class SoakResult:
         scans = self.end.scans - self.settled.scans
         return 1e6 * (self.end.memory_mb - self.settled.memory_mb) / scans if scans else math.nan
 
+    def row(self, kind: str, hours: float, *, drives_again: bool) -> Row:
+        """Return the figures for the record; `kind` is that of the source."""
+        settled, end = self.settled, self.end
+        return Row(
+            {
+                "source": kind,
+                "hours": hours,
+                "drives": "each half hour" if drives_again else "once",
+            },
+            {
+                "faults": Figure.exact(sum(self.faults.values()), better=None),
+                "scans sent": Figure.exact(self.sent, better=None),
+                "mapped": Figure(self.mapped, better="more"),
+                "cut off": Figure(self.lost, better=None),
+                "unaccounted": Figure.exact(self.unaccounted),
+                "memory after a quarter": Figure(settled.memory_mb, "MB"),
+                "memory": Figure(end.memory_mb, "MB"),
+                "memory in use after a quarter": _figure(settled.in_use_mb, "MB"),
+                "memory in use": _figure(end.in_use_mb, "MB"),
+                "nodes after a quarter": Figure(settled.nodes, better=None),
+                "nodes": Figure(end.nodes, better=None),
+                "time": Figure(self.wall_s, "s"),
+            },
+        )
+
     def table(self) -> str:
         """Return the figures for the terminal."""
         return "\n".join(
@@ -99,7 +136,8 @@ class SoakResult:
                 + ", ".join(f"{count} {kind}" for kind, count in sorted(self.faults.items())),
                 f"scans          {self.sent} sent, {self.received} received, {self.mapped} mapped; "
                 f"{self.lost} lost in connections that were reset",
-                f"bad lines      {self.bad_lines} sent, {sum(self.skipped.values())} skipped",
+                f"bad lines      {self.bad_lines} sent, {self.num_skipped} skipped",
+                f"odometry       {self.num_late} readings came late, and were skipped",
                 f"unaccounted    {self.unaccounted}",
                 f"memory         {self.settled.memory_mb:.0f} MB with {self.settled.nodes} nodes, "
                 f"in the end {self.end.memory_mb:.0f} MB with {self.end.nodes}: "
@@ -109,6 +147,19 @@ class SoakResult:
                 f"time           {self.wall_s:.0f} s",
             )
         )
+
+
+def record_of(results: Mapping[str, SoakResult], hours: float, *, drives_again: bool) -> Record:
+    """Return the record of days of that length, by kind of source."""
+    rows = tuple(
+        result.row(kind, hours, drives_again=drives_again) for kind, result in results.items()
+    )
+    return Record("soak", rows, environment())
+
+
+def _figure(value: float, unit: str) -> Figure:
+    """Return a figure that was measured once; 0 where it is unknown."""
+    return Figure(value if math.isfinite(value) else 0.0, unit)
 
 
 def soak(

@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 import json
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 from bench.command_runs import CommandFailed, run_command
 from bench.document import to_markdown
+from bench.fuzz.run import Results
+from bench.fuzz.worker import Outcome
 from bench.paper import experiments as paper
 from bench.paper.published import SOURCES, published
 from bench.paper.report import sections
 from bench.record import Figure, Record, Row
 from bench.results_page import write_results_page
+from bench.soak.run import SoakResult, record_of
 from cartoloop.errors import ConfigError, InputError
 
 
@@ -100,6 +104,25 @@ def test_results_page_has_figures_of_the_records(tmp_path: Path) -> None:
     assert "abc123" in text
     assert "2026-01-01" in text
     assert "Freiburg bldg 79" in text
+
+
+def test_results_page_shows_faults_and_changed_inputs(tmp_path: Path) -> None:
+    day = SoakResult(Counter(drop=3), sent=900, received=890, mapped=889, lost=10, missing=0)
+    (tmp_path / "soak.json").write_text(record_of({"dds": day}, 0.5, drives_again=False).to_json())
+    inputs = Results()
+    for number, what in enumerate(("fine", "stated", "stated", "ValueError")):
+        inputs.add(Outcome(number, "map rows", what, "", [], 0.5 * number))
+    (tmp_path / "fuzz.json").write_text(inputs.record().to_json())
+    write_results_page(tmp_path, tmp_path / "results.md")
+    lines = [
+        [cell.strip() for cell in line.split("|")[1:-1]]
+        for line in (tmp_path / "results.md").read_text().splitlines()
+        if line.startswith(("| dds", "| map rows", "| all"))
+    ]
+    assert lines[0][:8] == ["dds", "0.5", "once", "3", "900", "889", "10", "1"]
+    assert lines[1] == ["map rows", "4", "1", "2", "1", "1.50"]
+    assert lines[2] == ["all", *lines[1][1:]]
+    assert [len(line) for line in lines] == [15, 6, 6]
 
 
 def test_folder_without_records_is_an_error(tmp_path: Path) -> None:

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from bench.soak.account import Account
-from bench.soak.run import NETWORKS, soak
+from bench.soak.run import NETWORKS, SoakResult, soak
 
 
 @pytest.mark.slow
@@ -27,6 +29,13 @@ def test_memory_in_use_stays_while_the_robot_stands(tmp_path):
     assert result.end.nodes < result.settled.nodes + 10  # a clock that jumps makes one
     assert result.end.scans - result.settled.scans > 3000
     assert not result.end.in_use_mb > result.settled.in_use_mb + 2.0, result.table()
+
+
+def test_odometry_that_comes_late_accounts_for_no_scan():
+    skipped = {"message skipped: no JSON": 2, "odometry out of order, not used": 3}
+    day = SoakResult(sent=10, received=9, mapped=9, lost=1, bad_lines=2, skipped=skipped)
+    assert (day.num_late, day.num_skipped, day.unaccounted) == (3, 2, 0)
+    assert replace(day, bad_lines=5).unaccounted == 3
 
 
 def sent(account, count):

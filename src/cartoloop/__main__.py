@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``python -m cartoloop`` is ``cartoloop``."""
 
-from cartoloop.cli.main import main
+from cartoloop.cli.start import main
 
 main()

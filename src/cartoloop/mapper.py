@@ -27,6 +27,7 @@ from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.map_data import MapData
 from cartoloop.map_sessions import earlier_maps
+from cartoloop.packed_rows import PackedRows
 from cartoloop.part_check import part_check
 from cartoloop.quality.examine import examine
 from cartoloop.report import (
@@ -125,13 +126,14 @@ class Mapper:
         if earlier.maps:
             self._global_slam.begin_session(onto_pose)
         self._back_end = BackgroundGlobalSlam(self._global_slam) if live else None
-        self._stamps = GrowingArray((), np.float64)
-        self._local_poses = GrowingArray((3,), np.float64)
-        self._stamps.extend(earlier.stamps)
-        self._local_poses.extend(earlier.local_poses)
+        self._scans = PackedRows(4)  # stamp and tf_local_tracking of each
+        self._scans.extend(np.column_stack((earlier.stamps, earlier.local_poses)))
         self._first_scan = len(earlier.stamps)
+        self._first_stamp = self._last_stamp = math.nan
         self._local_pose = IDENTITY
         self._node_scan_index: list[int] = earlier.node_scan_index.tolist()
+        self._node_stamps = GrowingArray((), np.float64)
+        self._node_stamps.extend(earlier.stamps[earlier.node_scan_index])
         self._skipped: Counter[str] = Counter()
         self._last_scan: LocalSlamResult | None = None
         self._num_scans = 0
@@ -200,18 +202,17 @@ class Mapper:
 
     @property
     def _has_scans(self) -> bool:
-        return len(self._stamps) > self._first_scan
+        return len(self._scans) > self._first_scan
 
     @property
     def last_stamp(self) -> float:
         """Stamp of the last mapped scan [s], NaN before the first."""
-        return float(self._stamps.view[-1]) if self._has_scans else math.nan
+        return self._last_stamp
 
     def node_stamps(self, first: int) -> FloatArray:
         """Return the stamps [s] of the graph's nodes from `first` on, shape (n,)."""
-        scans = self._node_scan_index[first : self._global_slam.graph.num_nodes]
-        stamps: FloatArray = self._stamps.view[np.array(scans, dtype=np.int64)]
-        return stamps
+        stamps: FloatArray = self._node_stamps.view[first : self._global_slam.graph.num_nodes]
+        return stamps.copy()
 
     def add(self, event: SensorEvent, on_pose: Callable[[], None] | None = None) -> Pose | None:
         """Add one sensor event. Bad data does not raise: it is skipped, and counted by reason.
@@ -308,7 +309,7 @@ class Mapper:
 
         The map is a copy: later mapping does not change it.
         """
-        num_scans, active = len(self._local_poses), self._local_slam.active_submaps
+        num_scans, active = len(self._scans), self._local_slam.active_submaps
 
         def hand_over() -> None:
             result = self._result(num_scans, active)
@@ -322,7 +323,7 @@ class Mapper:
 
         In live mapping, only after `close`; see `call_with_result`.
         """
-        return self._result(len(self._local_poses), self._local_slam.active_submaps)
+        return self._result(len(self._scans), self._local_slam.active_submaps)
 
     def _trimmed(self, result: Result, note: Callable[[str], None] | None) -> Result:
         """Return a finished map without what the newest session has superseded, if that is on."""
@@ -349,11 +350,12 @@ class Mapper:
         """Return the map of the first `num_scans` mapped scans and these growing submaps."""
         graph = self._global_slam.graph
         node_scan_index = np.array(self._node_scan_index[: graph.num_nodes], dtype=np.int64)
-        local = self._local_poses.view[:num_scans].copy()
+        scans = self._scans.rows(num_scans)
+        stamps, local = scans[:, 0].copy(), scans[:, 1:].copy()
         sessions = self.sessions
         trajectory = whole_trajectory(sessions, local, node_scan_index, graph.node_poses)
         return Result(
-            self._stamps.view[:num_scans].copy(),
+            stamps,
             trajectory,
             local,
             graph,
@@ -373,7 +375,7 @@ class Mapper:
             first_scan=self._first_scan,
             first_node=len(self._earlier.node_scan_index),
             first_submap=self._earlier.num_submaps,
-            stamp=float(self._stamps.view[self._first_scan]) if self._has_scans else math.nan,
+            stamp=self._first_stamp,
             calibration=self.calibration.to_dict(),
         )
         return with_parts([*self._earlier.sessions, own], self._global_slam.sessions)
@@ -395,11 +397,14 @@ class Mapper:
         self._last_scan = result = self._local_slam.add_scan(scan, publish)
         if not result.was_matched and result.node is None:
             self._skipped["too few returns to match: pose as predicted"] += 1
-        self._stamps.append(scan.stamp)
+        if not self._has_scans:
+            self._first_stamp = float(scan.stamp)
+        self._last_stamp = float(scan.stamp)
         self._sensors.setdefault(scan.geometry.sensor, scan.geometry)
-        self._local_poses.append(result.tf_local_tracking)
+        self._scans.append((scan.stamp, *result.tf_local_tracking))
         if result.node is not None:
-            self._node_scan_index.append(len(self._stamps) - 1)
+            self._node_scan_index.append(len(self._scans) - 1)
+            self._node_stamps.append(scan.stamp)
             (self._back_end or self._global_slam).add_node(result.node)
 
     def _end_back_end(self) -> Exception | None:

@@ -120,6 +120,10 @@ def fail():
     raise RuntimeError("the unforeseen\nhappened")
 
 
+def run_out_of_memory(*_):
+    raise MemoryError("Unable to allocate 142 PiB")
+
+
 def end_of_input():
     raise InputError("some.log:12: the file is cut off")
 
@@ -156,10 +160,16 @@ def test_without_a_folder_it_is_named_after_the_recording(
         ("rosbag2_2024/", "rosbag2_2024-map"),
         ("/dev/stdin", "stdin-map"),
         ("-", "recording-map"),
+        ("two\nlines\x1b[31m.log", "two_lines_[31m-map"),
     ],
 )
 def test_folders_are_named_after_recordings(recording, folder):
     assert default_folder(Path(recording)) == Path(folder)
+
+
+def test_the_summary_has_one_line_for_any_folder():
+    lines = summary(Report(), Path("two\nlines")).splitlines()
+    assert lines[-1].endswith("two\\nlines/map.png")
 
 
 def test_the_summary_says_in_words_what_the_counts_are():
@@ -309,7 +319,11 @@ def test_signals_are_as_before_afterwards(mapper, log, tmp_path):
 
 @pytest.mark.parametrize(
     ("failure", "message"),
-    [(fail, "unexpected RuntimeError: the unforeseen happened"), (end_of_input, "is cut off")],
+    [
+        (fail, "unexpected RuntimeError: the unforeseen happened"),
+        (end_of_input, "is cut off"),
+        (run_out_of_memory, "there is not enough memory (Unable to allocate 142 PiB); end other"),
+    ],
 )
 def test_a_failure_saves_the_map_and_is_reported_in_a_line(
     mapper, log, tmp_path, capsys, failure, message

@@ -178,6 +178,14 @@ def test_without_a_common_moment_it_is_an_input_error():
         evaluate_trajectory(other, TRUTH)
 
 
+def test_stamps_that_are_none_do_not_fill_the_line():
+    other = Trajectory(STAMPS * 1e300 + 1e300, TRUTH.poses)
+
+    with pytest.raises(InputError, match=r"same recording") as refusal:
+        evaluate_trajectory(other, TRUTH)
+    assert len(str(refusal.value)) < 200
+
+
 @pytest.mark.parametrize("all_pairs", [True, False])
 def test_without_poses_so_far_apart_it_is_an_input_error(all_pairs):
     with pytest.raises(InputError, match="no two of the 5 common poses are 50 m apart"):

@@ -63,9 +63,7 @@ def reported_by(model, way):
     x = np.concatenate(([0.0], np.cumsum(cos * steps[:, 0] - sin * steps[:, 1])))
     y = np.concatenate(([0.0], np.cumsum(sin * steps[:, 0] + cos * steps[:, 1])))
     stamps = np.arange(0.0, fine_times[-1] - 2.0, PERIOD)
-    odometry = at(stamps + model.time_offset, (fine_times, np.column_stack((x, y, heading))))
-    odometry[:, 2] = wrap_angles(odometry[:, 2])
-    return stamps, odometry
+    return stamps, at(stamps + model.time_offset, (fine_times, np.column_stack((x, y, heading))))
 
 
 def matched(stamps, way, noise=(0.005, 0.002), seed=4):
@@ -193,6 +191,7 @@ def test_the_model_is_estimated_while_scans_come_in():
     true = OdometryParameters(0.1, 0.9, 1.05)
     way = winding_way()
     stamps, odometry = reported_by(true, way)
+    odometry[:, 2] = wrap_angles(odometry[:, 2])
     calibration, track = OdometryCalibration(), OdometryTrack()
     for stamp, scan, reading in zip(
         stamps.tolist(), matched(stamps, way).tolist(), odometry.tolist(), strict=True

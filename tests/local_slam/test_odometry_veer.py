@@ -48,7 +48,7 @@ def chained(steps):
 
 
 def reported(poses, veer, rng, scale=1.0, noise=NOISE[0]):
-    """Odometry that lacks the turn of a veer on each step."""
+    """Odometry that lacks the turn of a veer on each step, its heading continuous."""
     steps = relative_all(poses[:-1], poses[1:])
     steps[:, 2] += rng.normal(size=len(steps)) * noise * math.sqrt(STEP)
     found, heading = [], 0.0
@@ -60,7 +60,11 @@ def reported(poses, veer, rng, scale=1.0, noise=NOISE[0]):
             turn = theta / scale - rate * x
         found.append((x, y, turn))
         heading += turn
-    return chained(np.array(found))
+    return continuous(chained(np.array(found)))
+
+
+def continuous(poses):
+    return np.column_stack((poses[:, :2], np.unwrap(poses[:, 2])))
 
 
 def matched(times, poses, rng, noise=NOISE[1]):
@@ -148,7 +152,7 @@ def test_one_slip_is_no_veer():
     odometry = reported(poses, NO_VEER, rng)
     steps = relative_all(odometry[:-1], odometry[1:])
     steps[300:340, 2] += 0.02
-    found, _ = estimate_veer(matched(times, poses, rng), times, chained(steps))
+    found, _ = estimate_veer(matched(times, poses, rng), times, continuous(chained(steps)))
     assert math.hypot(*found) < 0.003
 
 

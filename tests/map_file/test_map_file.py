@@ -7,6 +7,7 @@ import json
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -195,6 +196,24 @@ def test_other_files_are_refused(tmp_path, content):
         load_map(tmp_path)
 
 
+def test_a_file_of_another_name_is_no_map_to_be_made_again(tmp_path):
+    (tmp_path / "drive.log").write_bytes(b"FLASER 1 2.0\n" * 100)
+
+    with pytest.raises(InputError, match="give a folder that 'cartoloop map' wrote"):
+        load_map(tmp_path / "drive.log")
+
+
+def test_a_map_that_cannot_be_read_is_not_called_damaged(tmp_path, monkeypatch):
+    (tmp_path / FILE_NAME).write_bytes(b"")
+
+    def refuse(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(InputError, match="cannot be read: Permission denied; check the file"):
+        load_map(tmp_path)
+
+
 def test_a_folder_without_a_map_is_refused(tmp_path):
     with pytest.raises(InputError, match="is not there; give a folder"):
         load_map(tmp_path)
@@ -236,6 +255,8 @@ def test_the_file_of_a_newer_program_is_refused(file):
         "DELETE FROM matches",
         "DROP TABLE matches",
         "UPDATE nodes SET point_unit = 9e999",
+        "UPDATE nodes SET x = -1e300",
+        "UPDATE submaps SET y = 1e300",
         "UPDATE nodes SET point_unit = NULL",
         "UPDATE trajectory SET y = 'somewhere'",
         "UPDATE about SET value = '{' WHERE key = 'report'",

@@ -183,6 +183,7 @@ def test_formats_choose_the_files_of_a_folder(tmp_path):
     [
         (Drawing(resolution=0.0), "a resolution of 0 m is impossible"),
         (Drawing(resolution=math.nan), "a resolution of nan m is impossible"),
+        (Drawing(resolution=1e308), "a resolution of 1e+308 m is impossible"),
         (Drawing(turn=math.inf), "cannot turn"),
         (Drawing(crop=Extent(2, 0, 1, 1)), "the smaller first"),
         (Drawing(crop=Extent(90, 90, 91, 91)), "the map is from x -0.3 to 3.2 m, y -0.3 to 2.2 m"),

@@ -44,6 +44,8 @@ def scans_of(log):
         (b"PK\x03\x04\x00", "zip archive"),
         (b"BZh91AY", "bzip2"),
         (b"\x00\x01\x02\x03" * 99, "is binary"),
+        ("ODOM 0 0 0 0 0 0 1.0 host 0\n".encode("utf-16"), "is text in UTF-16; save it as UTF-8"),
+        (b"\xef\xbb\xbf", "is empty"),
         (gzip.compress(b"\x00tar" * 200, mtime=0), "is binary"),
         (gzip.compress(TEXT, mtime=0)[:9], "gzip stream is cut off, nothing can be read"),
         (b"\x1f\x8bnot gzip at all, really", "gzip stream is damaged"),
@@ -62,6 +64,15 @@ def test_a_file_that_is_no_log_is_refused_in_one_line(tmp_path, content, message
         open_log(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("packed", [bytes, gzip.compress])
+def test_a_byte_order_mark_is_no_part_of_the_first_line(tmp_path, packed):
+    path = tmp_path / "saved by an editor.log"
+    path.write_bytes(packed(b"\xef\xbb\xbf" + TEXT))
+    log = open_log(path)
+    assert len(scans_of(log)) == TEXT.count(b"FLASER")
+    assert not log.problems
 
 
 def test_missing_files_and_folders_have_their_own_messages(tmp_path):

@@ -19,6 +19,7 @@ from cartoloop.cli.view_command import wait_for_stop
 from cartoloop.errors import OutputError
 from cartoloop.live.live_run import LiveObserver, LiveOptions, map_live
 from cartoloop.live.poses import open_poses
+from cartoloop.plain_text import one_line
 from cartoloop.runtime.process_memory import relax_gc, set_malloc_thresholds
 
 if TYPE_CHECKING:
@@ -126,7 +127,7 @@ class _Display(LiveObserver):
 
     def saving(self, folder: Path) -> None:
         self._out = folder
-        self.say(f"writing {folder}")
+        self.say(f"writing {one_line(str(folder))}")
 
     def saved(self, result: Result, failure: Exception | None) -> None:
         text = summary(result.report, self._out)

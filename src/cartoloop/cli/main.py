@@ -217,18 +217,28 @@ def run(arguments: Sequence[str], program: typer.Typer = app) -> int:
     except Exception as error:  # noqa: BLE001 - users get a line, not a traceback
         if debug:
             traceback.print_exc()
-        if isinstance(error, OSError) and error.filename is not None:
-            # A path that the system refuses, such as one that is too long.
-            shown = one_line(os.fsdecode(error.filename))[:_SHOWN]
-            typer.echo(f"cartoloop: {shown}: {error.strerror}; check the path", err=True)
-            return 1
-        typer.echo(
-            f"cartoloop: unexpected {type(error).__name__}: {' '.join(str(error).split())}; this "
-            "is a bug, please report it with the output of the same command and --debug",
-            err=True,
-        )
+        typer.echo(f"cartoloop: {_unexpected(error)}", err=True)
         return 1
     return 0
+
+
+def _unexpected(error: Exception) -> str:
+    """Return the line about an error that no command expects."""
+    said = " ".join(str(error).split())
+    if isinstance(error, OSError) and error.filename is not None:
+        # A path that the system refuses, such as one that is too long.
+        shown = one_line(os.fsdecode(error.filename))[:_SHOWN]
+        return f"{shown}: {error.strerror}; check the path"
+    if isinstance(error, MemoryError):
+        reason = f" ({said})" if said else ""
+        return (
+            f"there is not enough memory{reason}; end other programs, or take a larger "
+            "local_slam.submaps.resolution or export --resolution"
+        )
+    return (
+        f"unexpected {type(error).__name__}: {said}; this is a bug, please report it with the "
+        "output of the same command and --debug"
+    )
 
 
 def main() -> None:

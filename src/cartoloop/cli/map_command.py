@@ -19,6 +19,7 @@ from cartoloop.cli.options import (
     parse_pose_deg,
 )
 from cartoloop.cli.view_command import ViewOptions, wait_for_stop
+from cartoloop.plain_text import one_line
 from cartoloop.readers.formats import format_names
 
 if TYPE_CHECKING:
@@ -136,7 +137,9 @@ def map_command(options: MapOptions) -> None:
     else:
         before = _as_before(options, loaded, read_options, folder, pose)
         if before is None:
-            typer.echo(f"{out} holds the finished map of this recording: nothing to resume")
+            typer.echo(
+                f"{one_line(str(out))} holds the finished map of this recording: nothing to resume"
+            )
             return
         loaded, read_options = before
         layers = None if options.draw == PictureOptions.draw else layers
@@ -148,7 +151,7 @@ def map_command(options: MapOptions) -> None:
         log = open_logs(files, read_options)
     typer.echo(log.description)
     if options.out is None:
-        typer.echo(f"output         {out}")
+        typer.echo(f"output         {one_line(str(out))}")
     run = partial(
         map_log,
         log,
@@ -222,9 +225,10 @@ def _as_before(
 def _note_interrupted(folder: RunFolder) -> None:
     """Say that there is a run to be resumed, which a new one replaces."""
     if folder.has_journal:
+        path = one_line(str(folder.path))
         typer.echo(
-            f"{folder.path} holds an interrupted run, which this one replaces; --resume "
-            f"{folder.path} would go on with it",
+            f"{path} holds an interrupted run, which this one replaces; --resume {path} would go "
+            "on with it",
             err=True,
         )
 
@@ -250,4 +254,5 @@ def default_folder(recording: Path) -> Path:
     stem, dot, ending = name.rpartition(".")
     if dot and stem and ending.lower() in _WRAPPINGS:
         name = stem
-    return Path(f"{Path(name).stem.strip('.-') or 'recording'}-map")
+    stem = "".join(sign if sign.isprintable() else "_" for sign in Path(name).stem.strip(".-"))
+    return Path(f"{stem or 'recording'}-map")

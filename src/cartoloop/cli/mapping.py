@@ -15,6 +15,7 @@ from cartoloop.cli.progress import Progress, format_duration, progress
 from cartoloop.cli.second_process import start_second_process
 from cartoloop.cli.session_lines import show_sessions
 from cartoloop.cli.stop_signals import SignalStop, stop_signals
+from cartoloop.plain_text import one_line
 from cartoloop.report import odometry_warning
 from cartoloop.runs.observer import RunObserver
 from cartoloop.runs.recording import map_recording
@@ -129,7 +130,9 @@ class _Display(RunObserver):
         typer.echo(f"resuming: {num_scans} scans were mapped before", err=True)
 
     def already_finished(self, folder: Path) -> None:
-        typer.echo(f"{folder} holds the finished map of this recording: nothing to resume")
+        typer.echo(
+            f"{one_line(str(folder))} holds the finished map of this recording: nothing to resume"
+        )
 
     def journal_failed(self, problem: str) -> None:
         typer.echo(f"warning: {problem}", err=True)
@@ -161,7 +164,7 @@ class _Display(RunObserver):
 
     def saving(self, folder: Path) -> None:
         self._out = folder
-        typer.echo(f"writing {folder}", err=True)
+        typer.echo(f"writing {one_line(str(folder))}", err=True)
 
     def saved(self, result: Result, failure: Exception | None) -> None:
         self._show_problems()
@@ -170,7 +173,7 @@ class _Display(RunObserver):
         typer.echo(summary(result.report, self._out))
         show_sessions(result)
         if failure is not None:
-            typer.echo(f"the map until the failure is in {self._out}", err=True)
+            typer.echo(f"the map until the failure is in {one_line(str(self._out))}", err=True)
 
     def _show_problems(self) -> None:
         for problem in self._log.problems[:MAX_PROBLEMS_SHOWN]:
@@ -262,6 +265,6 @@ def summary(report: Report, out: Path) -> str:
     rows |= {
         "skipped": skipped or "nothing",
         "quality": report.quality.summary(),
-        "map": str(out / "map.png"),
+        "map": one_line(str(out / "map.png")),
     }
     return "\n".join(f"{name:<15}{value}" for name, value in rows.items())

@@ -204,7 +204,7 @@ class MotionFilterConfig(Section):
 class SubmapConfig(Section):
     """Probability grids, section IV-B."""
 
-    resolution: float = Field(0.05, gt=0, description="edge of a pixel, r [m]")
+    resolution: float = Field(0.05, ge=0.001, description="edge of a pixel, r [m]")
     num_range_data: int = Field(
         90, ge=1, description="scans until the next submap starts; each receives twice as many"
     )

@@ -35,6 +35,7 @@ from cartoloop.evaluation.error_statistics import ErrorStatistics
 from cartoloop.evaluation.pose_pairs import frame_pairs, span_pairs
 from cartoloop.evaluation.trajectories import Trajectory, align
 from cartoloop.sensor.pose import IDENTITY, Pose, compose_all, relative_all, wrap_angles
+from cartoloop.sensor.time_repair import LATEST_STAMP
 
 DeltaUnit = Literal["m", "s", "frames"]
 PairsFrom = Literal["estimate", "truth"]
@@ -280,4 +281,8 @@ def relative_error(
 def _time_span(trajectory: Trajectory) -> str:
     if len(trajectory.stamps) == 0:
         return "no poses"
-    return f"{trajectory.stamps.min():.3f} to {trajectory.stamps.max():.3f} s"
+    first, last = (
+        f"{stamp:.3f}" if abs(stamp) <= LATEST_STAMP else f"{stamp:g}"
+        for stamp in (trajectory.stamps.min(), trajectory.stamps.max())
+    )
+    return f"{first} to {last} s"

@@ -152,6 +152,9 @@ class LocalSlam:
     def add_odometry(self, odometry: Odometry) -> None:
         """Add a wheel-odometry reading."""
         self.extrapolator.add_odometry(odometry.time, odometry.tf_odom_tracking)
+        if self.extrapolator.has_much_odometry:
+            begins = [scanner.distance_meter.begin for scanner in self._scanners.values()]
+            self.extrapolator.forget_odometry([time for time in begins if time is not None])
 
     def add_imu(self, imu: Imu) -> None:
         """Add an inertial reading."""

@@ -80,6 +80,11 @@ class DistanceMeter:
     def __init__(self) -> None:
         self._first: _Seen | None = None
 
+    @property
+    def begin(self) -> float | None:
+        """Time of the scan from which the next distance is measured [s]; None without one."""
+        return None if self._first is None else self._first.time
+
     def forget(self) -> None:
         """Forget all scans: the next one is the first."""
         self._first = None

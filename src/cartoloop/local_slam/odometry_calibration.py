@@ -99,6 +99,13 @@ class OdometryCalibration:
         """Add a distance that scans measured."""
         self._distances.append(distance)
 
+    def used_times(self) -> FloatArray:
+        """Return the times at which it will ask for the odometry again, up to clock offsets [s]."""
+        ends = [(one.begin, one.end) for one in self._distances]
+        scans = [series.times for series in self._series.values()]
+        every = (ends, *scans)
+        return np.concatenate([np.array(times, dtype=np.float64).ravel() for times in every])
+
     def add(
         self,
         time: float,
@@ -149,14 +156,15 @@ def estimate(
     Parameters
     ----------
     times, poses : float64, shapes (n,), (n, 3): matched scans.
-    odometry_times, odometry_poses : float64, shapes (k,), (k, 3), times increasing.
+    odometry_times, odometry_poses : float64, shapes (k,), (k, 3), times increasing, headings
+        continuous.
     previous : the model so far. Its veer is taken to be known.
     is_usable : shape (n,), whether the step to each scan is used; by default all are.
     """
     if len(odometry_times) < 2:
         return previous
     steps = relative_all(poses[:-1], poses[1:])
-    heading = np.unwrap(odometry_poses[:, 2])
+    heading = odometry_poses[:, 2]
     span = (times >= odometry_times[0]) & (times <= odometry_times[-1])
     known = span[:-1] & span[1:]
     if is_usable is not None:
@@ -171,8 +179,9 @@ def estimate(
         if found is None:
             return previous
         offset = found
-    columns = (odometry_poses[:, 0], odometry_poses[:, 1], heading)
-    at_scans = np.column_stack([np.interp(times - offset, odometry_times, c) for c in columns])
+    at_scans = np.column_stack(
+        [np.interp(times - offset, odometry_times, column) for column in odometry_poses.T]
+    )
     reported = relative_all(at_scans[:-1], at_scans[1:])
     reported = previous.veer.corrected_all(reported, at_scans[:-1, 2])
     if turns_enough:
@@ -222,9 +231,10 @@ def with_measured_scale(
         estimates.append((known.translation_scale, max(known.scale_error, MIN_KNOWN_ERROR)))
     if np.count_nonzero(is_known) >= MIN_DISTANCES:
         used = [one for one, inside in zip(distances, is_known.tolist(), strict=True) if inside]
-        columns = (odometry_poses[:, 0], odometry_poses[:, 1], np.unwrap(odometry_poses[:, 2]))
         first, last = (
-            np.column_stack([np.interp(times[is_known], odometry_times, c) for c in columns])
+            np.column_stack(
+                [np.interp(times[is_known], odometry_times, column) for column in odometry_poses.T]
+            )
             for times in (begins, ends)
         )
         moved = model.predict_all(relative_all(first, last), first[:, 2])

@@ -9,13 +9,13 @@ from bisect import bisect_left, bisect_right
 import numpy as np
 
 from cartoloop.arrays import FloatArray
+from cartoloop.local_slam.odometry_readings import OdometryReadings
 from cartoloop.sensor.pose import (
     IDENTITY,
     Pose,
     compose,
     interpolate,
     inverse,
-    pose_rows,
     wrap_angle,
 )
 
@@ -62,7 +62,7 @@ HASTY_M, HASTY_RAD, HASTY_TIMES_FASTEST = 0.1, 0.1, 1.5
 
 
 class OdometryTrack:
-    """The odometry readings so far, by their time.
+    """The odometry readings so far, by their time, but for those that were forgotten.
 
     A jump further than a robot can move is a reset: the track continues from its last pose, as if
     the robot had not moved. The motion across a jump is not known: see `jumps_between`.
@@ -73,66 +73,92 @@ class OdometryTrack:
 
     Attributes
     ----------
+    num_jumps : number of jumps.
     num_late : how often it caught up.
     late_since : time of the reading that it last repeated before it caught up [s].
     has_moved : whether it has reported any motion.
     """
 
     def __init__(self) -> None:
-        self.num_late = 0
+        self.num_jumps = self.num_late = 0
         self.late_since = math.nan
         self.has_moved = False
         self._is_repeating = False
         self._pace = _Pace()
         self._jump_times: list[float] = []
         self._tf_track_odom = IDENTITY
-        self._times: list[float] = []
-        self._poses: list[Pose] = []
-
-    @property
-    def num_jumps(self) -> int:
-        """Number of jumps."""
-        return len(self._jump_times)
+        self._readings = OdometryReadings()
+        self._last = IDENTITY
+        self._num_forgotten = 0
 
     def __len__(self) -> int:
-        return len(self._times)
+        """Return the number of readings, with those that were forgotten."""
+        return len(self._readings) + self._num_forgotten
+
+    @property
+    def is_long(self) -> bool:
+        """Whether it is time to forget some of the readings."""
+        return self._readings.are_many
+
+    def forget(self, needed: FloatArray, reach: float) -> None:
+        """Forget the readings that are far from some times, but for the latest.
+
+        Poses, jumps and motion around these times remain the same, to the last bit.
+
+        Parameters
+        ----------
+        needed : the times [s], shape (n,).
+        reach : that are kept before and after each [s].
+        """
+        before = len(self._readings)
+        self._readings.forget(needed, reach)
+        self._num_forgotten += before - len(self._readings)
+        # Between two readings that are left, one jump says as much as many.
+        after = np.searchsorted(np.array(self._readings.times), self._jump_times)
+        is_last = np.append(after[1:] != after[:-1], True)[: len(after)]
+        self._jump_times = np.array(self._jump_times)[is_last].tolist()
 
     def add(self, time: float, tf_odom_tracking: Pose) -> None:
         """Add a reading; of several at one time the last is kept, older ones are ignored."""
-        if self._times and time <= self._times[-1]:
-            if time == self._times[-1]:
-                self._poses.pop()
-                self._times.pop()
+        times = self._readings.times
+        if times and time <= times[-1]:
+            if time == times[-1]:
+                self._pop()
                 self._append(time, tf_odom_tracking)
             return
         self._append(time, tf_odom_tracking)
+
+    def _pop(self) -> None:
+        self._readings.pop()
+        self._last = self._readings.pose(-1) if len(self._readings) else IDENTITY
 
     def _append(self, time: float, tf_odom_tracking: Pose) -> None:
         pose = self._in_track(time, tf_odom_tracking)
         was_repeating, self._is_repeating = self._is_repeating, self._repeats(time, pose)
         if self._is_repeating:
             return
-        if self._times:
-            if self._drop_repeated(time, pose) or (was_repeating and pose != self._poses[-1]):
+        if len(self._readings):
+            if self._drop_repeated(time, pose) or (was_repeating and pose != self._last):
                 self.num_late += 1
-                self.late_since = self._times[-1]
-            self._pace.add(time, self._poses[-1], pose)
-            self.has_moved = self.has_moved or pose != self._poses[-1]
-        self._times.append(time)
-        self._poses.append(pose)
+                self.late_since = self._readings.times[-1]
+            self._pace.add(time, self._last, pose)
+            self.has_moved = self.has_moved or pose != self._last
+        self._readings.append(time, pose)
+        self._last = pose
 
     def _drop_repeated(self, time: float, pose: Pose) -> bool:
         """Drop readings that were repeated, if the next one shows it; return whether it does."""
-        times, poses = self._times, self._poses
+        readings, times = self._readings, self._readings.times
         if (
             len(times) < 2
-            or poses[-1] != poses[-2]
-            or not self._pace.is_hasty(poses[-1], pose, time - times[-1])
+            or self._last != readings.pose(-2)
+            or not self._pace.is_hasty(self._last, pose, time - times[-1])
         ):
             return False
-        while len(times) > 1 and poses[-1] == poses[-2] and time - times[-2] <= MAX_REPEAT_S:
-            times.pop()
-            poses.pop()
+        while (
+            len(times) > 1 and self._last == readings.pose(-2) and time - times[-2] <= MAX_REPEAT_S
+        ):
+            self._pop()
         return True
 
     def _in_track(self, time: float, tf_odom_tracking: Pose) -> Pose:
@@ -140,25 +166,25 @@ class OdometryTrack:
         pose = tf_odom_tracking
         if self.num_jumps:
             pose = compose(self._tf_track_odom, pose)
-        if self._poses and self._is_jump(self._poses[-1], pose, time):
+        if len(self._readings) and self._is_jump(self._last, pose, time):
+            self.num_jumps += 1
             self._jump_times.append(time)
-            self._tf_track_odom = compose(self._poses[-1], inverse(tf_odom_tracking))
-            return self._poses[-1]
+            self._tf_track_odom = compose(self._last, inverse(tf_odom_tracking))
+            return self._last
         return pose
 
     def _is_jump(self, before: Pose, after: Pose, time: float) -> bool:
         """Return whether the robot cannot have moved from one pose to the other until a time."""
         distance = math.hypot(after.x - before.x, after.y - before.y)
         turn = abs(wrap_angle(after.theta - before.theta))
-        return _is_too_far(distance, turn, time - self._times[-1]) or self._pace.is_exceeded(
-            distance, turn, time
-        )
+        since = time - self._readings.times[-1]
+        return _is_too_far(distance, turn, since) or self._pace.is_exceeded(distance, turn, time)
 
     def _repeats(self, time: float, pose: Pose) -> bool:
         """Return whether a reading repeats the last one though the robot moves."""
-        times, poses = self._times, self._poses
+        times = self._readings.times
         # At a jump, the track repeats its last pose.
-        if len(times) < 2 or pose != poses[-1] or time in self._jump_times[-1:]:
+        if len(times) < 2 or pose != self._last or time in self._jump_times[-1:]:
             return False
         since = time - times[-1]
         if self._is_repeating:
@@ -170,27 +196,27 @@ class OdometryTrack:
 
     def _speed_since(self, row: int) -> float:
         """Return the speed from a reading to the last one [m/s]."""
-        first, last = self._poses[row], self._poses[-1]
+        first, last, times = self._readings.pose(row), self._last, self._readings.times
         moved = math.hypot(last.x - first.x, last.y - first.y)
-        return moved / (self._times[-1] - self._times[row])
+        return moved / (times[-1] - times[row])
 
     def at(self, time: float) -> Pose | None:
         """Return tf_odom_tracking at a time, or None where the readings do not reach."""
-        times, poses = self._times, self._poses
+        times, pose = self._readings.times, self._readings.pose
         if not times or time < times[0]:
             return None
         after = bisect_right(times, time)
         if after < len(times):
             fraction = (time - times[after - 1]) / (times[after] - times[after - 1])
-            return interpolate(poses[after - 1], poses[after], fraction)
+            return interpolate(pose(after - 1), pose(after), fraction)
         beyond = time - times[-1]
         span = times[-1] - times[-2] if len(times) > 1 else MAX_PERIOD_S
         gives_speed = span < MAX_PERIOD_S
         if beyond > (MAX_EXTRAPOLATION_S if gives_speed else MAX_HOLD_SHARE * span):
             return None
         if beyond == 0.0 or not gives_speed:
-            return poses[-1]
-        return interpolate(poses[-2], poses[-1], 1.0 + beyond / span)
+            return self._last
+        return interpolate(pose(-2), self._last, 1.0 + beyond / span)
 
     def jumps_between(self, begin: float, end: float) -> bool:
         """Return whether the motion between two times is unknown because the readings jumped.
@@ -198,7 +224,7 @@ class OdometryTrack:
         It is unknown from the last reading before a jump to the first after it, and wherever it
         would be extrapolated from a jump.
         """
-        times, jumps = self._times, self._jump_times
+        times, jumps = self._readings.times, self._jump_times
         if not jumps:
             return False
         first, last = min(begin, end), max(begin, end)
@@ -209,8 +235,8 @@ class OdometryTrack:
         return bisect_right(jumps, first) < bisect_right(jumps, until)
 
     def arrays(self) -> tuple[FloatArray, FloatArray]:
-        """Return times, shape (n,), and poses, shape (n, 3)."""
-        return np.array(self._times), pose_rows(self._poses)
+        """Return times and poses, whose headings are continuous, shapes (n,), (n, 3)."""
+        return self._readings.rows()
 
 
 class _Pace:

@@ -104,7 +104,8 @@ def estimate_veer(
     Parameters
     ----------
     scans : as matched.
-    odometry_times, odometry_poses : float64, shapes (k,), (k, 3), times increasing.
+    odometry_times, odometry_poses : float64, shapes (k,), (k, 3), times increasing, headings
+        continuous.
     time_offset : a reading is this much newer than the scan of the same stamp [s].
     previous : the veer that was accepted before, which remains until there are enough stretches.
 
@@ -121,8 +122,9 @@ def estimate_veer(
     times = scans.times - time_offset
     is_covered = (times >= odometry_times[0]) & (times <= odometry_times[-1])
     is_used = scans.is_usable[1:] & is_covered[:-1] & is_covered[1:]
-    poses = (odometry_poses[:, 0], odometry_poses[:, 1], np.unwrap(odometry_poses[:, 2]))
-    readings = np.column_stack([np.interp(times, odometry_times, column) for column in poses])
+    readings = np.column_stack(
+        [np.interp(times, odometry_times, column) for column in odometry_poses.T]
+    )
     reported = relative_all(readings[:-1], readings[1:])
     turns = relative_all(scans.poses[:-1], scans.poses[1:])[:, 2]
     path, middle = reported[:, 0], readings[:-1, 2] + 0.5 * reported[:, 2]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import Any, NamedTuple
@@ -38,6 +38,10 @@ increment, and its beams count as measured at once."""
 STALE_M, STALE_RAD, STALE_SHARE = 0.03, 0.03, 0.5
 """Odometry that does not change at all while the scans move by more than this [m], [rad] repeats an
 old reading. It is new again when it agrees with the scans up to that and a share of the motion."""
+
+ODOMETRY_REACH_S = 4.0
+"""Time around a scan for which the odometry is asked [s]: as many seconds as the clock offsets and
+delays that are tried add up to, and half a sweep."""
 
 MAX_RECENT = 256
 """Number of latest scans whose poses are kept for odometry that catches up: some seconds of them.
@@ -163,6 +167,22 @@ class PoseExtrapolator:
         """Add a wheel-odometry reading."""
         if self._config.use_odometry:
             self._odometry.add(time, tf_odom_tracking)
+
+    @property
+    def has_much_odometry(self) -> bool:
+        """Whether it is time to forget some of the odometry."""
+        return self._odometry.is_long
+
+    def forget_odometry(self, needed: Sequence[float]) -> None:
+        """Forget the odometry that cannot change any pose or calibration any more.
+
+        Parameters
+        ----------
+        needed : times of earlier scans from which a distance will be measured [s].
+        """
+        used = np.concatenate((self._calibration.used_times(), needed))
+        reach = ODOMETRY_REACH_S + abs(self._calibration.model.time_offset)
+        self._odometry.forget(used, reach)
 
     def add_imu(self, imu: Imu) -> None:
         """Add an inertial reading."""

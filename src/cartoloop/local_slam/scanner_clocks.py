@@ -9,6 +9,7 @@ times the velocity, along the motion and in the turn.
 from __future__ import annotations
 
 import math
+from array import array
 from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -46,17 +47,25 @@ POSITION_SIGMA, HEADING_SIGMA = 0.015, 0.003
 
 @dataclass(slots=True)
 class _Series:
-    """The scans of one scanner: times by its own clock, poses, offset, and when it is due."""
+    """The scans of one scanner: times by its own clock, poses, offset, and when it is due.
 
-    times: list[float] = field(default_factory=list)
-    poses: list[Pose] = field(default_factory=list)
+    Packed, since there may be many: the numbers of all poses are in one array.
+    """
+
+    times: array[float] = field(default_factory=lambda: array("d"))
+    poses: array[float] = field(default_factory=lambda: array("d"))
     offset: float = 0.0
     num_scans: int = 0
     due: int = FIRST_ESTIMATE
 
     def drop(self, count: int) -> None:
         """Drop the oldest scans."""
-        del self.times[: max(count, 0)], self.poses[: max(count, 0)]
+        if count > 0:
+            del self.times[:count], self.poses[: 3 * count]
+
+    def rows(self, first: int = 0) -> tuple[FloatArray, FloatArray]:
+        """Return times and poses from a scan on, shapes (n,), (n, 3)."""
+        return np.array(self.times[first:]), np.array(self.poses[3 * first :]).reshape(-1, 3)
 
 
 class ScannerClocks:
@@ -98,7 +107,7 @@ class ScannerClocks:
         offset = self.offset_of(scanner)
         series = self._series[scanner]
         series.times.append(time - offset)
-        series.poses.append(tf_local_tracking)
+        series.poses.extend(tf_local_tracking)
         series.num_scans += 1
         if scanner == self._reference:
             if len(series.times) >= 2 * MAX_REFERENCE:
@@ -110,12 +119,7 @@ class ScannerClocks:
         series.drop(len(series.times) - WINDOW)
         reference = self._series[self._reference]
         first = bisect_left(reference.times, series.times[0] - 1.0)
-        found = scanner_offset(
-            np.array(series.times),
-            np.array(series.poses),
-            np.array(reference.times[first:]),
-            np.array(reference.poses[first:]),
-        )
+        found = scanner_offset(*series.rows(), *reference.rows(first))
         if found is not None:
             series.offset = found
         return series.offset - offset

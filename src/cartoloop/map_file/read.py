@@ -47,6 +47,9 @@ if TYPE_CHECKING:
 
 Row = tuple[Any, ...]
 
+_MAX_PLACE = 1e9
+"""Largest number in the pose of a submap or node [m]: more than twice the way to the moon."""
+
 _TABLES = [
     "about",
     "submaps",
@@ -130,13 +133,18 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
             f"{FILE_NAME} in one"
         )
     try:
+        file.open("rb").close()
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read: {error.strerror}; check the file") from error
+    try:
         database = open_database(file, _TABLES)
         application_id = database.execute("PRAGMA application_id").fetchone()[0]
         version = database.execute("PRAGMA user_version").fetchone()[0]
     except sqlite3.Error as error:
-        raise InputError(
-            f"{file}: is no map database ({error}); map the recording again"
-        ) from error
+        advice = "map the recording again"
+        if file.name != FILE_NAME:
+            advice = f"give a folder that 'cartoloop map' wrote, or the file {FILE_NAME} in one"
+        raise InputError(f"{file}: is no map database ({error}); {advice}") from error
     with closing(database):
         if application_id != APPLICATION_ID:
             raise InputError(f"{file}: is a database, but no map; give one that cartoloop wrote")
@@ -164,12 +172,20 @@ def _poses(rows: Sequence[Row], num_columns: int = 3) -> FloatArray:
     return array
 
 
+def _places(rows: Sequence[Row]) -> FloatArray:
+    """Return poses of submaps or nodes, whose cells can be counted."""
+    places = _poses(rows)
+    if np.any(np.abs(places) > _MAX_PLACE):
+        raise ValueError("a pose is out of all bounds")
+    return places
+
+
 def _graph(database: sqlite3.Connection) -> tuple[PoseGraph, Closures]:
     graph = PoseGraph()
     submaps = database.execute("SELECT x, y, theta FROM submaps ORDER BY submap").fetchall()
     nodes = database.execute("SELECT x, y, theta FROM nodes ORDER BY node").fetchall()
-    graph.add_submaps(_poses(submaps))
-    graph.add_nodes(_poses(nodes))
+    graph.add_submaps(_places(submaps))
+    graph.add_nodes(_places(nodes))
     if graph.num_submaps:
         graph.fix_submap(0)
     version = database.execute("PRAGMA user_version").fetchone()[0]

@@ -40,6 +40,9 @@ graph, and the tables of nodes and closures."""
 _FILE_FORMATS = {".png": "png", ".pgm": "pgm", ".yaml": "pgm", ".tum": "tum", ".g2o": "g2o"}
 """Formats of single files, by their ending."""
 
+MAX_CELL_M = 1000.0
+"""Largest edge of a cell [m]: a map of such cells shows nothing."""
+
 _WALL = 0.5
 """Cells more probably occupied than this are walls."""
 
@@ -210,7 +213,7 @@ def compose_again(
     submaps = result.config.local_slam.submaps
     if resolution is None:
         resolution = submaps.resolution
-    if not (math.isfinite(resolution) and resolution > 0.0):
+    if not 0.0 < resolution <= MAX_CELL_M:
         raise ConfigError(f"a resolution of {resolution:g} m is impossible: give one like 0.05")
     # Larger cells are made of whole ones that are no larger than those of the submaps.
     per_cell = max(1, math.ceil(resolution / submaps.resolution - 1e-9))

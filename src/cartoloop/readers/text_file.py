@@ -35,8 +35,13 @@ to ten times their size, of zeros to a thousand times."""
 
 _GZIP_MAGIC = b"\x1f\x8b"
 
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+"""With which some editors begin UTF-8."""
+
 # Files that are given by mistake, by their first bytes, and what to do about it.
 _FOREIGN = (
+    (b"\xff\xfe", "text in UTF-16; save it as UTF-8 or ASCII"),
+    (b"\xfe\xff", "text in UTF-16; save it as UTF-8 or ASCII"),
     (b"\x89PNG", "a PNG picture, not a recording; give the log it was made from"),
     (b"\xff\xd8\xff", "a JPEG picture, not a recording; give the log it was made from"),
     (b"%PDF", "a PDF document, not a recording; give the log itself"),
@@ -146,10 +151,9 @@ class TextFile:
             with open_input(self.path) as file:
                 first = file.read(_CHUNK_BYTES)
                 raw = _continued(first, iter(lambda: file.read(_CHUNK_BYTES), b""))
-                if first.startswith(_GZIP_MAGIC):
-                    yield from self._unzipped(raw)
-                else:
-                    yield from raw
+                text = self._unzipped(raw) if first.startswith(_GZIP_MAGIC) else raw
+                begin = next(text, b"")
+                yield from _continued(begin.removeprefix(_BYTE_ORDER_MARK), text)
         except FileNotFoundError:
             raise InputError(f"{self.path}: does not exist; check the path") from None
         except OSError as error:
@@ -201,7 +205,7 @@ def _continued(first: bytes, rest: Iterator[bytes]) -> Iterator[bytes]:
     """Yield `first`, unless it is empty, then `rest`."""
     if first:
         yield first
-        yield from rest
+    yield from rest
 
 
 def _until_damage(stream: zlib._Decompress, data: bytes) -> Iterator[bytes]:
