@@ -425,6 +425,9 @@ def bench_journal(
     ] = None,
     out: OutOption = Path("bench-results"),
     pairs: Annotated[int, typer.Option(min=1, help="Runs with and without a journal.")] = 3,
+    saved_map: Annotated[
+        Path | None, typer.Option("--map", help="Only load this map, and show it.")
+    ] = None,
     against: AgainstOption = None,
     strict: StrictOption = False,
 ) -> None:
@@ -432,7 +435,9 @@ def bench_journal(
     from bench import journal_cost
 
     before = _earlier(against, "journal")
-    record = journal_cost.run(log, pairs, progress=lambda line: typer.echo(line, err=True))
+    record = journal_cost.run(
+        log, pairs, progress=lambda line: typer.echo(line, err=True), saved_map=saved_map
+    )
     _print_table(record)
     _conclude(record, out, before, strict)
 
