@@ -178,6 +178,10 @@ def bench_lifelong(
     keep_all: Annotated[
         bool, typer.Option("--keep-all", help="Without --lifelong, to compare.")
     ] = False,
+    keep: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Recordings and maps stay there, and are not made again."),
+    ] = None,
     against: AgainstOption = None,
     strict: StrictOption = False,
 ) -> None:
@@ -185,7 +189,7 @@ def bench_lifelong(
     from bench import lifelong
 
     before = _earlier(against, "lifelong")
-    options = lifelong.LifelongOptions(drives, seed, lifelong=not keep_all)
+    options = lifelong.LifelongOptions(drives, seed, not keep_all, keep)
     record = lifelong.run(options, lambda line: typer.echo(line, err=True))
     _print_table(record)
     _conclude(record, out, before, strict)
