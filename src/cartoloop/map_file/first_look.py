@@ -19,6 +19,7 @@ PICTURE = "map.png"
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _MAX_PICTURE_BYTES = 2**26
+"""A larger picture is not shown [bytes]."""
 
 
 class FirstLook(NamedTuple):

@@ -23,7 +23,11 @@ _MAX_CONNECTIONS = 128
 """More than these stay in the queue of the system."""
 
 _MAX_HEAD_BYTES = 8192
+"""Longer requests are left to the view [bytes]."""
+
 _PERIOD_S = 0.02
+"""Period of checks whether the view takes over [s]."""
+
 _LAST_SENDS_S = 5.0
 """What was not taken this long after the view took over is not sent any more [s]."""
 
