@@ -178,6 +178,10 @@ def bench_lifelong(
     keep_all: Annotated[
         bool, typer.Option("--keep-all", help="Without --lifelong, to compare.")
     ] = False,
+    keep: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Recordings and maps stay there, and are not made again."),
+    ] = None,
     against: AgainstOption = None,
     strict: StrictOption = False,
 ) -> None:
@@ -185,7 +189,7 @@ def bench_lifelong(
     from bench import lifelong
 
     before = _earlier(against, "lifelong")
-    options = lifelong.LifelongOptions(drives, seed, lifelong=not keep_all)
+    options = lifelong.LifelongOptions(drives, seed, not keep_all, keep)
     record = lifelong.run(options, lambda line: typer.echo(line, err=True))
     _print_table(record)
     _conclude(record, out, before, strict)
@@ -425,6 +429,9 @@ def bench_journal(
     ] = None,
     out: OutOption = Path("bench-results"),
     pairs: Annotated[int, typer.Option(min=1, help="Runs with and without a journal.")] = 3,
+    saved_map: Annotated[
+        Path | None, typer.Option("--map", help="Only load this map, and show it.")
+    ] = None,
     against: AgainstOption = None,
     strict: StrictOption = False,
 ) -> None:
@@ -432,7 +439,9 @@ def bench_journal(
     from bench import journal_cost
 
     before = _earlier(against, "journal")
-    record = journal_cost.run(log, pairs, progress=lambda line: typer.echo(line, err=True))
+    record = journal_cost.run(
+        log, pairs, progress=lambda line: typer.echo(line, err=True), saved_map=saved_map
+    )
     _print_table(record)
     _conclude(record, out, before, strict)
 

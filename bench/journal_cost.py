@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sqlite3
 import subprocess
@@ -14,6 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from bench.environment import environment
+from bench.loading import loading_rows
 from bench.museum_log import museum_or
 from bench.record import Figure, Record, Row
 from cartoloop.journal.frames import FILE_NAME as JOURNAL
@@ -31,6 +31,7 @@ def run(
     pairs: int = 3,
     seed: int = 1,
     progress: Callable[[str], None] = print,
+    saved_map: Path | None = None,
 ) -> Record:
     """Map a recording with and without a journal in turn, and load its map.
 
@@ -40,7 +41,11 @@ def run(
     pairs : number of runs of each kind.
     seed : of the museum.
     progress : receives a line now and then.
+    saved_map : folder of a map that is only loaded, in place of all else.
     """
+    if saved_map is not None:
+        rows = loading_rows(saved_map.name, saved_map, pairs)
+        return Record("journal", tuple(rows), environment())
     with tempfile.TemporaryDirectory(prefix="cartoloop-journal-") as name:
         folder = Path(name)
         log = museum_or(log, folder, seed, progress)
@@ -69,7 +74,7 @@ def run(
                 },
             ),
             *_rows_of_formats(log.name, journal, folder, max(b for _, b in spans)),
-            _loading_row(log.name, out, pairs),
+            *loading_rows(log.name, out, pairs),
         ]
     return Record("journal", tuple(rows), environment())
 
@@ -134,26 +139,3 @@ def _bytes_written() -> int:
     """Return the bytes that this process has passed to the system."""
     lines = Path("/proc/self/io").read_text(encoding="ascii").splitlines()
     return int(dict(line.split(": ") for line in lines)["wchar"])
-
-
-def _loading_row(name: str, out: Path, repeats: int) -> Row:
-    """Return how long a new process takes to have the map."""
-    code = (
-        "import time, json, sys; from cartoloop.result import load_map; "
-        "a = time.perf_counter(), time.process_time(); load_map(sys.argv[1]); "
-        "b = time.perf_counter(), time.process_time(); "
-        "print(json.dumps([b[0] - a[0], b[1] - a[1]]))"
-    )
-    times = []
-    for _ in range(repeats):
-        done = subprocess.run(
-            [sys.executable, "-c", code, str(out)], check=True, stdout=subprocess.PIPE
-        )
-        times.append(json.loads(done.stdout))
-    return Row(
-        {"recording": name, "what": "loading"},
-        {
-            "wall": Figure.of_samples([wall for wall, _ in times], "s"),
-            "cpu": Figure.of_samples([cpu for _, cpu in times], "s"),
-        },
-    )

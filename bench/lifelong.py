@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from bench.command_runs import run_command
 from bench.environment import environment
-from bench.record import Figure, Record, Row
+from bench.record import Figure, Record, Row, read_record
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.evaluation.trajectories import Trajectory, read_tum
 from cartoloop.evaluation.trajectory_error import TrajectoryError, evaluate_trajectory
@@ -42,11 +43,14 @@ class LifelongOptions:
     drives : number of drives through the building.
     seed : of the building and all noise.
     lifelong : whether old submaps give way to new ones.
+    keep : folder in which recordings, maps and figures stay; drives whose figures are there are
+        not made again. None: nothing is kept.
     """
 
     drives: int
     seed: int
     lifelong: bool = True
+    keep: Path | None = None
 
 
 def run(options: LifelongOptions, progress: Callable[[str], None]) -> Record:
@@ -57,8 +61,7 @@ def run(options: LifelongOptions, progress: Callable[[str], None]) -> Record:
     Each drive is added by ``cartoloop map --onto`` in a process of its own. Processor time holds
     the start of the process, reading and saving.
     """
-    with tempfile.TemporaryDirectory(prefix="cartoloop-lifelong-") as name:
-        folder = Path(name)
+    with _folder(options) as folder:
         progress("warming up: compiling kernels where they are not yet")
         run_command("demo", "-o", folder / "demo")
         rows = [_drive(folder, drive, options, progress) for drive in range(1, options.drives + 1)]
@@ -67,7 +70,31 @@ def run(options: LifelongOptions, progress: Callable[[str], None]) -> Record:
     return Record("lifelong", tuple(rows), environment())
 
 
+@contextmanager
+def _folder(options: LifelongOptions) -> Iterator[Path]:
+    """Yield the folder of these drives that is kept, or one that is removed."""
+    if options.keep is not None:
+        own = options.keep / f"seed-{options.seed}{'' if options.lifelong else '-all'}"
+        own.mkdir(parents=True, exist_ok=True)
+        yield own
+        return
+    with tempfile.TemporaryDirectory(prefix="cartoloop-lifelong-") as name:
+        yield Path(name)
+
+
 def _drive(
+    folder: Path, drive: int, options: LifelongOptions, progress: Callable[[str], None]
+) -> Row:
+    """Return the figures of a drive: those that were kept, or of one that is made."""
+    kept = folder / f"{drive}.json"
+    if kept.is_file():
+        return read_record(kept).rows[0]
+    row = _new_drive(folder, drive, options, progress)
+    kept.write_text(Record("lifelong", (row,)).to_json(), encoding="utf-8")
+    return row
+
+
+def _new_drive(
     folder: Path, drive: int, options: LifelongOptions, progress: Callable[[str], None]
 ) -> Row:
     """Add a drive to the map and return the figures."""

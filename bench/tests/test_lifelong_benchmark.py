@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from bench import lifelong
+from bench.record import Figure, Row
 from cartoloop.sensor.pose import Pose, transform_points
 from tests.map_output.small_result import small_result
 
@@ -31,3 +32,27 @@ def test_walls_are_drawn_and_floor_is_seen():
     points = transform_points(tf_truth_map, np.array([(1.0, 0.52), (1.0, 1.2), (9.0, 0.52)]))
     assert lifelong._is_drawn(result, tf_truth_map, points).tolist() == [True, False, False]
     assert lifelong._is_seen(result, tf_truth_map, points).tolist() == [True, True, False]
+
+
+def test_drives_whose_figures_were_kept_are_not_made_again(tmp_path, monkeypatch):
+    made = []
+
+    def drive(folder, number, options, progress):
+        made.append(number)
+        return Row({"drive": str(number)}, {"error": Figure.exact(float(number), "cm")})
+
+    monkeypatch.setattr(lifelong, "_new_drive", drive)
+    options = lifelong.LifelongOptions(3, seed=7, keep=tmp_path)
+    for numbers in ((1, 2), (1, 2, 3)):
+        with lifelong._folder(options) as folder:
+            rows = [lifelong._drive(folder, number, options, print) for number in numbers]
+    assert made == [1, 2, 3]
+    assert [row.figures["error"].value for row in rows] == [1.0, 2.0, 3.0]
+    with lifelong._folder(lifelong.LifelongOptions(3, seed=8, keep=tmp_path)) as other:
+        assert other != folder
+
+
+def test_folder_that_is_not_kept_is_removed():
+    with lifelong._folder(lifelong.LifelongOptions(3, seed=7)) as folder:
+        assert folder.is_dir()
+    assert not folder.exists()

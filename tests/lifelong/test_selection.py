@@ -70,6 +70,27 @@ def test_what_only_the_removed_one_saw_is_copied(value):
     assert not chosen.grids[1].cells[:, 42:].any()
 
 
+def test_what_one_has_passed_on_is_no_reason_to_keep_another():
+    """Two thirds of the second were seen again; the rest is what the first one passes on."""
+    chosen = selected(floor(0, 42), floor(36, 42), floor(0, 40), sessions=[0, 0, 1])
+    assert chosen.kept.tolist() == [False, False, True]
+    assert np.all(chosen.grids[2].cells[:, :42] == FREE)
+    assert selected(floor(36, 42), floor(0, 40)).kept.all()
+
+
+def test_selecting_again_removes_nothing_more():
+    """Whatever the first selection left."""
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        starts = rng.integers(0, 50, 8)
+        grids = [floor(start, start + rng.integers(8, 30)) for start in starts]
+        sessions = np.sort(rng.integers(0, 2, 8))
+        chosen = selected(*grids, sessions=sessions)
+        left = np.flatnonzero(chosen.kept)
+        again = selected(*(chosen.grids[i] for i in left), sessions=sessions[left])
+        assert again.kept.all()
+
+
 def test_what_was_seen_again_is_not_copied():
     old = floor(0, 40, walls=[(5, 0, 20)])
     chosen = selected(old, floor(0, 40))

@@ -50,6 +50,62 @@ def test_furniture_that_was_moved_does_not_contradict():
     assert wall_faults(*parts, SUBMAPS, JOIN) == []
 
 
+HALL = 120
+"""Edge of a hall of 6 m [cells]."""
+
+
+def hall(*cupboards):
+    """Return a hall; behind a cupboard, as seen from the left, and beyond its far end is nothing.
+
+    Parameters
+    ----------
+    cupboards : first and last row of the front of each, and the row up to which it hides the rest.
+    """
+    cells = np.full((HALL, HALL), FLOOR, np.uint8)
+    cells[[0, -1]] = cells[:, [0, -1]] = WALL
+    for first, last, hidden in cupboards:
+        cells[first:hidden, 52:] = UNSEEN
+        cells[first:last, 50:52] = WALL
+    return Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], np.zeros((1, 3)))
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.6, 1.5707963])
+def test_cupboard_that_hides_a_room_does_not_contradict(turn):
+    # 1.5 m: longer than a door; but one sees past its upper end.
+    poses = np.array([(3.0, -1.0, turn)])
+    seen_past = Submaps(hall((40, 70, 70)).grids, poses)
+    seen_past_one_end = Submaps(hall((40, 70, HALL)).grids, poses)
+    for cupboard in (seen_past, seen_past_one_end):
+        assert wall_faults(cupboard, Submaps(hall().grids, poses), SUBMAPS, JOIN) == []
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.6, 1.5707963])
+def test_wall_that_nobody_saw_past_contradicts(turn):
+    poses = np.array([(3.0, -1.0, turn)])
+    cells = hall((40, 70, HALL)).grids[0].cells.copy()
+    cells[:40, 50:] = cells[70:, 50:] = UNSEEN
+    blocked = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], poses)
+    (fault,) = wall_faults(blocked, Submaps(hall().grids, poses), SUBMAPS, JOIN)
+    assert fault.length == pytest.approx(1.5, abs=0.2)
+
+
+def test_wall_of_more_than_furniture_contradicts():
+    # 2.5 m: one sees past it, as past the corner of a corridor.
+    (fault,) = wall_faults(hall((40, 90, HALL)), hall(), SUBMAPS, JOIN)
+    assert fault.length == pytest.approx(2.5, abs=0.2)
+
+
+def test_wall_that_goes_on_is_no_furniture():
+    # The other part has an opening of 2 m in a wall of 3 m, which ends in the middle of the hall.
+    wall, opened = (hall((60, HALL, HALL)) for _ in range(2))
+    cells = opened.grids[0].cells.copy()
+    cells[70:110, 50:] = FLOOR
+    cells[70:110, -1] = WALL
+    opened = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], opened.poses)
+    (fault,) = wall_faults(wall, opened, SUBMAPS, JOIN)
+    assert 1.2 <= fault.length < 1.7
+
+
 def test_door_that_was_closed_does_not_contradict():
     # It hides the rest of the corridor, but is 0.9 m wide.
     closed = corridor(200, end_at=100)

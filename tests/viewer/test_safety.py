@@ -13,13 +13,13 @@ from websockets.exceptions import ConnectionClosed, InvalidMessage, InvalidStatu
 
 from cartoloop.config import SubmapConfig
 from cartoloop.errors import ServeError
-from cartoloop.viewer.app import static_files
 from cartoloop.viewer.live_state import LiveState
 from cartoloop.viewer.parts import Latest
 from cartoloop.viewer.protocol import MessageType
 from cartoloop.viewer.readings import Readings
 from cartoloop.viewer.requests import MAX_REQUEST_BYTES
 from cartoloop.viewer.server import ViewServer
+from cartoloop.viewer.site import static_files
 from cartoloop.viewer.subscriptions import key_of
 from tests.limits import LIMIT_S, wait_until
 from tests.viewer.page_twin import join, look

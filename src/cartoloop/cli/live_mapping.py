@@ -175,7 +175,7 @@ def _view(
         yield None
         return
     from cartoloop.config import Config
-    from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT
+    from cartoloop.viewer.site import DEFAULT_HOST, DEFAULT_PORT
     from cartoloop.viewer.view import LiveView
 
     view = LiveView(

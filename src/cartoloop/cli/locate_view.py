@@ -40,7 +40,7 @@ def open_view(
         yield None
         return
     from cartoloop.viewer.locate_view import LocateView
-    from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT
+    from cartoloop.viewer.site import DEFAULT_HOST, DEFAULT_PORT
 
     view = LocateView(
         localizer,

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
@@ -17,6 +18,9 @@ from cartoloop.cli.stop_signals import stop_signals
 
 if TYPE_CHECKING:
     from cartoloop.config import Config
+    from cartoloop.stop_request import StopRequest
+    from cartoloop.viewer.opening import Opening
+    from cartoloop.viewer.server import ViewServer
     from cartoloop.viewer.view import LiveView
 
 ViewOption = Annotated[
@@ -99,7 +103,7 @@ class ViewOptions:
         ServeError
             It cannot be served there.
         """
-        from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT
+        from cartoloop.viewer.site import DEFAULT_HOST, DEFAULT_PORT
         from cartoloop.viewer.view import LiveView
 
         view = LiveView(
@@ -136,22 +140,60 @@ class ViewCommandOptions:
 
 def view_command(options: ViewCommandOptions) -> None:
     """Show a finished map in a browser."""
+    from cartoloop.viewer.site import DEFAULT_HOST, DEFAULT_PORT
+
+    host, port = options.view_host or DEFAULT_HOST, options.view_port or DEFAULT_PORT
+    with stop_signals() as stop, _opening(options.out, host, port) as opening:
+        with stop.at_once():
+            server, name = _view_of(options, host, port, opening)
+        try:
+            if opening is None:
+                _invite(f"{name}: {server.url}")
+            _wait(stop)
+        finally:
+            server.close()
+    if server.failure is not None:
+        raise server.failure
+
+
+@contextmanager
+def _opening(out: Path, host: str, port: int) -> Iterator[Opening | None]:
+    """Serve the saved picture of a map, if there is one, until the view takes over or it ends."""
+    # To import what reads a map takes longer than a reader likes to wait for a picture of it.
+    from cartoloop.map_file.first_look import first_look
+    from cartoloop.viewer.opening import Opening
+    from cartoloop.viewer.site import listen, url_of
+
+    look = first_look(out) if out.is_dir() else None
+    if look is None:
+        yield None
+        return
+    place = listen(host, port)
+    with closing(Opening(look.picture, place)) as opening:
+        _invite(f"{look.name or out.name}: {url_of(host, place)}")
+        yield opening
+
+
+def _view_of(
+    options: ViewCommandOptions, host: str, port: int, opening: Opening | None
+) -> tuple[ViewServer, str]:
+    """Return the server of the view, which takes the place of what was served before, and a name.
+
+    Raises
+    ------
+    InputError
+        There is no map, or it is damaged.
+    ServeError
+        It cannot be served there.
+    """
     from cartoloop.cli.opened_map import open_map
     from cartoloop.result import edit
-    from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT
     from cartoloop.viewer.view import serve_result
 
     editor = edit(options.out) if options.edit else None
     result = open_map(options.out) if editor is None else editor.map
     name = result.report.input.name or options.out.name
-    host, port = options.view_host or DEFAULT_HOST, options.view_port or DEFAULT_PORT
-    server = serve_result(result, name, host, port, editor=editor)
-    try:
-        wait_for_stop(f"{name}: {server.url}")
-    finally:
-        server.close()
-    if server.failure is not None:
-        raise server.failure
+    return serve_result(result, name, host, port, editor=editor, opening=opening), name
 
 
 def require_view(view: bool, **options: object) -> None:
@@ -178,6 +220,14 @@ def wait_for_stop(what: str, *, is_quiet: bool = False) -> None:
     is_quiet : whether standard output is for something else.
     """
     with stop_signals() as stop:  # before the line that invites to Ctrl-C
-        typer.echo(f"{what} (Ctrl-C ends)", err=is_quiet)
-        while not stop.made:
-            time.sleep(0.1)
+        _invite(what, is_quiet=is_quiet)
+        _wait(stop)
+
+
+def _invite(what: str, *, is_quiet: bool = False) -> None:
+    typer.echo(f"{what} (Ctrl-C ends)", err=is_quiet)
+
+
+def _wait(stop: StopRequest) -> None:
+    while not stop.made:
+        time.sleep(0.1)

@@ -86,7 +86,7 @@ class LifelongConfig(Section):
         False, description="remove what later sessions cover, and fade what they contradict"
     )
     min_covered_share: float = Field(
-        0.8,
+        0.7,
         gt=0,
         le=1,
         description="a submap is removed if later sessions have seen this share of its cells",

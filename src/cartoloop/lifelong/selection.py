@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -65,6 +66,21 @@ def select(
     return Selection(selector.kept, selector.grids, selector.num_faded)
 
 
+class _Compared(NamedTuple):
+    """A submap beside what later sessions have seen.
+
+    Attributes
+    ----------
+    observed, covered : number of cells that it has seen, and of those that were seen later.
+    faded, unseen : its cells without what was contradicted, and those that were not seen later.
+    """
+
+    observed: int
+    covered: int
+    faded: ByteArray
+    unseen: ByteArray
+
+
 class _Selector:
     """Compares session after session with those that came later."""
 
@@ -95,16 +111,42 @@ class _Selector:
 
     def add(self, submaps: IntArray) -> None:
         """Decide about the submaps of the session before those added so far."""
-        if self._later:
-            for index in submaps[::-1].tolist():
-                self._decide(index)
+        waiting = submaps[::-1].tolist() if self._later else []
+        is_final = False
+        while not is_final:
+            # What one of them has passed on may be all that another one was needed for.
+            removed = {index for index in waiting if self._is_superseded(index)}
+            is_final = not removed
+            waiting = [index for index in waiting if index not in removed]
+        for index in waiting:
+            self._fade(index)
         stay = submaps[self.kept[submaps]].tolist()
         for index in stay:
             if self.grids[index].size:
                 self._evidence.add(self.grids[index], self._poses[index])
         self._later += stay
 
-    def _decide(self, index: int) -> None:
+    def _is_superseded(self, index: int) -> bool:
+        """Return whether a submap is not needed any more; if so, pass on what only it has seen."""
+        compared = self._compared(index)
+        enough = self._min_covered_share * compared.observed
+        if compared.covered < enough or not self._copy_rest(
+            self.grids[index], self._poses[index], compared.unseen
+        ):
+            return False
+        self.kept[index] = False
+        return True
+
+    def _fade(self, index: int) -> None:
+        """Fade what later sessions contradict in a submap that stays."""
+        cells, faded = self.grids[index].cells, self._compared(index).faded
+        num_faded = int(np.count_nonzero(cells) - np.count_nonzero(faded))
+        if num_faded:
+            self.num_faded += num_faded
+            self.grids[index] = _like(self.grids[index], faded)
+
+    def _compared(self, index: int) -> _Compared:
+        """Compare a submap with what is known by later sessions."""
         grid, pose = self.grids[index], self._poses[index]
         cells = grid.cells
         faded, unseen = np.empty_like(cells), np.empty_like(cells)
@@ -118,13 +160,7 @@ class _Selector:
             faded,
             unseen,
         )
-        if covered >= self._min_covered_share * observed and self._copy_rest(grid, pose, unseen):
-            self.kept[index] = False
-            return
-        num_faded = int(np.count_nonzero(cells) - np.count_nonzero(faded))
-        if num_faded:
-            self.num_faded += num_faded
-            self.grids[index] = _like(grid, faded)
+        return _Compared(observed, covered, faded, unseen)
 
     def _copy_rest(self, grid: FinishedGrid, pose: Pose, unseen: ByteArray) -> bool:
         """Copy cells that were not seen later to later submaps; return whether no wall is lost."""

@@ -2,9 +2,10 @@
 """Walls of one part of a map through which another part saw: what forbids that they are joined.
 
 Furniture that was moved and doors that were opened leave walls where another session sees floor.
-They are short, or what they hide is small. Beams that pass through a window return from nowhere:
-no walls are seen behind it. The end of a corridor that leads on for metres in another session is
-neither: the two sessions are of different places that look alike.
+They are short, or what they hide is small, or one sees past an end of them. Beams that pass
+through a window return from nowhere: no walls are seen behind it. The end of a corridor that leads
+on for metres in another session is neither: the two sessions are of different places that look
+alike.
 """
 
 from __future__ import annotations
@@ -36,6 +37,15 @@ BESIDE_M = 0.5
 
 STRAIGHT_CELLS = 1.5
 """Cells of a wall lie as close as this to its axis."""
+
+FURNITURE_M = 2.0
+"""A shorter wall that stands free at an end may be a piece of furniture [m]."""
+
+FREE_END_M = 0.3
+"""Floor beyond the end of a wall, in line with it, by which it stands free there [m]."""
+
+MAX_REST_M = 0.5
+"""A wall that goes on further than this where nothing contradicts it does not end there [m]."""
 
 MIN_WALLS_BEHIND_M = 1.0
 """Less wall, as cells in a row, beside floor behind a wall: beams passed through a window [m]."""
@@ -137,6 +147,10 @@ def _faults(
         length *= resolution
         if length < join.max_contradicted_wall:
             continue
+        places = np.argwhere(contradicted[rows, cols] & (pieces[rows, cols] == number))
+        corner = np.array((rows.start, cols.start))
+        if length < FURNITURE_M and _has_free_end(walls, places + corner, resolution):
+            continue
         around = (
             slice(max(rows.start - beside, 0), rows.stop + beside),
             slice(max(cols.start - beside, 0), cols.stop + beside),
@@ -162,6 +176,48 @@ def _straight_length(cells: BoolArray) -> float:
     close = along[np.abs(across - np.median(across)) <= STRAIGHT_CELLS]
     # Cells of an oblique line are up to 1.4 apart.
     return 2.0 * len(np.unique(np.floor(close / 2.0)))
+
+
+def _has_free_end(walls: NDArray[np.float32], places: IntArray, resolution: float) -> bool:
+    """Return whether the map with a wall saw past an end of it: floor, in line with the wall.
+
+    What ends a room or a corridor meets other walls at both ends, and furniture in a corner at one.
+
+    Parameters
+    ----------
+    walls : probabilities of the map.
+    places : int64, shape (n, 2), row and column of cells of the wall.
+    resolution : edge of a cell [m].
+    """
+    middle = places.mean(axis=0)
+    _, axes = np.linalg.eigh((places - middle).T @ (places - middle))
+    across, along = ((places - middle) @ axes).T
+    middle = middle + np.median(across) * axes[:, 0]
+    num_free, most = round(FREE_END_M / resolution), round(MAX_REST_M / resolution)
+    gap = max(1, round(BRIDGED_M / resolution))
+    steps = np.arange(1, most + num_free + gap + 1)
+    for end, ahead in ((along.max(), axes[:, 1]), (-along.min(), -axes[:, 1])):
+        line = middle + (end + steps)[:, None] * ahead
+        beside = [_cells_at(walls, line + shift * axes[:, 0]) for shift in (-1.0, 0.0, 1.0)]
+        last = 0  # cell of the wall beyond the end
+        for step in np.flatnonzero(np.max(beside, axis=0) > WALL).tolist():
+            if step + 1 - last > gap:
+                break
+            last = step + 1
+        # The cell between wall and floor may be either.
+        beyond = beside[1][last + 1 : last + num_free]
+        if last <= most and ((beyond >= 0.0) & (beyond < FLOOR)).all():
+            return True
+    return False
+
+
+def _cells_at(walls: NDArray[np.float32], places: FloatArray) -> NDArray[np.float32]:
+    """Return the probabilities at rows and columns, -1 outside the map."""
+    cells = np.rint(places).astype(np.int64)
+    inside = ((cells >= 0) & (cells < np.array(walls.shape))).all(axis=1)
+    found = np.full(len(cells), -1.0, dtype=np.float32)
+    found[inside] = walls[tuple(cells[inside].T)]
+    return found
 
 
 def _hidden(

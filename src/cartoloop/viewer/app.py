@@ -5,12 +5,8 @@ from __future__ import annotations
 
 import asyncio
 import hmac
-import mimetypes
 from collections.abc import Callable
 from contextlib import suppress
-from importlib.resources import files
-from importlib.resources.abc import Traversable
-from ipaddress import ip_address
 from urllib.parse import urlsplit
 
 from starlette.applications import Starlette
@@ -27,6 +23,7 @@ from cartoloop.viewer.pictures import Pictures
 from cartoloop.viewer.playback import Playback
 from cartoloop.viewer.protocol import MessageType
 from cartoloop.viewer.requests import BadRequestError, parse_request
+from cartoloop.viewer.site import HEADERS, is_loopback, static_files
 from cartoloop.viewer.subscriptions import Subscription
 from cartoloop.viewer.view_state import ViewState
 
@@ -35,16 +32,6 @@ REQUEST_PERIOD_S = 0.05
 
 _MAX_ANSWERS = 4  # beyond these a page's requests are not read until it takes the answers
 _NOT_TEXT, _NO_REQUEST, _TOO_LONG = 1003, 1008, 1009
-
-_HEADERS = {
-    "Cache-Control": "no-cache",
-    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; "
-    "base-uri 'none'; form-action 'none'; "
-    "frame-ancestors 'none'",
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
-}
-_TYPES = {".js": "text/javascript", ".mjs": "text/javascript", ".css": "text/css"}
 
 
 def create_app(
@@ -70,8 +57,8 @@ def create_app(
     async def file(request: HttpRequest) -> Response:
         content = static.get(request.path_params.get("name") or "index.html")
         if content is None:
-            return Response("there is no such page", 404, _HEADERS, "text/plain")
-        return Response(content[0], 200, _HEADERS, content[1])
+            return Response("there is no such page", 404, HEADERS, "text/plain")
+        return Response(content[0], 200, HEADERS, content[1])
 
     async def socket(websocket: WebSocket) -> None:
         if not is_welcome(websocket, token):
@@ -94,24 +81,6 @@ def create_app(
     )
 
 
-def static_files() -> dict[str, tuple[bytes, str]]:
-    """Return content and type of all that is served, by its path; read once, from the package."""
-    found: dict[str, tuple[bytes, str]] = {}
-
-    def collect(folder: Traversable, prefix: str) -> None:
-        for entry in folder.iterdir():
-            name = f"{prefix}{entry.name}"
-            if entry.is_dir():
-                collect(entry, f"{name}/")
-            else:
-                suffix = name[name.rfind(".") :]
-                guess = _TYPES.get(suffix) or mimetypes.guess_type(name)[0]
-                found[name] = entry.read_bytes(), guess or "application/octet-stream"
-
-    collect(files("cartoloop.viewer") / "static", "")
-    return found
-
-
 def is_welcome(websocket: WebSocket, token: str) -> bool:
     """Return whether a page may look: it is our own, and it knows the token if there is one.
 
@@ -129,15 +98,6 @@ def is_welcome(websocket: WebSocket, token: str) -> bool:
         given = websocket.query_params.get("token", "")
         return hmac.compare_digest(given.encode(), token.encode())
     return is_loopback(name.hostname or "")
-
-
-def is_loopback(host: str) -> bool:
-    """Return whether a name or an address is that of this machine (loopback)."""
-    if host == "localhost":
-        return True
-    with suppress(ValueError):
-        return ip_address(host).is_loopback
-    return False
 
 
 class _Session:

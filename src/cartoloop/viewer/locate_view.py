@@ -13,7 +13,8 @@ from cartoloop.viewer.locate_feed import LocateFeed
 from cartoloop.viewer.locate_readings import LocateReadings
 from cartoloop.viewer.locate_state import LocateState
 from cartoloop.viewer.playback import Playback
-from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT, ViewServer
+from cartoloop.viewer.server import ViewServer
+from cartoloop.viewer.site import DEFAULT_HOST, DEFAULT_PORT
 
 
 class LocateView:

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import secrets
-import socket
 from collections.abc import Callable
 from contextlib import suppress
 from threading import Event, Thread
@@ -14,37 +12,30 @@ from time import perf_counter
 
 import uvicorn
 
-from cartoloop.errors import ServeError
-from cartoloop.viewer.app import create_app, is_loopback
+from cartoloop.viewer.app import create_app
 from cartoloop.viewer.budget import MAX_REST_S, Budget, Clocks
 from cartoloop.viewer.connections import ACCEPTED_AT_ONCE, BoundedConnection
 from cartoloop.viewer.editing import Editing
+from cartoloop.viewer.opening import Opening
 from cartoloop.viewer.playback import Playback
 from cartoloop.viewer.requests import MAX_REQUEST_BYTES
+from cartoloop.viewer.site import DEFAULT_HOST, DEFAULT_PORT, listen, url_of
 from cartoloop.viewer.view_state import ViewState
-
-DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 8765
 
 READINGS_PERIOD_S = 0.25
 """Time between two updates of the figures [s]."""
 
-SEND_BUFFER_BYTES = 2**18
-"""Size of the send buffer of a connection: little, or a slow page gets old updates [bytes]."""
-
 PING_TIMEOUT_S = 20.0
 """A page that does not answer a ping within this time is disconnected [s]."""
 
-_PORTS_TRIED = 20
-"""Number of consecutive ports to try."""
+_START_PERIOD_S = 0.005
+"""Period of checks whether connections can be answered [s]."""
 
 _LOOK_UP_S = 0.2
 """Period of checks whether the thread still runs, while waiting for it [s]."""
 
 NextUpdate = Callable[[], Callable[[], None] | None]
 """Returns what takes the next update into the state, None without one."""
-
-_ANY_HOST = ("0.0.0.0", "::")
-_ELSEWHERE = "192.0.2.1"  # reserved for documentation: no host has it
 
 
 class ViewServer:
@@ -57,6 +48,7 @@ class ViewServer:
     playback : what pages may pause.
     host, port : where it is served; where the port is taken, one of the next.
     editing : carries out the edits of pages; None where they may not edit.
+    opening : what was served at that host until now; its place and connections are taken over.
 
     Attributes
     ----------
@@ -77,17 +69,19 @@ class ViewServer:
         host: str = DEFAULT_HOST,
         port: int = DEFAULT_PORT,
         editing: Editing | None = None,
+        opening: Opening | None = None,
     ) -> None:
         self._state = state
         self._next_update = next_update
         self._playback = playback
         self.failure: Exception | None = None
-        token = "" if is_loopback(host) else secrets.token_urlsafe(16)
-        self._socket = _listen(host, port)
-        self.port: int = self._socket.getsockname()[1]
-        self.url = _url(host, self.port, token)
+        place = listen(host, port) if opening is None else opening.place
+        self._opening = opening
+        self._socket = place.socket
+        self.port: int = place.port
+        self.url = url_of(host, place)
         config = uvicorn.Config(
-            create_app(state, playback, token, self._note, editing),
+            create_app(state, playback, place.token, self._note, editing),
             http=BoundedConnection,
             backlog=ACCEPTED_AT_ONCE,
             ws="websockets-sansio",
@@ -160,10 +154,29 @@ class ViewServer:
         self._is_up.set()
         updating = asyncio.create_task(self._update())
         updating.add_done_callback(self._note_failure)
+        taking_over = asyncio.create_task(self._take_over())
+        taking_over.add_done_callback(self._note_failure)
         try:
             await self._server.serve(sockets=[self._socket])
         finally:
             updating.cancel()
+            taking_over.cancel()
+
+    async def _take_over(self) -> None:
+        """Answer the connections that were made before there was a view."""
+        if self._opening is None:
+            return
+        while not self._server.started:
+            await asyncio.sleep(_START_PERIOD_S)
+        for connection in self._opening.end():
+
+            def protocol() -> BoundedConnection:
+                state = self._server.lifespan.state
+                return BoundedConnection(self._server.config, self._server.server_state, state)
+
+            assert self._loop is not None
+            with suppress(OSError):  # it has gone again
+                await self._loop.connect_accepted_socket(protocol, connection)
 
     def _note_failure(self, task: asyncio.Task[None]) -> None:
         if not task.cancelled() and isinstance(failure := task.exception(), Exception):
@@ -201,46 +214,3 @@ class ViewServer:
         """Whether a recording is mapped as fast as it can be."""
         playback = self._playback
         return playback is not None and playback.speed is None and not playback.paused
-
-
-def _listen(host: str, port: int) -> socket.socket:
-    """Return a listening socket at the first port that is free."""
-    try:
-        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-    except (OSError, OverflowError) as error:
-        raise ServeError(
-            f"--view-host {host}: there is no such host ({error}); give an address of this machine"
-        ) from error
-    last: OSError | None = None
-    for number in range(port, min(port + _PORTS_TRIED, 2**16) if port else 1):
-        listening = socket.socket(family, socket.SOCK_STREAM)
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        # inherited by connections: what the system holds for a slow page is old when it arrives
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        try:
-            listening.bind((address[0], number))
-            listening.listen()
-            return listening
-        except OSError as error:
-            listening.close()
-            last = error
-    reason = last.strerror if last else "no such port"
-    raise ServeError(
-        f"the viewer cannot be served on {host}, ports {port} and following: {reason}; choose "
-        "another with --view-port"
-    )
-
-
-def _own_address() -> str:
-    """Return the address by which others reach this machine, its name if it has none."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, suppress(OSError):
-        probe.connect((_ELSEWHERE, 9))  # sends nothing: the system only chooses a route
-        return str(probe.getsockname()[0])
-    return socket.gethostname()
-
-
-def _url(host: str, port: int, token: str) -> str:
-    name = _own_address() if host in _ANY_HOST else host
-    if ":" in name:
-        name = f"[{name}]"
-    return f"http://{name}:{port}/" + (f"?token={token}" if token else "")

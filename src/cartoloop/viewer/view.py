@@ -11,9 +11,11 @@ from cartoloop.map_output.map_facts import map_facts, saved_facts
 from cartoloop.viewer.editing import Editing, edits_content
 from cartoloop.viewer.feed import Feed, whole
 from cartoloop.viewer.live_state import LiveState
+from cartoloop.viewer.opening import Opening
 from cartoloop.viewer.playback import Playback
 from cartoloop.viewer.readings import PARTLY_MAPPED, STOPPED, Readings
-from cartoloop.viewer.server import DEFAULT_HOST, DEFAULT_PORT, ViewServer
+from cartoloop.viewer.server import ViewServer
+from cartoloop.viewer.site import DEFAULT_HOST, DEFAULT_PORT
 
 if TYPE_CHECKING:
     from cartoloop.config import Config
@@ -146,6 +148,7 @@ def serve_result(
     port: int = DEFAULT_PORT,
     *,
     editor: Editor[Result] | None = None,
+    opening: Opening | None = None,
 ) -> ViewServer:
     """Serve the view of a finished map and return the running server.
 
@@ -155,6 +158,7 @@ def serve_result(
     name : under which it is shown.
     host, port : where it is served.
     editor : of the map, if pages may edit it.
+    opening : what was served there until now; the view takes its place.
 
     Raises
     ------
@@ -172,7 +176,7 @@ def serve_result(
         editing = Editing(editor, state)
         state.show_edits(edits_content(editor, can_edit=True))
     state.refresh()
-    return ViewServer(state, host=host, port=port, editing=editing)
+    return ViewServer(state, host=host, port=port, editing=editing, opening=opening)
 
 
 def _end(readings: Readings, result: Result) -> None:

@@ -148,7 +148,10 @@ export class Stage {
     this.numFrames++;
     if (!this.isFirst || !hasAll) return;
     this.isFirst = false;
-    renderer.whenDrawn(() => performance.mark("cartoloop:first-picture"));
+    renderer.whenDrawn(() => {
+      performance.mark("cartoloop:first-picture");
+      document.getElementById("opening")?.remove(); // the saved picture, shown until now
+    });
     this.change();
   }
 

@@ -8,6 +8,8 @@ import { byId, setText } from "./dom.js";
 
 /** A connection that is back sooner is not worth a word. */
 const PATIENCE_MS = 700;
+/** A program that reads its map answers later: its saved picture is shown meanwhile. */
+const READING_MS = 30000;
 /** Time for the graphics card to come back [ms]. */
 const GRAPHICS_MS = 5000;
 
@@ -42,7 +44,8 @@ export class Status {
       return;
     }
     this.say("lost", readings ? "reconnecting" : "connecting");
-    this.timer = setTimeout(() => this.setBanner(readings ? LOST : NEVER), PATIENCE_MS);
+    const patience = document.getElementById("opening") ? READING_MS : PATIENCE_MS;
+    this.timer = setTimeout(() => this.setBanner(readings ? LOST : NEVER), patience);
   }
 
   /** Nothing more can be shown. @param {string} text why */
