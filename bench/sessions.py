@@ -12,10 +12,10 @@ import random
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -23,16 +23,19 @@ from bench.environment import environment
 from bench.record import Case, Figure, Record, Row
 from bench.row_store import RowStore
 from bench.session_measures import Drive, errors, is_displaced, overlaps
+from cartoloop.config import Config
 from cartoloop.errors import ConfigError
+from cartoloop.first_pass import calibrate
 from cartoloop.map_output.output_folder import prepare_folder
 from cartoloop.map_output.save import write_file
 from cartoloop.mapper import Mapper
 from cartoloop.merging import merge
-from cartoloop.readers import open_log
+from cartoloop.readers import Log, open_log
 from cartoloop.result import Result
 from cartoloop.sensor.events import LaserScan, PointCloud, SensorEvent
 from cartoloop.session import MAIN_PART
 from cartoloop.simulation import make_world, simulate
+from cartoloop.stop_request import StopRequest
 
 RECORDINGS = ("intel", "mit-killian", "mit-csail", "fr079", "aces", "museum")
 STRANGERS = (
@@ -198,9 +201,21 @@ def sessions_of(events: Sequence[SensorEvent], count: int) -> list[list[SensorEv
     return parts
 
 
+class _Recording:
+    """Events as a recording, which the beginning is asked for first as `cartoloop map` does."""
+
+    def __init__(self, events: Sequence[SensorEvent]) -> None:
+        self._events = events
+        self.num_scans = sum(map(_is_scan, events))
+
+    def __iter__(self) -> Generator[SensorEvent]:
+        yield from self._events
+
+
 def mapped(events: Sequence[SensorEvent]) -> Result:
-    """Return the map of events."""
-    mapper = Mapper()
+    """Return the map of events, as `cartoloop map` makes it."""
+    config, recording = Config(), cast("Log", _Recording(events))
+    mapper = Mapper(config, calibration=calibrate(recording, config, StopRequest()))
     for event in events:
         mapper.add(event)
     return mapper.finish()

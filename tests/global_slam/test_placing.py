@@ -12,7 +12,13 @@ from hypothesis import strategies as st
 
 from cartoloop.config import JoinConfig, WideSearchConfig
 from cartoloop.global_slam.hypotheses import Candidate
-from cartoloop.global_slam.placing import Claim, agreement, placement, why_not_believed
+from cartoloop.global_slam.placing import (
+    Claim,
+    agreement,
+    evidence_of,
+    placement,
+    why_not_believed,
+)
 from cartoloop.sensor.pose import Pose, compose
 
 JOIN, WIDE = JoinConfig(), WideSearchConfig()
@@ -119,3 +125,10 @@ def test_agreement_is_symmetric_and_with_itself(places):
     agrees = agreement(claims, WIDE)
     assert np.array_equal(agrees, agrees.T)
     assert agrees.diagonal().all()
+
+
+def test_evidence_of_a_place_is_of_what_agrees_there():
+    first = (3.0, -2.0, 1.0)
+    claims = [*along(first, count=4), *along((40.0, 0.0, 0.0), first=10)]
+    assert evidence_of(claims, Pose(*first), WIDE) == pytest.approx(0.4)
+    assert evidence_of(claims, Pose(-40.0, 0.0, 0.0), WIDE) == 0.0

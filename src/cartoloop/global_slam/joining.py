@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -22,22 +23,48 @@ from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.composite_scans import CompositeScans
 from cartoloop.global_slam.constraint_search import ConstraintSearch
+from cartoloop.global_slam.following import (
+    MIN_SCORE,
+    MIN_SCORE_RATIO,
+    WINDOW_M,
+    WINDOW_RAD,
+    Expected,
+    SeenAreas,
+    expected_scans,
+    followed_places,
+    is_same_pose,
+    why_not_supported,
+)
 from cartoloop.global_slam.graph_records import WideOutcome
 from cartoloop.global_slam.hypotheses import Candidate, best_place
-from cartoloop.global_slam.join_evidence import GeometryCheck, JoinAttempt, OnePose
+from cartoloop.global_slam.join_evidence import GeometryCheck, JoinAttempt, OnePose, Refusal
 from cartoloop.global_slam.join_records import (
     NO_REQUESTS,
     JoinSearch,
     join_searches_record,
     recorded_join_searches,
 )
-from cartoloop.global_slam.placing import Claim, placement, why_not_believed
+from cartoloop.global_slam.placing import Claim, evidence_of, placement, why_not_believed
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
 from cartoloop.global_slam.wide_search import SearchTask, find_scans
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
-from cartoloop.sensor.pose import compose_all, relative_all
+from cartoloop.sensor.pose import Pose, compose_all, relative_all
+
+
+@dataclass(slots=True, eq=False)
+class JoinTask(SearchTask):
+    """The search of composite scans in one submap of another part.
+
+    Attributes
+    ----------
+    scans : their numbers.
+    requests : the window of each.
+    """
+
+    scans: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    requests: Requests = NO_REQUESTS
 
 
 class Joining:
@@ -56,6 +83,7 @@ class Joining:
     Attributes
     ----------
     attempts : by pair of parts, the lower number first.
+    follows : whether places are followed by now: what agrees is believed with stricter limits.
     """
 
     def __init__(
@@ -76,12 +104,15 @@ class Joining:
         self._scans = scans
         self._sessions = sessions
         self._waiting: dict[int, list[int]] = {}
-        self._running: list[SearchTask] = []
+        self._running: list[JoinTask] = []
         self._searched: set[tuple[int, int]] = set()
         self._candidates: dict[int, list[Candidate]] = {}
         self._num_searches = 0
         self._num_judged = 0
         self._has_news = False
+        self._areas = SeenAreas(submaps)
+        self._followed: set[tuple[int, int, int, int]] = set()
+        self.follows = False
         self.known: OnePose | None = None
         self.attempts: dict[tuple[int, int], JoinAttempt] = {}
 
@@ -124,23 +155,60 @@ class Joining:
                 self.request(scan, graph)
         return self._num_searches > before
 
+    def follow(self, graph: PoseGraph) -> bool:
+        """Request searches near where the likeliest places put the scans of parts left apart.
+
+        Returns whether there are any.
+        """
+        self.follows = True
+        near: dict[tuple[int, int], list[Expected]] = {}
+        times: dict[tuple[int, int], int] = {}
+        for pair, claims in sorted(self._claims(graph, 0.0).items()):
+            refused = self._closed(self._attempt(*pair), claims)
+            for pose in followed_places(claims, refused, self._config.wide_search):
+                for each in self._expected_scans(pair, pose, graph):
+                    x, y, _ = each.tf_submap_scan.tolist()
+                    key = (each.scan, each.submap, round(x / WINDOW_M), round(y / WINDOW_M))
+                    if key not in self._followed:
+                        self._followed.add(key)
+                        time = times[key[:2]] = times.get(key[:2], -1) + 1
+                        near.setdefault((each.submap, time), []).append(each)
+        # A scan near two places of a submap is in two tasks.
+        for (submap, _), expected in near.items():
+            scans = np.array([each.scan for each in expected])
+            count = len(scans)
+            requests = self._requests(submap, scans, graph)._replace(
+                tf_submap_node=np.array([each.tf_submap_scan for each in expected]),
+                linear_window=np.full(count, WINDOW_M),
+                angular_window=np.full(count, WINDOW_RAD),
+            )
+            self._add_task(submap, scans, requests, (MIN_SCORE, MIN_SCORE_RATIO))
+        return bool(near)
+
     def start(self, graph: PoseGraph) -> None:
         """Pass what was requested to the threads; returns immediately."""
+        least = (self._config.join.min_score, self._config.join.min_score_ratio)
         for submap, wanted in self._waiting.items():
             scans = np.array(wanted, dtype=np.int64)
-            task = partial(
-                find_scans,
-                config=self._config.wide_search,
-                scans=scans,
-                rows=np.full(len(scans), -1, dtype=np.int32),
-                points=self._scans.points.take(scans),
-                requests=self._requests(submap, scans, graph),
-                least=(self._config.join.min_score, self._config.join.min_score_ratio),
-            )
-            self._running.append(SearchTask(task, self._submaps[submap]))
+            self._add_task(submap, scans, self._requests(submap, scans, graph), least)
         self._waiting = {}
         if not self._recorded.is_replaying:
             self._launch()
+
+    def _add_task(
+        self, submap: int, scans: IntArray, requests: Requests, least: tuple[float, float]
+    ) -> None:
+        """Note a search that is to be started."""
+        task = partial(
+            find_scans,
+            config=self._config.wide_search,
+            scans=scans,
+            rows=np.full(len(scans), -1, dtype=np.int32),
+            points=self._scans.points.take(scans),
+            requests=requests,
+            least=least,
+        )
+        self._running.append(JoinTask(task, self._submaps[submap], scans=scans, requests=requests))
 
     def collect(self, graph: PoseGraph, *, wait: bool) -> list[float]:
         """Note what the searches found; return the time that each of them took [s]."""
@@ -155,7 +223,7 @@ class Joining:
             for place, task in enumerate(self._running):
                 if task.future is not None and (wait or task.future.done()):
                     outcome, duration = task.future.result()
-                    searches.append(self._new_pairs(place, outcome, graph))
+                    searches.append(self._new_pairs(place, task, outcome))
                     self._note(searches[-1], graph)
                     durations.append(duration)
             if self._recorded.is_recording and (searches or self._recorded.is_replayable):
@@ -170,13 +238,18 @@ class Joining:
             return None
         self._num_judged = self._num_searches
         best: JoinAttempt | None = None
-        all_claims = self._claims(graph)
+        all_claims = self._claims(graph, self._config.join.min_margin)
         for pair in sorted(self.attempts):
             claims = all_claims.get(pair, [])
             attempt = self._attempt(*pair)
             join, wide = self._config.join, self._config.wide_search
-            attempt.found = placement(claims, attempt.refused, join, wide)
+            attempt.found = placement(claims, self._closed(attempt, claims), join, wide)
             why_not = why_not_believed(attempt.found, join, wide)
+            if self.follows and not why_not and attempt.found is not None:
+                expected = self._expected_scans(pair, attempt.found.tf_one_other, graph)
+                why_not = why_not_supported(
+                    attempt.found, expected, self._candidates, join.min_margin, wide
+                )
             if why_not or attempt.found is None:
                 attempt.why_not = _with_refused(why_not, attempt)
             elif (
@@ -192,6 +265,10 @@ class Joining:
         attempt.why_not = ""
         self._sessions.join(attempt.other, attempt.one)
         self._has_news = True
+        # A part that has grown and was adjusted may fit where it did not.
+        for each in self.attempts.values():
+            if attempt.one in (each.one, each.other):
+                each.refused.clear()
         self.attempts = {
             pair: other for pair, other in self.attempts.items() if attempt.other not in pair
         }
@@ -203,7 +280,19 @@ class Joining:
         """Note that the geometry contradicts the placement of an attempt."""
         assert attempt.found is not None
         attempt.check, attempt.why_not = check, check.fault
-        attempt.refused.append(attempt.found.tf_one_other)
+        attempt.refused.append(Refusal(attempt.found.tf_one_other, attempt.found.evidence))
+
+    def _closed(self, attempt: JoinAttempt, claims: Sequence[Claim]) -> list[Pose]:
+        """Return the placements that were refused, less those that more scans agree on by now.
+
+        A part that is bent fits better where more scans hold it.
+        """
+        wide = self._config.wide_search
+        return [
+            each.tf_one_other
+            for each in attempt.refused
+            if evidence_of(claims, each.tf_one_other, wide) < RETRY_EVIDENCE * each.evidence
+        ]
 
     def _drop(self, candidate: Candidate) -> None:
         left = [each for each in self._candidates[candidate.scan] if each.row != candidate.row]
@@ -262,30 +351,81 @@ class Joining:
             if each.future is None:
                 each.future = self._search.run(each.find, each.submap)
 
-    def _new_pairs(self, place: int, outcome: WideOutcome, graph: PoseGraph) -> JoinSearch:
+    def _new_pairs(self, place: int, task: JoinTask, outcome: WideOutcome) -> JoinSearch:
         """Return the matches of a search, without pairs that were requested otherwise since."""
         if not outcome.candidates:
             return JoinSearch(place, outcome.min_score, [], NO_REQUESTS)
-        submap = outcome.candidates[0].submap
-        scans = np.array([each.scan for each in outcome.candidates], dtype=np.int64)
-        requests = self._requests(submap, scans, graph)
-        fresh = np.flatnonzero(~self._closures.has_rows(requests.submap, requests.node))
-        candidates = [outcome.candidates[i] for i in fresh.tolist()]
-        return JoinSearch(place, outcome.min_score, candidates, requests.take(fresh))
+        rows = {scan: row for row, scan in enumerate(task.scans.tolist())}
+        requests = task.requests.take(np.array([rows[each.scan] for each in outcome.candidates]))
+        has_row = self._closures.has_rows(requests.submap, requests.node).tolist()
+        kept = [
+            i
+            for i, each in enumerate(outcome.candidates)
+            if not has_row[i] or self._known(each) is not None
+        ]
+        candidates = [outcome.candidates[i] for i in kept]
+        return JoinSearch(
+            place, outcome.min_score, candidates, requests.take(np.array(kept, dtype=np.int64))
+        )
+
+    def _known(self, candidate: Candidate) -> Candidate | None:
+        """Return an earlier match of the same scan in the same submap, if there is one."""
+        for each in self._candidates.get(candidate.scan, []):
+            if each.submap == candidate.submap:
+                return each
+        return None
 
     def _note(self, search: JoinSearch, graph: PoseGraph) -> None:
         """Note the matches of a search: only they get a row in the record."""
         if not search.candidates:
             return
-        rows = self._closures.request(search.requests, graph.num_nodes)
-        self._closures.note_searched(rows, search.min_score)
-        self._closures.note_hypotheses(rows)
-        for row, candidate in zip(rows.tolist(), search.candidates, strict=True):
-            self._candidates.setdefault(candidate.scan, []).append(candidate._replace(row=row))
-            self._has_news = True
+        known = [self._known(each) for each in search.candidates]
+        fresh = np.flatnonzero([each is None for each in known])
+        new_rows = self._closures.request(search.requests.take(fresh), graph.num_nodes)
+        self._closures.note_searched(new_rows, search.min_score)
+        self._closures.note_hypotheses(new_rows)
+        for row, i in zip(new_rows.tolist(), fresh.tolist(), strict=True):
+            candidate = search.candidates[i]._replace(row=row)
+            self._candidates.setdefault(candidate.scan, []).append(candidate)
+        for candidate, earlier in zip(search.candidates, known, strict=True):
+            if earlier is not None:
+                self._note_again(candidate._replace(row=earlier.row), earlier)
+        self._has_news = True
 
-    def _claims(self, graph: PoseGraph) -> dict[tuple[int, int], list[Claim]]:
-        """Return the hypotheses about each pair of parts."""
+    def _note_again(self, candidate: Candidate, earlier: Candidate) -> None:
+        """Note a match of a pair that has one, with a lower threshold near one place.
+
+        Where the earlier search found no other place above its threshold, that threshold says
+        nothing any more; where it did, that counts.
+        """
+        others = self._candidates[candidate.scan]
+        wide = self._config.wide_search
+        if not is_same_pose(earlier.tf_submap_scan, candidate.tf_submap_scan, wide):
+            others.append(candidate)
+            return
+        threshold = self._closures.min_score[earlier.row]
+        had_rival = earlier.other_score > threshold + 1e-9
+        other_score = max(candidate.other_score, earlier.other_score if had_rival else 0.0)
+        others[others.index(earlier)] = earlier._replace(other_score=other_score)
+
+    def _expected_scans(
+        self, pair: tuple[int, int], tf_one_other: Pose, graph: PoseGraph
+    ) -> list[Expected]:
+        """Return the scans of two parts that a place puts where the other one has seen."""
+        nodes = self._scans.nodes
+        node_parts = self._sessions.of_nodes(graph.num_nodes)[nodes]
+        numbers = np.flatnonzero(np.isin(node_parts, pair))
+        parts = self._sessions.of_submaps(len(self._submaps))
+        codes = np.where(parts == pair[0], 0, np.where(parts == pair[1], 1, -1))
+        codes[[not each.grid.size for each in self._submaps]] = -1
+        scans = (numbers, graph.node_poses[nodes[numbers]], self._scans.points)
+        scan_parts = (node_parts[numbers] == pair[1]).astype(np.int64)
+        return expected_scans(
+            tf_one_other, scans, scan_parts, (codes, graph.submap_poses), self._areas
+        )
+
+    def _claims(self, graph: PoseGraph, least: float) -> dict[tuple[int, int], list[Claim]]:
+        """Return the hypotheses about each pair of parts with at least this evidence each."""
         node_parts = self._sessions.of_nodes(graph.num_nodes)
         submap_parts = self._sessions.of_submaps(graph.num_submaps)
         claims: dict[tuple[int, int], list[Claim]] = {}
@@ -299,7 +439,7 @@ class Joining:
                     each for each in self._candidates[scan] if submap_parts[each.submap] == part
                 ]
                 claim = self._claim(candidates, graph, graph.node_poses[node], is_one=own < part)
-                if claim is not None:
+                if claim.evidence >= least:
                     claims.setdefault((min(own, part), max(own, part)), []).append(claim)
         return claims
 
@@ -310,16 +450,14 @@ class Joining:
         tf_own_scan: FloatArray,
         *,
         is_one: bool,
-    ) -> Claim | None:
-        """Return the claim that one composite scan makes about another part; None if unclear."""
-        wide, join = self._config.wide_search, self._config.join
+    ) -> Claim:
+        """Return the claim that one composite scan makes about another part."""
+        wide = self._config.wide_search
         poses = np.array([each.tf_submap_scan for each in candidates])
         submaps = np.array([each.submap for each in candidates])
         placed = compose_all(graph.submap_poses[submaps], poses)
         best, other_score = best_place(candidates, placed, wide)
         evidence = candidates[best].score - other_score
-        if evidence < join.min_margin:
-            return None
         one, other = (tf_own_scan, placed[best]) if is_one else (placed[best], tf_own_scan)
         return Claim(candidates[best], one.copy(), other.copy(), evidence)
 
@@ -340,3 +478,9 @@ _ROUND_OF_PLACE = (0, 3, 2, 3, 1, 3, 2, 3)
 
 NUM_ROUNDS = 4
 """Rounds in which the composite scans are searched."""
+
+MAX_FOLLOWING = 4
+"""Times that the places of parts left apart are followed: each join may show others."""
+
+RETRY_EVIDENCE = 1.5
+"""A placement that was refused is tried again when the evidence has grown to so many times it."""

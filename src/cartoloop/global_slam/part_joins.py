@@ -186,7 +186,7 @@ class PartJoins:
             self._submaps,
             node_points,
         ):
-            check = self._check(joined, self._submaps, node_points, *parts)
+            check = self._check(joined, self._submaps, node_points, *parts, self.joining.follows)
             if not check.fault:
                 break
         if self._recorded.is_recording:

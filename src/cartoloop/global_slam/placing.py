@@ -76,7 +76,7 @@ def placement(
     claims : about two parts.
     refused : placements that the geometry contradicts.
     """
-    left = [claim for claim in claims if not any(_is_same(claim, pose, wide) for pose in refused)]
+    left = [claim for claim in claims if not any(is_same(claim, pose, wide) for pose in refused)]
     best = _heaviest(left, wide)
     if best is None:
         return None
@@ -84,7 +84,7 @@ def placement(
     strongest = max(chosen, key=lambda claim: (claim.evidence, -claim.candidate.row))
     pose = strongest.tf_one_other
     # Where a place that fits was refused, places look alike: what it had counts against others.
-    others = [claim for claim in claims if not _is_same(claim, pose, wide)]
+    others = [claim for claim in claims if not is_same(claim, pose, wide)]
     rival = _heaviest(others, wide)
     places = np.array([claim.tf_one_scan[:2] for claim in chosen])
     extent = np.hypot(*np.moveaxis(places[:, np.newaxis] - places, 2, 0)).max()
@@ -161,7 +161,14 @@ def _heaviest(claims: Sequence[Claim], wide: WideSearchConfig) -> list[int] | No
     return best
 
 
-def _is_same(claim: Claim, tf_one_other: Pose, wide: WideSearchConfig) -> bool:
+def evidence_of(claims: Sequence[Claim], tf_one_other: Pose, wide: WideSearchConfig) -> float:
+    """Return the evidence of the largest set of claims that agree on about a place."""
+    near = [claim for claim in claims if is_same(claim, tf_one_other, wide)]
+    best = _heaviest(near, wide)
+    return sum(near[i].evidence for i in best) if best is not None else 0.0
+
+
+def is_same(claim: Claim, tf_one_other: Pose, wide: WideSearchConfig) -> bool:
     """Return whether a claim places its scan, within what drifts, where a placement does."""
     x, y, theta = compose(tf_one_other, Pose(*claim.tf_other_scan.tolist()))
     claimed = claim.tf_one_scan
