@@ -64,7 +64,7 @@ def _strict_fault(found: GeometryCheck, faults: Sequence[WallFault]) -> str:
     if share > STRICT_FLOOR_SHARE:
         return f"{share:.0%} of the returns lie on floor of the other part, and few scans agree"
     length = sum(fault.length for fault in faults)
-    if length > STRICT_WALLS_M:
+    if length > max(STRICT_WALLS_M, STRICT_WALLS_SHARE * found.length):
         return (
             f"walls of {length:.1f} m in {len(faults)} pieces contradict it: the other part saw "
             "floor there, and more behind them; and few scans agree"
@@ -75,7 +75,8 @@ def _strict_fault(found: GeometryCheck, faults: Sequence[WallFault]) -> str:
 MIN_PIECE_M = 0.3
 """Shorter pieces of wall say nothing [m]."""
 
-STRICT_FLOOR_SHARE, STRICT_WALLS_M = 0.08, 0.6
-"""Limits where few scans agree: a corridor also fits on another one, and on itself turned around.
-There the share of returns on floor was 0.09, and pieces of walls with something behind them were
-1.9 m [m]; where parts of a recording overlapped a little, up to 0.07 and 0.4 m."""
+STRICT_FLOOR_SHARE, STRICT_WALLS_M, STRICT_WALLS_SHARE = 0.08, 0.6, 0.015
+"""Limits where few scans agree: share of returns on floor; pieces of walls with something behind
+them, together, or that share of the path along which the parts overlap [m]. A corridor also fits on
+another one, and on itself turned around: there were 0.07 and 0.09, and walls of 1.9 m on 54 m and
+of 4 m on 110 m; where sessions of one building overlapped a little, up to 0.07, and 0.4 m."""

@@ -72,7 +72,7 @@ def test_refused_places_are_not_followed():
 def test_only_the_likeliest_places_are_followed():
     claims = [claim(0, Pose(10.0 * i, 0.0, 0.0), 0.01 * (i + 1)) for i in range(40)]
     places = followed_places(claims, [], WIDE)
-    assert [place.x for place in places] == pytest.approx([10.0 * i for i in range(39, 27, -1)])
+    assert [place.x for place in places] == pytest.approx([10.0 * i for i in range(39, 15, -1)])
     assert len(places) == MAX_PLACES
 
 

@@ -30,7 +30,7 @@ from cartoloop.sensor.pose import (
 )
 from cartoloop.sensor.scan_points import ScanPoints
 
-MAX_PLACES = 12
+MAX_PLACES = 24
 """Places of a pair of parts that are followed, at most: those with the most evidence."""
 
 WINDOW_M, WINDOW_RAD = 3.0, math.radians(10.0)

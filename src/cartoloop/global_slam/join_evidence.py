@@ -76,7 +76,9 @@ class JoinAttempt:
     found : the best placement so far.
     check : of its geometry, if it was tried.
     why_not : why they are not joined, "" if they are.
+    is_ambiguous : whether another place fits as well as the best one.
     refused : placements that the geometry contradicts.
+    undecided : those that it allows, where another place fits, too.
     num_searches : pairs of composite scan and submap searched.
     """
 
@@ -85,5 +87,7 @@ class JoinAttempt:
     found: Placement | None = None
     check: GeometryCheck | None = None
     why_not: str = "not searched"
+    is_ambiguous: bool = False
     refused: list[Refusal] = field(default_factory=list)
+    undecided: list[Refusal] = field(default_factory=list)
     num_searches: int = 0

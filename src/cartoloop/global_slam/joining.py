@@ -10,7 +10,7 @@ the submaps of the other. A wrong join is worse than none.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -44,7 +44,13 @@ from cartoloop.global_slam.join_records import (
     join_searches_record,
     recorded_join_searches,
 )
-from cartoloop.global_slam.placing import Claim, evidence_of, placement, why_not_believed
+from cartoloop.global_slam.placing import (
+    Claim,
+    evidence_of,
+    is_ambiguous,
+    placement,
+    why_not_believed,
+)
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
 from cartoloop.global_slam.wide_search import SearchTask, find_scans
@@ -163,7 +169,7 @@ class Joining:
         self.follows = True
         near: dict[tuple[int, int], list[Expected]] = {}
         times: dict[tuple[int, int], int] = {}
-        for pair, claims in sorted(self._claims(graph, 0.0).items()):
+        for pair, claims in sorted(self._matches(graph).items()):
             refused = self._closed(self._attempt(*pair), claims)
             for pose in followed_places(claims, refused, self._config.wide_search):
                 for each in self._expected_scans(pair, pose, graph):
@@ -238,18 +244,10 @@ class Joining:
             return None
         self._num_judged = self._num_searches
         best: JoinAttempt | None = None
-        all_claims = self._claims(graph, self._config.join.min_margin)
+        all_claims = self._claims(graph)
         for pair in sorted(self.attempts):
-            claims = all_claims.get(pair, [])
             attempt = self._attempt(*pair)
-            join, wide = self._config.join, self._config.wide_search
-            attempt.found = placement(claims, self._closed(attempt, claims), join, wide)
-            why_not = why_not_believed(attempt.found, join, wide)
-            if self.follows and not why_not and attempt.found is not None:
-                expected = self._expected_scans(pair, attempt.found.tf_one_other, graph)
-                why_not = why_not_supported(
-                    attempt.found, expected, self._candidates, join.min_margin, wide
-                )
+            why_not = self._judge(attempt, all_claims.get(pair, []), graph)
             if why_not or attempt.found is None:
                 attempt.why_not = _with_refused(why_not, attempt)
             elif (
@@ -260,6 +258,42 @@ class Joining:
             self._has_news = False
         return best
 
+    def _judge(self, attempt: JoinAttempt, claims: Sequence[Claim], graph: PoseGraph) -> str:
+        """Find the best placement of two parts; return why it is not to be examined, or "".
+
+        Where two places that were followed fit, the better one is examined, too: if the geometry
+        contradicts it, the other one remains. If not, the parts stay apart.
+        """
+        join, wide = self._config.join, self._config.wide_search
+        closed = self._closed(attempt, claims)
+        weight = STRICT_REFUSED_WEIGHT if self.follows else 1.0
+        attempt.found = found = placement(claims, closed, join, wide, weight)
+        attempt.is_ambiguous = False
+        why_not = why_not_believed(found, join, wide)
+        if not self.follows or found is None:
+            return why_not
+        if why_not and is_ambiguous(found, join):
+            attempt.is_ambiguous = True
+            without_rival = why_not_believed(found._replace(rival=0.0), join, wide)
+            was_examined = any(
+                evidence_of(found.claims, each.tf_one_other, wide) > 0.0
+                and found.evidence < RETRY_EVIDENCE * each.evidence
+                for each in attempt.undecided
+            )
+            if without_rival or was_examined:
+                return why_not
+        elif why_not:
+            return why_not
+        expected = self._expected_scans((attempt.one, attempt.other), found.tf_one_other, graph)
+        return why_not_supported(found, expected, self._candidates, join.min_margin, wide)
+
+    def leave_undecided(self, attempt: JoinAttempt, check: GeometryCheck) -> None:
+        """Note that the geometry allows a placement, but that another place fits, too."""
+        assert attempt.found is not None
+        join, wide = self._config.join, self._config.wide_search
+        attempt.check, attempt.why_not = check, why_not_believed(attempt.found, join, wide)
+        attempt.undecided.append(Refusal(attempt.found.tf_one_other, attempt.found.evidence))
+
     def joined(self, attempt: JoinAttempt) -> None:
         """Note that two parts are one from now on."""
         attempt.why_not = ""
@@ -269,6 +303,7 @@ class Joining:
         for each in self.attempts.values():
             if attempt.one in (each.one, each.other):
                 each.refused.clear()
+                each.undecided.clear()
         self.attempts = {
             pair: other for pair, other in self.attempts.items() if attempt.other not in pair
         }
@@ -424,42 +459,61 @@ class Joining:
             tf_one_other, scans, scan_parts, (codes, graph.submap_poses), self._areas
         )
 
-    def _claims(self, graph: PoseGraph, least: float) -> dict[tuple[int, int], list[Claim]]:
-        """Return the hypotheses about each pair of parts with at least this evidence each."""
-        node_parts = self._sessions.of_nodes(graph.num_nodes)
-        submap_parts = self._sessions.of_submaps(graph.num_submaps)
+    def _claims(self, graph: PoseGraph) -> dict[tuple[int, int], list[Claim]]:
+        """Return the hypotheses about each pair of parts: of each scan the best, if distinct."""
         claims: dict[tuple[int, int], list[Claim]] = {}
-        for scan in sorted(self._candidates):
-            node = int(self._scans.nodes[scan])
-            own = int(node_parts[node])
-            for part in sorted({int(submap_parts[each.submap]) for each in self._candidates[scan]}):
-                if part == own:
-                    continue
-                candidates = [
-                    each for each in self._candidates[scan] if submap_parts[each.submap] == part
-                ]
-                claim = self._claim(candidates, graph, graph.node_poses[node], is_one=own < part)
-                if claim.evidence >= least:
-                    claims.setdefault((min(own, part), max(own, part)), []).append(claim)
+        for pair, candidates in self._candidates_of_scans(graph):
+            poses = np.array([each.tf_submap_scan for each in candidates])
+            submaps = np.array([each.submap for each in candidates])
+            placed = compose_all(graph.submap_poses[submaps], poses)
+            best, other_score = best_place(candidates, placed, self._config.wide_search)
+            evidence = candidates[best].score - other_score
+            if evidence >= self._config.join.min_margin:
+                claims.setdefault(pair, []).append(
+                    self._claim(candidates[best], evidence, pair, graph)
+                )
         return claims
 
+    def _matches(self, graph: PoseGraph) -> dict[tuple[int, int], list[Claim]]:
+        """Return all matches between each pair of parts, also those that are not the best."""
+        claims: dict[tuple[int, int], list[Claim]] = {}
+        for pair, candidates in self._candidates_of_scans(graph):
+            claims.setdefault(pair, []).extend(
+                self._claim(each, each.score - each.other_score, pair, graph) for each in candidates
+            )
+        return claims
+
+    def _candidates_of_scans(
+        self, graph: PoseGraph
+    ) -> Iterator[tuple[tuple[int, int], list[Candidate]]]:
+        """Yield the matches of each composite scan in each other part, and the pair of parts."""
+        node_parts = self._sessions.of_nodes(graph.num_nodes)
+        submap_parts = self._sessions.of_submaps(graph.num_submaps)
+        for scan in sorted(self._candidates):
+            own = int(node_parts[self._scans.nodes[scan]])
+            for part in sorted({int(submap_parts[each.submap]) for each in self._candidates[scan]}):
+                if part != own:
+                    yield (
+                        (min(own, part), max(own, part)),
+                        [
+                            each
+                            for each in self._candidates[scan]
+                            if submap_parts[each.submap] == part
+                        ],
+                    )
+
     def _claim(
-        self,
-        candidates: Sequence[Candidate],
-        graph: PoseGraph,
-        tf_own_scan: FloatArray,
-        *,
-        is_one: bool,
+        self, candidate: Candidate, evidence: float, pair: tuple[int, int], graph: PoseGraph
     ) -> Claim:
-        """Return the claim that one composite scan makes about another part."""
-        wide = self._config.wide_search
-        poses = np.array([each.tf_submap_scan for each in candidates])
-        submaps = np.array([each.submap for each in candidates])
-        placed = compose_all(graph.submap_poses[submaps], poses)
-        best, other_score = best_place(candidates, placed, wide)
-        evidence = candidates[best].score - other_score
-        one, other = (tf_own_scan, placed[best]) if is_one else (placed[best], tf_own_scan)
-        return Claim(candidates[best], one.copy(), other.copy(), evidence)
+        """Return a match as a claim about two parts."""
+        node = int(self._scans.nodes[candidate.scan])
+        tf_own_scan = graph.node_poses[node].copy()
+        placed = compose_all(
+            graph.submap_poses[candidate.submap], candidate.tf_submap_scan[np.newaxis]
+        )[0]
+        is_one = int(self._sessions.of_nodes(graph.num_nodes)[node]) == pair[0]
+        one, other = (tf_own_scan, placed) if is_one else (placed, tf_own_scan)
+        return Claim(candidate, one, other, evidence)
 
 
 def _with_refused(why_not: str, attempt: JoinAttempt) -> str:
@@ -484,3 +538,7 @@ MAX_FOLLOWING = 4
 
 RETRY_EVIDENCE = 1.5
 """A placement that was refused is tried again when the evidence has grown to so many times it."""
+
+STRICT_REFUSED_WEIGHT = 0.25
+"""Share of the evidence of places that were refused that counts against those that are followed:
+the geometry of these is examined strictly."""

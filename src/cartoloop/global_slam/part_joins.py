@@ -144,6 +144,9 @@ class PartJoins:
             if check.fault:
                 self.joining.refuse(attempt, check)
                 continue
+            if attempt.is_ambiguous:
+                self.joining.leave_undecided(attempt, check)
+                continue
             attempt.check = check
             self.done.append(self._record(attempt, joined=True))
             place_part(

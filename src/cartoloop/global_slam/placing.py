@@ -68,6 +68,7 @@ def placement(
     refused: Sequence[Pose],
     join: JoinConfig,
     wide: WideSearchConfig,
+    refused_weight: float = 1.0,
 ) -> Placement | None:
     """Return the placement with the most evidence among those not refused; None without claims.
 
@@ -75,6 +76,8 @@ def placement(
     ----------
     claims : about two parts.
     refused : placements that the geometry contradicts.
+    refused_weight : share of the evidence of these that counts against others: all of it, unless
+        the geometry will be examined strictly.
     """
     left = [claim for claim in claims if not any(is_same(claim, pose, wide) for pose in refused)]
     best = _heaviest(left, wide)
@@ -84,8 +87,7 @@ def placement(
     strongest = max(chosen, key=lambda claim: (claim.evidence, -claim.candidate.row))
     pose = strongest.tf_one_other
     # Where a place that fits was refused, places look alike: what it had counts against others.
-    others = [claim for claim in claims if not is_same(claim, pose, wide)]
-    rival = _heaviest(others, wide)
+    rival = max(refused_weight * _elsewhere(claims, pose, wide), _elsewhere(left, pose, wide))
     places = np.array([claim.tf_one_scan[:2] for claim in chosen])
     extent = np.hypot(*np.moveaxis(places[:, np.newaxis] - places, 2, 0)).max()
     return Placement(
@@ -93,8 +95,15 @@ def placement(
         pose,
         sum(claim.evidence for claim in chosen),
         float(extent),
-        sum(others[i].evidence for i in rival) if rival is not None else 0.0,
+        rival,
     )
+
+
+def _elsewhere(claims: Sequence[Claim], tf_one_other: Pose, wide: WideSearchConfig) -> float:
+    """Return the evidence of the best set of claims about another place."""
+    others = [claim for claim in claims if not is_same(claim, tf_one_other, wide)]
+    rival = _heaviest(others, wide)
+    return sum(others[i].evidence for i in rival) if rival is not None else 0.0
 
 
 def why_not_believed(found: Placement | None, join: JoinConfig, wide: WideSearchConfig) -> str:
@@ -112,12 +121,17 @@ def why_not_believed(found: Placement | None, join: JoinConfig, wide: WideSearch
             f"the {count} scans that agree lie within {found.extent:.1f} m: they could fit "
             "elsewhere too"
         )
-    if found.rival > join.max_rival_share * found.evidence:
+    if is_ambiguous(found, join):
         return (
             f"two places fit: the scans that agree have an evidence of {found.evidence:.2f}, those "
             f"that agree on another place {found.rival:.2f}"
         )
     return ""
+
+
+def is_ambiguous(found: Placement, join: JoinConfig) -> bool:
+    """Return whether another place fits, too."""
+    return found.rival > join.max_rival_share * found.evidence
 
 
 def agreement(claims: Sequence[Claim], wide: WideSearchConfig) -> BoolArray:
