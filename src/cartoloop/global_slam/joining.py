@@ -10,8 +10,7 @@ the submaps of the other. A wrong join is worse than none.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -29,18 +28,12 @@ from cartoloop.global_slam.following import (
     WINDOW_M,
     WINDOW_RAD,
     Expected,
-    SeenAreas,
-    expected_scans,
     followed_places,
-    is_same_pose,
     why_not_supported,
 )
-from cartoloop.global_slam.graph_records import WideOutcome
-from cartoloop.global_slam.hypotheses import Candidate, best_place
 from cartoloop.global_slam.join_evidence import GeometryCheck, JoinAttempt, OnePose, Refusal
+from cartoloop.global_slam.join_matches import JoinMatches, JoinTask
 from cartoloop.global_slam.join_records import (
-    NO_REQUESTS,
-    JoinSearch,
     join_searches_record,
     recorded_join_searches,
 )
@@ -53,24 +46,10 @@ from cartoloop.global_slam.placing import (
 )
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
-from cartoloop.global_slam.wide_search import SearchTask, find_scans
+from cartoloop.global_slam.wide_search import find_scans
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
 from cartoloop.sensor.pose import Pose, compose_all, relative_all
-
-
-@dataclass(slots=True, eq=False)
-class JoinTask(SearchTask):
-    """The search of composite scans in one submap of another part.
-
-    Attributes
-    ----------
-    scans : their numbers.
-    requests : the window of each.
-    """
-
-    scans: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
-    requests: Requests = NO_REQUESTS
 
 
 class Joining:
@@ -104,7 +83,6 @@ class Joining:
     ) -> None:
         self._recorded = outcomes
         self._config = config
-        self._closures = closures
         self._submaps = submaps
         self._search = search
         self._scans = scans
@@ -112,11 +90,10 @@ class Joining:
         self._waiting: dict[int, list[int]] = {}
         self._running: list[JoinTask] = []
         self._searched: set[tuple[int, int]] = set()
-        self._candidates: dict[int, list[Candidate]] = {}
+        self._matches = JoinMatches(config, closures, submaps, scans, sessions)
         self._num_searches = 0
         self._num_judged = 0
         self._has_news = False
-        self._areas = SeenAreas(submaps)
         self._followed: set[tuple[int, int, int, int]] = set()
         self.follows = False
         self.known: OnePose | None = None
@@ -169,10 +146,10 @@ class Joining:
         self.follows = True
         near: dict[tuple[int, int], list[Expected]] = {}
         times: dict[tuple[int, int], int] = {}
-        for pair, claims in sorted(self._matches(graph).items()):
+        for pair, claims in sorted(self._matches.all_claims(graph).items()):
             refused = self._closed(self._attempt(*pair), claims)
             for pose in followed_places(claims, refused, self._config.wide_search):
-                for each in self._expected_scans(pair, pose, graph):
+                for each in self._matches.expected_scans(pair, pose, graph):
                     x, y, _ = each.tf_submap_scan.tolist()
                     key = (each.scan, each.submap, round(x / WINDOW_M), round(y / WINDOW_M))
                     if key not in self._followed:
@@ -222,15 +199,15 @@ class Joining:
         if (recorded := self._recorded.replay(Kind.JOIN_SEARCHED)) is not None:
             searches = recorded_join_searches(recorded)
             for each in searches:
-                self._note(each, graph)
+                self._has_news |= self._matches.note(each, graph)
         else:
             self._launch()
             searches = []
             for place, task in enumerate(self._running):
                 if task.future is not None and (wait or task.future.done()):
                     outcome, duration = task.future.result()
-                    searches.append(self._new_pairs(place, task, outcome))
-                    self._note(searches[-1], graph)
+                    searches.append(self._matches.new_pairs(place, task, outcome))
+                    self._has_news |= self._matches.note(searches[-1], graph)
                     durations.append(duration)
             if self._recorded.is_recording and (searches or self._recorded.is_replayable):
                 self._recorded.record(Kind.JOIN_SEARCHED, join_searches_record(searches))
@@ -244,7 +221,7 @@ class Joining:
             return None
         self._num_judged = self._num_searches
         best: JoinAttempt | None = None
-        all_claims = self._claims(graph)
+        all_claims = self._matches.claims(graph)
         for pair in sorted(self.attempts):
             attempt = self._attempt(*pair)
             why_not = self._judge(attempt, all_claims.get(pair, []), graph)
@@ -284,8 +261,10 @@ class Joining:
                 return why_not
         elif why_not:
             return why_not
-        expected = self._expected_scans((attempt.one, attempt.other), found.tf_one_other, graph)
-        return why_not_supported(found, expected, self._candidates, join.min_margin, wide)
+        expected = self._matches.expected_scans(
+            (attempt.one, attempt.other), found.tf_one_other, graph
+        )
+        return why_not_supported(found, expected, self._matches.of_scan, join.min_margin, wide)
 
     def leave_undecided(self, attempt: JoinAttempt, check: GeometryCheck) -> None:
         """Note that the geometry allows a placement, but that another place fits, too."""
@@ -309,7 +288,7 @@ class Joining:
         }
         assert attempt.found is not None
         for claim in attempt.found.claims:
-            self._drop(claim.candidate)
+            self._matches.drop(claim.candidate)
 
     def refuse(self, attempt: JoinAttempt, check: GeometryCheck) -> None:
         """Note that the geometry contradicts the placement of an attempt."""
@@ -328,10 +307,6 @@ class Joining:
             for each in attempt.refused
             if evidence_of(claims, each.tf_one_other, wide) < RETRY_EVIDENCE * each.evidence
         ]
-
-    def _drop(self, candidate: Candidate) -> None:
-        left = [each for each in self._candidates[candidate.scan] if each.row != candidate.row]
-        self._candidates[candidate.scan] = left
 
     def _attempt(self, part: int, other: int) -> JoinAttempt:
         pair = (min(part, other), max(part, other))
@@ -385,135 +360,6 @@ class Joining:
         for each in self._running:
             if each.future is None:
                 each.future = self._search.run(each.find, each.submap)
-
-    def _new_pairs(self, place: int, task: JoinTask, outcome: WideOutcome) -> JoinSearch:
-        """Return the matches of a search, without pairs that were requested otherwise since."""
-        if not outcome.candidates:
-            return JoinSearch(place, outcome.min_score, [], NO_REQUESTS)
-        rows = {scan: row for row, scan in enumerate(task.scans.tolist())}
-        requests = task.requests.take(np.array([rows[each.scan] for each in outcome.candidates]))
-        has_row = self._closures.has_rows(requests.submap, requests.node).tolist()
-        kept = [
-            i
-            for i, each in enumerate(outcome.candidates)
-            if not has_row[i] or self._known(each) is not None
-        ]
-        candidates = [outcome.candidates[i] for i in kept]
-        return JoinSearch(
-            place, outcome.min_score, candidates, requests.take(np.array(kept, dtype=np.int64))
-        )
-
-    def _known(self, candidate: Candidate) -> Candidate | None:
-        """Return an earlier match of the same scan in the same submap, if there is one."""
-        for each in self._candidates.get(candidate.scan, []):
-            if each.submap == candidate.submap:
-                return each
-        return None
-
-    def _note(self, search: JoinSearch, graph: PoseGraph) -> None:
-        """Note the matches of a search: only they get a row in the record."""
-        if not search.candidates:
-            return
-        known = [self._known(each) for each in search.candidates]
-        fresh = np.flatnonzero([each is None for each in known])
-        new_rows = self._closures.request(search.requests.take(fresh), graph.num_nodes)
-        self._closures.note_searched(new_rows, search.min_score)
-        self._closures.note_hypotheses(new_rows)
-        for row, i in zip(new_rows.tolist(), fresh.tolist(), strict=True):
-            candidate = search.candidates[i]._replace(row=row)
-            self._candidates.setdefault(candidate.scan, []).append(candidate)
-        for candidate, earlier in zip(search.candidates, known, strict=True):
-            if earlier is not None:
-                self._note_again(candidate._replace(row=earlier.row), earlier)
-        self._has_news = True
-
-    def _note_again(self, candidate: Candidate, earlier: Candidate) -> None:
-        """Note a match of a pair that has one, with a lower threshold near one place.
-
-        Where the earlier search found no other place above its threshold, that threshold says
-        nothing any more; where it did, that counts.
-        """
-        others = self._candidates[candidate.scan]
-        wide = self._config.wide_search
-        if not is_same_pose(earlier.tf_submap_scan, candidate.tf_submap_scan, wide):
-            others.append(candidate)
-            return
-        threshold = self._closures.min_score[earlier.row]
-        had_rival = earlier.other_score > threshold + 1e-9
-        other_score = max(candidate.other_score, earlier.other_score if had_rival else 0.0)
-        others[others.index(earlier)] = earlier._replace(other_score=other_score)
-
-    def _expected_scans(
-        self, pair: tuple[int, int], tf_one_other: Pose, graph: PoseGraph
-    ) -> list[Expected]:
-        """Return the scans of two parts that a place puts where the other one has seen."""
-        nodes = self._scans.nodes
-        node_parts = self._sessions.of_nodes(graph.num_nodes)[nodes]
-        numbers = np.flatnonzero(np.isin(node_parts, pair))
-        parts = self._sessions.of_submaps(len(self._submaps))
-        codes = np.where(parts == pair[0], 0, np.where(parts == pair[1], 1, -1))
-        codes[[not each.grid.size for each in self._submaps]] = -1
-        scans = (numbers, graph.node_poses[nodes[numbers]], self._scans.points)
-        scan_parts = (node_parts[numbers] == pair[1]).astype(np.int64)
-        return expected_scans(
-            tf_one_other, scans, scan_parts, (codes, graph.submap_poses), self._areas
-        )
-
-    def _claims(self, graph: PoseGraph) -> dict[tuple[int, int], list[Claim]]:
-        """Return the hypotheses about each pair of parts: of each scan the best, if distinct."""
-        claims: dict[tuple[int, int], list[Claim]] = {}
-        for pair, candidates in self._candidates_of_scans(graph):
-            poses = np.array([each.tf_submap_scan for each in candidates])
-            submaps = np.array([each.submap for each in candidates])
-            placed = compose_all(graph.submap_poses[submaps], poses)
-            best, other_score = best_place(candidates, placed, self._config.wide_search)
-            evidence = candidates[best].score - other_score
-            if evidence >= self._config.join.min_margin:
-                claims.setdefault(pair, []).append(
-                    self._claim(candidates[best], evidence, pair, graph)
-                )
-        return claims
-
-    def _matches(self, graph: PoseGraph) -> dict[tuple[int, int], list[Claim]]:
-        """Return all matches between each pair of parts, also those that are not the best."""
-        claims: dict[tuple[int, int], list[Claim]] = {}
-        for pair, candidates in self._candidates_of_scans(graph):
-            claims.setdefault(pair, []).extend(
-                self._claim(each, each.score - each.other_score, pair, graph) for each in candidates
-            )
-        return claims
-
-    def _candidates_of_scans(
-        self, graph: PoseGraph
-    ) -> Iterator[tuple[tuple[int, int], list[Candidate]]]:
-        """Yield the matches of each composite scan in each other part, and the pair of parts."""
-        node_parts = self._sessions.of_nodes(graph.num_nodes)
-        submap_parts = self._sessions.of_submaps(graph.num_submaps)
-        for scan in sorted(self._candidates):
-            own = int(node_parts[self._scans.nodes[scan]])
-            for part in sorted({int(submap_parts[each.submap]) for each in self._candidates[scan]}):
-                if part != own:
-                    yield (
-                        (min(own, part), max(own, part)),
-                        [
-                            each
-                            for each in self._candidates[scan]
-                            if submap_parts[each.submap] == part
-                        ],
-                    )
-
-    def _claim(
-        self, candidate: Candidate, evidence: float, pair: tuple[int, int], graph: PoseGraph
-    ) -> Claim:
-        """Return a match as a claim about two parts."""
-        node = int(self._scans.nodes[candidate.scan])
-        tf_own_scan = graph.node_poses[node].copy()
-        placed = compose_all(
-            graph.submap_poses[candidate.submap], candidate.tf_submap_scan[np.newaxis]
-        )[0]
-        is_one = int(self._sessions.of_nodes(graph.num_nodes)[node]) == pair[0]
-        one, other = (tf_own_scan, placed) if is_one else (placed, tf_own_scan)
-        return Claim(candidate, one, other, evidence)
 
 
 def _with_refused(why_not: str, attempt: JoinAttempt) -> str:
