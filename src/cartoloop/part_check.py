@@ -53,12 +53,12 @@ def part_check(config: Config) -> CheckGeometry:
                 f"contradicts it: the other part saw floor there, and {worst.hidden:.0f} m2 behind "
                 "it"
             )
-        return found._replace(fault=_strict_fault(found, faults) if is_strict else "")
+        return found._replace(fault=strict_fault(found, faults) if is_strict else "")
 
     return check
 
 
-def _strict_fault(found: GeometryCheck, faults: Sequence[WallFault]) -> str:
+def strict_fault(found: GeometryCheck, faults: Sequence[WallFault]) -> str:
     """Return why parts of which little is known cannot be joined, "" if they can."""
     share = found.on_floor / max(found.on_wall + found.on_floor, 1)
     if share > STRICT_FLOOR_SHARE:
