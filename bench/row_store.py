@@ -18,7 +18,7 @@ class RowStore:
 
     Parameters
     ----------
-    path : of the file; need not exist.
+    path : of the file; it may be missing.
     commit : of the sources now.
 
     Raises

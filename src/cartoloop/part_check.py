@@ -59,7 +59,7 @@ def part_check(config: Config) -> CheckGeometry:
 
 
 def strict_fault(found: GeometryCheck, faults: Sequence[WallFault]) -> str:
-    """Return why parts of which little is known cannot be joined, "" if they can."""
+    """Return why parts on which few scans agree cannot be joined, "" if they can."""
     share = found.on_floor / max(found.on_wall + found.on_floor, 1)
     if share > STRICT_FLOOR_SHARE:
         return f"{share:.0%} of the returns lie on floor of the other part, and few scans agree"

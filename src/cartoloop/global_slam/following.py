@@ -44,11 +44,11 @@ MIN_SEEN_SHARE, EXPECTED_SHARE = 0.35, 0.5
 expected to fit in the one that has seen the most, if that is the second share."""
 
 MIN_AGREEING, MIN_AGREEING_SHARE = 4, 0.6
-"""A place that was followed is believed if so many scans fit there, and at least this share of
+"""A place that was followed is believed if this number of scans fit there, and this share of
 those that are expected to and are distinct."""
 
 MASK_STRIDE = 4
-"""Every n-th cell of a submap tells what it has seen."""
+"""Every n-th cell of a submap shows what it has seen."""
 
 
 class Expected(NamedTuple):

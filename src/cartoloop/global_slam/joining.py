@@ -383,7 +383,7 @@ MAX_FOLLOWING = 4
 """Times that the places of parts left apart are followed: each join may show others."""
 
 RETRY_EVIDENCE = 1.5
-"""A placement that was refused is tried again when the evidence has grown to so many times it."""
+"""A refused placement is tried again when its evidence has grown to this multiple."""
 
 STRICT_REFUSED_WEIGHT = 0.25
 """Share of the evidence of places that were refused that counts against those that are followed:
