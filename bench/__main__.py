@@ -534,11 +534,16 @@ def bench_sessions(
     only: Annotated[
         str, typer.Option(help="Recordings: intel, mit-killian, mit-csail, fr079, aces, museum.")
     ] = "",
-    cuts: Annotated[str, typer.Option(help="Into how many sessions, such as 2,5,10.")] = "2,5,10",
+    cuts: Annotated[
+        str, typer.Option(help="Into how many sessions, such as 2,5,10; none if empty.")
+    ] = "2,5,10",
     strangers: Annotated[
         bool, typer.Option(help="Merge recordings of different places too.")
     ] = True,
     seeds: Annotated[int, typer.Option(min=0, help="Buildings with two wings alike.")] = 100,
+    again: Annotated[
+        bool, typer.Option("--again", help="Measure again what this commit has measured.")
+    ] = False,
     against: AgainstOption = None,
     strict: StrictOption = False,
 ) -> None:
@@ -547,14 +552,9 @@ def bench_sessions(
 
     before = _earlier(against, "sessions")
     names = sessions.RECORDINGS if not only else () if only == "none" else _names(only)
-    record = sessions.run(
-        _data_folder(data),
-        names,
-        [int(count) for count in _names(cuts)],
-        strangers,
-        seeds,
-        lambda line: typer.echo(line, err=True),
-    )
+    counts = [int(count) for count in _names(cuts)]
+    chosen = sessions.Chosen(_data_folder(data), names, counts, strangers, seeds, again)
+    record = sessions.run(chosen, out, lambda line: typer.echo(line, err=True))
     _print_table(record)
     _conclude(record, out, before, strict)
 

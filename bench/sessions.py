@@ -2,34 +2,40 @@
 """Recordings cut into sessions, mapped each by itself and merged; places that must stay apart.
 
 Each session is in a frame of its own, and they are merged in shuffled order. The error of the
-merged map is compared with that of the uncut run.
+merged map is compared with that of the uncut run. Rows are kept in a file as soon as they are
+measured, so that the benchmark can be interrupted, and measured in pieces.
 """
 
 from __future__ import annotations
 
 import random
+import re
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
 from bench.environment import environment
-from bench.record import Figure, Record, Row
-from cartoloop.arrays import BoolArray, FloatArray, IntArray
-from cartoloop.evaluation.relations import evaluate_relations, read_relations
-from cartoloop.evaluation.trajectories import Trajectory, absolute_trajectory_error
-from cartoloop.global_slam.pose_graph import ConstraintKind
+from bench.record import Case, Figure, Record, Row
+from bench.row_store import RowStore
+from bench.session_measures import Drive, errors, is_displaced, overlaps
+from cartoloop.config import Config
+from cartoloop.errors import ConfigError
+from cartoloop.first_pass import calibrate
+from cartoloop.map_output.output_folder import prepare_folder
+from cartoloop.map_output.save import write_file
 from cartoloop.mapper import Mapper
 from cartoloop.merging import merge
-from cartoloop.readers import open_log
+from cartoloop.readers import Log, open_log
 from cartoloop.result import Result
 from cartoloop.sensor.events import LaserScan, PointCloud, SensorEvent
-from cartoloop.sensor.pose import compose_all, relative_all
 from cartoloop.session import MAIN_PART
 from cartoloop.simulation import make_world, simulate
-from cartoloop.simulation.recording import Recording
+from cartoloop.stop_request import StopRequest
 
 RECORDINGS = ("intel", "mit-killian", "mit-csail", "fr079", "aces", "museum")
 STRANGERS = (
@@ -42,79 +48,131 @@ STRANGERS = (
 RELATIONS = {"intel": "intel-exact", "mit-csail": "mit-csail", "fr079": "fr079"}
 """Files of verified relations; of other recordings, the uncut run is the measure."""
 
-CELL_M, EVERY_NTH_CELL = 0.5, 5
-"""Cells in which overlap is counted [m], and how densely submaps are sampled."""
-
 MIN_OVERLAP_M2 = 10.0
 """A session that overlaps the others by this area must be joined [m^2]."""
 
 MIN_STRETCH = 200
 """Scans of a drive in one wing that are mapped; shorter stretches are a turn at the door."""
 
+CUT, STRANGE, WINGS = "cut into sessions", "of different places", "wings that look alike"
+"""The parts of the benchmark, in the order of the table."""
 
-@dataclass
-class Drive:
-    """A recording as events.
+
+@dataclass(frozen=True)
+class Chosen:
+    """What is measured.
 
     Attributes
-    ----------
-    name : of the recording.
-    events : all of them.
-    relations : file of verified relations, or None.
-    truth : simulated, or None.
-    """
-
-    name: str
-    events: list[SensorEvent]
-    relations: Path | None = None
-    truth: Recording | None = None
-
-
-def run(
-    data: Path,
-    recordings: Sequence[str],
-    cuts: Sequence[int],
-    strangers: bool,
-    seeds: int,
-    note: Callable[[str], None],
-) -> Record:
-    """Return the figures of recordings cut into sessions, of strangers, and of wings.
-
-    Parameters
     ----------
     data : folder of the recordings.
     recordings : which of `RECORDINGS` are cut.
     cuts : into how many sessions each.
-    strangers : whether pairs of recordings of different places are merged.
+    strangers : whether pairs of these recordings are merged that are of different places.
     seeds : number of buildings with two wings.
-    note : called with what is done next.
+    again : measure cases again that were measured with the same sources.
     """
-    rows, uncut = [], {}
+
+    data: Path
+    recordings: Sequence[str]
+    cuts: Sequence[int]
+    strangers: bool
+    seeds: int
+    again: bool = False
+
+
+def run(chosen: Chosen, out: Path, note: Callable[[str], None]) -> Record:
+    """Measure what is chosen, and return all that was measured.
+
+    Parameters
+    ----------
+    chosen : cases.
+    out : folder of the records; rows are in ``sessions/rows.jsonl`` as soon as they are there.
+    note : called with what is done next.
+
+    Raises
+    ------
+    ConfigError
+        A recording is unknown.
+    OutputError
+        The rows cannot be written.
+    """
+    if unknown := [name for name in chosen.recordings if name not in RECORDINGS]:
+        raise ConfigError(
+            f"no recording {unknown[0]!r} of this benchmark; choose from {', '.join(RECORDINGS)}"
+        )
+    found = environment()
+    store = RowStore(prepare_folder(out / "sessions") / "rows.jsonl", found["commit"])
+    for case, measure in _cases(chosen, note):
+        if not chosen.again and store.has(case):
+            continue
+        note(", ".join(map(str, case.values())))
+        store.add(measure(case))
+        # After each case, so that an interrupted benchmark leaves a record.
+        record = Record("sessions", tuple(rows(store)), found)
+        write_file(out / f"{record.benchmark}.json", record.to_json())
+    return Record("sessions", tuple(rows(store)), found)
+
+
+def _cases(
+    chosen: Chosen, note: Callable[[str], None]
+) -> Iterator[tuple[Case, Callable[[Case], Row]]]:
+    """Yield each case and what measures it; whole recordings are mapped when they are needed."""
+    uncut: dict[str, tuple[Drive, Result] | None] = {}
 
     def whole(name: str) -> tuple[Drive, Result] | None:
         if name not in uncut:
-            drive = _drive(name, data)
+            drive = _drive(name, chosen.data)
             note(f"{name}: mapping")
-            uncut[name] = None if drive is None else (drive, _mapped(drive.events))
+            uncut[name] = None if drive is None else (drive, mapped(drive.events))
         return uncut[name]
 
-    for name in recordings:
-        if (found := whole(name)) is None:
-            rows.append(Row({"recording": name}, notes="the recording is not there"))
-            continue
-        for count in cuts:
-            note(f"{name}: {count} sessions")
-            rows.append(_cut_row(*found, count))
-    for one, other in STRANGERS if strangers else ():
-        if one in recordings and other in recordings:
-            note(f"{one} with {other}")
-            maps = [found[1] for name in (one, other) if (found := whole(name)) is not None]
-            if len(maps) == 2:
-                rows.append(_apart_row(f"{one} + {other}", maps))
-    for seed in range(seeds):
-        note(f"wings, seed {seed}")
-        rows.append(_wings_row(seed))
-    return Record("sessions", tuple(rows), environment())
+    def cut(case: Case) -> Row:
+        return _cut_row(case, whole(str(case["case"])))
+
+    def apart(case: Case) -> Row:
+        return _apart_row(case, [whole(name) for name in str(case["case"]).split(" + ")])
+
+    for name in chosen.recordings:
+        for count in chosen.cuts:
+            yield {"part": CUT, "case": name, "sessions": count}, cut
+    for pair in STRANGERS if chosen.strangers else ():
+        if set(pair) <= set(chosen.recordings):
+            yield {"part": STRANGE, "case": " + ".join(pair)}, apart
+    for seed in range(chosen.seeds):
+        yield {"part": WINGS, "case": f"seed {seed}"}, _wings_row
+
+
+def rows(measured: Iterable[Row]) -> list[Row]:
+    """Return the rows of the table: of the buildings with two wings, all in one."""
+    names = {name: number for number, name in enumerate(RECORDINGS)}
+    of_part: dict[str, list[Row]] = {CUT: [], STRANGE: [], WINGS: []}
+    for row in measured:
+        of_part[str(row.case["part"])].append(row)
+    of_part[CUT].sort(key=lambda row: (names[str(row.case["case"])], int(row.case["sessions"])))
+    of_part[STRANGE].sort(key=lambda row: str(row.case["case"]))
+    return [*of_part[CUT], *of_part[STRANGE], *_together(of_part[WINGS])]
+
+
+def _together(wings: Sequence[Row]) -> list[Row]:
+    """Return one row for all buildings with two wings, with how often which reason was given."""
+    if not wings:
+        return []
+    counts = Counter(kind for row in wings for kind in _kinds(row.notes))
+    figures = {
+        "buildings": Figure.exact(len(wings), better=None),
+        **{
+            name: Figure.exact(sum(row.figures[name].value for row in wings))
+            for name in ("wrong joins", "not explained")
+        },
+        "merging": Figure.of_samples([row.figures["merging"].value for row in wings], "CPU s"),
+    }
+    notes = "; ".join(f"{count} x {kind}" for kind, count in counts.most_common())
+    return [Row({"part": WINGS, "case": "two wings"}, figures, notes)]
+
+
+def _kinds(notes: str) -> list[str]:
+    """Return the reasons in notes, with N for each number."""
+    return [re.sub(r"-?\d+(\.\d+)?", "N", each) for each in notes.split("; ") if each]
 
 
 def _drive(name: str, data: Path) -> Drive | None:
@@ -143,150 +201,124 @@ def sessions_of(events: Sequence[SensorEvent], count: int) -> list[list[SensorEv
     return parts
 
 
-def _mapped(events: Sequence[SensorEvent]) -> Result:
-    mapper = Mapper()
+class _Recording:
+    """Events as a recording, which the beginning is asked for first as `cartoloop map` does."""
+
+    def __init__(self, events: Sequence[SensorEvent]) -> None:
+        self._events = events
+        self.num_scans = sum(map(_is_scan, events))
+
+    def __iter__(self) -> Generator[SensorEvent]:
+        yield from self._events
+
+
+def mapped(events: Sequence[SensorEvent]) -> Result:
+    """Return the map of events, as `cartoloop map` makes it."""
+    config, recording = Config(), cast("Log", _Recording(events))
+    mapper = Mapper(config, calibration=calibrate(recording, config, StopRequest()))
     for event in events:
         mapper.add(event)
     return mapper.finish()
 
 
-def _cut_row(drive: Drive, uncut: Result, count: int) -> Row:
-    """Return the figures of a recording cut into `count` sessions."""
-    maps = [_mapped(part) for part in sessions_of(drive.events, count)]
-    areas = _overlaps(maps, uncut)
-    order = list(range(count))
-    random.Random(count).shuffle(order)
-    start = time.process_time()
-    merged = merge([maps[number] for number in order])
-    seconds = time.process_time() - start
+def _cut_row(case: Case, whole: tuple[Drive, Result] | None) -> Row:
+    """Return the figures of a recording cut into sessions."""
+    if whole is None:
+        return Row(case, notes="the recording is not there")
+    count = int(case["sessions"])
+    return cut_row(case, *whole, [mapped(part) for part in sessions_of(whole[0].events, count)])
+
+
+def cut_row(case: Case, drive: Drive, uncut: Result, maps: Sequence[Result]) -> Row:
+    """Return the figures of the maps of the sessions of a recording, merged in shuffled order."""
+    areas = overlaps(maps, uncut)
+    order = list(range(len(maps)))
+    random.Random(len(maps)).shuffle(order)
+    merged, seconds = _merged([maps[number] for number in order])
     parts = [session.part for session in merged.sessions]
     main = max(set(parts), key=parts.count)
     is_due = [areas[number] >= MIN_OVERLAP_M2 for number in order]
-    joined = sum(part == main for part, due in zip(parts, is_due, strict=True) if due)
-    ours, before = _errors(drive, uncut, merged, main)
+    is_joined = [part == main for part in parts]
     figures = {
-        "joined": Figure.exact(joined, better="more"),
+        "joined": Figure.exact(int(np.sum(np.logical_and(is_due, is_joined))), better="more"),
         "overlapping": Figure.exact(sum(is_due), better=None),
-        "error": Figure.exact(ours, "m"),
-        "uncut": Figure.exact(before, "m", better=None),
-        "merging": Figure.of_samples([seconds], "cpu s"),
     }
+    ours, before = errors(drive, uncut, merged, main)
     if before > 0.0:
+        figures["error"] = Figure.exact(ours, "m")
+        figures["uncut"] = Figure.exact(before, "m", better=None)
         figures["ratio"] = Figure.exact(ours / before)
-    why = {join["why_not"] for join in merged.report.extra.get("joins", []) if not join["joined"]}
-    return Row({"recording": drive.name, "sessions": count}, figures, "; ".join(sorted(why)))
+    else:
+        figures["from uncut"] = Figure.exact(ours, "m")
+    figures["merging"] = Figure.of_samples([seconds], "CPU s")
+    notes = [
+        f"session {number + 1}, which shares {areas[number]:.0f} m2, is apart"
+        for number, joined in sorted(zip(order, is_joined, strict=True))
+        if not joined
+    ]
+    return Row(case, figures, "; ".join(notes + sorted(set(_reasons(merged)))))
 
 
-def _errors(drive: Drive, uncut: Result, merged: Result, part: int) -> tuple[float, float]:
-    """Return the mean error of the merged map's largest part, and of the uncut run [m]."""
-    chosen = merged.scan_parts == part
-    stamps, poses = merged.stamps[chosen], merged.trajectory[chosen]
-    if drive.relations is not None:
-        relations = read_relations(drive.relations)
-        errors = [
-            evaluate_relations(Trajectory(*each), relations).absolute_translational.mean
-            for each in ((stamps, poses), (uncut.stamps, uncut.trajectory))
-        ]
-        return errors[0], errors[1]
-    if drive.truth is None:
-        rows = _rows(uncut.stamps, stamps)
-        return float(absolute_trajectory_error(poses, uncut.trajectory[rows]).mean()), 0.0
-    truth = drive.truth
-    ours = absolute_trajectory_error(poses, truth.true_poses[_rows(truth.stamps, stamps)])
-    whole = truth.true_poses[_rows(truth.stamps, uncut.stamps)]
-    return float(ours.mean()), float(absolute_trajectory_error(uncut.trajectory, whole).mean())
-
-
-def _rows(known: FloatArray, stamps: FloatArray) -> IntArray:
-    """Return the rows of stamps among known ones, which may run backwards."""
-    order = np.argsort(known, kind="stable")
-    places = np.searchsorted(known[order], stamps - 1e-6)
-    rows: IntArray = order[np.minimum(places, len(order) - 1)]
-    return rows
-
-
-def _overlaps(maps: Sequence[Result], uncut: Result) -> list[float]:
-    """Return the area that each map shares with the others, by the poses of the uncut run [m^2]."""
-    seen = [_seen_cells(each, uncut) for each in maps]
-    areas = []
-    for number, own in enumerate(seen):
-        others = set().union(*(cells for other, cells in enumerate(seen) if other != number))
-        areas.append(len(own & others) * CELL_M**2)
-    return areas
-
-
-def _seen_cells(result: Result, uncut: Result) -> set[tuple[int, int]]:
-    """Return the cells that a map has seen, in the frame of the uncut run."""
-    graph = result.graph
-    own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
-    cells: set[tuple[int, int]] = set()
-    for submap, grid in enumerate(result.submap_grids):
-        rows = own[graph.index_a[own] == submap]
-        if grid.size == 0 or len(rows) == 0:
-            continue
-        middle = rows[len(rows) // 2]
-        scan = result.node_scan_index[graph.index_b[middle]]
-        pose = uncut.trajectory[_rows(uncut.stamps, result.stamps[scan : scan + 1])]
-        back = relative_all(graph.relative_poses[middle], np.zeros((1, 3)))
-        tf_map_submap = compose_all(pose, back)[0]
-        known: BoolArray = grid.cells[::EVERY_NTH_CELL, ::EVERY_NTH_CELL] > 0
-        places = np.argwhere(known)[:, ::-1] * EVERY_NTH_CELL * grid.resolution
-        points = np.column_stack(
-            (places + np.array((grid.origin_x, grid.origin_y)), np.zeros(len(places)))
-        )
-        placed = np.floor(compose_all(tf_map_submap, points)[:, :2] / CELL_M).astype(np.int64)
-        cells.update(map(tuple, placed.tolist()))
-    return cells
-
-
-def _apart_row(name: str, maps: Sequence[Result]) -> Row:
-    """Return the figures of maps that must stay apart."""
+def _merged(maps: Sequence[Result]) -> tuple[Result, float]:
+    """Return the map of several, and the processor time of making it [s]."""
     start = time.process_time()
     merged = merge(maps)
-    seconds = time.process_time() - start
-    return _verdict_row(name, merged, seconds, is_wrong=_num_joined(merged) > 1)
+    return merged, time.process_time() - start
 
 
-def _verdict_row(name: str, merged: Result, seconds: float, *, is_wrong: bool) -> Row:
+def _reasons(merged: Result) -> list[str]:
+    """Return why parts were not joined, as far as they are still apart."""
+    joins: list[dict[str, Any]] = merged.report.extra.get("joins", [])
+    return [str(join["why_not"]) for join in joins if not join["joined"]]
+
+
+def _apart_row(case: Case, wholes: Sequence[tuple[Drive, Result] | None]) -> Row:
+    """Return the figures of maps that must stay apart."""
+    maps = [whole[1] for whole in wholes if whole is not None]
+    if len(maps) < len(wholes):
+        return Row(case, notes="a recording is not there")
+    return apart_row(case, maps)
+
+
+def apart_row(case: Case, maps: Sequence[Result]) -> Row:
+    """Return the figures of maps of different places."""
+    merged, seconds = _merged(maps)
+    return _verdict_row(case, merged, seconds, is_wrong=_num_joined(merged) > 1)
+
+
+def _verdict_row(case: Case, merged: Result, seconds: float, *, is_wrong: bool) -> Row:
+    why = _reasons(merged)
     figures = {
         "wrong joins": Figure.exact(int(is_wrong)),
-        "merging": Figure.of_samples([seconds], "cpu s"),
+        "not explained": Figure.exact(sum(not reason for reason in why)),
+        "merging": Figure.of_samples([seconds], "CPU s"),
     }
-    why = [join["why_not"] for join in merged.report.extra.get("joins", []) if not join["joined"]]
-    return Row({"recording": name, "sessions": len(merged.sessions)}, figures, "; ".join(why))
+    return Row(case, figures, "; ".join(why))
 
 
 def _num_joined(merged: Result) -> int:
     return sum(session.part == MAIN_PART for session in merged.sessions)
 
 
-def _wings_row(seed: int) -> Row:
+def _wings_row(case: Case) -> Row:
     """Return the figures of a building with two wings that look alike, a session in each."""
+    seed = int(str(case["case"]).removeprefix("seed "))
     simulated = simulate(make_world("wings", seed), seed=seed)
     walls = simulated.world.walls[:, [0, 2]]
     is_east = simulated.true_poses[:, 0] > 0.5 * (walls.min() + walls.max())
     ends = np.flatnonzero(np.diff(is_east)) + 1
-    stretches = [rows for rows in np.split(np.arange(len(is_east)), ends) if len(rows)]
-    stretches = [rows for rows in stretches if len(rows) >= MIN_STRETCH][:2]
+    stretches = [part for part in np.split(np.arange(len(is_east)), ends) if len(part)]
+    stretches = [part for part in stretches if len(part) >= MIN_STRETCH][:2]
     maps = []
-    for rows in stretches:
-        first, last = simulated.stamps[rows[0]], simulated.stamps[rows[-1]]
+    for part in stretches:
+        first, last = simulated.stamps[part[0]], simulated.stamps[part[-1]]
         events = [
             event for event in simulated.events() if first - 1e-6 <= event.stamp <= last + 1e-6
         ]
-        maps.append(_mapped(events))
-    start = time.process_time()
-    merged = merge(maps)
-    seconds = time.process_time() - start
-    is_wrong = _num_joined(merged) > 1 and _is_displaced(merged, simulated)
-    return _verdict_row(f"wings {seed}", merged, seconds, is_wrong=is_wrong)
-
-
-def _is_displaced(merged: Result, simulated: Recording) -> bool:
-    """Return whether the two sessions are elsewhere than they truly are: by metres."""
-    true = simulated.true_poses[_rows(simulated.stamps, merged.stamps)]
-    return float(absolute_trajectory_error(merged.trajectory, true).max()) > MAX_ERROR_M
-
-
-MAX_ERROR_M = 5.0
-"""Wings are 30 m apart or more; drives of them are true to half a metre [m]."""
+        maps.append(mapped(events))
+    merged, seconds = _merged(maps)
+    is_wrong = _num_joined(merged) > 1 and is_displaced(merged, simulated)
+    row = _verdict_row(case, merged, seconds, is_wrong=is_wrong)
+    if _num_joined(merged) > 1 and not is_wrong:
+        return replace(row, notes="joined rightly")
+    return row

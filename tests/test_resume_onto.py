@@ -24,14 +24,12 @@ from cartoloop.session import MAIN_PART
 from cartoloop.simulation import ring, simulate
 from cartoloop.stop_request import StopRequest
 
-SETTINGS = load_config(
-    None,
-    (
-        "local_slam.submaps.num_range_data=20",
-        "global_slam.optimize_every_n_nodes=30",
-        "global_slam.constraint_search.wide_search.min_path_length=10",
-    ),
+OPTIONS = (
+    "local_slam.submaps.num_range_data=20",
+    "global_slam.optimize_every_n_nodes=30",
+    "global_slam.constraint_search.wide_search.min_path_length=10",
 )
+SETTINGS = load_config(None, OPTIONS)
 
 
 def drive(folder, name, seed):
@@ -84,6 +82,36 @@ def test_a_resumed_run_ends_in_the_same_bytes(first, log, whole, tmp_path, share
     assert [session.part for session in result.sessions] == [MAIN_PART, MAIN_PART]
     assert contents(tmp_path) == contents(whole)
     assert {path.name for path in tmp_path.iterdir()} == set(FILES)
+
+
+@pytest.fixture(scope="module")
+def followed(first, log, tmp_path_factory):
+    """The folder of a run that may search for its place twenty times only, with its journal."""
+    settings = load_config(None, (*OPTIONS, "global_slam.constraint_search.join.max_searches=20"))
+    folder = tmp_path_factory.mktemp("followed") / "map"
+    shutil.copytree(first, folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(RunJournal, "remove", RunJournal.close)
+        map_recording(log, settings, folder, onto=folder)
+    return folder
+
+
+def test_a_place_where_few_scans_fit_is_followed(followed):
+    result = cartoloop.load(followed)
+    (join,) = result.report.extra["joins"]
+    assert join["joined"]
+    assert join["searches"] == 20
+    assert join["agreeing_scans"] > 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.8, 0.95, 1.0])
+def test_a_resumed_run_follows_the_same_places(first, log, followed, tmp_path, share):
+    interrupted(first, followed, tmp_path, share)
+
+    resume_recording(log, out=tmp_path)
+
+    assert contents(tmp_path) == contents(followed)
 
 
 def test_what_was_computed_is_not_computed_again(first, log, whole, tmp_path, monkeypatch):

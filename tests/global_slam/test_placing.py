@@ -12,7 +12,14 @@ from hypothesis import strategies as st
 
 from cartoloop.config import JoinConfig, WideSearchConfig
 from cartoloop.global_slam.hypotheses import Candidate
-from cartoloop.global_slam.placing import Claim, agreement, placement, why_not_believed
+from cartoloop.global_slam.placing import (
+    Claim,
+    agreement,
+    evidence_of,
+    is_ambiguous,
+    placement,
+    why_not_believed,
+)
 from cartoloop.sensor.pose import Pose, compose
 
 JOIN, WIDE = JoinConfig(), WideSearchConfig()
@@ -119,3 +126,27 @@ def test_agreement_is_symmetric_and_with_itself(places):
     agrees = agreement(claims, WIDE)
     assert np.array_equal(agrees, agrees.T)
     assert agrees.diagonal().all()
+
+
+def test_evidence_of_a_place_is_of_what_agrees_there():
+    first = (3.0, -2.0, 1.0)
+    claims = [*along(first, count=4), *along((40.0, 0.0, 0.0), first=10)]
+    assert evidence_of(claims, Pose(*first), WIDE) == pytest.approx(0.4)
+    assert evidence_of(claims, Pose(-40.0, 0.0, 0.0), WIDE) == 0.0
+
+
+def test_refused_places_count_less_where_the_geometry_is_strict():
+    first, second = (3.0, -2.0, 1.0), (40.0, 0.0, 0.0)
+    claims = [*along(first), *along(second, count=4, first=10)]
+    found = placement(claims, [Pose(*first)], JOIN, WIDE, refused_weight=0.25)
+    assert found.tf_one_other == pytest.approx(second)
+    assert found.rival == pytest.approx(0.25 * 0.5)
+    assert not is_ambiguous(found, JOIN)
+    assert why_not_believed(found, JOIN, WIDE) == ""
+
+
+def test_places_that_were_not_refused_count_in_full():
+    claims = [*along((3.0, -2.0, 1.0)), *along((40.0, 0.0, 0.0), count=4, first=10)]
+    found = placement(claims, [], JOIN, WIDE, refused_weight=0.25)
+    assert found.rival == pytest.approx(0.4)
+    assert is_ambiguous(found, JOIN)

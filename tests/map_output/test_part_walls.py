@@ -15,6 +15,7 @@ RESOLUTION, WIDTH = 0.05, 44
 """A corridor 2.2 m wide."""
 
 JOIN, SUBMAPS = JoinConfig(), SubmapConfig()
+LIMITS = (JOIN.max_contradicted_wall, JOIN.min_hidden_area)
 
 
 def corridor(length, end_at=None, blocks=()):
@@ -32,13 +33,13 @@ def corridor(length, end_at=None, blocks=()):
 
 
 def test_same_corridor_does_not_contradict_itself():
-    assert wall_faults(corridor(200), corridor(200), SUBMAPS, JOIN) == []
+    assert wall_faults(corridor(200), corridor(200), SUBMAPS, *LIMITS) == []
 
 
 def test_corridor_that_goes_on_contradicts_its_end():
     for one, other in ((0, 1), (1, 0)):
         parts = (corridor(200, end_at=100), corridor(200))
-        (fault,) = wall_faults(parts[one], parts[other], SUBMAPS, JOIN)
+        (fault,) = wall_faults(parts[one], parts[other], SUBMAPS, *LIMITS)
         assert fault.x == pytest.approx(5.0, abs=0.2)
         assert fault.length > 1.2
         assert fault.hidden > 5.0
@@ -47,7 +48,7 @@ def test_corridor_that_goes_on_contradicts_its_end():
 def test_furniture_that_was_moved_does_not_contradict():
     cupboard = (slice(30, 32), slice(80, 110))
     parts = corridor(200), corridor(200, blocks=[cupboard])
-    assert wall_faults(*parts, SUBMAPS, JOIN) == []
+    assert wall_faults(*parts, SUBMAPS, *LIMITS) == []
 
 
 HALL = 120
@@ -113,7 +114,7 @@ def test_door_that_was_closed_does_not_contradict():
     cells = opened.grids[0].cells.copy()
     cells[10:28, 98:100] = cells[46:54, 98:100] = WALL
     opened = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], opened.poses)
-    assert wall_faults(closed, opened, SUBMAPS, JOIN) == []
+    assert wall_faults(closed, opened, SUBMAPS, *LIMITS) == []
 
 
 def test_beams_through_a_window_do_not_contradict():
@@ -122,7 +123,7 @@ def test_beams_through_a_window_do_not_contradict():
     cells = opened.grids[0].cells.copy()
     cells[10, 100:] = cells[9 + WIDTH, 100:] = UNSEEN
     opened = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], opened.poses)
-    assert wall_faults(closed, opened, SUBMAPS, JOIN) == []
+    assert wall_faults(closed, opened, SUBMAPS, *LIMITS) == []
 
 
 def test_ragged_edge_does_not_contradict():
@@ -134,7 +135,7 @@ def test_ragged_edge_does_not_contradict():
         cells[row, end:] = UNSEEN
         cells[row, end] = WALL
     ragged = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], ragged.poses)
-    assert wall_faults(ragged, corridor(200), SUBMAPS, JOIN) == []
+    assert wall_faults(ragged, corridor(200), SUBMAPS, *LIMITS) == []
 
 
 def test_slanted_wall_contradicts():
@@ -144,16 +145,16 @@ def test_slanted_wall_contradicts():
         cells[row, 80 + row :] = UNSEEN
         cells[row, 79 + row : 81 + row] = WALL
     slanted = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], slanted.poses)
-    (fault,) = wall_faults(slanted, corridor(200), SUBMAPS, JOIN)
+    (fault,) = wall_faults(slanted, corridor(200), SUBMAPS, *LIMITS)
     # Of 3.1 m, without its ends: they are near walls of the other part.
     assert fault.length == pytest.approx(2.3, abs=0.2)
 
 
 def test_parts_that_do_not_overlap_do_not_contradict():
     far = Submaps(corridor(200).grids, np.array([(100.0, 0.0, 0.0)]))
-    assert wall_faults(corridor(200, end_at=100), far, SUBMAPS, JOIN) == []
+    assert wall_faults(corridor(200, end_at=100), far, SUBMAPS, *LIMITS) == []
 
 
 def test_part_without_cells_does_not_contradict():
     nothing = Submaps([], np.zeros((0, 3)))
-    assert wall_faults(corridor(200), nothing, SUBMAPS, JOIN) == []
+    assert wall_faults(corridor(200), nothing, SUBMAPS, *LIMITS) == []

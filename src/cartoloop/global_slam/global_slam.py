@@ -24,7 +24,7 @@ from cartoloop.global_slam.graph_records import (
     submap_record,
 )
 from cartoloop.global_slam.join_evidence import CheckGeometry, OnePose
-from cartoloop.global_slam.joining import NUM_ROUNDS
+from cartoloop.global_slam.joining import MAX_FOLLOWING, NUM_ROUNDS
 from cartoloop.global_slam.loading import load
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.part_joins import PartJoins
@@ -313,6 +313,14 @@ class GlobalSlam:
             if self.joins.joining.request_round(number, self.graph):
                 self.joins.joining.start(self.graph)
                 self._close_loops(max_num_iterations, wait=True)
+        for _ in range(MAX_FOLLOWING):
+            if not self.joins.is_needed:
+                break
+            announce("following places where parts may fit")
+            if not self.joins.joining.follow(self.graph):
+                break
+            self.joins.joining.start(self.graph)
+            self._close_loops(max_num_iterations, wait=True)
 
     def _submit(self, requests: Requests) -> None:
         if len(requests.submap):

@@ -34,10 +34,23 @@ class GeometryCheck(NamedTuple):
 
 
 CheckGeometry = Callable[
-    [PoseGraph, Sequence[FinishedSubmap], ScanPoints, IntArray, IntArray], GeometryCheck
+    [PoseGraph, Sequence[FinishedSubmap], ScanPoints, IntArray, IntArray, bool], GeometryCheck
 ]
-"""Examines a graph in which two parts were placed: graph, submaps, returns of the nodes, and the
-parts of nodes and submaps: 0 and 1, others are not examined."""
+"""Examines a graph in which two parts were placed: graph, submaps, returns of the nodes, the parts
+of nodes and submaps: 0 and 1, others are not examined; and whether strictly, as few scans agree."""
+
+
+class Refusal(NamedTuple):
+    """A placement that the geometry contradicts.
+
+    Attributes
+    ----------
+    tf_one_other : where it placed the other part.
+    evidence : of the scans that agreed on it.
+    """
+
+    tf_one_other: Pose
+    evidence: float
 
 
 class OnePose(NamedTuple):
@@ -63,7 +76,9 @@ class JoinAttempt:
     found : the best placement so far.
     check : of its geometry, if it was tried.
     why_not : why they are not joined, "" if they are.
+    is_ambiguous : whether another place fits as well as the best one.
     refused : placements that the geometry contradicts.
+    undecided : those that it allows, where another place fits, too.
     num_searches : pairs of composite scan and submap searched.
     """
 
@@ -72,5 +87,7 @@ class JoinAttempt:
     found: Placement | None = None
     check: GeometryCheck | None = None
     why_not: str = "not searched"
-    refused: list[Pose] = field(default_factory=list)
+    is_ambiguous: bool = False
+    refused: list[Refusal] = field(default_factory=list)
+    undecided: list[Refusal] = field(default_factory=list)
     num_searches: int = 0

@@ -22,22 +22,34 @@ from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.composite_scans import CompositeScans
 from cartoloop.global_slam.constraint_search import ConstraintSearch
-from cartoloop.global_slam.graph_records import WideOutcome
-from cartoloop.global_slam.hypotheses import Candidate, best_place
-from cartoloop.global_slam.join_evidence import GeometryCheck, JoinAttempt, OnePose
+from cartoloop.global_slam.following import (
+    MIN_SCORE,
+    MIN_SCORE_RATIO,
+    WINDOW_M,
+    WINDOW_RAD,
+    Expected,
+    followed_places,
+    why_not_supported,
+)
+from cartoloop.global_slam.join_evidence import GeometryCheck, JoinAttempt, OnePose, Refusal
+from cartoloop.global_slam.join_matches import JoinMatches, JoinTask
 from cartoloop.global_slam.join_records import (
-    NO_REQUESTS,
-    JoinSearch,
     join_searches_record,
     recorded_join_searches,
 )
-from cartoloop.global_slam.placing import Claim, placement, why_not_believed
+from cartoloop.global_slam.placing import (
+    Claim,
+    evidence_of,
+    is_ambiguous,
+    placement,
+    why_not_believed,
+)
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
-from cartoloop.global_slam.wide_search import SearchTask, find_scans
+from cartoloop.global_slam.wide_search import find_scans
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
-from cartoloop.sensor.pose import compose_all, relative_all
+from cartoloop.sensor.pose import Pose, compose_all, relative_all
 
 
 class Joining:
@@ -56,6 +68,7 @@ class Joining:
     Attributes
     ----------
     attempts : by pair of parts, the lower number first.
+    follows : whether places are followed by now: what agrees is believed with stricter limits.
     """
 
     def __init__(
@@ -70,18 +83,19 @@ class Joining:
     ) -> None:
         self._recorded = outcomes
         self._config = config
-        self._closures = closures
         self._submaps = submaps
         self._search = search
         self._scans = scans
         self._sessions = sessions
         self._waiting: dict[int, list[int]] = {}
-        self._running: list[SearchTask] = []
+        self._running: list[JoinTask] = []
         self._searched: set[tuple[int, int]] = set()
-        self._candidates: dict[int, list[Candidate]] = {}
+        self._matches = JoinMatches(config, closures, submaps, scans, sessions)
         self._num_searches = 0
         self._num_judged = 0
         self._has_news = False
+        self._followed: set[tuple[int, int, int, int]] = set()
+        self.follows = False
         self.known: OnePose | None = None
         self.attempts: dict[tuple[int, int], JoinAttempt] = {}
 
@@ -124,23 +138,60 @@ class Joining:
                 self.request(scan, graph)
         return self._num_searches > before
 
+    def follow(self, graph: PoseGraph) -> bool:
+        """Request searches near where the likeliest places put the scans of parts left apart.
+
+        Returns whether there are any.
+        """
+        self.follows = True
+        near: dict[tuple[int, int], list[Expected]] = {}
+        times: dict[tuple[int, int], int] = {}
+        for pair, claims in sorted(self._matches.all_claims(graph).items()):
+            refused = self._closed(self._attempt(*pair), claims)
+            for pose in followed_places(claims, refused, self._config.wide_search):
+                for each in self._matches.expected_scans(pair, pose, graph):
+                    x, y, _ = each.tf_submap_scan.tolist()
+                    key = (each.scan, each.submap, round(x / WINDOW_M), round(y / WINDOW_M))
+                    if key not in self._followed:
+                        self._followed.add(key)
+                        time = times[key[:2]] = times.get(key[:2], -1) + 1
+                        near.setdefault((each.submap, time), []).append(each)
+        # A scan near two places of a submap is in two tasks.
+        for (submap, _), expected in near.items():
+            scans = np.array([each.scan for each in expected])
+            count = len(scans)
+            requests = self._requests(submap, scans, graph)._replace(
+                tf_submap_node=np.array([each.tf_submap_scan for each in expected]),
+                linear_window=np.full(count, WINDOW_M),
+                angular_window=np.full(count, WINDOW_RAD),
+            )
+            self._add_task(submap, scans, requests, (MIN_SCORE, MIN_SCORE_RATIO))
+        return bool(near)
+
     def start(self, graph: PoseGraph) -> None:
         """Pass what was requested to the threads; returns immediately."""
+        least = (self._config.join.min_score, self._config.join.min_score_ratio)
         for submap, wanted in self._waiting.items():
             scans = np.array(wanted, dtype=np.int64)
-            task = partial(
-                find_scans,
-                config=self._config.wide_search,
-                scans=scans,
-                rows=np.full(len(scans), -1, dtype=np.int32),
-                points=self._scans.points.take(scans),
-                requests=self._requests(submap, scans, graph),
-                least=(self._config.join.min_score, self._config.join.min_score_ratio),
-            )
-            self._running.append(SearchTask(task, self._submaps[submap]))
+            self._add_task(submap, scans, self._requests(submap, scans, graph), least)
         self._waiting = {}
         if not self._recorded.is_replaying:
             self._launch()
+
+    def _add_task(
+        self, submap: int, scans: IntArray, requests: Requests, least: tuple[float, float]
+    ) -> None:
+        """Note a search that is to be started."""
+        task = partial(
+            find_scans,
+            config=self._config.wide_search,
+            scans=scans,
+            rows=np.full(len(scans), -1, dtype=np.int32),
+            points=self._scans.points.take(scans),
+            requests=requests,
+            least=least,
+        )
+        self._running.append(JoinTask(task, self._submaps[submap], scans=scans, requests=requests))
 
     def collect(self, graph: PoseGraph, *, wait: bool) -> list[float]:
         """Note what the searches found; return the time that each of them took [s]."""
@@ -148,15 +199,15 @@ class Joining:
         if (recorded := self._recorded.replay(Kind.JOIN_SEARCHED)) is not None:
             searches = recorded_join_searches(recorded)
             for each in searches:
-                self._note(each, graph)
+                self._has_news |= self._matches.note(each, graph)
         else:
             self._launch()
             searches = []
             for place, task in enumerate(self._running):
                 if task.future is not None and (wait or task.future.done()):
                     outcome, duration = task.future.result()
-                    searches.append(self._new_pairs(place, outcome, graph))
-                    self._note(searches[-1], graph)
+                    searches.append(self._matches.new_pairs(place, task, outcome))
+                    self._has_news |= self._matches.note(searches[-1], graph)
                     durations.append(duration)
             if self._recorded.is_recording and (searches or self._recorded.is_replayable):
                 self._recorded.record(Kind.JOIN_SEARCHED, join_searches_record(searches))
@@ -170,13 +221,10 @@ class Joining:
             return None
         self._num_judged = self._num_searches
         best: JoinAttempt | None = None
-        all_claims = self._claims(graph)
+        all_claims = self._matches.claims(graph)
         for pair in sorted(self.attempts):
-            claims = all_claims.get(pair, [])
             attempt = self._attempt(*pair)
-            join, wide = self._config.join, self._config.wide_search
-            attempt.found = placement(claims, attempt.refused, join, wide)
-            why_not = why_not_believed(attempt.found, join, wide)
+            why_not = self._judge(attempt, all_claims.get(pair, []), graph)
             if why_not or attempt.found is None:
                 attempt.why_not = _with_refused(why_not, attempt)
             elif (
@@ -187,27 +235,78 @@ class Joining:
             self._has_news = False
         return best
 
+    def _judge(self, attempt: JoinAttempt, claims: Sequence[Claim], graph: PoseGraph) -> str:
+        """Find the best placement of two parts; return why it is not to be examined, or "".
+
+        Where two places that were followed fit, the better one is examined, too: if the geometry
+        contradicts it, the other one remains. If not, the parts stay apart.
+        """
+        join, wide = self._config.join, self._config.wide_search
+        closed = self._closed(attempt, claims)
+        weight = STRICT_REFUSED_WEIGHT if self.follows else 1.0
+        attempt.found = found = placement(claims, closed, join, wide, weight)
+        attempt.is_ambiguous = False
+        why_not = why_not_believed(found, join, wide)
+        if not self.follows or found is None:
+            return why_not
+        if why_not and is_ambiguous(found, join):
+            attempt.is_ambiguous = True
+            without_rival = why_not_believed(found._replace(rival=0.0), join, wide)
+            was_examined = any(
+                evidence_of(found.claims, each.tf_one_other, wide) > 0.0
+                and found.evidence < RETRY_EVIDENCE * each.evidence
+                for each in attempt.undecided
+            )
+            if without_rival or was_examined:
+                return why_not
+        elif why_not:
+            return why_not
+        expected = self._matches.expected_scans(
+            (attempt.one, attempt.other), found.tf_one_other, graph
+        )
+        return why_not_supported(found, expected, self._matches.of_scan, join.min_margin, wide)
+
+    def leave_undecided(self, attempt: JoinAttempt, check: GeometryCheck) -> None:
+        """Note that the geometry allows a placement, but that another place fits, too."""
+        assert attempt.found is not None
+        join, wide = self._config.join, self._config.wide_search
+        attempt.check, attempt.why_not = check, why_not_believed(attempt.found, join, wide)
+        attempt.undecided.append(Refusal(attempt.found.tf_one_other, attempt.found.evidence))
+
     def joined(self, attempt: JoinAttempt) -> None:
         """Note that two parts are one from now on."""
         attempt.why_not = ""
         self._sessions.join(attempt.other, attempt.one)
         self._has_news = True
+        # A part that has grown and was adjusted may fit where it did not.
+        for each in self.attempts.values():
+            if attempt.one in (each.one, each.other):
+                each.refused.clear()
+                each.undecided.clear()
         self.attempts = {
             pair: other for pair, other in self.attempts.items() if attempt.other not in pair
         }
         assert attempt.found is not None
         for claim in attempt.found.claims:
-            self._drop(claim.candidate)
+            self._matches.drop(claim.candidate)
 
     def refuse(self, attempt: JoinAttempt, check: GeometryCheck) -> None:
         """Note that the geometry contradicts the placement of an attempt."""
         assert attempt.found is not None
         attempt.check, attempt.why_not = check, check.fault
-        attempt.refused.append(attempt.found.tf_one_other)
+        attempt.refused.append(Refusal(attempt.found.tf_one_other, attempt.found.evidence))
 
-    def _drop(self, candidate: Candidate) -> None:
-        left = [each for each in self._candidates[candidate.scan] if each.row != candidate.row]
-        self._candidates[candidate.scan] = left
+    def _closed(self, attempt: JoinAttempt, claims: Sequence[Claim]) -> list[Pose]:
+        """Return the placements that were refused, less those that more scans agree on by now.
+
+        A part that is bent fits better where more scans hold it.
+        """
+        wide = self._config.wide_search
+        return [
+            each.tf_one_other
+            for each in attempt.refused
+            if evidence_of(claims, each.tf_one_other, wide) < RETRY_EVIDENCE * each.evidence
+        ]
 
     def _attempt(self, part: int, other: int) -> JoinAttempt:
         pair = (min(part, other), max(part, other))
@@ -262,67 +361,6 @@ class Joining:
             if each.future is None:
                 each.future = self._search.run(each.find, each.submap)
 
-    def _new_pairs(self, place: int, outcome: WideOutcome, graph: PoseGraph) -> JoinSearch:
-        """Return the matches of a search, without pairs that were requested otherwise since."""
-        if not outcome.candidates:
-            return JoinSearch(place, outcome.min_score, [], NO_REQUESTS)
-        submap = outcome.candidates[0].submap
-        scans = np.array([each.scan for each in outcome.candidates], dtype=np.int64)
-        requests = self._requests(submap, scans, graph)
-        fresh = np.flatnonzero(~self._closures.has_rows(requests.submap, requests.node))
-        candidates = [outcome.candidates[i] for i in fresh.tolist()]
-        return JoinSearch(place, outcome.min_score, candidates, requests.take(fresh))
-
-    def _note(self, search: JoinSearch, graph: PoseGraph) -> None:
-        """Note the matches of a search: only they get a row in the record."""
-        if not search.candidates:
-            return
-        rows = self._closures.request(search.requests, graph.num_nodes)
-        self._closures.note_searched(rows, search.min_score)
-        self._closures.note_hypotheses(rows)
-        for row, candidate in zip(rows.tolist(), search.candidates, strict=True):
-            self._candidates.setdefault(candidate.scan, []).append(candidate._replace(row=row))
-            self._has_news = True
-
-    def _claims(self, graph: PoseGraph) -> dict[tuple[int, int], list[Claim]]:
-        """Return the hypotheses about each pair of parts."""
-        node_parts = self._sessions.of_nodes(graph.num_nodes)
-        submap_parts = self._sessions.of_submaps(graph.num_submaps)
-        claims: dict[tuple[int, int], list[Claim]] = {}
-        for scan in sorted(self._candidates):
-            node = int(self._scans.nodes[scan])
-            own = int(node_parts[node])
-            for part in sorted({int(submap_parts[each.submap]) for each in self._candidates[scan]}):
-                if part == own:
-                    continue
-                candidates = [
-                    each for each in self._candidates[scan] if submap_parts[each.submap] == part
-                ]
-                claim = self._claim(candidates, graph, graph.node_poses[node], is_one=own < part)
-                if claim is not None:
-                    claims.setdefault((min(own, part), max(own, part)), []).append(claim)
-        return claims
-
-    def _claim(
-        self,
-        candidates: Sequence[Candidate],
-        graph: PoseGraph,
-        tf_own_scan: FloatArray,
-        *,
-        is_one: bool,
-    ) -> Claim | None:
-        """Return the claim that one composite scan makes about another part; None if unclear."""
-        wide, join = self._config.wide_search, self._config.join
-        poses = np.array([each.tf_submap_scan for each in candidates])
-        submaps = np.array([each.submap for each in candidates])
-        placed = compose_all(graph.submap_poses[submaps], poses)
-        best, other_score = best_place(candidates, placed, wide)
-        evidence = candidates[best].score - other_score
-        if evidence < join.min_margin:
-            return None
-        one, other = (tf_own_scan, placed[best]) if is_one else (placed[best], tf_own_scan)
-        return Claim(candidates[best], one.copy(), other.copy(), evidence)
-
 
 def _with_refused(why_not: str, attempt: JoinAttempt) -> str:
     """Return why parts are not joined: because of what the geometry contradicted, if anything."""
@@ -340,3 +378,13 @@ _ROUND_OF_PLACE = (0, 3, 2, 3, 1, 3, 2, 3)
 
 NUM_ROUNDS = 4
 """Rounds in which the composite scans are searched."""
+
+MAX_FOLLOWING = 4
+"""Times that the places of parts left apart are followed: each join may show others."""
+
+RETRY_EVIDENCE = 1.5
+"""A refused placement is tried again when its evidence has grown to this multiple."""
+
+STRICT_REFUSED_WEIGHT = 0.25
+"""Share of the evidence of places that were refused that counts against those that are followed:
+the geometry of these is examined strictly."""

@@ -144,6 +144,9 @@ class PartJoins:
             if check.fault:
                 self.joining.refuse(attempt, check)
                 continue
+            if attempt.is_ambiguous:
+                self.joining.leave_undecided(attempt, check)
+                continue
             attempt.check = check
             self.done.append(self._record(attempt, joined=True))
             place_part(
@@ -186,7 +189,7 @@ class PartJoins:
             self._submaps,
             node_points,
         ):
-            check = self._check(joined, self._submaps, node_points, *parts)
+            check = self._check(joined, self._submaps, node_points, *parts, self.joining.follows)
             if not check.fault:
                 break
         if self._recorded.is_recording:

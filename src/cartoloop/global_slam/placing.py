@@ -68,6 +68,7 @@ def placement(
     refused: Sequence[Pose],
     join: JoinConfig,
     wide: WideSearchConfig,
+    refused_weight: float = 1.0,
 ) -> Placement | None:
     """Return the placement with the most evidence among those not refused; None without claims.
 
@@ -75,8 +76,10 @@ def placement(
     ----------
     claims : about two parts.
     refused : placements that the geometry contradicts.
+    refused_weight : share of the evidence of these that counts against others: all of it, unless
+        the geometry will be examined strictly.
     """
-    left = [claim for claim in claims if not any(_is_same(claim, pose, wide) for pose in refused)]
+    left = [claim for claim in claims if not any(is_same(claim, pose, wide) for pose in refused)]
     best = _heaviest(left, wide)
     if best is None:
         return None
@@ -84,8 +87,7 @@ def placement(
     strongest = max(chosen, key=lambda claim: (claim.evidence, -claim.candidate.row))
     pose = strongest.tf_one_other
     # Where a place that fits was refused, places look alike: what it had counts against others.
-    others = [claim for claim in claims if not _is_same(claim, pose, wide)]
-    rival = _heaviest(others, wide)
+    rival = max(refused_weight * _elsewhere(claims, pose, wide), _elsewhere(left, pose, wide))
     places = np.array([claim.tf_one_scan[:2] for claim in chosen])
     extent = np.hypot(*np.moveaxis(places[:, np.newaxis] - places, 2, 0)).max()
     return Placement(
@@ -93,8 +95,15 @@ def placement(
         pose,
         sum(claim.evidence for claim in chosen),
         float(extent),
-        sum(others[i].evidence for i in rival) if rival is not None else 0.0,
+        rival,
     )
+
+
+def _elsewhere(claims: Sequence[Claim], tf_one_other: Pose, wide: WideSearchConfig) -> float:
+    """Return the evidence of the best set of claims about another place."""
+    others = [claim for claim in claims if not is_same(claim, tf_one_other, wide)]
+    rival = _heaviest(others, wide)
+    return sum(others[i].evidence for i in rival) if rival is not None else 0.0
 
 
 def why_not_believed(found: Placement | None, join: JoinConfig, wide: WideSearchConfig) -> str:
@@ -112,12 +121,17 @@ def why_not_believed(found: Placement | None, join: JoinConfig, wide: WideSearch
             f"the {count} scans that agree lie within {found.extent:.1f} m: they could fit "
             "elsewhere too"
         )
-    if found.rival > join.max_rival_share * found.evidence:
+    if is_ambiguous(found, join):
         return (
             f"two places fit: the scans that agree have an evidence of {found.evidence:.2f}, those "
             f"that agree on another place {found.rival:.2f}"
         )
     return ""
+
+
+def is_ambiguous(found: Placement, join: JoinConfig) -> bool:
+    """Return whether another place fits, too."""
+    return found.rival > join.max_rival_share * found.evidence
 
 
 def agreement(claims: Sequence[Claim], wide: WideSearchConfig) -> BoolArray:
@@ -161,7 +175,14 @@ def _heaviest(claims: Sequence[Claim], wide: WideSearchConfig) -> list[int] | No
     return best
 
 
-def _is_same(claim: Claim, tf_one_other: Pose, wide: WideSearchConfig) -> bool:
+def evidence_of(claims: Sequence[Claim], tf_one_other: Pose, wide: WideSearchConfig) -> float:
+    """Return the evidence of the largest set of claims that agree on about a place."""
+    near = [claim for claim in claims if is_same(claim, tf_one_other, wide)]
+    best = _heaviest(near, wide)
+    return sum(near[i].evidence for i in best) if best is not None else 0.0
+
+
+def is_same(claim: Claim, tf_one_other: Pose, wide: WideSearchConfig) -> bool:
     """Return whether a claim places its scan, within what drifts, where a placement does."""
     x, y, theta = compose(tf_one_other, Pose(*claim.tf_other_scan.tolist()))
     claimed = claim.tf_one_scan

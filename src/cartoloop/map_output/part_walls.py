@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
-from cartoloop.config import JoinConfig, SubmapConfig
+from cartoloop.config import SubmapConfig
 from cartoloop.map_output.occupancy_map import CellBox, compose_map
 from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -81,16 +81,21 @@ class WallFault(NamedTuple):
 
 
 def wall_faults(
-    one: Submaps, other: Submaps, submaps: SubmapConfig, join: JoinConfig
+    one: Submaps, other: Submaps, submaps: SubmapConfig, min_length: float, min_hidden: float
 ) -> list[WallFault]:
-    """Return the walls of either part that the other contradicts, the longest first."""
+    """Return the walls of either part that the other contradicts, the longest first.
+
+    Parameters
+    ----------
+    min_length, min_hidden : least length of a wall [m], and least area behind it [m^2].
+    """
     box = _common_box(one, other, submaps.resolution)
     if box is None:
         return []
     maps = [compose_map(each.grids, each.poses, submaps, box).probability for each in (one, other)]
     faults = [
-        *_faults(maps[0], maps[1], box, submaps.resolution, join),
-        *_faults(maps[1], maps[0], box, submaps.resolution, join),
+        *_faults(maps[0], maps[1], box, submaps.resolution, min_length, min_hidden),
+        *_faults(maps[1], maps[0], box, submaps.resolution, min_length, min_hidden),
     ]
     return sorted(faults, key=lambda fault: (-fault.length, fault.x, fault.y))
 
@@ -125,7 +130,8 @@ def _faults(
     seen: NDArray[np.float32],
     box: CellBox,
     resolution: float,
-    join: JoinConfig,
+    min_length: float,
+    min_hidden: float,
 ) -> list[WallFault]:
     """Return the walls of a map that another one contradicts; both are of the same cells."""
     from scipy import ndimage  # heavy, and rarely used
@@ -145,7 +151,7 @@ def _faults(
     for number, (rows, cols) in enumerate(ndimage.find_objects(pieces), start=1):
         length = _straight_length(contradicted[rows, cols] & (pieces[rows, cols] == number))
         length *= resolution
-        if length < join.max_contradicted_wall:
+        if length < min_length:
             continue
         places = np.argwhere(contradicted[rows, cols] & (pieces[rows, cols] == number))
         corner = np.array((rows.start, cols.start))
@@ -157,7 +163,7 @@ def _faults(
         )
         touched = np.unique(behind[around][_grown(pieces[around] == number, beside)])
         hidden = float(areas[touched[touched > 0]].max(initial=0.0))
-        if hidden >= join.min_hidden_area:
+        if hidden >= min_hidden:
             x = (box.first_col + 0.5 * (cols.start + cols.stop)) * resolution
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
             faults.append(WallFault(x, y, length, hidden))

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is measured in maps of several sessions: errors, and the areas that sessions share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.evaluation.relations import evaluate_relations, read_relations
+from cartoloop.evaluation.trajectories import Trajectory, absolute_trajectory_error
+from cartoloop.global_slam.pose_graph import ConstraintKind
+from cartoloop.result import Result
+from cartoloop.sensor.events import SensorEvent
+from cartoloop.sensor.pose import compose_all, relative_all
+from cartoloop.simulation.recording import Recording
+
+CELL_M, EVERY_NTH_CELL = 0.5, 5
+"""Cells in which overlap is counted [m], and how densely submaps are sampled."""
+
+MAX_ERROR_M = 5.0
+"""Wings are 30 m apart or more; drives of them are true to half a metre [m]."""
+
+
+@dataclass
+class Drive:
+    """A recording as events.
+
+    Attributes
+    ----------
+    name : of the recording.
+    events : all of them.
+    relations : file of verified relations, or None.
+    truth : simulated, or None.
+    """
+
+    name: str
+    events: list[SensorEvent]
+    relations: Path | None = None
+    truth: Recording | None = None
+
+
+def errors(drive: Drive, uncut: Result, merged: Result, part: int) -> tuple[float, float]:
+    """Return the mean error of the merged map's largest part, and of the uncut run [m]."""
+    chosen = merged.scan_parts == part
+    stamps, poses = merged.stamps[chosen], merged.trajectory[chosen]
+    if drive.relations is not None:
+        relations = read_relations(drive.relations)
+        errors = [
+            evaluate_relations(Trajectory(*each), relations).absolute_translational.mean
+            for each in ((stamps, poses), (uncut.stamps, uncut.trajectory))
+        ]
+        return errors[0], errors[1]
+    if drive.truth is None:
+        rows = _rows(uncut.stamps, stamps)
+        return float(absolute_trajectory_error(poses, uncut.trajectory[rows]).mean()), 0.0
+    truth = drive.truth
+    ours = absolute_trajectory_error(poses, truth.true_poses[_rows(truth.stamps, stamps)])
+    whole = truth.true_poses[_rows(truth.stamps, uncut.stamps)]
+    return float(ours.mean()), float(absolute_trajectory_error(uncut.trajectory, whole).mean())
+
+
+def _rows(known: FloatArray, stamps: FloatArray) -> IntArray:
+    """Return the rows of stamps among known ones, which may run backwards."""
+    order = np.argsort(known, kind="stable")
+    places = np.searchsorted(known[order], stamps - 1e-6)
+    rows: IntArray = order[np.minimum(places, len(order) - 1)]
+    return rows
+
+
+def overlaps(maps: Sequence[Result], uncut: Result) -> list[float]:
+    """Return the area that each map shares with the others, by the poses of the uncut run [m^2]."""
+    seen = [_seen_cells(each, uncut) for each in maps]
+    areas = []
+    for number, own in enumerate(seen):
+        others = set().union(*(cells for other, cells in enumerate(seen) if other != number))
+        areas.append(len(own & others) * CELL_M**2)
+    return areas
+
+
+def _seen_cells(result: Result, uncut: Result) -> set[tuple[int, int]]:
+    """Return the cells that a map has seen, in the frame of the uncut run."""
+    graph = result.graph
+    own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
+    cells: set[tuple[int, int]] = set()
+    for submap, grid in enumerate(result.submap_grids):
+        rows = own[graph.index_a[own] == submap]
+        if grid.size == 0 or len(rows) == 0:
+            continue
+        middle = rows[len(rows) // 2]
+        scan = result.node_scan_index[graph.index_b[middle]]
+        pose = uncut.trajectory[_rows(uncut.stamps, result.stamps[scan : scan + 1])]
+        back = relative_all(graph.relative_poses[middle], np.zeros((1, 3)))
+        tf_map_submap = compose_all(pose, back)[0]
+        known: BoolArray = grid.cells[::EVERY_NTH_CELL, ::EVERY_NTH_CELL] > 0
+        places = np.argwhere(known)[:, ::-1] * EVERY_NTH_CELL * grid.resolution
+        points = np.column_stack(
+            (places + np.array((grid.origin_x, grid.origin_y)), np.zeros(len(places)))
+        )
+        placed = np.floor(compose_all(tf_map_submap, points)[:, :2] / CELL_M).astype(np.int64)
+        cells.update(map(tuple, placed.tolist()))
+    return cells
+
+
+def is_displaced(merged: Result, simulated: Recording) -> bool:
+    """Return whether the two sessions are elsewhere than they truly are: by metres."""
+    true = simulated.true_poses[_rows(simulated.stamps, merged.stamps)]
+    return float(absolute_trajectory_error(merged.trajectory, true).max()) > MAX_ERROR_M
