@@ -21,6 +21,7 @@ from cartoloop.localisation.global_search import (
     list_places,
     refine,
     runner_up_score,
+    search_tiles,
 )
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import LENGTH_M, Composite
@@ -171,15 +172,14 @@ def decide(known: KnownMap, composite: Composite, path: float, num_refuted: int 
     found = find(known, points, least)
     if found is None:
         return NOTHING
-    best = _candidate(known, composite, found)
-    claim = _claim(known, composite, best, needed)
-    runner_up = found.score
     margin = needed_margin(path)
-    if claim is not None:
-        runner_up = runner_up_score(known, points, found, margin)
-        if found.score - runner_up >= margin:
+    tiles = search_tiles(known, points, max(found.score - 2.0 * margin, least))
+    runner_up = runner_up_score(known, tiles, found)
+    if found.score - runner_up >= margin:
+        claim = _claim(known, composite, _candidate(known, composite, found), needed)
+        if claim is not None:
             return Decision(claim, (), runner_up)
-    listed = list_places(known, points, max(found.score - 2.0 * margin, least))
+    listed = list_places(known, points, tiles)
     candidates = [_candidate(known, composite, place) for place in listed.places]
     candidates.sort(key=lambda each: -each.log_likelihood)
     if not candidates:
