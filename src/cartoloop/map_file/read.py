@@ -135,7 +135,8 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
         version = database.execute("PRAGMA user_version").fetchone()[0]
     except sqlite3.Error as error:
         raise InputError(
-            f"{file}: is no map database ({error}); map the recording again"
+            f"{file}: is no map database ({error}); give one that cartoloop wrote; a recording is "
+            "mapped first, with 'cartoloop map'"
         ) from error
     with closing(database):
         if application_id != APPLICATION_ID:
