@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -96,11 +97,12 @@ def run(data: Path, options: Options, progress: Progress) -> Record:
 
 
 def _reported(rows: Iterator[Row], progress: Progress) -> Iterator[Row]:
-    """Yield rows, and report each as it is known."""
+    """Yield rows without figures of what never happened, and report each as it is known."""
     for row in rows:
-        figures = (f"{name} {figure.text()} {figure.unit}" for name, figure in row.figures.items())
+        known = {name: figure for name, figure in row.figures.items() if isfinite(figure.value)}
+        figures = (f"{name} {figure.text()} {figure.unit}" for name, figure in known.items())
         progress(f"{', '.join(map(str, row.case.values()))}: {', '.join(figures)}")
-        yield row
+        yield replace(row, figures=known)
 
 
 def _recording_rows(drive: Drive, options: Options, progress: Progress) -> Iterator[Row]:

@@ -11,7 +11,9 @@ import pytest
 
 from bench.__main__ import run
 from bench.localisation import long_drive, measures
+from bench.localisation.benchmark import _reported
 from bench.localisation.drives import Drive, carried_away, corners_of, error, with_moved_boxes
+from bench.localisation.figures import driving_figures
 from bench.localisation.particle_filter import ParticleFilter
 from bench.localisation.world_rows import stranger_row
 from bench.record import Figure, Record, Row, read_record
@@ -161,3 +163,16 @@ def test_rows_of_other_parts_are_kept(tmp_path):
     assert [row.case for row in read_record(path).rows] == [{"what": "tracking"}]
     assert run(nothing) == 0
     assert read_record(path).rows == ()
+
+
+def test_figures_of_what_never_happened_are_left_out():
+    never = measures.Followed(processor=[0.01])
+    never.states.update({"searching": 1})
+    row = Row({"what": "driving"}, driving_figures([never], by_overlap=False))
+    assert math.isnan(row.figures["rmse"].value)
+
+    (reported,) = _reported(iter([row]), lambda line: None)
+
+    assert "rmse" not in reported.figures
+    assert reported.figures["located"].value == 0.0
+    assert Record("localisation", (reported,)).to_json()
