@@ -343,27 +343,31 @@ def bench_localisation(
     scans: Annotated[int, typer.Option(min=2, help="Single scans of each recording.")] = 300,
     drives: Annotated[int, typer.Option(min=1, help="Drives of each recording and world.")] = 40,
     seeds: Annotated[int, typer.Option(min=0, help="Simulated worlds.")] = 5,
+    hours: Annotated[float, typer.Option(min=0.0, help="Of one drive again and again.")] = 10.0,
     only: Annotated[
         list[str] | None,
         typer.Option(
             "--only",
-            help="Recording; may be repeated; 'none': simulated worlds; 'changes': of these the "
-            "drives on a later day.",
+            help="Recording, or 'worlds', 'changes', 'alike', 'times' or 'long'; may be repeated.",
         ),
     ] = None,
+    add: Annotated[
+        bool, typer.Option("--add", help="Keep the rows of the record that are not measured now.")
+    ] = False,
     against: AgainstOption = None,
     strict: StrictOption = False,
 ) -> None:
     """Localise in maps that other scans made: time, success, errors, and a particle filter."""
     from bench.localisation import benchmark
+    from bench.record import read_record
 
     before = _earlier(against, "localisation")
-    recordings = tuple(only or benchmark.RECORDINGS)
-    record = benchmark.run(
-        _data_folder(data), scans, drives, seeds,
-        [name for name in recordings if name not in ("none", "changes")],
-        lambda line: typer.echo(line, err=True), changes_alone=recordings == ("changes",),
-    )  # fmt: skip
+    path = out / "localisation.json"
+    kept = read_record(path) if add and path.exists() else None
+    parts = tuple(only or (*benchmark.RECORDINGS, *benchmark.PARTS))
+    options = benchmark.Options(scans, drives, seeds, hours, parts)
+    record = benchmark.run(_data_folder(data), options, lambda line: typer.echo(line, err=True))
+    record = record if kept is None else record.with_rows_of(kept)
     _print_table(record)
     _conclude(record, out, before, strict)
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -137,6 +137,23 @@ class Record:
     def is_complete(self) -> bool:
         """Whether every row has a figure, so that nothing was missing."""
         return all(row.figures for row in self.rows)
+
+    def with_rows_of(self, before: Record) -> Record:
+        """Return this record with the rows of an earlier one whose cases it does not have.
+
+        Rows of another commit say so in their notes. Rows of one value of the first case, such as a
+        part of the benchmark, stand together.
+        """
+        cases = [row.case for row in self.rows]
+        commit = before.environment.get("commit", "unknown")
+        note = "" if commit == self.environment.get("commit") else f"measured at {commit}"
+        kept = [
+            replace(row, notes=row.notes or note) for row in before.rows if row.case not in cases
+        ]
+        rows = [*kept, *self.rows]
+        firsts = list(dict.fromkeys(next(iter(row.case.values()), "") for row in rows))
+        rows.sort(key=lambda row: firsts.index(next(iter(row.case.values()), "")))
+        return replace(self, rows=tuple(rows))
 
     def to_json(self) -> str:
         """Return the record as text that :meth:`from_json` reads."""

@@ -241,7 +241,7 @@ def carried_away(drive: Drive, at: int, to: int) -> Drive:
     later = drive.events[max(int(second) - 1, 0) :]
     events = drive.events[: int(first) + 1]
     odom = _odometry_jump(events, later)
-    events = [*events, *(_shifted(event, gap, odom) for event in later)]
+    events = [*events, *(shifted(event, gap, odom) for event in later)]
     truth = np.concatenate((drive.truth[: at + 1], drive.truth[to:]))
     return Drive(f"{drive.name}, carried away", drive.result, events, truth)
 
@@ -254,7 +254,8 @@ def _odometry_jump(before: Sequence[SensorEvent], after: Sequence[SensorEvent]) 
     return None if old is None or new is None else compose(old, inverse(new))
 
 
-def _shifted(event: SensorEvent, by: float, odom: Pose | None) -> SensorEvent:
+def shifted(event: SensorEvent, by: float, odom: Pose | None) -> SensorEvent:
+    """Return an event that is earlier by a time [s], its odometry moved by a transform."""
     moved = replace(event, stamp=event.stamp - by, time=event.time - by)
     if not isinstance(moved, Odometry) or odom is None:
         return moved

@@ -107,7 +107,7 @@ class Followed:
     num_wrong, num_located : located in the wrong place, and located at all.
     states : of all scans.
     processor : time of each scan [s].
-    lost_after : path and time until the robot was no longer located [m], [s]; inf: never.
+    unlocated_path : after which the robot was last located; 0: never [m].
     longest_located_s : the longest time without a break that it was located [s].
     """
 
@@ -119,7 +119,7 @@ class Followed:
     num_located: int = 0
     states: Counter[str] = field(default_factory=Counter)
     processor: list[float] = field(default_factory=list)
-    lost_after: tuple[float, float] = (math.inf, math.inf)
+    unlocated_path: float = 0.0
     longest_located_s: float = 0.0
 
 
@@ -186,6 +186,7 @@ def _count(
     found.longest_located_s = max(found.longest_located_s, answer.stamp - since)
     distance, angle = error(truth, answer.tf_map_tracking)
     found.num_located += 1
+    found.unlocated_path = path
     if _is_right(distance, angle) and math.isinf(found.path):
         found.path, found.overlap_path = path, overlap
     if distance <= TRACKING_M and angle <= 4.0 * RIGHT_RAD:

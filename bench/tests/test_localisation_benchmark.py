@@ -9,10 +9,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from bench.localisation import measures
+from bench.__main__ import run
+from bench.localisation import long_drive, measures
+from bench.localisation.benchmark import _reported
 from bench.localisation.drives import Drive, carried_away, corners_of, error, with_moved_boxes
+from bench.localisation.figures import driving_figures
 from bench.localisation.particle_filter import ParticleFilter
+from bench.localisation.world_rows import stranger_row
+from bench.record import Figure, Record, Row, read_record
 from cartoloop.localisation.known_map import KnownMap
+from cartoloop.localisation.localizer import Localizer
 from cartoloop.sensor.events import LaserScan, Odometry
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
 from cartoloop.simulation import make_world
@@ -105,3 +111,68 @@ def test_corners_of_a_path_are_a_metre_apart():
     path = np.column_stack((np.linspace(0.0, 5.0, 51), np.zeros(51), np.zeros(51)))
 
     assert corners_of(path)[:, 0].tolist() == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+
+
+def test_a_lap_is_driven_again_and_again(known):
+    poses = rooms.drive(rooms.START, 20, step=0.05, turn=0.04)
+    there_and_back = [*poses, *reversed(poses)]
+    events = list(rooms.events(rooms.ROOM, there_and_back))
+    scans = [event for event in events if isinstance(event, LaserScan)]
+    period = scans[-1].time - scans[0].time + 0.1
+    lap = long_drive._Lap(known, events, np.array(there_and_back), period)
+    found = long_drive._Found(*(np.full(3 * len(scans), np.nan) for _ in range(2)))
+    localizer = Localizer(known, at=rooms.START)
+
+    for number in range(3):
+        long_drive._drive(localizer, lap, number, found)
+
+    assert localizer.num_scans == localizer.num_located == 3 * len(scans)
+    assert np.isfinite(found.processor).all()
+    assert found.errors.max() < 0.1
+
+
+def test_memory_of_this_process_is_told():
+    memory = long_drive._memory_mb()
+
+    assert math.isnan(memory) or memory > 10.0
+
+
+def test_a_robot_says_that_it_is_in_another_building():
+    soon = measures.Followed(num_located=2, unlocated_path=3.0)
+    soon.states.update({"located": 2, "searching": 8})
+    never = measures.Followed(unlocated_path=0.0)
+    never.states.update({"searching": 10})
+    late = measures.Followed(num_located=10, unlocated_path=25.0, longest_located_s=9.0)
+    late.states.update({"located": 10})
+
+    row = stranger_row({}, [soon, never, late])
+
+    values = {name: figure.value for name, figure in row.figures.items()}
+    assert values["says so within 20 m"] == pytest.approx(200.0 / 3.0)
+    assert values["wrong"] == pytest.approx(40.0)
+    assert values["longest located"] == 9.0
+
+
+def test_rows_of_other_parts_are_kept(tmp_path):
+    kept = Record("localisation", (Row({"what": "tracking"}, {"rmse": Figure(2.0, "cm")}),))
+    path = tmp_path / "localisation.json"
+    path.write_text(kept.to_json())
+    nothing = ["localisation", "--only", "alike", "--seeds", "0", "-o", str(tmp_path)]
+
+    assert run([*nothing, "--add"]) == 0
+    assert [row.case for row in read_record(path).rows] == [{"what": "tracking"}]
+    assert run(nothing) == 0
+    assert read_record(path).rows == ()
+
+
+def test_figures_of_what_never_happened_are_left_out():
+    never = measures.Followed(processor=[0.01])
+    never.states.update({"searching": 1})
+    row = Row({"what": "driving"}, driving_figures([never], by_overlap=False))
+    assert math.isnan(row.figures["rmse"].value)
+
+    (reported,) = _reported(iter([row]), lambda line: None)
+
+    assert "rmse" not in reported.figures
+    assert reported.figures["located"].value == 0.0
+    assert Record("localisation", (reported,)).to_json()

@@ -141,3 +141,17 @@ def test_input_timed_once_counts_from_a_quarter_on() -> None:
     before = record(time=Figure.of_inputs([[1.0], [10.0], [90.0]], "s"))
     assert compare(record(time=Figure.of_inputs([[1.0], [11.0], [90.0]], "s")), before) == []
     assert len(compare(record(time=Figure.of_inputs([[1.0], [14.0], [90.0]], "s")), before)) == 1
+
+
+def test_rows_that_were_not_measured_again_are_kept() -> None:
+    def part(name: str, value: float, commit: str) -> Record:
+        row = Row({"what": name, "drive": "a"}, {"time": Figure(value)})
+        return Record("some", (row,), {"commit": commit})
+
+    both = part("far", 2.0, "one").with_rows_of(part("near", 1.0, "one"))
+    again = part("far", 3.0, "two").with_rows_of(both)
+
+    assert [(row.case["what"], row.notes) for row in both.rows] == [("near", ""), ("far", "")]
+    assert [row.figures["time"].value for row in again.rows] == [1.0, 3.0]
+    assert [row.notes for row in again.rows] == ["measured at one", ""]
+    assert again.environment == {"commit": "two"}

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cartoloop.localisation import decision as decision_module
 from cartoloop.localisation.decision import (
     AGREEMENT_OF_TRAIL,
     DISTINCTNESS_OF_TRAIL,
@@ -16,9 +17,11 @@ from cartoloop.localisation.decision import (
     needed_margin,
     needed_of,
 )
+from cartoloop.localisation.known_map import known_map_of_image
 from cartoloop.localisation.trail import Trail
 from cartoloop.sensor.pose import IDENTITY, Pose
 from tests.localisation.rooms import BOX, ROOM, START, apart, known_map, points
+from tests.localisation.rooms import image as room_image
 
 
 def composite_of(polygons, pose):
@@ -48,6 +51,33 @@ def test_both_places_of_a_symmetrical_room_are_listed():
     probabilities = [place.probability for place in decision.places]
     assert probabilities == sorted(probabilities, reverse=True)
     assert 0.9 < sum(probabilities) <= 1.0
+
+
+@pytest.fixture(scope="module")
+def twins():
+    """A map of two equal rooms, of which the second was mapped less sharply; the shift to it."""
+    shift = 8.5
+    second = tuple(tuple((x + shift, y) for x, y in polygon) for polygon in ROOM)
+    image = room_image((*ROOM, *second))
+    occupancy = image.occupancy
+    is_wall = (occupancy == 1.0) & (np.arange(occupancy.shape[1]) * 0.05 > 9.25)
+    occupancy[is_wall & (np.random.default_rng(0).random(occupancy.shape) < 0.15)] = 0.0
+    return known_map_of_image(image), shift
+
+
+def test_a_place_mapped_less_sharply_is_not_refuted(twins, monkeypatch):
+    known, shift = twins
+    composite = composite_of(ROOM, START)
+
+    decision = decide(known, composite, 0.0)
+
+    assert decision.claim is None
+    found = sorted(place.tf_map_tracking.x for place in decision.places)
+    assert found == pytest.approx([START.x, START.x + shift], abs=0.1)
+    assert abs(decision.places[0].score - decision.places[1].score) > MARGIN_OF_SCAN
+    # By the score alone the sharper room would have been claimed.
+    monkeypatch.setattr(decision_module, "FITTING_MARGIN", 0.0)
+    assert decide(known, composite, 0.0).claim is not None
 
 
 def test_a_scan_of_another_building_is_claimed_nowhere():

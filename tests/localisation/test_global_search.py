@@ -17,6 +17,7 @@ from cartoloop.localisation.global_search import (
     is_same_place,
     list_places,
     runner_up_score,
+    search_tiles,
 )
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.finished_grid import mean_probability
@@ -73,7 +74,8 @@ def test_the_best_place_elsewhere_is_the_best_of_the_others(case):
     means[np.ix_(steps <= PLACE_ANGLE_RAD)] *= np.where(is_near, 0.0, 1.0)
     best = find(known, scan, 0.3)
 
-    assert runner_up_score(known, scan, best, 0.5) == pytest.approx(
+    tiles = search_tiles(known, scan, best.score - 0.5)
+    assert runner_up_score(known, tiles, best) == pytest.approx(
         max(mean_probability(means.max()), best.score - 0.5), abs=0.02
     )
 
@@ -90,7 +92,7 @@ def test_listed_places_reach_the_score_and_are_apart(case):
     known, scan = case
     best = find(known, scan, 0.3)
 
-    places = list_places(known, scan, best.score - 0.1).places
+    places = list_places(known, scan, search_tiles(known, scan, best.score - 0.1)).places
 
     assert places[0].score == pytest.approx(best.score, abs=0.05)
     for k, place in enumerate(places):
@@ -100,10 +102,23 @@ def test_listed_places_reach_the_score_and_are_apart(case):
 
 def test_parts_of_the_search_do_not_change_the_list(case, monkeypatch):
     known, scan = case
-    first = list_places(known, scan, 0.5)
+    tiles = search_tiles(known, scan, 0.5)
+    first = list_places(known, scan, tiles)
     monkeypatch.setattr(global_search, "NUM_PARTS", 1)
 
-    assert list_places(known, scan, 0.5) == first
+    assert search_tiles(known, scan, 0.5).matches == tiles.matches
+    assert list_places(known, scan, tiles) == first
+
+
+def test_a_list_that_is_cut_short_has_the_best_place(case, monkeypatch):
+    known, scan = case
+    best = find(known, scan, 0.3)
+    monkeypatch.setattr(global_search, "MAX_PARTS", 0)
+
+    listed = list_places(known, scan, search_tiles(known, scan, best.score - 0.3))
+
+    assert not listed.is_complete
+    assert listed.places[0].score == pytest.approx(best.score, abs=0.05)
 
 
 def test_poses_half_a_turn_apart_are_different_places():

@@ -31,7 +31,12 @@ from cartoloop.scan_matching.branch_and_bound import (
     RunnerUp,
     SubmapMatcher,
 )
-from cartoloop.scan_matching.precomputation_grid import MAX_MOVE, STRIDES, PrecomputationGrids
+from cartoloop.scan_matching.precomputation_grid import (
+    MAP_STRIDES,
+    MAX_MOVE,
+    STRIDES,
+    PrecomputationGrids,
+)
 from cartoloop.sensor.pose import Pose, transform_points
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -507,3 +512,28 @@ def test_nothing_is_found_for_no_scans():
     )  # fmt: skip
     assert found.matches == []
     assert len(found.was_searched) == 0
+
+
+def test_larger_blocks_find_the_same_in_a_large_map():
+    rng = np.random.default_rng(3)
+    cells = np.zeros((700, 900), dtype=np.uint8)
+    for _ in range(60):
+        row, col = rng.integers(0, 600), rng.integers(0, 800)
+        height, width = rng.integers(1, 90, 2)
+        cells[row : row + height, col : col + width] = 20
+        cells[row, col : col + width] = cells[row : row + height, col] = 250
+    grid = FinishedGrid(cells, -3.0, 2.0, RESOLUTION)
+    rows, cols = np.nonzero(cells == 250)
+    walls = (np.column_stack((cols, rows)) * RESOLUTION + (-3.0, 2.0))[:300:4]
+    scan = scan_from(walls, Pose(4.0, 6.0, 0.8))
+    tops = []
+
+    found = []
+    for strides in (STRIDES, MAP_STRIDES):
+        matcher = SubmapMatcher(grid, strides)
+        found.append(matcher.match_full_submap(scan, min_score=0.5, runner_up=RunnerUp()))
+        tops.append(PrecomputationGrids(cells, strides).levels[-1]["shift"])
+
+    assert found[0] is not None
+    assert found[0] == found[1]
+    assert tops[1] > tops[0]

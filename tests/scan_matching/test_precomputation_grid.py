@@ -12,9 +12,9 @@ from hypothesis.extra.numpy import arrays
 from cartoloop.kernels.precomputation_grid import halve, widen_boxes
 from cartoloop.scan_matching.precomputation_grid import (
     BOXES,
+    MAP_STRIDES,
     MARGIN,
     MAX_MOVE,
-    STRIDES,
     PrecomputationGrids,
 )
 from tests.reference.naive_branch_and_bound import naive_boxes
@@ -31,7 +31,7 @@ def cell_arrays(max_side):
 @settings(deadline=None, max_examples=30)
 @given(cell_arrays(24), st.lists(st.sampled_from(GRIDS), min_size=1, max_size=6))
 def test_each_grid_equals_the_brute_force_maximum(cells, which):
-    grids = PrecomputationGrids(cells)
+    grids = PrecomputationGrids(cells, MAP_STRIDES)
     for stride, edge in which:
         grid = grids.grid(stride, edge)
         np.testing.assert_array_equal(grid, naive_boxes(cells, stride, edge, MARGIN, *grid.shape))
@@ -39,25 +39,24 @@ def test_each_grid_equals_the_brute_force_maximum(cells, which):
 
 def test_all_grids_of_one_submap_equal_the_brute_force_maximum():
     cells = np.random.default_rng(1).integers(0, 256, (19, 33)).astype(np.uint8)
-    grids = PrecomputationGrids(cells)
+    grids = PrecomputationGrids(cells, MAP_STRIDES)
     for stride, edge in GRIDS:
         grid = grids.grid(stride, edge)
         np.testing.assert_array_equal(grid, naive_boxes(cells, stride, edge, MARGIN, *grid.shape))
 
 
 def test_larger_boxes_hold_no_smaller_maxima():
-    grids = PrecomputationGrids(
-        np.random.default_rng(2).integers(0, 256, (40, 31)).astype(np.uint8)
-    )
+    cells = np.random.default_rng(2).integers(0, 256, (40, 31)).astype(np.uint8)
+    grids = PrecomputationGrids(cells, MAP_STRIDES)
     for stride, edges in BOXES.items():
         for smaller, larger in itertools.pairwise(edges):
             assert (grids.grid(stride, larger) >= grids.grid(stride, smaller)).all()
 
 
-@pytest.mark.parametrize("height", range(len(STRIDES)))
+@pytest.mark.parametrize("height", range(len(MAP_STRIDES)))
 def test_the_box_chosen_for_a_move_holds_block_and_move(height):
-    grids = PrecomputationGrids(np.zeros((5, 7), dtype=np.uint8))
-    stride = STRIDES[height]
+    grids = PrecomputationGrids(np.zeros((5, 7), dtype=np.uint8), MAP_STRIDES)
+    stride = MAP_STRIDES[height]
     layout = grids.layouts[stride]
     for move in range(MAX_MOVE * (1 << height) + 3):
         start = grids.boxes[height, move] - MARGIN * (layout.row_length + 1) - layout.first
@@ -87,4 +86,4 @@ def test_widening_by_nothing_copies():
 
 def test_memory_stays_within_14_bytes_a_pixel():
     cells = np.zeros((500, 500), dtype=np.uint8)
-    assert PrecomputationGrids(cells).cells.nbytes < 14 * cells.size
+    assert PrecomputationGrids(cells, MAP_STRIDES).cells.nbytes < 14 * cells.size

@@ -21,6 +21,7 @@ from cartoloop.localisation.global_search import (
     list_places,
     refine,
     runner_up_score,
+    search_tiles,
 )
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import LENGTH_M, Composite
@@ -61,6 +62,10 @@ MARGIN_OF_SCAN, MARGIN_OF_PATH = 0.08, 0.05
 
 FULL_PATH_M = 6.0
 """Path of a composite whose scans support each other in full [m]."""
+
+FITTING_MARGIN = 0.15
+"""By which the score must exceed that of other places where the scans agree as a claim needs it: a
+part of the map that was mapped less sharply has lower scores, and may be the right one."""
 
 REFUTING_AGREEMENT = 0.15
 """Places with an agreement lower by this than the best one's are refuted."""
@@ -131,6 +136,10 @@ class Needed(NamedTuple):
     agreement: float
     distinctness: float
 
+    def fits(self, fit: Fit) -> bool:
+        """Return whether scans agree as a claim needs it."""
+        return fit.agreement >= self.agreement and fit.distinctness >= self.distinctness
+
 
 def needed_of(known: KnownMap, path: float, num_refuted: int = 0) -> Needed | None:
     """Return what a claim needs; None if the path is too short for any.
@@ -171,23 +180,19 @@ def decide(known: KnownMap, composite: Composite, path: float, num_refuted: int 
     found = find(known, points, least)
     if found is None:
         return NOTHING
-    best = _candidate(known, composite, found)
-    claim = _claim(known, composite, best, needed)
-    runner_up = found.score
     margin = needed_margin(path)
-    if claim is not None:
-        runner_up = runner_up_score(known, points, found, margin)
-        if found.score - runner_up >= margin:
-            return Decision(claim, (), runner_up)
-    listed = list_places(known, points, max(found.score - 2.0 * margin, least))
+    tiles = search_tiles(known, points, max(found.score - max(2.0 * margin, FITTING_MARGIN), least))
+    runner_up = runner_up_score(known, tiles, found)
+    listed = list_places(known, points, tiles)
     candidates = [_candidate(known, composite, place) for place in listed.places]
     candidates.sort(key=lambda each: -each.log_likelihood)
     if not candidates:
         return NOTHING
     best, others = candidates[0], candidates[1:]
-    if listed.is_complete and all(_refutes(best, other, margin) for other in others):
+    are_all = listed.is_complete or found.score - runner_up >= margin
+    if needed is not None and are_all:
         claim = _claim(known, composite, best, needed)
-        if claim is not None:
+        if claim is not None and all(_refutes(best, each, margin, needed) for each in others):
             return Decision(claim, (), runner_up)
     return Decision(None, _places(known, candidates), runner_up)
 
@@ -213,25 +218,30 @@ def _candidate(known: KnownMap, composite: Composite, place: FoundPlace) -> _Can
     return _Candidate(place.tf_map_tracking, place.score, fit)
 
 
-def _refutes(best: _Candidate, other: _Candidate, margin: float) -> bool:
-    """Return whether the best place fits so much better that the other is none."""
+def _refutes(best: _Candidate, other: _Candidate, margin: float, needed: Needed) -> bool:
+    """Return whether the best place fits so much better that the other is none.
+
+    Parameters
+    ----------
+    margin : by which the other's score is lower at least.
+    needed : for a claim; where the other place agrees like that, it takes more to refute it.
+    """
     behind = best.fit.agreement - other.fit.agreement
     lower = best.score - other.score
+    if needed.fits(other.fit):
+        return lower >= FITTING_MARGIN
     return lower >= margin or (behind >= REFUTING_AGREEMENT and lower > -0.5 * margin)
 
 
-def _claim(
-    known: KnownMap, composite: Composite, best: _Candidate, needed: Needed | None
-) -> Claim | None:
+def _claim(known: KnownMap, composite: Composite, best: _Candidate, needed: Needed) -> Claim | None:
     """Return the best place as a claim if the scans fit there as they usually do."""
-    if needed is None or best.score < needed.score or known.value_at(best.tf_map_tracking) == 0:
+    if best.score < needed.score or known.value_at(best.tf_map_tracking) == 0:
         return None
     match = refine(known, composite.points, best.tf_map_tracking)
     pose = known.to_map(match.tf_submap_scan)
     fit = fit_of_composite(known, composite, pose)
-    fits = fit.agreement >= needed.agreement and fit.distinctness >= needed.distinctness
     is_known = fit.num_counted >= MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
-    return Claim(pose, match) if fits and is_known else None
+    return Claim(pose, match) if needed.fits(fit) and is_known else None
 
 
 def _places(known: KnownMap, candidates: list[_Candidate]) -> tuple[Place, ...]:

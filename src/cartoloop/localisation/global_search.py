@@ -36,7 +36,8 @@ NUM_PARTS = 2
 not depend on it."""
 
 MAX_PARTS = 2000
-"""Number of parts that are searched, at most: where scans fit everywhere, they prove nothing."""
+"""Number of parts that tiles are divided into, at most: where scans fit everywhere, they prove
+nothing."""
 
 MAX_PLACES = 12
 """Number of places that are listed, the best."""
@@ -105,25 +106,6 @@ def find(known: KnownMap, points: FloatArray, min_score: float) -> FoundPlace | 
     return None
 
 
-def runner_up_score(known: KnownMap, points: FloatArray, best: FoundPlace, margin: float) -> float:
-    """Return the score of the best place elsewhere, or an upper limit of it.
-
-    Parameters
-    ----------
-    points : float64, shape (n, 2), frame of the robot [m].
-    best : what :func:`find` returned for them.
-    margin : places whose score is lower by more than this are not searched; the limit is what they
-        may have at most.
-    """
-    limit = best.score - margin
-    found = known.matcher.match_full_submap(
-        points,
-        min_score=max(limit, 0.0),
-        runner_up=RunnerUp(PLACE_DISTANCE_M, PLACE_ANGLE_RAD, 2.0 * margin),
-    )
-    return limit if found is None else max(found.runner_up, limit)
-
-
 def find_near(
     known: KnownMap,
     points: FloatArray,
@@ -150,6 +132,52 @@ def find_near(
     return None if found is None else FoundPlace(known.to_map(found.tf_submap_scan), found.score)
 
 
+class TileMatches(NamedTuple):
+    """The best place in each part of the map, and whether that part has others.
+
+    Attributes
+    ----------
+    centres : float64, shape (n, 3), middles of the parts, grid frame.
+    matches : of each part; None where no place reaches the score.
+    min_score : that places must reach.
+    """
+
+    centres: FloatArray
+    matches: list[BranchAndBoundMatch | None]
+    min_score: float
+
+
+def search_tiles(known: KnownMap, points: FloatArray, min_score: float) -> TileMatches:
+    """Return the best place in each tile of the map; threads share the tiles.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2), frame of the robot [m].
+    min_score : that places must reach.
+    """
+    centres = known.tile_centres
+    matches = _match_in(known, points, centres, 0.5 * TILE_M, math.pi, min_score)
+    return TileMatches(centres, matches, min_score)
+
+
+def runner_up_score(known: KnownMap, tiles: TileMatches, best: FoundPlace) -> float:
+    """Return the score of the best place elsewhere, or an upper limit of it.
+
+    Where no other place was found it is the least score that was searched for.
+
+    Parameters
+    ----------
+    tiles : where the same scan fits.
+    best : the best place of all.
+    """
+    runner_up = tiles.min_score
+    for match in tiles.matches:
+        if match is not None:
+            is_best = is_same_place(known.to_map(match.tf_submap_scan), best.tf_map_tracking)
+            runner_up = max(runner_up, match.runner_up if is_best else match.score)
+    return runner_up
+
+
 class Listing(NamedTuple):
     """The places where scans fit.
 
@@ -163,28 +191,30 @@ class Listing(NamedTuple):
     is_complete: bool
 
 
-def list_places(known: KnownMap, points: FloatArray, min_score: float) -> Listing:
+def list_places(known: KnownMap, points: FloatArray, tiles: TileMatches) -> Listing:
     """Return all places of the map where scans fit.
 
-    The map is searched in parts, and each yields its best place; a part with another place is
-    divided, and searched again.
+    Each part of the map has its best place; a part with another place is divided, and searched
+    again.
 
     Parameters
     ----------
     points : float64, shape (n, 2), frame of the robot [m].
-    min_score : that places must reach.
+    tiles : what :func:`search_tiles` returned for them.
     """
-    centres = known.tile_centres
+    centres, matches, min_score = tiles
     linear, angular = 0.5 * TILE_M, math.pi
     found: list[BranchAndBoundMatch] = []
     num_searched = 0
-    while len(centres) and num_searched + len(centres) <= MAX_PARTS:
-        num_searched += len(centres)
-        matches = _match_in(known, points, centres, linear, angular, min_score)
+    while True:
         found += [match for match in matches if match is not None]
         is_divided = np.array([match is not None and match.runner_up > 0.0 for match in matches])
         linear, angular = 0.5 * linear, 0.5 * angular
         centres = _divided(centres[is_divided], linear, angular)
+        num_searched += len(centres)
+        if len(centres) == 0 or num_searched > MAX_PARTS:
+            break
+        matches = _match_in(known, points, centres, linear, angular, min_score)
     places: list[FoundPlace] = []
     for match in sorted(found, key=lambda match: -match.score):
         pose = known.to_map(match.tf_submap_scan)

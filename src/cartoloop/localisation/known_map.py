@@ -23,6 +23,7 @@ from cartoloop.quality.pairs import WALL
 from cartoloop.result import load_map
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.least_squares import SmoothMap
+from cartoloop.scan_matching.precomputation_grid import MAP_STRIDES
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import (
@@ -100,7 +101,7 @@ class KnownMap:
         self.smooth_map = SmoothMap(
             self.grid.probabilities().copy(), origin_x, origin_y, resolution
         )
-        self.matcher = SubmapMatcher(self.grid)
+        self.matcher = SubmapMatcher(self.grid, MAP_STRIDES)
         self.matcher.match(
             np.zeros((1, 2)), IDENTITY, linear_window=0.0, angular_window=0.0, min_score=0.0
         )

@@ -143,7 +143,10 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
     except sqlite3.Error as error:
         advice = "map the recording again"
         if file.name != FILE_NAME:
-            advice = f"give a folder that 'cartoloop map' wrote, or the file {FILE_NAME} in one"
+            advice = (
+                f"give a folder that 'cartoloop map' wrote, or the file {FILE_NAME} in one; "
+                "a recording is mapped first, with 'cartoloop map'"
+            )
         raise InputError(f"{file}: is no map database ({error}); {advice}") from error
     with closing(database):
         if application_id != APPLICATION_ID:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from threading import Lock
 from typing import NamedTuple
@@ -20,7 +21,7 @@ from cartoloop.kernels.search_batch import (
     search_scans,
 )
 from cartoloop.kernels.search_window import ROUNDING
-from cartoloop.scan_matching.precomputation_grid import MAX_MOVE, PrecomputationGrids
+from cartoloop.scan_matching.precomputation_grid import MAX_MOVE, STRIDES, PrecomputationGrids
 from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import (
@@ -91,6 +92,7 @@ class SubmapMatcher:
     Parameters
     ----------
     grid : the submap's grid.
+    strides : of the precomputed grids.
 
     Notes
     -----
@@ -98,8 +100,8 @@ class SubmapMatcher:
     and kept until :meth:`release`.
     """
 
-    def __init__(self, grid: FinishedGrid) -> None:
-        self._grid = grid
+    def __init__(self, grid: FinishedGrid, strides: Sequence[int] = STRIDES) -> None:
+        self._grid, self._strides = grid, strides
         self._grids: PrecomputationGrids | None = None
         self._building = Lock()
 
@@ -237,7 +239,7 @@ class SubmapMatcher:
             with self._building:
                 grids = self._grids
                 if grids is None:
-                    grids = self._grids = PrecomputationGrids(self._grid.cells)
+                    grids = self._grids = PrecomputationGrids(self._grid.cells, self._strides)
         return grids
 
     def _search(

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -22,13 +23,17 @@ A grid with stride s holds every s-th box, enlarged so that it contains the boxe
 smaller, and nearly as tight where the boxes are large.
 """
 
+MAP_STRIDES = (*STRIDES, 16, 32)
+"""The same for whole maps, most of which is empty: larger blocks exclude more at once, in windows
+that are wide enough for them."""
+
 MAX_MOVE = 4
 """Maximum distance that a point moves within a group of rotations [blocks]: there are no boxes for
 longer moves. Search results do not depend on it."""
 
 _FINE = (1, 2, 3, 5, 7, 10, 15, 22)
 _COARSE = (5, 6, 8, 11, 15, 22)
-BOXES = {1: _FINE, 2: _COARSE, 4: _COARSE, 8: _COARSE}
+BOXES = {1: _FINE, 2: _COARSE, 4: _COARSE, 8: _COARSE, 16: _COARSE, 32: _COARSE}
 """By stride, the edges of the boxes [strides].
 
 More sizes make tighter bounds; but most submaps are searched for a few scans at a time, and then
@@ -77,21 +82,21 @@ class GridLayout:
         """Past the last grid."""
         return self.first + len(BOXES[self.stride]) * self.grid_size
 
-    def box_table(self, block: int) -> IntArray:
+    def box_table(self, block: int, num_moves: int) -> IntArray:
         """Return where the grid's first cell is, for blocks of an edge, by how far a point moves.
 
         The grid is the one with the smallest boxes that hold the block and the move, wherever
         within its stride the box begins.
         """
-        start: IntArray = _smallest_boxes(self.stride, block) * self.grid_size
+        start: IntArray = _smallest_boxes(self.stride, block, num_moves) * self.grid_size
         return start + self.first + MARGIN * (self.row_length + 1)
 
 
 @cache
-def _smallest_boxes(stride: int, block: int) -> IntArray:
+def _smallest_boxes(stride: int, block: int, num_moves: int) -> IntArray:
     """Return which of the boxes of a stride hold a block, by how far a point moves."""
     edges = np.array(BOXES[stride])
-    moves = np.arange(MAX_MOVE * (1 << (len(STRIDES) - 1)) + 3)
+    moves = np.arange(num_moves)
     return np.minimum(np.searchsorted((edges - 1) * stride + 1, block + moves), len(edges) - 1)
 
 
@@ -101,20 +106,21 @@ class PrecomputationGrids:
     Parameters
     ----------
     cells : uint8, shape (num_rows, num_cols), not empty.
+    strides : for blocks of 1, 2, 4, ... translations.
 
     Attributes
     ----------
     cells : uint8, all grids in one.
     layouts : by stride.
-    levels : of :data:`cartoloop.kernels.node_bounds.LEVEL`, shape (len(STRIDES),), for blocks of
+    levels : of :data:`cartoloop.kernels.node_bounds.LEVEL`, shape (len(strides),), for blocks of
         1, 2, 4, ... translations.
-    boxes : int32, shape (len(STRIDES), num_moves), see :meth:`GridLayout.box_table`.
+    boxes : int32, shape (len(strides), num_moves), see :meth:`GridLayout.box_table`.
     """
 
-    def __init__(self, cells: ByteArray) -> None:
+    def __init__(self, cells: ByteArray, strides: Sequence[int] = STRIDES) -> None:
         self.layouts: dict[int, GridLayout] = {}
         end = 0
-        for stride in BOXES:
+        for stride in dict.fromkeys(strides):
             num_rows, num_cols = (-(-size // stride) for size in cells.shape)
             self.layouts[stride] = GridLayout(stride, num_rows, num_cols, end)
             end = self.layouts[stride].end
@@ -130,7 +136,7 @@ class PrecomputationGrids:
             grids = self.cells[layout.first : layout.end].reshape(-1, layout.grid_size)
             edges = np.array(BOXES[layout.stride])
             grow_boxes(cells, edges, MARGIN, layout.row_length, grids)
-        layouts = [self.layouts[stride] for stride in STRIDES]
+        layouts = [self.layouts[stride] for stride in strides]
         self.levels = np.array(
             [
                 (x.stride.bit_length() - 1, MARGIN, x.num_cols, x.num_rows, x.row_length)
@@ -138,7 +144,8 @@ class PrecomputationGrids:
             ],
             dtype=LEVEL,
         )
-        tables = [layout.box_table(1 << height) for height, layout in enumerate(layouts)]
+        num_moves = MAX_MOVE * (1 << (len(strides) - 1)) + 3
+        tables = [layout.box_table(1 << height, num_moves) for height, layout in enumerate(layouts)]
         self.boxes: CellArray = np.array(tables, dtype=np.int32)
 
     @property
