@@ -188,10 +188,13 @@ class PoseExtrapolator:
         middle_time, middle = _middle(time, tf_local_tracking, motion)
         num_faulty = 0
         last = self._middles.get(scanner)
+        expected = None
         if last is not None:
+            if not self._is_stale:
+                expected = self._velocity.step(middle_time - last[0])
             self._velocity.update(relative(last[1], middle), middle_time - last[0])
         if len(self._odometry):
-            num_faulty = self._compare_odometry(middle_time, middle, evidence, scanner)
+            num_faulty = self._compare_odometry(middle_time, middle, evidence, scanner, expected)
         self._middle_time, self._middle = middle_time, middle
         self._middles[scanner] = middle_time, middle
         self._time, self._tf_local_tracking = time, tf_local_tracking
@@ -215,13 +218,19 @@ class PoseExtrapolator:
         self._calibration.shift(scanner, by)
 
     def _compare_odometry(
-        self, time: float, pose: Pose, evidence: Evidence | None, scanner: str
+        self,
+        time: float,
+        pose: Pose,
+        evidence: Evidence | None,
+        scanner: str,
+        expected: Pose | None,
     ) -> int:
         """Compare the odometry with a matched pose; return how many latest steps are faulty."""
         last = self._middles.get(scanner)
         reported = None if last is None else self._measured_step(last[0], time)
+        is_known = self.odometry_model.is_known
         num_faulty = self._trust.add(
-            time, pose, reported, evidence, self._is_late, self.odometry_model.is_known, scanner
+            time, pose, reported, evidence, self._is_late, is_known, scanner, expected
         )
         if last is None or reported is None or evidence is None or not evidence.is_determined:
             return num_faulty
