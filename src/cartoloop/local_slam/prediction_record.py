@@ -19,9 +19,9 @@ LEVER_M = 0.5
 MIN_MOTION_M = 0.02
 """Steps by less than this, turn included, tell nothing of the predictions [m]."""
 
-SMALL_ERROR_M = 0.03
-"""Smaller errors of the odometry count less against it [m]: the match corrects them, and a robot
-that moves steadily is predicted by constant velocity to some millimetres."""
+SMALL_ERROR_M = 0.015
+"""Smaller errors of the odometry do not count against it [m], twice as large ones fully: a match
+corrects them, and a robot that moves steadily is predicted by constant velocity to millimetres."""
 
 MATCH_ERROR_M = 0.005
 """Error of the matches that both are compared with [m]."""
@@ -60,7 +60,7 @@ class PredictionRecord:
         by_odometry, without = _apart(matched, reported), _apart(matched, expected)
         score = (by_odometry - without) / (by_odometry + without + MATCH_ERROR_M)
         if score > 0.0:
-            score *= min(1.0, by_odometry / SMALL_ERROR_M)
+            score *= min(max(by_odometry / SMALL_ERROR_M - 1.0, 0.0), 1.0)
         if self._score == 0.0:
             self.since = begin
         self._score = min(max(self._score + score, 0.0), MAX_SCORE)
