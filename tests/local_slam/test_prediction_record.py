@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cartoloop.local_slam.prediction_record import MAX_SCORE, PredictionRecord
+from cartoloop.local_slam.prediction_record import DOUBTFUL, MAX_SCORE, PredictionRecord
 from cartoloop.sensor.pose import Pose
 
 STEP = Pose(0.1, 0.0, 0.02)
@@ -17,11 +17,15 @@ STEADY = [STEP] * 120
 LEAPING = [STAND, STAND, LEAP] * 40
 
 
-def judged(matched, reported, expected):
+def judged(matched, reported, expected, earlier=0.0):
     """Return the record after these steps, and at which its judgement changed."""
-    record = PredictionRecord()
-    steps = enumerate(zip(matched, reported, expected, strict=True))
-    return record, [k for k, step in steps if record.add(0.2 * k, *step)]
+    record, changes = PredictionRecord(earlier), []
+    for k, step in enumerate(zip(matched, reported, expected, strict=True)):
+        was_useful = record.is_useful
+        record.add(0.2 * k, *step)
+        if record.is_useful != was_useful:
+            changes.append(k)
+    return record, changes
 
 
 def test_odometry_that_stands_and_leaps_is_of_no_use():
@@ -51,6 +55,16 @@ def test_it_is_useful_again_once_it_predicts():
         assert record.is_useful
         assert len(changes) == 2
         assert worse < changes[1] <= worse + 1.5 * MAX_SCORE
+
+
+def test_odometry_with_a_bad_record_must_earn_its_use():
+    turning = [Pose(0.1, 0.0, 0.1 * (-1) ** k) for k in range(60)]
+    record, changes = judged(turning, turning, [STEP] * len(turning), earlier=DOUBTFUL)
+    assert record.is_useful
+    assert len(changes) == 1
+    assert changes[0] > 5
+    assert record.largest >= DOUBTFUL
+    assert not judged(STEADY, LEAPING, STEADY, earlier=DOUBTFUL)[1]
 
 
 def test_small_errors_of_the_odometry_do_not_matter():

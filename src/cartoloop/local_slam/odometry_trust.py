@@ -162,24 +162,33 @@ def _difference(one: Pose, other: Pose) -> Pose:
 class OdometryTrust:
     """Compares the odometry with matched scans.
 
+    Parameters
+    ----------
+    earlier_score : largest score of the predictions in an earlier pass over the recording.
+
     Attributes
     ----------
     is_trusted : whether the odometry moves as the scans do, and predicts them.
     faults : the times at which it did not, in order of their notice.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, earlier_score: float = 0.0) -> None:
         self.faults: list[OdometryFault] = []
         self._fault: OdometryFault | None = None  # that lasts until now
         self._unsteady: OdometryFault | None = None
-        self._record = PredictionRecord()
+        self._record = PredictionRecord(earlier_score)
         self._windows: dict[str, _Window] = {}
         self._last: dict[str, tuple[float, Pose]] = {}
 
     @property
     def is_trusted(self) -> bool:
         """Whether the odometry moves as the scans do, and predicts them."""
-        return self._fault is None and self._unsteady is None
+        return self._fault is None and self._record.is_useful
+
+    @property
+    def largest_score(self) -> float:
+        """The largest score of the predictions so far, that of an earlier pass included."""
+        return self._record.largest
 
     def add(
         self,
@@ -267,14 +276,14 @@ class OdometryTrust:
         """Compare the predictions of a step, where scans determine it and no fault is known."""
         if evidence is None or not evidence.is_determined or self._fault is not None:
             return
-        if not self._record.add(begin, matched, reported, expected):
-            return
-        if self._unsteady is None:
+        self._record.add(begin, matched, reported, expected)
+        if self._record.is_useful:
+            if self._unsteady is not None:
+                self._unsteady.end = begin
+                self._unsteady = None
+        elif self._unsteady is None and not math.isnan(self._record.since):
             self._unsteady = _fault(self._record.since, matched, reported, "moves unsteadily")
             self.faults.append(self._unsteady)
-        else:
-            self._unsteady.end = begin
-            self._unsteady = None
 
     def forgive(self, since: float) -> bool:
         """Forget a fault that began after a time, as the odometry has explained what it did.

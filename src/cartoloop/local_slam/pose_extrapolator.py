@@ -94,6 +94,7 @@ class PoseExtrapolator:
     ----------
     config : parameters of local SLAM.
     odometry_model : what is known about the odometry before; by default nothing.
+    odometry_score : largest score against its predictions in an earlier pass.
 
     Attributes
     ----------
@@ -103,13 +104,16 @@ class PoseExtrapolator:
     """
 
     def __init__(
-        self, config: LocalSlamConfig, odometry_model: OdometryParameters | None = None
+        self,
+        config: LocalSlamConfig,
+        odometry_model: OdometryParameters | None = None,
+        odometry_score: float = 0.0,
     ) -> None:
         self._config = config
         self._prediction = config.prediction
         self._odometry = OdometryTrack()
         self._calibration = OdometryCalibration(odometry_model)
-        self._trust = OdometryTrust()
+        self._trust = OdometryTrust(odometry_score)
         self._step_key: _StepKey | None = None
         self._step: Pose | None = None
         self._is_stale = False
@@ -129,6 +133,11 @@ class PoseExtrapolator:
     def odometry_model(self) -> OdometryParameters:
         """The estimated calibration of the odometry."""
         return self._calibration.model
+
+    @property
+    def odometry_score(self) -> float:
+        """The largest score against the odometry's predictions so far."""
+        return self._trust.largest_score
 
     @property
     def odometry_faults(self) -> list[OdometryFault]:

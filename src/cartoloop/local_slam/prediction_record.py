@@ -29,25 +29,35 @@ MATCH_ERROR_M = 0.005
 WORSE, BETTER, MAX_SCORE = 10.0, 3.0, 15.0
 """The score from which on the odometry is left out, below which it is used again, and its upper
 limit, so that it is good again soon after it has become good. Each step counts by at most one. In
-recordings with good odometry it remains below six."""
+recordings with good odometry it remains below `DOUBTFUL`."""
+
+DOUBTFUL = 6.0
+"""Odometry of which the score was larger, in an earlier pass over the recording, is left out until
+it has predicted well for a while. While it is used, matches follow it, and speak for it."""
 
 
 class PredictionRecord:
     """The sum of what steps between scans say against the odometry.
 
+    Parameters
+    ----------
+    earlier : largest score in an earlier pass over the recording.
+
     Attributes
     ----------
     is_useful : whether the odometry predicts well enough to be used.
     since : time from which on steps spoke against it [s].
+    largest : score so far, the earlier ones included.
     """
 
-    def __init__(self) -> None:
-        self.is_useful = True
+    def __init__(self, earlier: float = 0.0) -> None:
+        self.is_useful = earlier < DOUBTFUL
         self.since = math.nan
-        self._score = 0.0
+        self.largest = earlier
+        self._score = 0.0 if self.is_useful else MAX_SCORE
 
-    def add(self, begin: float, matched: Pose, reported: Pose, expected: Pose) -> bool:
-        """Add a step that the scans determine; return whether `is_useful` changes.
+    def add(self, begin: float, matched: Pose, reported: Pose, expected: Pose) -> None:
+        """Add a step that the scans determine.
 
         Parameters
         ----------
@@ -56,17 +66,16 @@ class PredictionRecord:
             matched, by the odometry, and at constant velocity.
         """
         if max(_size(matched), _size(reported)) < MIN_MOTION_M:
-            return False
+            return
         by_odometry, without = _apart(matched, reported), _apart(matched, expected)
         score = (by_odometry - without) / (by_odometry + without + MATCH_ERROR_M)
         if score > 0.0:
             score *= min(max(by_odometry / SMALL_ERROR_M - 1.0, 0.0), 1.0)
-        if self._score == 0.0:
+        if self._score == 0.0 or math.isnan(self.since):
             self.since = begin
         self._score = min(max(self._score + score, 0.0), MAX_SCORE)
-        was_useful = self.is_useful
-        self.is_useful = self._score < (WORSE if was_useful else BETTER)
-        return self.is_useful != was_useful
+        self.largest = max(self.largest, self._score)
+        self.is_useful = self._score < (WORSE if self.is_useful else BETTER)
 
 
 def _size(motion: Pose) -> float:
