@@ -40,9 +40,7 @@ def follow_steady(reported, seen=None):
     trust.add(0.0, pose, None, evidence(), lambda *_: False, True)
     for k, said in enumerate(reported, 1):
         pose = compose(pose, STEP)
-        trust.add(
-            k * PERIOD, pose, said, seen or evidence(), lambda *_: False, True, expected=STEP
-        )
+        trust.add(k * PERIOD, pose, said, seen or evidence(), lambda *_: False, True, expected=STEP)
     return trust
 
 

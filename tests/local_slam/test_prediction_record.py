@@ -76,5 +76,5 @@ def test_small_errors_of_the_odometry_do_not_matter():
 
 
 @pytest.mark.parametrize("shift", [STAND, Pose(0.01, 0.0, 0.01)])
-def test_a_robot_at_rest_tells_nothing(shift):
+def test_a_robot_at_rest_says_nothing(shift):
     assert not judged([shift] * 300, [STAND] * 300, [shift] * 300)[1]

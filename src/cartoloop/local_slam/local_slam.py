@@ -141,9 +141,7 @@ class LocalSlam:
     def calibration(self) -> SensorCalibration:
         """What is known about the sensors by now."""
         motion = self.extrapolator
-        return SensorCalibration(
-            motion.odometry_model, self._clocks.offsets, motion.odometry_score
-        )
+        return SensorCalibration(motion.odometry_model, self._clocks.offsets, motion.odometry_score)
 
     def summary(self) -> dict[str, Any]:
         """Return the estimates about odometry, IMU and scanners, for the report."""

@@ -17,7 +17,7 @@ LEVER_M = 0.5
 """A turn that is predicted wrongly counts as the error of a point at this distance [m]."""
 
 MIN_MOTION_M = 0.02
-"""Steps by less than this, turn included, tell nothing of the predictions [m]."""
+"""Steps by less than this, turn included, say nothing about the predictions [m]."""
 
 SMALL_ERROR_M = 0.015
 """Smaller errors of the odometry do not count against it [m], twice as large ones fully: a match
@@ -32,8 +32,8 @@ limit, so that it is good again soon after it has become good. Each step counts 
 recordings with good odometry it remains below `DOUBTFUL`."""
 
 DOUBTFUL = 6.0
-"""Odometry of which the score was larger, in an earlier pass over the recording, is left out until
-it has predicted well for a while. While it is used, matches follow it, and speak for it."""
+"""Odometry whose score was larger in an earlier pass over the recording is left out until it has
+predicted well for a while. While it is used, matches follow it, and speak for it."""
 
 
 class PredictionRecord:

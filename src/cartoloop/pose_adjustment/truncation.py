@@ -10,7 +10,7 @@ from cartoloop.pose_adjustment.decision import Decision, all_believed
 from cartoloop.pose_adjustment.descent import Run
 
 _MIN_MORE = 2
-"""So many more measurements must be in from least squares: a single one may be false."""
+"""Least squares must keep at least this number of measurements more: a single one may be false."""
 
 
 def truncate(decision: Decision, poses: FloatArray) -> Run:
@@ -24,9 +24,9 @@ def truncate(decision: Decision, poses: FloatArray) -> Run:
     Notes
     -----
     It decides three times: from the minimum of Huber's loss, which no start misleads and which
-    keeps true measurements that agree on a long way; from least squares, in which the few that
-    first close a long loop pull with full force; and by a strict loss from where the poses are,
-    which a majority of false measurements does not move. The decision that keeps most wins. The
+    keeps true measurements that agree on a long way; from least squares, in which the influence of
+    the few that first close a long loop is not limited; and by a strict loss from where the poses
+    are, which a majority of false measurements does not move. The decision that keeps most wins. The
     cost alone is no judge: what is left out costs little, and where the model is too sure of
     itself, the decision of least cost leaves out the loops that are true. But least squares is
     drawn to what is false, so it must keep more at less cost.
