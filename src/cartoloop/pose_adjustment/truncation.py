@@ -26,8 +26,8 @@ def truncate(decision: Decision, poses: FloatArray) -> Run:
     It decides three times: from the minimum of Huber's loss, which no start misleads and which
     keeps true measurements that agree on a long way; from least squares, in which the influence of
     the few that first close a long loop is not limited; and by a strict loss from where the poses
-    are, which a majority of false measurements does not move. The decision that keeps most wins. The
-    cost alone is no judge: what is left out costs little, and where the model is too sure of
+    are, which a majority of false measurements does not move. The decision that keeps most wins.
+    The cost alone is no judge: what is left out costs little, and where the model is too sure of
     itself, the decision of least cost leaves out the loops that are true. But least squares is
     drawn to what is false, so it must keep more at less cost.
     """
