@@ -16,6 +16,7 @@ from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import RecordedOutcomes
 from cartoloop.local_slam.clock_offset import FIRST_ESTIMATE
 from cartoloop.local_slam.odometry_veer import MIN_STRETCHES
+from cartoloop.local_slam.prediction_record import DOUBTFUL
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.mapper import Mapper
 from cartoloop.sensor.events import Odometry
@@ -87,8 +88,9 @@ def calibrate(log: Log, config: Config, stop: StopRequest) -> SensorCalibration 
         events.close()
         mapper.close()
     found = mapper.calibration
-    odometry = found.odometry
-    if odometry.knows_rotation or odometry.knows_scale or any(found.scanner_offsets.values()):
+    odometry, is_doubtful = found.odometry, found.odometry_score >= DOUBTFUL
+    is_known = odometry.knows_rotation or odometry.knows_scale
+    if is_known or is_doubtful or any(found.scanner_offsets.values()):
         return found
     return None
 

@@ -206,6 +206,39 @@ def test_false_closures_that_agree_are_separated_once(loss):
     assert standing.iterations <= 3 < deciding.iterations
 
 
+def stiff_chain(num_closures):
+    """Return a straight chain 0.7 m too long, for as many springs too stiff, and as many closures.
+
+    Huber's force does not close it; least squares does, at less cost than leaving them out.
+    """
+    graph, links = PoseGraph(), 5
+    places = np.zeros((links + 1, 3))
+    places[:, 0] = 1.14 * np.arange(links + 1)
+    graph.add_submaps(places)
+    graph.add_nodes(places)
+    stiff = 2800.0 * num_closures * np.eye(3)
+    for k in range(links + 1):
+        graph.add_constraint(ConstraintKind.INTRA_SUBMAP, k, k, np.zeros(3), stiff)
+    for k in range(links):
+        graph.add_constraint(
+            ConstraintKind.INTRA_SUBMAP, k, k + 1, np.array((1.14, 0.0, 0.0)), stiff
+        )
+    for _ in range(num_closures):
+        graph.add_constraint(
+            ConstraintKind.LOOP_CLOSURE, 0, links, np.array((5.0, 0.0, 0.0)), 500.0 * np.eye(3)
+        )
+    return graph
+
+
+@pytest.mark.parametrize(("num_closures", "weight"), [(4, 1.0), (1, 0.0)])
+def test_several_closures_bend_a_chain_a_single_one_does_not(num_closures, weight):
+    graph = stiff_chain(num_closures)
+    found = adjust(graph, to_the_end(Loss.TRUNCATED))
+    closures = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)
+    np.testing.assert_array_equal(found.weights[closures], weight)
+    assert (graph.node_poses[-1, 0] < 5.4) == (weight == 1.0)
+
+
 @pytest.mark.parametrize("loss", [Loss.NONE, Loss.HUBER, *sorted(DECIDED)])
 def test_a_chain_that_turned_by_radians_is_adjusted(loss):
     graph, truth = grid_world(600, seed=2, noise=(0.05, 0.2))

@@ -34,6 +34,45 @@ def follow(matched, reported, seen=None, is_late=False, period=PERIOD):
     return trust, counts
 
 
+def follow_steady(reported, seen=None):
+    """Feed a trust with a steady motion that constant velocity predicts."""
+    trust, pose = OdometryTrust(), Pose(1.0, 2.0, 0.7)
+    trust.add(0.0, pose, None, evidence(), lambda *_: False, True)
+    for k, said in enumerate(reported, 1):
+        pose = compose(pose, STEP)
+        trust.add(k * PERIOD, pose, said, seen or evidence(), lambda *_: False, True, expected=STEP)
+    return trust
+
+
+def test_odometry_that_stands_and_leaps_is_left_out():
+    """Over a second it moves as far as the scans do."""
+    leaping = [STAND, STAND, Pose(0.3, 0.0, 0.06)] * 30
+    trust = follow_steady(leaping + [STEP] * 5)
+    assert not trust.is_trusted
+    (fault,) = trust.faults
+    assert fault.kind == "moves unsteadily"
+    assert fault.begin <= 2 * PERIOD
+    assert fault.end is None
+
+
+def test_leaps_where_scans_determine_nothing_are_no_fault():
+    leaping = [STAND, STAND, Pose(0.3, 0.0, 0.06)] * 30
+    assert follow_steady(leaping, evidence(is_determined=False)).is_trusted
+
+
+def test_it_is_trusted_again_once_it_moves_steadily():
+    leaping = [STAND, STAND, Pose(0.3, 0.0, 0.06)] * 30
+    trust, pose = follow_steady(leaping), Pose(0.0, 0.0, 0.0)
+    trust.add(100.0, pose, None, evidence(), lambda *_: False, True)
+    for k in range(40):
+        turn = Pose(0.1, 0.0, 0.2 * (-1) ** k)
+        pose = compose(pose, turn)
+        time = 100.0 + (k + 1) * PERIOD
+        trust.add(time, pose, turn, evidence(), lambda *_: False, True, expected=STEP)
+    assert trust.is_trusted
+    assert trust.faults[0].end is not None
+
+
 def test_odometry_that_agrees_is_trusted():
     trust, counts = follow([STEP] * 40, [Pose(0.11, 0.004, 0.015)] * 40)
     assert trust.is_trusted

@@ -128,7 +128,9 @@ class LocalSlam:
         self._first_map = FirstMap(config)
         self._clocks = ScannerClocks(known.scanner_offsets if known else None)
         self._next_node = first_node
-        self.extrapolator = PoseExtrapolator(config, known.odometry if known else None)
+        self.extrapolator = PoseExtrapolator(
+            config, known.odometry if known else None, known.odometry_score if known else 0.0
+        )
 
     @property
     def active_submaps(self) -> tuple[Submap, ...]:
@@ -138,7 +140,8 @@ class LocalSlam:
     @property
     def calibration(self) -> SensorCalibration:
         """What is known about the sensors by now."""
-        return SensorCalibration(self.extrapolator.odometry_model, self._clocks.offsets)
+        motion = self.extrapolator
+        return SensorCalibration(motion.odometry_model, self._clocks.offsets, motion.odometry_score)
 
     def summary(self) -> dict[str, Any]:
         """Return the estimates about odometry, IMU and scanners, for the report."""

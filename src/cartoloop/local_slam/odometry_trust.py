@@ -3,6 +3,8 @@
 
 Steps between scans are compared over a short window. Only motion that the scans determine counts:
 along a corridor, matches follow the prediction or the noise of the pixels, and contradict nothing.
+Odometry that moves as far as the scans, but never when they do, predicts worse than nothing:
+:class:`PredictionRecord`.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from cartoloop.local_slam.prediction_record import PredictionRecord
 from cartoloop.sensor.pose import IDENTITY, Pose, relative, wrap_angle
 from cartoloop.sensor.wall_normals import CORRIDOR_RATIO
 
@@ -81,7 +84,8 @@ class OdometryFault:
     Attributes
     ----------
     begin, end : times of scans [s]; `end` is None if it lasts until the last scan.
-    kind : "stands still", "moves too far" or "moves otherwise".
+    kind : "stands still", "moves too far", "moves otherwise" or "moves unsteadily", if it predicts
+        the scans worse than constant velocity does.
     matched_m, odometry_m : motion of scans and odometry in the window in which it was noticed [m].
     matched_rad, odometry_rad : the same of the rotation [rad].
     """
@@ -158,17 +162,33 @@ def _difference(one: Pose, other: Pose) -> Pose:
 class OdometryTrust:
     """Compares the odometry with matched scans.
 
+    Parameters
+    ----------
+    earlier_score : largest score of the predictions in an earlier pass over the recording.
+
     Attributes
     ----------
-    is_trusted : whether the odometry moves as the scans do.
-    faults : the times at which it did not, in order.
+    is_trusted : whether the odometry moves as the scans do, and predicts them.
+    faults : the times at which it did not, in order of their notice.
     """
 
-    def __init__(self) -> None:
-        self.is_trusted = True
+    def __init__(self, earlier_score: float = 0.0) -> None:
         self.faults: list[OdometryFault] = []
+        self._fault: OdometryFault | None = None  # that lasts until now
+        self._unsteady: OdometryFault | None = None
+        self._record = PredictionRecord(earlier_score)
         self._windows: dict[str, _Window] = {}
         self._last: dict[str, tuple[float, Pose]] = {}
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether the odometry moves as the scans do, and predicts them."""
+        return self._fault is None and self._record.is_useful
+
+    @property
+    def largest_score(self) -> float:
+        """The largest score of the predictions so far, that of an earlier pass included."""
+        return self._record.largest
 
     def add(
         self,
@@ -179,6 +199,7 @@ class OdometryTrust:
         is_late: Callable[[float, float, Pose], bool],
         is_calibrated: bool,
         scanner: str = "",
+        expected: Pose | None = None,
     ) -> int:
         """Add a scan; return how many of the latest steps, with the one to it, prove faulty.
 
@@ -192,6 +213,7 @@ class OdometryTrust:
             between two times; asked before it is called faulty.
         is_calibrated : whether the lever arm is estimated.
         scanner : of the scan; scans of one scanner are compared with each other.
+        expected : the same motion at constant velocity; None where the velocity is not known.
         """
         last = self._last.get(scanner)
         self._last[scanner] = (time, tf_local_tracking)
@@ -204,43 +226,76 @@ class OdometryTrust:
             window.clear()
         else:
             window.add(_step(last, (time, tf_local_tracking), reported, evidence))
+        num_faulty = self._compare(window, time, evidence, is_late, is_calibrated)
+        if reported is not None and expected is not None:
+            matched = relative(last[1], tf_local_tracking)
+            self._judge(last[0], matched, reported, expected, evidence)
+        # Unsteady steps are still used for the calibration: another clock offset may explain them.
+        return num_faulty
+
+    def _compare(
+        self,
+        window: _Window,
+        time: float,
+        evidence: Evidence | None,
+        is_late: Callable[[float, float, Pose], bool],
+        is_calibrated: bool,
+    ) -> int:
+        """Compare the motions of a window; return how many of its latest steps are faulty."""
         steps = window.steps
-        num_faulty = 0 if self.is_trusted else 1
+        num_faulty = 0 if self._fault is None else 1
         if len(steps) >= MIN_STEPS and WINDOW_S <= time - steps[0].begin <= MAX_WINDOW_S:
             begin, lever = steps[0].begin, LEVER_M if is_calibrated else UNKNOWN_LEVER_M
             matched, odometry = window.matched, window.reported
-            if not self.is_trusted:
-                self._restore(begin, _agree(matched, odometry, lever))
+            if self._fault is not None:
+                if _agree(matched, odometry, lever):
+                    self._fault.end = begin
+                    self._fault = None
             elif (
                 differ(matched, odometry, is_calibrated=is_calibrated)
                 and not _is_held(matched, odometry, begin, evidence)
                 and not is_late(begin, time, matched)
             ):
-                self.is_trusted = False
                 stands = all(
                     _size(step.reported) <= MIN_SHARE * _size(step.matched)
                     for step in list(steps)[-2:]
                 )
-                self.faults.append(_fault(begin, matched, odometry, stands))
+                self._fault = _fault(begin, matched, odometry, _kind(matched, odometry, stands))
+                self.faults.append(self._fault)
                 num_faulty = len(steps)
         return num_faulty
+
+    def _judge(
+        self,
+        begin: float,
+        matched: Pose,
+        reported: Pose,
+        expected: Pose,
+        evidence: Evidence | None,
+    ) -> None:
+        """Compare the predictions of a step, where scans determine it and no fault is known."""
+        if evidence is None or not evidence.is_determined or self._fault is not None:
+            return
+        self._record.add(begin, matched, reported, expected)
+        if self._record.is_useful:
+            if self._unsteady is not None:
+                self._unsteady.end = begin
+                self._unsteady = None
+        elif self._unsteady is None and not math.isnan(self._record.since):
+            self._unsteady = _fault(self._record.since, matched, reported, "moves unsteadily")
+            self.faults.append(self._unsteady)
 
     def forgive(self, since: float) -> bool:
         """Forget a fault that began after a time, as the odometry has explained what it did.
 
         Returns whether the odometry is trusted. The motion since then is not compared.
         """
-        if not self.is_trusted and self.faults[-1].begin >= since - WINDOW_S:
-            self.is_trusted = True
-            self.faults.pop()
+        if self._fault is not None and self._fault.begin >= since - WINDOW_S:
+            self.faults.remove(self._fault)
+            self._fault = None
         for window in self._windows.values():
             window.clear()
         return self.is_trusted
-
-    def _restore(self, begin: float, is_good: bool) -> None:
-        if is_good:
-            self.is_trusted = True
-            self.faults[-1].end = begin
 
 
 def _step(
@@ -322,14 +377,16 @@ def _size(motion: Pose) -> float:
     return math.hypot(motion.x, motion.y) + abs(motion.theta)
 
 
-def _fault(begin: float, matched: Pose, odometry: Pose, stands: bool) -> OdometryFault:
-    matched_m = math.hypot(matched.x, matched.y)
-    odometry_m = math.hypot(odometry.x, odometry.y)
-    kind = "moves otherwise"
+def _kind(matched: Pose, odometry: Pose, stands: bool) -> str:
+    """Return what odometry does that contradicts the scans."""
     if stands:
-        kind = "stands still"
-    elif odometry_m - matched_m > 0.5 * math.hypot(matched.x - odometry.x, matched.y - odometry.y):
-        kind = "moves too far"
-    return OdometryFault(
-        begin, None, kind, matched_m, odometry_m, abs(matched.theta), abs(odometry.theta)
-    )
+        return "stands still"
+    more = math.hypot(odometry.x, odometry.y) - math.hypot(matched.x, matched.y)
+    if more > 0.5 * math.hypot(matched.x - odometry.x, matched.y - odometry.y):
+        return "moves too far"
+    return "moves otherwise"
+
+
+def _fault(begin: float, matched: Pose, odometry: Pose, kind: str) -> OdometryFault:
+    lengths = math.hypot(matched.x, matched.y), math.hypot(odometry.x, odometry.y)
+    return OdometryFault(begin, None, kind, *lengths, abs(matched.theta), abs(odometry.theta))

@@ -98,6 +98,7 @@ class PoseExtrapolator:
     ----------
     config : parameters of local SLAM.
     odometry_model : what is known about the odometry before; by default nothing.
+    odometry_score : largest score against its predictions in an earlier pass.
 
     Attributes
     ----------
@@ -107,13 +108,16 @@ class PoseExtrapolator:
     """
 
     def __init__(
-        self, config: LocalSlamConfig, odometry_model: OdometryParameters | None = None
+        self,
+        config: LocalSlamConfig,
+        odometry_model: OdometryParameters | None = None,
+        odometry_score: float = 0.0,
     ) -> None:
         self._config = config
         self._prediction = config.prediction
         self._odometry = OdometryTrack()
         self._calibration = OdometryCalibration(odometry_model)
-        self._trust = OdometryTrust()
+        self._trust = OdometryTrust(odometry_score)
         self._step_key: _StepKey | None = None
         self._step: Pose | None = None
         self._is_stale = False
@@ -133,6 +137,11 @@ class PoseExtrapolator:
     def odometry_model(self) -> OdometryParameters:
         """The estimated calibration of the odometry."""
         return self._calibration.model
+
+    @property
+    def odometry_score(self) -> float:
+        """The largest score against the odometry's predictions so far."""
+        return self._trust.largest_score
 
     @property
     def odometry_faults(self) -> list[OdometryFault]:
@@ -208,10 +217,13 @@ class PoseExtrapolator:
         middle_time, middle = _middle(time, tf_local_tracking, motion)
         num_faulty = 0
         last = self._middles.get(scanner)
+        expected = None
         if last is not None:
+            if not self._is_stale:
+                expected = self._velocity.step(middle_time - last[0])
             self._velocity.update(relative(last[1], middle), middle_time - last[0])
         if len(self._odometry):
-            num_faulty = self._compare_odometry(middle_time, middle, evidence, scanner)
+            num_faulty = self._compare_odometry(middle_time, middle, evidence, scanner, expected)
         self._middle_time, self._middle = middle_time, middle
         self._middles[scanner] = middle_time, middle
         self._time, self._tf_local_tracking = time, tf_local_tracking
@@ -235,13 +247,19 @@ class PoseExtrapolator:
         self._calibration.shift(scanner, by)
 
     def _compare_odometry(
-        self, time: float, pose: Pose, evidence: Evidence | None, scanner: str
+        self,
+        time: float,
+        pose: Pose,
+        evidence: Evidence | None,
+        scanner: str,
+        expected: Pose | None,
     ) -> int:
         """Compare the odometry with a matched pose; return how many latest steps are faulty."""
         last = self._middles.get(scanner)
         reported = None if last is None else self._measured_step(last[0], time)
+        is_known = self.odometry_model.is_known
         num_faulty = self._trust.add(
-            time, pose, reported, evidence, self._is_late, self.odometry_model.is_known, scanner
+            time, pose, reported, evidence, self._is_late, is_known, scanner, expected
         )
         if last is None or reported is None or evidence is None or not evidence.is_determined:
             return num_faulty

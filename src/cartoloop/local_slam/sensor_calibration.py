@@ -17,15 +17,20 @@ class SensorCalibration(NamedTuple):
     odometry : clock offset, scales and errors of the odometry.
     scanner_offsets : by name: scans show the robot this much later than those of the first scanner
         with the same stamps [s]; 0 for the first.
+    odometry_score : the largest score against the odometry's predictions so far.
     """
 
     odometry: OdometryParameters
     scanner_offsets: Mapping[str, float]
+    odometry_score: float = 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as values of JSON, None for what is not known."""
-        odometry = self.odometry.to_dict()
-        return {"odometry": odometry, "scanner_offsets": dict(self.scanner_offsets)}
+        return {
+            "odometry": self.odometry.to_dict(),
+            "scanner_offsets": dict(self.scanner_offsets),
+            "odometry_score": self.odometry_score,
+        }
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> SensorCalibration:
@@ -40,4 +45,5 @@ class SensorCalibration(NamedTuple):
         return cls(
             OdometryParameters.from_dict(content.get("odometry", {})),
             {str(name): float(offset) for name, offset in offsets.items()},
+            float(content.get("odometry_score", 0.0)),
         )

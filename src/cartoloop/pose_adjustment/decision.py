@@ -11,6 +11,7 @@ import numpy as np
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.kernels.pose_adjustment.layout import GroupLosses
 from cartoloop.kernels.pose_adjustment.losses import DECIDED, FIXED_WEIGHTS, Loss
+from cartoloop.pose_adjustment.chordal import better_start
 from cartoloop.pose_adjustment.descent import Descent, Run
 from cartoloop.pose_adjustment.linearise import cost_at
 from cartoloop.pose_adjustment.losses import GroupLoss, kernel_losses
@@ -103,6 +104,14 @@ class Decision:
     def judged(self, run: Run) -> Run:
         """Return a run with its truncated cost."""
         return replace(run, cost=cost_at(self.descent.plan, run.poses, self.truncated))
+
+
+def all_believed(decision: Decision) -> Run:
+    """Return the least squares solution: everything is in."""
+    plan = decision.descent.plan
+    decision.weights[:] = 1.0
+    plan.set_weights(decision.weights)
+    return decision.lower(better_start(plan, decision.measured, decision.weighted))
 
 
 def decide(

@@ -10,8 +10,7 @@ from dataclasses import replace
 
 from cartoloop.arrays import FloatArray
 from cartoloop.kernels.pose_adjustment.losses import Loss
-from cartoloop.pose_adjustment.chordal import better_start
-from cartoloop.pose_adjustment.decision import Decision
+from cartoloop.pose_adjustment.decision import Decision, all_believed
 from cartoloop.pose_adjustment.descent import Run
 from cartoloop.pose_adjustment.losses import initial_convexity, truncated_weights
 
@@ -37,7 +36,7 @@ def graduate(decision: Decision, poses: FloatArray) -> Run:
     many false measurements that agree with each other can; and from where the poses are, which is
     right if they nearly are. The lower truncated cost wins.
     """
-    run = _from_least_squares(decision)
+    run = all_believed(decision)
     if decision.explains_itself():
         return run
     harden = _while_hardening(decision, run)
@@ -48,14 +47,6 @@ def graduate(decision: Decision, poses: FloatArray) -> Run:
         return run
     decision.weights[:] = hardened_weights
     return harden
-
-
-def _from_least_squares(decision: Decision) -> Run:
-    """Believe everything."""
-    plan = decision.descent.plan
-    decision.weights[:] = 1.0
-    plan.set_weights(decision.weights)
-    return decision.lower(better_start(plan, decision.measured, decision.weighted))
 
 
 def _while_hardening(decision: Decision, run: Run) -> Run:
