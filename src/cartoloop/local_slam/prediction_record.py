@@ -54,7 +54,7 @@ class PredictionRecord:
         self.is_useful = earlier < DOUBTFUL
         self.since = math.nan
         self.largest = earlier
-        self._score = 0.0 if self.is_useful else MAX_SCORE
+        self._score = 0.0 if self.is_useful else WORSE
 
     def add(self, begin: float, matched: Pose, reported: Pose, expected: Pose) -> None:
         """Add a step that the scans determine.
