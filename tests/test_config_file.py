@@ -111,7 +111,7 @@ def test_an_unknown_key_of_a_file_is_named_with_its_line(tmp_path):
     [
         (
             "local_slam.submaps.resolution=-1",
-            r"resolution = -1 \(--set\): must be greater than 0.*\[m\]",
+            r"resolution = -1 \(--set\): must be greater than or equal to 0\.001.*\[m\]",
         ),
         ("local_slam.submaps.resolution=coarse", r"must be a valid number"),
         ("local_slam.submaps.resolution=inf", r"must be a finite number"),

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from cartoloop.config import Config
@@ -27,6 +27,7 @@ def readings_of(headings):
     return readings
 
 
+@example([-0.0, -0.0])
 @given(st.lists(HEADINGS, max_size=30))
 def test_headings_continue_as_numpy_unwraps_them(headings):
     times, poses = readings_of(headings).rows()

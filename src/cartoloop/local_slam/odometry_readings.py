@@ -47,7 +47,7 @@ class OdometryReadings:
 
     def append(self, time: float, pose: Pose) -> None:
         """Add a reading that is newer than all others."""
-        turns = 0.0
+        turns = -0.0  # changes no bit of the first heading
         if self._turns:
             turns = self._turns[-1] + _turn_between(self._poses[-1], pose.theta)
         self.times.append(time)
