@@ -148,7 +148,7 @@ def _rms(errors: FloatArray) -> float:
 
 
 def _memory_mb() -> float:
-    """Return the memory of this process now [MB]; NaN where the system does not tell."""
+    """Return the memory of this process now [MB]; NaN where the system does not say."""
     status = Path("/proc/self/status")
     lines = status.read_text(encoding="ascii").splitlines() if status.exists() else []
     return next((float(s.split()[1]) * 1024 / 1e6 for s in lines if s[:6] == "VmRSS:"), math.nan)

@@ -131,7 +131,7 @@ def test_a_lap_is_driven_again_and_again(known):
     assert found.errors.max() < 0.1
 
 
-def test_memory_of_this_process_is_told():
+def test_memory_of_this_process_is_known():
     memory = long_drive._memory_mb()
 
     assert math.isnan(memory) or memory > 10.0

@@ -55,7 +55,7 @@ def test_both_places_of_a_symmetrical_room_are_listed():
 
 @pytest.fixture(scope="module")
 def twins():
-    """A map of two equal rooms, of which the second was mapped less sharply; the shift to it."""
+    """A map of two equal rooms, the second mapped less sharply, and the shift to it."""
     shift = 8.5
     second = tuple(tuple((x + shift, y) for x, y in polygon) for polygon in ROOM)
     image = room_image((*ROOM, *second))

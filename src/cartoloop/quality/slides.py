@@ -20,6 +20,9 @@ from cartoloop.sensor.scan_points import ScanPoints
 REACHES_M, STEP_M = (5.0, 8.0), 0.1
 """Displacements that are tried [m]: far ones are rarer, and more of them fit by chance."""
 
+LEAST_SHARES = (0.05, 0.15)
+"""For each of these, the share of the encounters examined that must be displaced alike."""
+
 HERE_M, AWAY_M, EDGE_M = 0.2, 0.3, 0.3
 """A displacement up to the first is none, one above the second counts; one as near to the end of
 those tried as the third may be the slope of a larger one [m]."""
@@ -31,9 +34,12 @@ here, no more than this share of them fits."""
 MAX_EXAMINED, MAX_POINTS = 200, 400
 """Encounters that are examined, and returns of each."""
 
-MIN_AGREEING, LEAST_SHARE, TIMES_CHANCE, SPREAD_M = 4, 0.05, 3.0, 0.4
-"""This number of encounters, and this share of those examined, are displaced by the same distance,
-within the last [m]; and more than if displacements were random by this factor."""
+NEARBY_M = 4.0
+"""Encounters as near to each other are in one place [m]: most of those there must be displaced."""
+
+MIN_AGREEING, TIMES_CHANCE, SPREAD_M = 4, 3.0, 0.4
+"""This number of encounters is displaced by the same distance, within the last [m]; and more than
+if displacements were random by this factor."""
 
 
 def slides(
@@ -76,8 +82,12 @@ def slides(
         for reach, displaced in zip(REACHES_M, found, strict=True):
             tried = np.abs(shifts) < reach + 0.5 * STEP_M
             displaced[rows] = _displaced(counts[:, tried], batch.counts, shifts[tried])
-    for reach, displaced in zip(REACHES_M, found, strict=True):
-        displaced[~agreeing(displaced, reach)] = np.nan
+    places = content.graph.node_poses[met.pairs.node[met.first], :2]
+    for reach, share, displaced in zip(REACHES_M, LEAST_SHARES, found, strict=True):
+        same = agreeing(displaced, reach, share)
+        if same.any() and _num_here(displaced, places, same) > same.sum():
+            same[:] = False
+        displaced[~same] = np.nan
     most: FloatArray = found[np.isfinite(found).sum(axis=1).argmax()]
     return most
 
@@ -87,29 +97,46 @@ def num_examined(num_encounters: int) -> int:
     return min(num_encounters, MAX_EXAMINED)
 
 
-def agreeing(displacements: FloatArray, reach: float) -> BoolArray:
+def agreeing(displacements: FloatArray, reach: float, least_share: float) -> BoolArray:
     """Return which displacements are the same, the largest such set, if there are enough.
 
     Parameters
     ----------
-    displacements : shape (n,), NaN where there is none [m].
+    displacements : shape (n,), 0 or NaN where there is none [m].
     reach : largest one that was tried [m].
+    least_share : of the encounters examined.
     """
-    order = np.argsort(np.where(np.isnan(displacements), np.inf, displacements), kind="stable")
-    values = displacements[order][: int(np.isfinite(displacements).sum())]
+    is_displaced = displacements > 0.0
+    order = np.argsort(np.where(is_displaced, displacements, np.inf), kind="stable")
+    values = displacements[order][: int(is_displaced.sum())]
     ends = np.searchsorted(values, values + SPREAD_M, side="right")
     counts = ends - np.arange(len(values))
     same = np.zeros(len(displacements), dtype=np.bool_)
     by_chance = len(values) * SPREAD_M / (reach - EDGE_M - AWAY_M)
-    least = max(MIN_AGREEING, LEAST_SHARE * num_examined(len(same)), TIMES_CHANCE * by_chance)
+    least = max(MIN_AGREEING, least_share * num_examined(len(same)), TIMES_CHANCE * by_chance)
     if len(values) and counts.max() >= least:
         best = int(counts.argmax())
         same[order[best : ends[best]]] = True
     return same
 
 
+def _num_here(displaced: FloatArray, places: FloatArray, same: BoolArray) -> int:
+    """Return how many encounters near those that agree fit where they are.
+
+    Parameters
+    ----------
+    displaced : shape (n,), 0 where features fit here [m].
+    places : shape (n, 2), of the encounters [m, map frame].
+    same : bool (n,), those that agree.
+    """
+    here = places[displaced == 0.0]
+    apart = here[:, np.newaxis] - places[same]
+    near = np.einsum("ijk,ijk->ij", apart, apart).min(axis=1, initial=np.inf) < NEARBY_M**2
+    return int(near.sum())
+
+
 def _displaced(counts: IntArray, num_points: IntArray, shifts: FloatArray) -> FloatArray:
-    """Return the distance at which features fit, NaN where they fit here or nowhere."""
+    """Return the distance at which features fit, 0 for here, NaN where they fit nowhere."""
     walls = np.median(counts, axis=1)
     is_far = np.abs(shifts) > AWAY_M - 0.5 * STEP_M
     here = counts[:, np.abs(shifts) < HERE_M + 0.5 * STEP_M].max(axis=1) - walls
@@ -118,7 +145,8 @@ def _displaced(counts: IntArray, num_points: IntArray, shifts: FloatArray) -> Fl
     least = np.maximum(MIN_RETURNS, MIN_SHARE * num_points)
     distance = np.abs(shifts[best])
     is_displaced = (there >= least) & (here < LEFT_HERE * there) & (distance <= shifts[-1] - EDGE_M)
-    return np.where(is_displaced, distance, np.nan)
+    fits_here = (here >= least) & (here >= LEFT_HERE * there)
+    return np.where(is_displaced, distance, np.where(fits_here, 0.0, np.nan))
 
 
 def _points(met: Encounters, row: int, scans: ScanPoints, max_range: float) -> FloatArray:

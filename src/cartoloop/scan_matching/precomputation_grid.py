@@ -24,8 +24,8 @@ smaller, and nearly as tight where the boxes are large.
 """
 
 MAP_STRIDES = (*STRIDES, 16, 32)
-"""The same for whole maps, most of which is empty: larger blocks exclude more at once, in windows
-that are wide enough for them."""
+"""The same for whole maps, mostly empty: larger blocks exclude more at once, in windows that are
+wide enough for them."""
 
 MAX_MOVE = 4
 """Maximum distance that a point moves within a group of rotations [blocks]: there are no boxes for
