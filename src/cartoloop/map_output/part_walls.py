@@ -39,7 +39,7 @@ _LANES = np.arange(4.0)
 """Lines along a wall on which one looks past its end, by their distance behind it [cells]."""
 
 _SIDE_CELLS = 4.0
-"""The side of a wall of which less is known so far from it is that behind it [cells]."""
+"""At this distance, less is known behind a wall than before it [cells]."""
 
 STRAIGHT_CELLS = 1.5
 """Cells of a wall lie as close as this to its axis."""
