@@ -35,6 +35,12 @@ BESIDE_M = 0.5
 """What a wall hides begins within this distance [m]."""
 
 
+_LANES = np.arange(4.0)
+"""Lines along a wall on which one looks past its end, by their distance behind it [cells]."""
+
+_SIDE_CELLS = 4.0
+"""At this distance, less is known behind a wall than before it [cells]."""
+
 STRAIGHT_CELLS = 1.5
 """Cells of a wall lie as close as this to its axis."""
 
@@ -199,20 +205,26 @@ def _has_free_end(walls: NDArray[np.float32], places: IntArray, resolution: floa
     _, axes = np.linalg.eigh((places - middle).T @ (places - middle))
     across, along = ((places - middle) @ axes).T
     middle = middle + np.median(across) * axes[:, 0]
+    sides = [
+        np.count_nonzero(_cells_at(walls, places + side * _SIDE_CELLS * axes[:, 0]) < 0.0)
+        for side in (-1.0, 1.0)
+    ]
+    back = axes[:, 0] if sides[1] >= sides[0] else -axes[:, 0]
     num_free, most = round(FREE_END_M / resolution), round(MAX_REST_M / resolution)
     gap = max(1, round(BRIDGED_M / resolution))
     steps = np.arange(1, most + num_free + gap + 1)
     for end, ahead in ((along.max(), axes[:, 1]), (-along.min(), -axes[:, 1])):
         line = middle + (end + steps)[:, None] * ahead
-        beside = [_cells_at(walls, line + shift * axes[:, 0]) for shift in (-1.0, 0.0, 1.0)]
+        before, *lanes = [_cells_at(walls, line + shift * back) for shift in (-1.0, *_LANES)]
         last = 0  # cell of the wall beyond the end
-        for step in np.flatnonzero(np.max(beside, axis=0) > WALL).tolist():
+        for step in np.flatnonzero(np.max((before, *lanes[:2]), axis=0) > WALL).tolist():
             if step + 1 - last > gap:
                 break
             last = step + 1
         # The cell between wall and floor may be either.
-        beyond = beside[1][last + 1 : last + num_free]
-        if last <= most and ((beyond >= 0.0) & (beyond < FLOOR)).all():
+        beyond = np.array(lanes)[:, last + 1 : last + num_free]
+        is_floor = (beyond >= 0.0) & (beyond < FLOOR)
+        if last <= most and (np.count_nonzero(~is_floor, axis=1) <= 1).any():
             return True
     return False
 
