@@ -21,9 +21,10 @@ def main(folder: str | None = None) -> cartoloop.Result:
         mapper.finish().save(folder)
 
     with cartoloop.edit(folder) as editor:
-        [worst] = editor.closures(worst=1)
-        print(editor.drop_closures(worst.number).text)  # noqa: T201
-        print(editor.add_closure(worst.submap, worst.node).text)  # noqa: T201
+        in_graph = [row for row in editor.closures() if row.is_in_graph]
+        best = max(in_graph, key=lambda row: row.score or 0.0)
+        print(editor.drop_closures(best.number).text)  # noqa: T201
+        print(editor.add_closure(best.submap, best.node).text)  # noqa: T201
         print(editor.set_control_points([(0, 0, 100, 50), (10, 0, 100, 60)]).text)  # noqa: T201
         editor.undo()  # the control points; the closures stay as they are edited
         editor.align()

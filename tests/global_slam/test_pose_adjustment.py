@@ -49,7 +49,7 @@ def position_errors(graph, expected):
 
 
 @given(seeds, st.sampled_from(M_ESTIMATORS), st.integers(0, 2), st.integers(0, 6), st.booleans())
-@settings(deadline=None, max_examples=12)
+@settings(deadline=None, max_examples=8)
 def test_the_result_is_that_of_a_slow_dense_solver(seed, loss, num_false, num_odometry, skewed):
     information = SKEWED if skewed else np.diag([500.0, 500.0, 1600.0])
     graph = walk(

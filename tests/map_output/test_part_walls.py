@@ -77,7 +77,7 @@ def test_cupboard_that_hides_a_room_does_not_contradict(turn):
     seen_past = Submaps(hall((40, 70, 70)).grids, poses)
     seen_past_one_end = Submaps(hall((40, 70, HALL)).grids, poses)
     for cupboard in (seen_past, seen_past_one_end):
-        assert wall_faults(cupboard, Submaps(hall().grids, poses), SUBMAPS, JOIN) == []
+        assert wall_faults(cupboard, Submaps(hall().grids, poses), SUBMAPS, *LIMITS) == []
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.6, 1.5707963])
@@ -86,13 +86,13 @@ def test_wall_that_nobody_saw_past_contradicts(turn):
     cells = hall((40, 70, HALL)).grids[0].cells.copy()
     cells[:40, 50:] = cells[70:, 50:] = UNSEEN
     blocked = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], poses)
-    (fault,) = wall_faults(blocked, Submaps(hall().grids, poses), SUBMAPS, JOIN)
+    (fault,) = wall_faults(blocked, Submaps(hall().grids, poses), SUBMAPS, *LIMITS)
     assert fault.length == pytest.approx(1.5, abs=0.2)
 
 
 def test_wall_of_more_than_furniture_contradicts():
     # 2.5 m: one sees past it, as past the corner of a corridor.
-    (fault,) = wall_faults(hall((40, 90, HALL)), hall(), SUBMAPS, JOIN)
+    (fault,) = wall_faults(hall((40, 90, HALL)), hall(), SUBMAPS, *LIMITS)
     assert fault.length == pytest.approx(2.5, abs=0.2)
 
 
@@ -103,7 +103,7 @@ def test_wall_that_goes_on_is_no_furniture():
     cells[70:110, 50:] = FLOOR
     cells[70:110, -1] = WALL
     opened = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], opened.poses)
-    (fault,) = wall_faults(wall, opened, SUBMAPS, JOIN)
+    (fault,) = wall_faults(wall, opened, SUBMAPS, *LIMITS)
     assert 1.2 <= fault.length < 1.7
 
 
