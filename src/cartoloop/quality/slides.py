@@ -34,8 +34,9 @@ here, no more than this share of them fits."""
 MAX_EXAMINED, MAX_POINTS = 200, 400
 """Encounters that are examined, and returns of each."""
 
-NEARBY_M = 4.0
-"""Encounters as near to each other are in one place [m]: most of those there must be displaced."""
+NEARBY_M, MOST_HERE = 4.0, 1.8
+"""Encounters as near to each other are in one place [m]: those there that fit where they are must
+not outnumber the displaced ones by more than this factor."""
 
 MIN_AGREEING, TIMES_CHANCE, SPREAD_M = 4, 3.0, 0.4
 """This number of encounters is displaced by the same distance, within the last [m]; and more than
@@ -85,7 +86,7 @@ def slides(
     places = content.graph.node_poses[met.pairs.node[met.first], :2]
     for reach, share, displaced in zip(REACHES_M, LEAST_SHARES, found, strict=True):
         same = agreeing(displaced, reach, share)
-        if same.any() and _num_here(displaced, places, same) > same.sum():
+        if same.any() and _num_here(displaced, places, same) > MOST_HERE * same.sum():
             same[:] = False
         displaced[~same] = np.nan
     most: FloatArray = found[np.isfinite(found).sum(axis=1).argmax()]
