@@ -14,11 +14,11 @@ from cartoloop.pose_adjustment.descent import Run
 _MIN_MORE = 2
 """Least number of further measurements that must be in from least squares: one may be false."""
 
-_FEW_OUT = 0.97
-"""Where this share of the measurements is in, a decision from where the poses are must keep more;
-otherwise this share of what the other keeps is enough. False measurements that agree with each
-other, and outnumber the true ones at one end of the graph, bend that end to them, which keeps a
-little more."""
+_NEARLY_ALL = 0.97
+"""Where Huber's minimum keeps this share of the measurements, nothing can be much better. Otherwise
+this share of what the others keep is enough for a decision from where the poses are: false
+measurements that agree with each other, and outnumber the true ones at one end of the graph, bend
+that end to them, which keeps a little more."""
 
 _MAX_ITERATIONS = 8
 """Of each descent from where the poses are: what fits there is known long before it converges."""
@@ -34,29 +34,27 @@ def truncate(decision: Decision, poses: FloatArray) -> Run:
 
     Notes
     -----
-    It decides three times: from the minimum of Huber's loss, which no start misleads and which
-    keeps true measurements that agree on a long path; from least squares, in which the few that
-    first close a long loop have their full weight; and by a strict loss from where the poses are,
-    which a majority of false measurements does not move. The decision that keeps most wins; where
-    much is left out, the last wins if it keeps nearly as much. The cost alone is no judge: what is
-    left out costs little, and where the model is too sure of itself, the decision of least cost
-    leaves out the loops that are true. But least squares is drawn to what is false, so it must keep
-    more at less cost.
+    It decides from the minimum of Huber's loss, which no start misleads and which keeps true
+    measurements that agree on a long path. Where that leaves out more than a few, it decides twice
+    more: from least squares, in which the few that first close a long loop have their full weight;
+    and by a strict loss from where the poses are, which a majority of false measurements does not
+    move. The decision that keeps most wins, the last one if it keeps nearly as much. The cost alone
+    is no judge: what is left out costs little, and where the model is too sure of itself, the
+    decision of least cost leaves out the loops that are true. But least squares is drawn to what is
+    false, so it must keep more at less cost.
     """
     descent = decision.descent
     huber = decision.with_loss(Loss.HUBER)
     start = better_start(descent.plan, decision.measured, huber)
     run = decision.settle(decision.note(descent.run(start, huber)))
-    if decision.own_weights.all():
+    if decision.num_in >= _NEARLY_ALL * decision.own_weights.size:
         return run
     kept, num_kept = decision.weights.copy(), decision.num_in
     other = decision.settle(all_believed(decision))
     if decision.num_in >= num_kept + _MIN_MORE and other.cost < run.cost:
         run, kept, num_kept = other, decision.weights.copy(), decision.num_in
     other = _from_poses(decision, poses)
-    few_out = num_kept >= _FEW_OUT * decision.own_weights.size
-    least = num_kept + 1 if few_out else _FEW_OUT * num_kept
-    if decision.num_in >= least:
+    if decision.num_in >= _NEARLY_ALL * num_kept:
         return other
     decision.weights[:] = kept
     return run
