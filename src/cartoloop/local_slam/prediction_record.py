@@ -83,4 +83,6 @@ def _size(motion: Pose) -> float:
 
 
 def _apart(one: Pose, other: Pose) -> float:
-    return math.hypot(one.x - other.x, one.y - other.y) + LEVER_M * abs(one.theta - other.theta)
+    return math.hypot(one.x - other.x, one.y - other.y) + LEVER_M * abs(
+        math.remainder(one.theta - other.theta, math.tau)
+    )
