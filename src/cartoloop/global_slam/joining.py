@@ -143,10 +143,11 @@ class Joining:
 
         Returns whether there are any.
         """
-        self.follows = True
         near: dict[tuple[int, int], list[Expected]] = {}
         times: dict[tuple[int, int], int] = {}
         for pair, claims in sorted(self._matches.all_claims(graph).items()):
+            if not self._is_short(pair, graph):
+                continue
             refused = self._closed(self._attempt(*pair), claims)
             for pose in followed_places(claims, refused, self._config.wide_search):
                 for each in self._matches.expected_scans(pair, pose, graph):
@@ -166,7 +167,13 @@ class Joining:
                 angular_window=np.full(count, WINDOW_RAD),
             )
             self._add_task(submap, scans, requests, (MIN_SCORE, MIN_SCORE_RATIO))
+        self.follows = self.follows or bool(near)
         return bool(near)
+
+    def _is_short(self, pair: tuple[int, int], graph: PoseGraph) -> bool:
+        """Return whether one of two parts is so short that few of its scans can be distinct."""
+        parts = self._sessions.of_nodes(graph.num_nodes)[self._scans.nodes]
+        return min(int(np.count_nonzero(parts == part)) for part in pair) <= MAX_FOLLOWED_SCANS
 
     def start(self, graph: PoseGraph) -> None:
         """Pass what was requested to the threads; returns immediately."""
@@ -378,6 +385,10 @@ _ROUND_OF_PLACE = (0, 3, 2, 3, 1, 3, 2, 3)
 
 NUM_ROUNDS = 4
 """Rounds in which the composite scans are searched."""
+
+MAX_FOLLOWED_SCANS = 40
+"""Places are followed where one of the parts has no more composite scans: 160 m of path. Of longer
+parts, enough scans score high at all angles if the parts overlap; following takes minutes there."""
 
 MAX_FOLLOWING = 4
 """Times that the places of parts left apart are followed: each join may show others."""
