@@ -12,9 +12,14 @@ from hypothesis import strategies as st
 
 from cartoloop.kernels.outline_shift import add_shift_costs, best_step, open_direction
 from cartoloop.sensor.pose import Pose, inverse, transform_points
-from tests.reference.naive_outline_shift import naive_cost, naive_open_direction
+from tests.reference.naive_outline_shift import (
+    naive_costs,
+    naive_open_direction,
+    naive_unseen_costs,
+)
 
 MAX_GAP, SIGMA, MAX_DISTANCE, OUTSIDE = 0.3, 0.05, 0.2, 0.3
+FIT = SIGMA, MAX_DISTANCE, OUTSIDE
 STEP, REACH = 0.1, 2
 
 seeds = st.integers(0, 2**32 - 1)
@@ -27,6 +32,18 @@ def scan_of(rng):
     return bearings, rng.uniform(0.5, 4.0, count)[:, None] * np.column_stack(
         (np.cos(bearings), np.sin(bearings))
     )
+
+
+def costs_of_shifts(bearings, ends, places, along, shifts, unseen):
+    """Return what all shifts of points along a direction cost, by the naive model."""
+    return [
+        sum(
+            naive_costs(
+                bearings, ends, MAX_GAP, places, (shift * along[0], shift * along[1]), FIT, unseen
+            )
+        )
+        for shift in shifts
+    ]
 
 
 @settings(deadline=None, max_examples=150)
@@ -42,25 +59,23 @@ def test_the_best_step_costs_least_of_all(seed, stride):
     steps = STEP * np.arange(-6, 7)
     costs = np.empty(5)
 
-    matched, best = best_step(
+    matched, best, noise = best_step(
         bearings, ends, MAX_GAP, points, pose[:], along, moved, steps, stride, REACH,
-        (SIGMA, MAX_DISTANCE, OUTSIDE), costs,
+        FIT, costs,
     )  # fmt: skip
 
     places = transform_points(pose, points)
-    matched_cost, *expected = [
-        naive_cost(
-            bearings, ends, MAX_GAP, places, (shift * along[0], shift * along[1]), SIGMA,
-            MAX_DISTANCE, OUTSIDE,
-        )
-        for shift in [0.0, *(steps - moved).tolist()]
-    ]  # fmt: skip
+    unseen = [(cost, cost) for cost in naive_unseen_costs(bearings, ends, MAX_GAP, places, FIT)]
+    matched_cost, *expected = costs_of_shifts(
+        bearings, ends, places, along, [0.0, *(steps - moved).tolist()], unseen
+    )
     assert matched == pytest.approx(matched_cost)
     if best < 0:
         assert stride > 1
         assert min(expected[::stride]) >= matched_cost * (1.0 - 1e-9)
         return
     assert expected[best] == pytest.approx(min(expected))
+    assert 0.0 <= noise <= math.sqrt(len(places)) * 0.25 * 0.5 * (MAX_DISTANCE / SIGMA) ** 2
     around = [best - REACH, best - 1, best, best + 1, best + REACH]
     wanted = [expected[k] if 0 <= k < len(steps) else math.nan for k in around]
     assert costs.tolist() == pytest.approx(wanted, nan_ok=True)
@@ -84,13 +99,9 @@ def test_costs_of_shifts_are_added(seed):
     )  # fmt: skip
 
     places = transform_points(pose, points)
-    expected = [
-        naive_cost(
-            bearings, ends, MAX_GAP, places, (shift * along[0], shift * along[1]), SIGMA,
-            MAX_DISTANCE, OUTSIDE,
-        )
-        for shift in shifts.tolist()
-    ]  # fmt: skip
+    beside = OUTSIDE * 0.5 * (MAX_DISTANCE / SIGMA) ** 2
+    unseen = [(cost, beside) for cost in naive_unseen_costs(bearings, ends, MAX_GAP, places, FIT)]
+    expected = costs_of_shifts(bearings, ends, places, along, shifts.tolist(), unseen)
     assert (costs - before).tolist() == pytest.approx(expected)
 
 
@@ -101,10 +112,29 @@ def test_of_equal_steps_the_first_is_best():
     for stride in (1, 3):
         found = best_step(
             bearings, ends, 0.1, ends, (0.0, 0.0, 0.0), (0.0, 1.0), 0.0, steps, stride, REACH,
-            (SIGMA, MAX_DISTANCE, OUTSIDE), costs,
+            FIT, costs,
         )  # fmt: skip
         outside = 2 * OUTSIDE * 0.5 * (MAX_DISTANCE / SIGMA) ** 2
-        assert found == (pytest.approx(outside), 0 if stride == 1 else -1)
+        assert found == (pytest.approx(outside), 0 if stride == 1 else -1, 0.0)
+
+
+def test_points_that_leave_the_view_favour_no_step():
+    # Two bare walls of a corridor along x, seen from -2 to 2 m by both scans.
+    xs = np.linspace(2.0, -2.0, 81)
+    left, right = np.column_stack((xs, np.ones(81))), np.column_stack((xs[::-1], -np.ones(81)))
+    ends = np.concatenate((right, left))
+    bearings = np.arctan2(ends[:, 1], ends[:, 0])
+    order = np.argsort(bearings)
+    costs, steps = np.empty(5), STEP * np.arange(-6, 7)
+
+    best_step(
+        bearings[order], ends[order], 0.1, ends, (0.3, 0.0, 0.0), (1.0, 0.0), 0.3, steps, 1, REACH,
+        FIT, costs,
+    )  # fmt: skip
+
+    seen = costs[np.isfinite(costs)]
+    assert len(seen) >= 3
+    np.testing.assert_allclose(seen, seen[0], atol=1e-9)
 
 
 @settings(deadline=None, max_examples=60)
@@ -119,3 +149,20 @@ def test_the_open_direction_is_that_of_the_walls(seed):
     assert found[0] == pytest.approx(ratio, abs=1e-12)
     if ratio < 0.99:
         assert math.sin(found[1] - direction) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_noise_makes_of_a_difference_is_bounded_for_each_point():
+    rng = np.random.default_rng(0)
+    angles = np.linspace(-1.0, 1.0, 41)
+    ends = (2.0 / np.cos(angles))[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
+    bearings, noisy = np.arctan2(ends[:, 1], ends[:, 0]), rng.normal(0.0, 0.02, 41)
+    points, costs, steps = ends.copy(), np.empty(5), STEP * np.arange(-6, 7)
+    points[:, 0] += 0.3 + noisy  # a wall across x that is 0.3 m further away
+
+    matched, best, noise = best_step(
+        bearings, ends, 0.1, points, (0.0, 0.0, 0.0), (1.0, 0.0), 0.0, steps, 1, REACH, FIT, costs
+    )
+
+    assert steps[best] == pytest.approx(-0.3)
+    assert matched - costs[2] == pytest.approx(41 * 8.0, rel=0.1)
+    assert noise == pytest.approx(math.sqrt(41) * 2.0)

@@ -16,7 +16,7 @@ BEARINGS = np.radians(np.arange(-90.0, 90.5, 0.5))
 LEFT, RIGHT, RANGE = 1.2, -1.0, 30.0
 
 
-def corridor_scan(x, rng, cupboards=(6.0, 7.5, 12.0, 14.0)):
+def corridor_scan(x, rng, cupboards=(6.0, 7.5, 12.0, 14.0), reach=RANGE - 0.5, sigma=0.01):
     """Return the returns of a scanner at x between two walls; cupboards stand along the left."""
     edges = np.array(cupboards).reshape(-1, 2)
     ranges = []
@@ -29,9 +29,9 @@ def corridor_scan(x, rng, cupboards=(6.0, 7.5, 12.0, 14.0)):
                 hits.append(front)
             if sin > 0 and first <= x + depth / math.tan(bearing) <= last:
                 hits.append(depth / sin)
-        ranges.append(min(hits, default=RANGE) + rng.normal(0.0, 0.01))
+        ranges.append(min(hits, default=RANGE) + rng.normal(0.0, sigma))
     ranges = np.array(ranges)
-    seen = ranges < RANGE
+    seen = ranges < reach  # not the noise of no return
     return np.column_stack((ranges * np.cos(BEARINGS), ranges * np.sin(BEARINGS)))[seen]
 
 
@@ -110,6 +110,15 @@ def test_wheels_that_slip_are_contradicted(said):
         if k < 7:
             pose = Pose(pose.x + said, 0.0, 0.0)
     assert pose.x == pytest.approx(1.4, abs=0.1)
+
+
+@pytest.mark.parametrize(("reach", "sigma"), [(3.0, 0.01), (RANGE - 0.5, 0.02)])
+def test_wheels_are_right_where_bare_walls_say_nothing(reach, sigma):
+    rng, wall_step = np.random.default_rng(1), WallStep(CONFIG)
+    for k in range(150):
+        returns, pose = corridor_scan(0.2 * k, rng, (), reach, sigma), Pose(0.2 * k, 0.0, 0.0)
+        assert wall_step.better_pose(0.2 * k, pose, returns, by_odometry=True) is None
+        wall_step.add(0.2 * k, pose, IDENTITY, returns)
 
 
 class Silent:

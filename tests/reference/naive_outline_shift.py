@@ -6,21 +6,39 @@ from __future__ import annotations
 import math
 
 
-def naive_cost(bearings, ends, max_gap, points, shift, sigma, max_distance, outside_share):
-    """Return the cost of points, all moved by `shift`, against an outline."""
+def naive_costs(bearings, ends, max_gap, points, shift, fit, unseen_costs):
+    """Return the costs of points, all moved by `shift`, against an outline.
+
+    `unseen_costs` has what each point costs beyond the ends of a gap, and beside all points.
+    """
+    sigma, max_distance, outside_share = fit
     limit = 0.5 * (max_distance / sigma) ** 2
-    cost = 0.0
-    for point in points:
+    costs = []
+    for point, (beyond, beside) in zip(points, unseen_costs, strict=True):
         x, y = point[0] + shift[0], point[1] + shift[1]
         bearing = math.atan2(y, x)
         line = max((k for k in range(len(bearings)) if bearings[k] <= bearing), default=-1)
-        if not 0 <= line < len(bearings) - 1 or bearings[line + 1] - bearings[line] >= max_gap:
-            cost += outside_share * limit
+        if not 0 <= line < len(bearings) - 1:
+            costs.append(beside)
             continue
         (ax, ay), (bx, by) = ends[line], ends[line + 1]
+        if bearings[line + 1] - bearings[line] >= max_gap:
+            is_beyond = math.hypot(x, y) > min(math.hypot(ax, ay), math.hypot(bx, by))
+            costs.append(beyond if is_beyond else outside_share * limit)
+            continue
         distance = ((x - ax) * (by - ay) - (y - ay) * (bx - ax)) / math.hypot(bx - ax, by - ay)
-        cost += min(0.5 * (distance / sigma) ** 2, limit)
-    return cost
+        costs.append(min(0.5 * (distance / sigma) ** 2, limit))
+    return costs
+
+
+def naive_unseen_costs(bearings, ends, max_gap, points, fit):
+    """Return what points cost that leave the outline's view: as much as where they are."""
+    limit = 0.5 * (fit[1] / fit[0]) ** 2
+    unseen = [(math.inf, math.inf)] * len(points)
+    costs = naive_costs(bearings, ends, max_gap, points, (0.0, 0.0), fit, unseen)
+    fitting = [cost for cost in costs if cost < limit]
+    mean = sum(fitting) / max(len(fitting), 1)
+    return [cost if cost < limit else mean for cost in costs]
 
 
 def naive_open_direction(bearings, ends, max_gap):

@@ -143,6 +143,12 @@ class WallStepConfig(Section):
     min_odometry_evidence: float = Field(
         40.0, gt=0, description="with odometry: the same as min_evidence"
     )
+    noise_factor: float = Field(
+        3.0,
+        ge=0,
+        description="with odometry: a difference of this many standard deviations of what noise "
+        "makes of two steps is no evidence",
+    )
     min_odometry_step: float = Field(
         0.15,
         ge=0,

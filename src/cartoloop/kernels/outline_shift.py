@@ -64,7 +64,7 @@ def best_step(
     reach: int,
     fit: tuple[float, float, float],
     out_costs: FloatArray,
-) -> tuple[float, int]:
+) -> tuple[float, int, float]:
     """Find the step that costs least: half the sum of squared distances from the lines, in sigmas.
 
     Parameters
@@ -82,14 +82,16 @@ def best_step(
         the matched one.
     reach : distance of the outer two of `out_costs` from the best step, as a number of steps.
     fit : standard deviation of a distance [m]; larger distances than the second [m] cost as much as
-        that one; share of this cost for points in whose direction there is no line.
+        that one; share of this cost for points where the outline should show a line and does not.
+        Points out of its view cost as much as they do as matched.
     out_costs : float64, shape (5,): of the steps by -reach, -1, 0, 1 and reach from the best one;
         NaN where there is none.
 
     Returns
     -------
     the cost of the matched step, and the index of the best, of equal ones the first; -1 if, with a
-    stride, none was tried that costs less than the matched one.
+    stride, none was tried that costs less than the matched one. And the standard
+    deviation of the difference of their costs, if noise alone made it.
 
     Notes
     -----
@@ -98,7 +100,7 @@ def best_step(
     that order differ by rounding, so that they only reject what clearly costs more.
     """
     outline = Outline(lines_of(bearings, ends, max_gap), places_in_sectors(ends))
-    places = _placed(points, tf_sensor_points)
+    places = _placed(outline, points, tf_sensor_points, fit)
     decisive = np.empty_like(places)
     matched = _most_decisive_first(outline, places, along, fit, decisive)
     best, least = -1, matched
@@ -113,7 +115,7 @@ def best_step(
             if cost < least or (cost == least and step < best):
                 best, least = step, cost
     if best < 0:
-        return matched, best
+        return matched, best, 0.0
     for step in range(steps.shape[0]):
         if step % stride == 0:
             continue
@@ -127,7 +129,7 @@ def best_step(
         out_costs[k] = math.nan
         if 0 <= step < steps.shape[0]:
             out_costs[k] = _cost_at(outline, places, steps[step] - moved, along, fit, math.inf)
-    return matched, best
+    return matched, best, _noise(outline, places, steps[best] - moved, along, fit)
 
 
 @kernel
@@ -148,10 +150,12 @@ def add_shift_costs(
     ----------
     shifts : float64, shape (k,), along `along` from the pose as matched [m].
     costs : float64, shape (k,).
-    bearings, ends, max_gap, points, tf_sensor_points, along, fit : see :func:`best_step`.
+    fit : see :func:`best_step`; points beside all of the outline cost the share, too.
+    bearings, ends, max_gap, points, tf_sensor_points, along : see :func:`best_step`.
     """
     outline = Outline(lines_of(bearings, ends, max_gap), places_in_sectors(ends))
-    places = _placed(points, tf_sensor_points)
+    places = _placed(outline, points, tf_sensor_points, fit)
+    places[:, 3] = fit[2] * 0.5 * (fit[1] / fit[0]) ** 2
     for k in range(shifts.shape[0]):
         costs[k] += _cost_at(outline, places, shifts[k], along, fit, math.inf)
 
@@ -167,14 +171,38 @@ def _nearest(steps: FloatArray, moved: float) -> int:
 
 
 @kernel
-def _placed(points: FloatArray, tf_sensor_points: tuple[float, float, float]) -> FloatArray:
-    """Return points in the scanner frame, shape (m, 2)."""
-    places = np.empty((points.shape[0], 2))
+def _placed(
+    outline: Outline,
+    points: FloatArray,
+    tf_sensor_points: tuple[float, float, float],
+    fit: tuple[float, float, float],
+) -> FloatArray:
+    """Return points in the scanner frame, and what they cost unseen, shape (m, 4).
+
+    The third number is for points beyond what the outline could show, the last one for points
+    beside all of it. Both are what a point costs as matched, or what points that fit cost in the
+    mean. So leaving the view says nothing of the step: if it cost more, the steps of a scanner of
+    short reach would be too short, and if less too long.
+    """
+    places = np.empty((points.shape[0], 4))
     sensor_x, sensor_y, theta = tf_sensor_points
     cos, sin = math.cos(theta), math.sin(theta)
+    limit, total, count = 0.5 * (fit[1] / fit[0]) ** 2, 0.0, 0
     for k in range(points.shape[0]):
-        places[k, 0] = sensor_x + cos * points[k, 0] - sin * points[k, 1]
-        places[k, 1] = sensor_y + sin * points[k, 0] + cos * points[k, 1]
+        x = sensor_x + cos * points[k, 0] - sin * points[k, 1]
+        y = sensor_y + sin * points[k, 0] + cos * points[k, 1]
+        place = places[k]
+        place[0], place[1], place[2], place[3] = x, y, math.nan, math.nan
+        cost = _distance_cost(outline, line_towards(outline, x, y), x, y, place, fit)
+        place[2] = cost
+        if cost < limit:
+            total += cost
+            count += 1
+    mean = total / max(count, 1)
+    for k in range(points.shape[0]):
+        if not places[k, 2] < limit:
+            places[k, 2] = mean
+        places[k, 3] = places[k, 2]
     return places
 
 
@@ -196,7 +224,7 @@ def _most_decisive_first(
     total = 0.0
     for k in range(places.shape[0]):
         line = line_towards(outline, places[k, 0], places[k, 1])
-        cost = _distance_cost(outline, line, places[k, 0], places[k, 1], fit)
+        cost = _distance_cost(outline, line, places[k, 0], places[k, 1], places[k], fit)
         total += cost
         share = cost / limit
         across = along[0] * outline.lines[line, 3] - along[1] * outline.lines[line, 2]
@@ -209,8 +237,31 @@ def _most_decisive_first(
     for k in range(places.shape[0]):
         place = begins[classes[k]]
         begins[classes[k]] += 1
-        out_decisive[place, 0], out_decisive[place, 1] = places[k, 0], places[k, 1]
+        out_decisive[place] = places[k]
     return total
+
+
+@kernel
+def _noise(
+    outline: Outline,
+    places: FloatArray,
+    shift: float,
+    along: tuple[float, float],
+    fit: tuple[float, float, float],
+) -> float:
+    """Return the standard deviation of the difference that noise makes of a shift's cost.
+
+    That of the sum of the points' differences, if they are independent. A point of which one cost
+    is that of no fit tells one step from the other: as noise it counts as a quarter of that.
+    """
+    largest, total = 0.25 * 0.5 * (fit[1] / fit[0]) ** 2, 0.0
+    for k in range(places.shape[0]):
+        x, y = places[k, 0], places[k, 1]
+        before = _distance_cost(outline, line_towards(outline, x, y), x, y, places[k], fit)
+        x, y = x + shift * along[0], y + shift * along[1]
+        after = _distance_cost(outline, line_towards(outline, x, y), x, y, places[k], fit)
+        total += min(abs(after - before), largest) ** 2
+    return math.sqrt(total)
 
 
 @inlined_kernel
@@ -241,7 +292,7 @@ def _cost_at(
     cost = 0.0
     for k in range(places.shape[0]):
         x, y = places[k, 0] + shift_x, places[k, 1] + shift_y
-        cost += _distance_cost(outline, line_towards(outline, x, y), x, y, fit)
+        cost += _distance_cost(outline, line_towards(outline, x, y), x, y, places[k], fit)
         if cost > bound:
             break
     return cost
@@ -249,15 +300,41 @@ def _cost_at(
 
 @inlined_kernel
 def _distance_cost(
-    outline: Outline, line: np.uint64, x: float, y: float, fit: tuple[float, float, float]
+    outline: Outline,
+    line: np.uint64,
+    x: float,
+    y: float,
+    place: FloatArray,
+    fit: tuple[float, float, float],
 ) -> float:
-    """Return the cost of the distance of a point from a line, given its row."""
+    """Return the cost of the distance of a point from a line, given its row.
+
+    `place` has what the point costs unseen, see :func:`_placed`.
+    """
     sigma, max_distance, outside_share = fit
     lines = outline.lines
     limit = 0.5 * (max_distance / sigma) ** 2
     across = (x - lines[line, 0]) * lines[line, 3]
     distance = across - (y - lines[line, 1]) * lines[line, 2]
     if math.isnan(distance):
-        return outside_share * limit
+        return _cost_unseen(outline, line, x, y, place, outside_share * limit)
     cost: float = min(0.5 * (distance / sigma) ** 2, limit)
     return cost
+
+
+@inlined_kernel
+def _cost_unseen(
+    outline: Outline, line: np.uint64, x: float, y: float, place: FloatArray, outside_cost: float
+) -> float:
+    """Return the cost of a point in whose direction there is no line.
+
+    One nearer than both ends of the gap should have been seen; one beyond an end could not be.
+    """
+    lines = outline.lines
+    after = line + np.uint64(1)
+    if line == np.uint64(0) or after >= np.uint64(lines.shape[0]):
+        return float(place[3])
+    reach = min(
+        lines[line, 0] ** 2 + lines[line, 1] ** 2, lines[after, 0] ** 2 + lines[after, 1] ** 2
+    )
+    return float(place[2]) if x**2 + y**2 > reach else outside_cost

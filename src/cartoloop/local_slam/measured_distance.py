@@ -37,8 +37,9 @@ NEAR = 2
 
 FIT = (0.03, 0.09, 0.2)
 """Standard deviation of the distance of a return from a line [m]; larger distances than the second
-cost as much as that one [m]; share of this cost of returns where the other scan shows nothing: with
-less, a shift by which scans overlap less is preferred, with more the opposite."""
+cost as much as that one [m]; share of this cost of returns where the other scan should show a line
+and does not, or beside all that it shows: with less, a shift by which scans overlap less is
+preferred, with more the opposite."""
 
 MAX_GAP_RAD = math.radians(3.0)
 """Neighbouring returns whose bearings differ by more are not connected [rad]."""

@@ -49,12 +49,14 @@ class _Comparison(NamedTuple):
     costs : of the steps by `max_distance` shorter, next to it, it, next to it, by `max_distance`
         longer; NaN where that was not tried.
     matched_cost : of the pose as matched.
+    noise : standard deviation of the difference of both costs, if noise alone made it.
     along : float64, (2,), unit vector of the direction, local frame.
     """
 
     apart: float
     costs: tuple[float, ...]
     matched_cost: float
+    noise: float
     along: FloatArray
 
     @property
@@ -177,6 +179,9 @@ class WallStep:
             self._evidence = 0.0
             return False
         evidence = found.matched_cost - best
+        if by_odometry:
+            # The best of many steps that noise alone makes different is no evidence against wheels.
+            evidence = max(evidence - config.noise_factor * found.noise, 0.0)
         if abs(apart) < _NEIGHBOUR * config.step:
             evidence = max(evidence - config.evidence_of_noise, 0.0)
         self._evidence += evidence
@@ -229,7 +234,7 @@ def _compare(
     reach = min(config.max_speed * (time - last.time), config.max_step) + config.max_distance
     steps = _steps_to_try(math.ceil(reach / config.step), config.step)
     costs = np.empty(5)
-    matched_cost, best = best_step(
+    matched_cost, best, noise = best_step(
         *outline,
         max_gap,
         returns,
@@ -245,7 +250,7 @@ def _compare(
     if best < 0:
         return None
     apart = float(steps[best]) - moved
-    return _Comparison(apart, tuple(costs.tolist()), matched_cost, np.array(along))
+    return _Comparison(apart, tuple(costs.tolist()), matched_cost, noise, np.array(along))
 
 
 @lru_cache(maxsize=256)
