@@ -251,8 +251,8 @@ def _noise(
 ) -> float:
     """Return the standard deviation of the difference that noise makes of a shift's cost.
 
-    That of the sum of the points' differences, if they are independent. A point of which one cost
-    is that of no fit tells one step from the other: as noise it counts as a quarter of that.
+    That of the sum of the points' differences, if they are independent. A point that fits in one
+    place and not in the other is a feature: as noise it counts as a quarter of that difference.
     """
     largest, total = 0.25 * 0.5 * (fit[1] / fit[0]) ** 2, 0.0
     for k in range(places.shape[0]):
