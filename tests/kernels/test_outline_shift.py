@@ -151,7 +151,7 @@ def test_the_open_direction_is_that_of_the_walls(seed):
         assert math.sin(found[1] - direction) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_what_noise_makes_of_a_difference_is_bounded_for_each_point():
+def test_the_noise_of_a_difference_is_bounded_for_each_point():
     rng = np.random.default_rng(0)
     angles = np.linspace(-1.0, 1.0, 41)
     ends = (2.0 / np.cos(angles))[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
