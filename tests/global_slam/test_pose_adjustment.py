@@ -11,6 +11,7 @@ from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
     PoseAdjuster,
     adjust,
+    chain_share,
     constraint_residuals,
     graph_problem,
 )
@@ -237,6 +238,29 @@ def test_several_closures_bend_a_chain_a_single_one_does_not(num_closures, weigh
     closures = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)
     np.testing.assert_array_equal(found.weights[closures], weight)
     assert (graph.node_poses[-1, 0] < 5.4) == (weight == 1.0)
+
+
+def test_a_chain_of_which_a_share_counts_bends_to_one_closure():
+    graph = stiff_chain(1)
+    found = adjust(graph, to_the_end(Loss.TRUNCATED, chain_share=0.01))
+    assert found.weights[graph.kinds == ConstraintKind.LOOP_CLOSURE].tolist() == [1.0]
+    np.testing.assert_array_equal(graph.informations, stiff_chain(1).informations)
+
+
+def test_a_chain_counts_in_full_unless_closures_bend_it():
+    straight = stiff_chain(4)
+    assert chain_share(straight, 4.0) == 1.0
+    bent = stiff_chain(4)
+    adjust(bent, to_the_end(Loss.NONE))
+    is_chain = np.flatnonzero(bent.kinds == ConstraintKind.INTRA_SUBMAP)
+    apart, turned = constraint_residuals(bent, is_chain)
+    chi_square = 2800.0 * 4 * float((apart**2 + turned**2).sum())
+    assert chi_square > 4.0
+    # Eleven constraints between twelve poses leave no freedom; two more rows leave three each.
+    assert chain_share(bent, 4.0) == 1.0
+    for k in range(2):
+        bent.add_constraint(ConstraintKind.INTRA_SUBMAP, k, k, np.zeros(3), np.zeros((3, 3)))
+    assert chain_share(bent, 4.0) == pytest.approx(4.0 / (chi_square / 6.0))
 
 
 @pytest.mark.parametrize("loss", [Loss.NONE, Loss.HUBER, *sorted(DECIDED)])

@@ -271,6 +271,19 @@ class PoseAdjustmentConfig(Section):
         gt=0,
         description="share of the information of scan matches that is used: submaps are distorted",
     )
+    mapping_share: float = Field(
+        0.15,
+        gt=0,
+        le=1,
+        description="share of that while mapping: from a chain of submaps that is too sure of "
+        "itself, true loop closures look false",
+    )
+    max_chain_chi_square: float = Field(
+        4.0,
+        gt=0,
+        description="chi square per degree of freedom of the chain of submaps in the final map, "
+        "beyond which it is weighted less in the end, too",
+    )
     max_num_iterations: int = Field(50, ge=1, description="steps at most, while mapping")
     max_num_final_iterations: int = Field(200, ge=1, description="steps at most, in the end")
     tolerance: float = Field(1e-6, gt=0, description="relative decrease of the cost that ends it")

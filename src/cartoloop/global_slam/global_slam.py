@@ -83,7 +83,8 @@ class GlobalSlam:
         self._timer = timer
         self._waits_while_mapping = wait_for_searches
         self.graph, self.closures, self.sessions = load(mapped)
-        self._adjustment = GraphAdjustment(self.graph, config)
+        share = config.pose_adjustment.mapping_share
+        self._adjustment = GraphAdjustment(self.graph, config, share)
         self._finished: list[FinishedSubmap] = []
         self._node_points = NodePoints()
         self.search = ConstraintSearch(
@@ -215,9 +216,11 @@ class GlobalSlam:
             with self._timer.measure("match again"):
                 self._match_again()
             with self._timer.measure("adjust"):
+                self._adjustment.weigh_chain()
                 self._adjust(iterations)
         announce("last adjustment")
         with self._timer.measure("adjust"):
+            self._adjustment.weigh_chain()
             self._remove_contradicted(iterations)
 
     def finished_grids(self) -> dict[int, FinishedGrid]:

@@ -14,6 +14,7 @@ from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
     PoseAdjuster,
+    chain_share,
     constraint_residuals,
 )
 from cartoloop.global_slam.pose_graph import (
@@ -49,17 +50,19 @@ class GraphAdjustment:
     ----------
     graph : may grow, and its closures may be replaced.
     config : parameters.
+    share : of the information of intra-submap constraints that is used.
 
     Attributes
     ----------
     runs : so far.
     """
 
-    def __init__(self, graph: PoseGraph, config: GlobalSlamConfig) -> None:
+    def __init__(self, graph: PoseGraph, config: GlobalSlamConfig, share: float = 1.0) -> None:
         self._graph = graph
         self._config = config
         self._adjuster = PoseAdjuster(graph)
         self._revision = graph.revision
+        self._share = share
         self.runs: list[AdjustmentRun] = []
 
     def run(self, max_num_iterations: int) -> NDArray[np.int64]:
@@ -70,6 +73,7 @@ class GraphAdjustment:
             loss_scale=config.loss_scale,
             max_iterations=max_num_iterations,
             relative_tolerance=config.tolerance,
+            chain_share=self._share,
         )
         start = perf_counter()
         if self._revision != graph.revision:
@@ -88,6 +92,12 @@ class GraphAdjustment:
         closures, is_violated = violated_closures(graph)
         self._distrust_strained(closures)
         return closures[~is_violated | graph.is_trusted[closures]]
+
+    def weigh_chain(self) -> None:
+        """Use as much of the information of intra-submap constraints as the poses bear out."""
+        limit = self._config.pose_adjustment.max_chain_chi_square
+        self._share = chain_share(self._graph, limit)
+        self._adjuster = PoseAdjuster(self._graph)
 
     def forget_poses(self) -> None:
         """Note that poses were changed otherwise: the next run plans again."""

@@ -38,6 +38,7 @@ class AdjustmentOptions:
     max_iterations : linear systems solved at most; a truncated loss needs several descents, each of
         which may take as many.
     relative_tolerance : change of the cost, as a share of it, below which the result stands.
+    chain_share : share of the information of intra-submap constraints that is used.
     """
 
     loss: Loss = Loss.TRUNCATED
@@ -45,6 +46,7 @@ class AdjustmentOptions:
     robust_kinds: Collection[ConstraintKind] = (ConstraintKind.LOOP_CLOSURE,)
     max_iterations: int = 50
     relative_tolerance: float = 1e-6
+    chain_share: float = 1.0
 
     def loss_of_kind(self) -> list[GroupLoss]:
         """Return the loss of each group: of the kinds of constraint, and of those trusted."""
@@ -73,11 +75,18 @@ class AdjustmentResult:
     weights: FloatArray
 
 
-def graph_problem(graph: PoseGraph, points: ControlPoints | None = None) -> Problem:
-    """Return the problem of adjusting a graph from where its poses are; copies no constraint.
+def graph_problem(
+    graph: PoseGraph, points: ControlPoints | None = None, chain_share: float = 1.0
+) -> Problem:
+    """Return the problem of adjusting a graph from where its poses are.
 
-    The groups of the constraints are their kinds, and one more for those that are trusted.
+    The groups of the constraints are their kinds, and one more for those that are trusted. Copies
+    no constraint, but all information if intra-submap constraints have a share of theirs.
     """
+    informations = graph.informations
+    if chain_share != 1.0:
+        informations = informations.copy()
+        informations[graph.kinds == ConstraintKind.INTRA_SUBMAP] *= chain_share
     return Problem(
         graph.submap_poses,
         graph.node_poses,
@@ -87,7 +96,7 @@ def graph_problem(graph: PoseGraph, points: ControlPoints | None = None) -> Prob
             graph.index_a,
             graph.index_b,
             graph.relative_poses,
-            graph.informations,
+            informations,
         ),
         points,
         graph.fixed_submaps,
@@ -100,7 +109,8 @@ class PoseAdjuster:
 
     Parameters
     ----------
-    graph : constraints may be added to it; those that it has must stay as they are.
+    graph : constraints may be added to it; those that it has must stay as they are, and so must
+        the share of the chain.
     """
 
     def __init__(self, graph: PoseGraph) -> None:
@@ -123,7 +133,7 @@ class PoseAdjuster:
         """
         graph, options = self.graph, options or AdjustmentOptions()
         result = solve(
-            self._planner.plan(graph_problem(graph, points)),
+            self._planner.plan(graph_problem(graph, points, options.chain_share)),
             options.loss_of_kind(),
             max_iterations=options.max_iterations,
             relative_tolerance=options.relative_tolerance,
@@ -144,6 +154,28 @@ def adjust(
 ) -> AdjustmentResult:
     """Adjust a graph once, in place; see :meth:`PoseAdjuster.adjust`."""
     return PoseAdjuster(graph).adjust(options, points)
+
+
+def chain_share(graph: PoseGraph, max_chi_square: float) -> float:
+    """Return the share of the information of intra-submap constraints that the map bears out.
+
+    Errors of neighbouring scan matches are not independent, and add up along the path. Where loop
+    closures have to bend the chain of submaps by far more than its information allows, that says
+    how much too large it is: the variance factor of an adjustment, chi square per degree of freedom
+    (Koch, Parameter Estimation and Hypothesis Testing in Linear Models, 1999).
+
+    Parameters
+    ----------
+    graph : adjusted.
+    max_chi_square : per degree of freedom; up to it the share is 1.
+    """
+    is_chain = graph.kinds == ConstraintKind.INTRA_SUBMAP
+    freedom = 3 * (int(np.count_nonzero(is_chain)) - graph.num_nodes - graph.num_submaps + 1)
+    if freedom <= 0:
+        return 1.0
+    squared = residuals(graph_problem(graph), np.flatnonzero(is_chain)).squared
+    chi_square = float(squared.sum()) / freedom
+    return max_chi_square / chi_square if chi_square > max_chi_square else 1.0
 
 
 def constraint_residuals(

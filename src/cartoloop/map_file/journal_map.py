@@ -170,6 +170,7 @@ def _graph(collected: JournalRecords, config: Config) -> PoseGraph:
                 loss_scale=options.loss_scale,
                 max_iterations=options.max_num_final_iterations,
                 relative_tolerance=options.tolerance,
+                chain_share=options.mapping_share,
             ),
         )
     return graph
