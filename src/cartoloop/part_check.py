@@ -13,7 +13,7 @@ from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.map_output.part_walls import Submaps, WallFault, wall_faults
-from cartoloop.quality.joins import check_geometry
+from cartoloop.quality.joins import check_geometry, floor_fault, usual_floor_share
 from cartoloop.sensor.scan_points import ScanPoints
 
 
@@ -53,16 +53,30 @@ def part_check(config: Config) -> CheckGeometry:
                 f"contradicts it: the other part saw floor there, and {worst.hidden:.0f} m2 behind "
                 "it"
             )
-        return found._replace(fault=strict_fault(found, faults) if is_strict else "")
+        if not is_strict:
+            return found
+        usual = 0.0
+        if found.floor_share > STRICT_FLOOR_SHARE:
+            usual = usual_floor_share(
+                graph, submaps, node_points, node_parts, submap_parts, config.quality
+            )
+        return found._replace(fault=strict_fault(found, faults, usual))
 
     return check
 
 
-def strict_fault(found: GeometryCheck, faults: Sequence[WallFault]) -> str:
-    """Return why parts on which few scans agree cannot be joined, "" if they can."""
-    share = found.on_floor / max(found.on_wall + found.on_floor, 1)
-    if share > STRICT_FLOOR_SHARE:
-        return f"{share:.0%} of the returns lie on floor of the other part, and few scans agree"
+def strict_fault(
+    found: GeometryCheck, faults: Sequence[WallFault], usual_floor_share: float = 0.0
+) -> str:
+    """Return why parts on which few scans agree cannot be joined, "" if they can.
+
+    Parameters
+    ----------
+    faults : pieces of walls that contradict it.
+    usual_floor_share : share of returns on floor within the parts.
+    """
+    if fault := floor_fault(found, STRICT_FLOOR_SHARE, usual_floor_share):
+        return f"{fault}, and few scans agree"
     length = sum(fault.length for fault in faults)
     if length > max(STRICT_WALLS_M, STRICT_WALLS_SHARE * found.length):
         return (
@@ -76,7 +90,7 @@ MIN_PIECE_M = 0.3
 """Shorter pieces of wall say nothing [m]."""
 
 STRICT_FLOOR_SHARE, STRICT_WALLS_M, STRICT_WALLS_SHARE = 0.08, 0.6, 0.015
-"""Limits where few scans agree: share of returns on floor; pieces of walls with something behind
+"""Limits where few scans agree: share of returns on floor, unless it is usual there; pieces of walls with something behind
 them, together, or that share of the path along which the parts overlap [m]. A corridor also fits on
 another one, and on itself turned around: there were 0.07 and 0.09, and walls of 1.9 m on 54 m and
 of 4 m on 110 m; where sessions of one building overlapped a little, up to 0.07, and 0.4 m."""

@@ -32,6 +32,11 @@ class GeometryCheck(NamedTuple):
     on_floor: int
     fault: str
 
+    @property
+    def floor_share(self) -> float:
+        """Share of the compared returns that lie on floor of the other part."""
+        return self.on_floor / max(self.on_wall + self.on_floor, 1)
+
 
 CheckGeometry = Callable[
     [PoseGraph, Sequence[FinishedSubmap], ScanPoints, IntArray, IntArray, bool], GeometryCheck
@@ -40,17 +45,19 @@ CheckGeometry = Callable[
 of nodes and submaps: 0 and 1, others are not examined; and whether strictly, as few scans agree."""
 
 
-class Refusal(NamedTuple):
-    """A placement that the geometry contradicts.
+class Examined(NamedTuple):
+    """A placement whose geometry was examined.
 
     Attributes
     ----------
     tf_one_other : where it placed the other part.
     evidence : of the scans that agreed on it.
+    check : what was found.
     """
 
     tf_one_other: Pose
     evidence: float
+    check: GeometryCheck
 
 
 class OnePose(NamedTuple):
@@ -80,6 +87,7 @@ class JoinAttempt:
     refused : placements that the geometry contradicts.
     undecided : those that it allows, where another place fits, too.
     num_searches : pairs of composite scan and submap searched.
+    is_cut_short : whether only a sample of the scans was searched, since no two of it agree.
     """
 
     one: int
@@ -88,6 +96,7 @@ class JoinAttempt:
     check: GeometryCheck | None = None
     why_not: str = "not searched"
     is_ambiguous: bool = False
-    refused: list[Refusal] = field(default_factory=list)
-    undecided: list[Refusal] = field(default_factory=list)
+    refused: list[Examined] = field(default_factory=list)
+    undecided: list[Examined] = field(default_factory=list)
     num_searches: int = 0
+    is_cut_short: bool = False
