@@ -55,7 +55,7 @@ from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
 from cartoloop.global_slam.wide_search import find_scans
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
-from cartoloop.sensor.pose import Pose, compose_all, relative_all
+from cartoloop.sensor.pose import compose_all, relative_all
 
 
 class Joining:
@@ -259,9 +259,11 @@ class Joining:
         self._num_judged = self._num_searches
         best: JoinAttempt | None = None
         all_claims = self._matches.claims(graph)
+        every_match = self._short_pairs_matches(graph) if self.follows else {}
         for pair in sorted(self.attempts):
             attempt = self._attempt(*pair)
-            why_not = self._judge(attempt, all_claims.get(pair, []), graph)
+            mine = (all_claims.get(pair, []), every_match.get(pair, []))
+            why_not = self._judge_all(attempt, *mine, graph)
             if why_not or attempt.found is None:
                 attempt.why_not = reason(why_not, attempt)
             elif (
@@ -272,8 +274,41 @@ class Joining:
             self._has_news = False
         return best
 
-    def _judge(self, attempt: JoinAttempt, claims: Sequence[Claim], graph: PoseGraph) -> str:
+    def _short_pairs_matches(self, graph: PoseGraph) -> dict[tuple[int, int], list[Claim]]:
+        """Return all matches between the parts whose places are followed."""
+        matches = self._matches.all_claims(graph)
+        return {pair: matches[pair] for pair in matches if self._is_short(pair, graph)}
+
+    def _judge_all(
+        self,
+        attempt: JoinAttempt,
+        claims: Sequence[Claim],
+        every_match: Sequence[Claim],
+        graph: PoseGraph,
+    ) -> str:
         """Find the best placement of two parts; return why it is not to be examined, or "".
+
+        In corridors few scans are distinct. So, after places were followed, those on which scans
+        agree that are not are examined as if another place fitted, too.
+        """
+        why_not = self._judge(attempt, claims, graph, must_stand_out=False)
+        if not why_not or not self.follows:
+            return why_not
+        found, is_ambiguous = attempt.found, attempt.is_ambiguous
+        if not self._judge(attempt, every_match, graph, must_stand_out=True):
+            return ""
+        attempt.found, attempt.is_ambiguous = found, is_ambiguous
+        return why_not
+
+    def _judge(
+        self,
+        attempt: JoinAttempt,
+        claims: Sequence[Claim],
+        graph: PoseGraph,
+        *,
+        must_stand_out: bool,
+    ) -> str:
+        """Find the best placement by some claims; return why it is not to be examined, or "".
 
         Where two places that were followed fit, both are examined, the better one first: if the
         geometry contradicts one, the other one remains; if neither, the better one if far more
@@ -287,14 +322,14 @@ class Joining:
         why_not = why_not_believed(found, join, wide)
         if not self.follows or found is None:
             return why_not
-        if why_not and is_ambiguous(found, join):
+        if must_stand_out or (why_not and is_ambiguous(found, join)):
             attempt.is_ambiguous = True
             if why_not_believed(found._replace(rival=0.0), join, wide):
                 return why_not
             if (examined := examined_already(attempt, wide)) is not None:
                 rival = rival_to_examine(attempt, claims, closed, join, wide)
                 if rival is None and not stands_out(examined, attempt, wide):
-                    return why_not
+                    return why_not or "another place fits as well"
                 attempt.found, attempt.is_ambiguous = rival or found, rival is not None
                 if rival is not None:
                     return ""
