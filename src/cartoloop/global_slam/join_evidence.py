@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import NamedTuple
 
 from cartoloop.arrays import IntArray
@@ -38,11 +39,19 @@ class GeometryCheck(NamedTuple):
         return self.on_floor / max(self.on_wall + self.on_floor, 1)
 
 
+class Strictness(IntEnum):
+    """How strictly a placement is examined: the less supports it, the more strictly."""
+
+    MANY_SCORE_HIGH = 0
+    FEW_SCORE_HIGH = 1
+    FEW_DISTINCT = 2
+
+
 CheckGeometry = Callable[
-    [PoseGraph, Sequence[FinishedSubmap], ScanPoints, IntArray, IntArray, bool], GeometryCheck
+    [PoseGraph, Sequence[FinishedSubmap], ScanPoints, IntArray, IntArray, Strictness], GeometryCheck
 ]
 """Examines a graph in which two parts were placed: graph, submaps, returns of the nodes, the parts
-of nodes and submaps: 0 and 1, others are not examined; and whether strictly, as few scans agree."""
+of nodes and submaps: 0 and 1, others are not examined; and how strictly."""
 
 
 class Examined(NamedTuple):
@@ -53,11 +62,13 @@ class Examined(NamedTuple):
     tf_one_other : where it placed the other part.
     evidence : of the scans that agreed on it.
     check : what was found.
+    strictness : with which.
     """
 
     tf_one_other: Pose
     evidence: float
     check: GeometryCheck
+    strictness: Strictness
 
 
 class OnePose(NamedTuple):
@@ -84,6 +95,7 @@ class JoinAttempt:
     check : of its geometry, if it was tried.
     why_not : why they are not joined, "" if they are.
     is_ambiguous : whether another place fits as well as the best one.
+    strictness : with which the best placement is examined.
     refused : placements that the geometry contradicts.
     undecided : those that it allows, where another place fits, too.
     num_searches : pairs of composite scan and submap searched.
@@ -96,7 +108,13 @@ class JoinAttempt:
     check: GeometryCheck | None = None
     why_not: str = "not searched"
     is_ambiguous: bool = False
+    strictness: Strictness = Strictness.MANY_SCORE_HIGH
     refused: list[Examined] = field(default_factory=list)
     undecided: list[Examined] = field(default_factory=list)
     num_searches: int = 0
     is_cut_short: bool = False
+
+    def examined(self, check: GeometryCheck) -> Examined:
+        """Return the best placement with what its examination found."""
+        assert self.found is not None
+        return Examined(self.found.tf_one_other, self.found.evidence, check, self.strictness)

@@ -31,7 +31,12 @@ from cartoloop.global_slam.following import (
     followed_places,
     why_not_supported,
 )
-from cartoloop.global_slam.join_evidence import Examined, GeometryCheck, JoinAttempt, OnePose
+from cartoloop.global_slam.join_evidence import (
+    GeometryCheck,
+    JoinAttempt,
+    OnePose,
+    Strictness,
+)
 from cartoloop.global_slam.join_matches import JoinMatches, JoinTask
 from cartoloop.global_slam.join_records import (
     join_searches_record,
@@ -48,6 +53,7 @@ from cartoloop.global_slam.rivals import (
     closed_places,
     examined_already,
     reason,
+    refused_place_weighs,
     rival_to_examine,
     stands_out,
 )
@@ -289,25 +295,23 @@ class Joining:
         """Find the best placement of two parts; return why it is not to be examined, or "".
 
         In corridors few scans are distinct. So, after places were followed, those on which scans
-        agree that are not are examined as if another place fitted, too.
+        agree that are not are examined as if another place fitted, too; what was refused counts in
+        full there.
         """
-        why_not = self._judge(attempt, claims, graph, must_stand_out=False)
+        attempt.strictness = (
+            Strictness.FEW_SCORE_HIGH if self.follows else Strictness.MANY_SCORE_HIGH
+        )
+        why_not = self._judge(attempt, claims, graph)
         if not why_not or not self.follows:
             return why_not
         found, is_ambiguous = attempt.found, attempt.is_ambiguous
-        if not self._judge(attempt, every_match, graph, must_stand_out=True):
+        attempt.strictness = Strictness.FEW_DISTINCT
+        if not self._judge(attempt, every_match, graph):
             return ""
         attempt.found, attempt.is_ambiguous = found, is_ambiguous
         return why_not
 
-    def _judge(
-        self,
-        attempt: JoinAttempt,
-        claims: Sequence[Claim],
-        graph: PoseGraph,
-        *,
-        must_stand_out: bool,
-    ) -> str:
+    def _judge(self, attempt: JoinAttempt, claims: Sequence[Claim], graph: PoseGraph) -> str:
         """Find the best placement by some claims; return why it is not to be examined, or "".
 
         Where two places that were followed fit, both are examined, the better one first: if the
@@ -322,10 +326,13 @@ class Joining:
         why_not = why_not_believed(found, join, wide)
         if not self.follows or found is None:
             return why_not
+        must_stand_out = attempt.strictness == Strictness.FEW_DISTINCT
         if must_stand_out or (why_not and is_ambiguous(found, join)):
             attempt.is_ambiguous = True
-            if why_not_believed(found._replace(rival=0.0), join, wide):
-                return why_not
+            if why_not_believed(found._replace(rival=0.0), join, wide) or (
+                must_stand_out and refused_place_weighs(attempt, claims, wide)
+            ):
+                return why_not or "as many scans agree on a place that was refused"
             if (examined := examined_already(attempt, wide)) is not None:
                 rival = rival_to_examine(attempt, claims, closed, join, wide)
                 if rival is None and not stands_out(examined, attempt, wide):
@@ -345,9 +352,7 @@ class Joining:
         assert attempt.found is not None
         join, wide = self._config.join, self._config.wide_search
         attempt.check, attempt.why_not = check, why_not_believed(attempt.found, join, wide)
-        attempt.undecided.append(
-            Examined(attempt.found.tf_one_other, attempt.found.evidence, check)
-        )
+        attempt.undecided.append(attempt.examined(check))
 
     def joined(self, attempt: JoinAttempt) -> None:
         """Note that two parts are one from now on."""
@@ -370,7 +375,7 @@ class Joining:
         """Note that the geometry contradicts the placement of an attempt."""
         assert attempt.found is not None
         attempt.check, attempt.why_not = check, check.fault
-        attempt.refused.append(Examined(attempt.found.tf_one_other, attempt.found.evidence, check))
+        attempt.refused.append(attempt.examined(check))
 
     def _attempt(self, part: int, other: int) -> JoinAttempt:
         pair = (min(part, other), max(part, other))

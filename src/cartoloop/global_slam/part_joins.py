@@ -189,7 +189,7 @@ class PartJoins:
             self._submaps,
             node_points,
         ):
-            check = self._check(joined, self._submaps, node_points, *parts, self.joining.follows)
+            check = self._check(joined, self._submaps, node_points, *parts, attempt.strictness)
             if not check.fault:
                 break
         if self._recorded.is_recording:

@@ -24,12 +24,14 @@ def closed_places(
 ) -> list[Pose]:
     """Return the places that were refused, less those that more scans agree on by now.
 
-    A part that is bent fits better where more scans hold it.
+    A part that is bent fits better where more scans hold it. What was examined more strictly than the
+    attempt is now says nothing.
     """
     return [
         each.tf_one_other
         for each in attempt.refused
-        if evidence_of(claims, each.tf_one_other, wide) < RETRY_EVIDENCE * each.evidence
+        if each.strictness <= attempt.strictness
+        and evidence_of(claims, each.tf_one_other, wide) < RETRY_EVIDENCE * each.evidence
     ]
 
 
@@ -65,6 +67,18 @@ def rival_to_examine(
     if rival is None or rival.evidence <= join.max_rival_share * attempt.found.evidence:
         return None
     return rival
+
+
+def refused_place_weighs(
+    attempt: JoinAttempt, claims: Sequence[Claim], wide: WideSearchConfig
+) -> bool:
+    """Return whether the best placement has hardly more evidence than one that was refused.
+
+    Where one place looks right and is not, the next one may be no better.
+    """
+    assert attempt.found is not None
+    limit = attempt.found.evidence / STANDS_OUT
+    return any(evidence_of(claims, each.tf_one_other, wide) > limit for each in attempt.refused)
 
 
 def stands_out(examined: Examined, attempt: JoinAttempt, wide: WideSearchConfig) -> bool:

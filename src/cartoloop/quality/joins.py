@@ -168,7 +168,6 @@ def _fault(check: GeometryCheck, join: JoinConfig) -> str:
 
 MAX_USUAL, MAX_FLOOR_SHARE, MIN_USUAL_RETURNS = 1.2, 0.12, 500
 """Returns on floor may be this many times as frequent as within the parts, where as many returns
-can be compared there, but make no larger share than the second number. Of 34 right placements of
-sessions of aces and mit-csail they made up to 0.112, and 1.1 times the share within where that is
-more than 0.08; of 190 wrong ones 0.132 or more, but for two that were shifted along a corridor, with
-0.06 and 0.09, 0.8 and 1.3 times the share within."""
+can be compared there, but make no larger share than the second number. Of 33 right placements of
+sessions of aces and mit-csail they made up to 0.112; of 142 wrong ones 0.132 or more, but for two
+that were shifted along a corridor, with 0.06 and 0.09: 0.8 and 1.3 times the share within."""
