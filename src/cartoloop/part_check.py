@@ -100,6 +100,6 @@ and where few are distinct. A corridor also fits on another one, and on itself t
 were 0.07 and 0.09. Where sessions of one building overlapped a little, there were up to 0.11."""
 
 STRICT_WALLS_M, STRICT_WALLS_SHARE = 0.6, 0.015
-"""Pieces of walls with something behind them that are allowed where few scans agree: together, or by
-the path along which the parts overlap [m]. There were 1.9 m on 54 m and 4 m on 110 m where a corridor
-lay on another one, and 0.4 m where sessions of one building overlapped a little."""
+"""Pieces of walls with something behind them that are allowed where few scans agree: together, or
+by the path along which the parts overlap [m]. There were 1.9 m on 54 m and 4 m on 110 m where a
+corridor lay on another one, and 0.4 m where sessions of one building overlapped a little."""

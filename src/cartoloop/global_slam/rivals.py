@@ -24,8 +24,8 @@ def closed_places(
 ) -> list[Pose]:
     """Return the places that were refused, less those that more scans agree on by now.
 
-    A part that is bent fits better where more scans hold it. What was examined more strictly than the
-    attempt is now says nothing.
+    A part that is bent fits better where more scans hold it. What was examined more strictly than
+    the attempt is now says nothing.
     """
     return [
         each.tf_one_other
