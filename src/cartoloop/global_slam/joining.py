@@ -259,11 +259,11 @@ class Joining:
         return durations
 
     def best(self, graph: PoseGraph) -> JoinAttempt | None:
-        """Return the attempt with the most evidence that can be believed; None without any."""
+        """Return the attempt that can be believed with the most evidence; None without any."""
         if not (self._has_news or self._num_judged < self._num_searches):
             return None
         self._num_judged = self._num_searches
-        best: JoinAttempt | None = None
+        believed: list[tuple[int, float, JoinAttempt]] = []
         all_claims = self._matches.claims(graph)
         every_match = self._short_pairs_matches(graph) if self.follows else {}
         for pair in sorted(self.attempts):
@@ -272,13 +272,14 @@ class Joining:
             why_not = self._judge_all(attempt, *mine, graph)
             if why_not or attempt.found is None:
                 attempt.why_not = reason(why_not, attempt)
-            elif (
-                best is None or best.found is None or (attempt.found.evidence > best.found.evidence)
-            ):
-                best = attempt
+            else:
+                believed.append((-attempt.strictness, attempt.found.evidence, attempt))
+        # Evidence of scans that are distinct and of others cannot be compared.
+        best = max(believed, key=lambda each: each[:2], default=None)
         if best is None:
             self._has_news = False
-        return best
+            return None
+        return best[2]
 
     def _short_pairs_matches(self, graph: PoseGraph) -> dict[tuple[int, int], list[Claim]]:
         """Return all matches between the parts whose places are followed."""
