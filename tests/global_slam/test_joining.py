@@ -12,6 +12,7 @@ from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.hypotheses import Candidate
+from cartoloop.global_slam.join_evidence import GeometryCheck, Strictness
 from cartoloop.global_slam.joining import MAX_FOLLOWED_SCANS, NUM_ROUNDS, Joining
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import SessionRanges
@@ -48,10 +49,10 @@ def two_parts(*counts):
     return joining, graph
 
 
-def fits(joining, scan, x):
+def fits(joining, scan, x, margin=0.2):
     """Note that a scan of the first part fits in the submap of the other, displaced by x."""
     node_x = 4.0 * scan
-    candidate = Candidate(scan, scan, 1, np.array([node_x + x, 0.0, 0.0]), 0.6, 0.4)
+    candidate = Candidate(scan, scan, 1, np.array([node_x + x, 0.0, 0.0]), 0.6, 0.6 - margin)
     joining._matches.of_scan.setdefault(scan, []).append(candidate)
 
 
@@ -104,3 +105,59 @@ def test_parts_that_agree_later_are_searched_then():
         fits(joining, scan, x=50.0)
     assert joining.request_round(NUM_ROUNDS, graph)
     assert joining.attempts[0, 1].num_searches == 2 * LONG
+
+
+def followed(*places):
+    """Return two short parts after following: many scans fit in places, none is distinct."""
+    joining, graph = two_parts(30, 30)
+    joining.request_round(NUM_ROUNDS, graph)
+    joining.follows = joining._has_news = True
+    for number, (x, count) in enumerate(places):
+        for scan in range(12 * number, 12 * number + count):
+            fits(joining, scan, x, margin=0.025)
+    return joining, graph
+
+
+def check(fault="", floor_share=0.01):
+    on_floor = round(4000 * floor_share)
+    return GeometryCheck(40.0, 0.0, 4000 - on_floor, on_floor, fault)
+
+
+def test_scans_that_are_not_distinct_are_examined_most_strictly():
+    joining, graph = followed((50.0, 12))
+    attempt = joining.best(graph)
+    assert attempt.strictness == Strictness.FEW_DISTINCT
+    assert attempt.is_ambiguous
+    joining.leave_undecided(attempt, check())
+    again = joining.best(graph)
+    assert again is attempt
+    assert not again.is_ambiguous
+
+
+def test_nothing_is_believed_beside_a_place_that_was_refused():
+    joining, graph = followed((50.0, 12), (200.0, 11))
+    joining.refuse(joining.best(graph), check(fault="a wall contradicts it"))
+    assert joining.best(graph) is None
+    assert joining.attempts[0, 1].why_not == "a wall contradicts it"
+
+
+@pytest.mark.parametrize(("floor_share", "is_right"), [(0.01, False), (0.02, True)])
+def test_better_of_two_places_must_stand_out(floor_share, is_right):
+    joining, graph = followed((50.0, 12), (200.0, 11))
+    joining.leave_undecided(joining.best(graph), check())
+    rival = joining.best(graph)
+    assert rival.found.tf_one_other.x == pytest.approx(-200.0)
+    joining.leave_undecided(rival, check(floor_share=floor_share))
+    best = joining.best(graph)
+    assert (best is not None) is is_right
+    if is_right:
+        assert best.found.tf_one_other.x == pytest.approx(-50.0)
+        assert not best.is_ambiguous
+    else:
+        assert joining.attempts[0, 1].why_not
+
+
+def test_only_distinct_scans_count_before_places_are_followed():
+    joining, graph = followed((50.0, 12))
+    joining.follows = False
+    assert joining.best(graph) is None
