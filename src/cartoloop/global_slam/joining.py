@@ -29,33 +29,27 @@ from cartoloop.global_slam.following import (
     WINDOW_RAD,
     Expected,
     followed_places,
-    why_not_supported,
 )
 from cartoloop.global_slam.join_evidence import (
     GeometryCheck,
     JoinAttempt,
     OnePose,
-    Strictness,
 )
 from cartoloop.global_slam.join_matches import JoinMatches, JoinTask
 from cartoloop.global_slam.join_records import (
     join_searches_record,
     recorded_join_searches,
 )
+from cartoloop.global_slam.judging import Judging
 from cartoloop.global_slam.placing import (
     Claim,
-    is_ambiguous,
     placement,
     why_not_believed,
 )
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.rivals import (
     closed_places,
-    examined_already,
     reason,
-    refused_place_weighs,
-    rival_to_examine,
-    stands_out,
 )
 from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
 from cartoloop.global_slam.wide_search import find_scans
@@ -103,6 +97,7 @@ class Joining:
         self._running: list[JoinTask] = []
         self._searched: set[tuple[int, int]] = set()
         self._matches = JoinMatches(config, closures, submaps, scans, sessions)
+        self._judging = Judging(config, self._matches)
         self._num_searches = 0
         self._num_judged = 0
         self._has_news = False
@@ -269,7 +264,7 @@ class Joining:
         for pair in sorted(self.attempts):
             attempt = self._attempt(*pair)
             mine = (all_claims.get(pair, []), every_match.get(pair, []))
-            why_not = self._judge_all(attempt, *mine, graph)
+            why_not = self._judging.why_not(attempt, *mine, graph, follows=self.follows)
             if why_not or attempt.found is None:
                 attempt.why_not = reason(why_not, attempt)
             else:
@@ -285,68 +280,6 @@ class Joining:
         """Return all matches between the parts whose places are followed."""
         matches = self._matches.all_claims(graph)
         return {pair: matches[pair] for pair in matches if self._is_short(pair, graph)}
-
-    def _judge_all(
-        self,
-        attempt: JoinAttempt,
-        claims: Sequence[Claim],
-        every_match: Sequence[Claim],
-        graph: PoseGraph,
-    ) -> str:
-        """Find the best placement of two parts; return why it is not to be examined, or "".
-
-        In corridors few scans are distinct. So, after places were followed, those on which scans
-        agree that are not are examined as if another place fitted, too; what was refused counts in
-        full there.
-        """
-        attempt.strictness = (
-            Strictness.FEW_SCORE_HIGH if self.follows else Strictness.MANY_SCORE_HIGH
-        )
-        why_not = self._judge(attempt, claims, graph)
-        if not why_not or not self.follows:
-            return why_not
-        found, is_ambiguous = attempt.found, attempt.is_ambiguous
-        attempt.strictness = Strictness.FEW_DISTINCT
-        if not self._judge(attempt, every_match, graph):
-            return ""
-        attempt.found, attempt.is_ambiguous = found, is_ambiguous
-        return why_not
-
-    def _judge(self, attempt: JoinAttempt, claims: Sequence[Claim], graph: PoseGraph) -> str:
-        """Find the best placement by some claims; return why it is not to be examined, or "".
-
-        Where two places that were followed fit, both are examined, the better one first: if the
-        geometry contradicts one, the other one remains; if neither, the better one if far more
-        returns lie on floor at the other one. Else the parts stay apart.
-        """
-        join, wide = self._config.join, self._config.wide_search
-        closed = closed_places(attempt, claims, wide)
-        weight = STRICT_REFUSED_WEIGHT if self.follows else 1.0
-        attempt.found = found = placement(claims, closed, join, wide, weight)
-        attempt.is_ambiguous = False
-        why_not = why_not_believed(found, join, wide)
-        if not self.follows or found is None:
-            return why_not
-        must_stand_out = attempt.strictness == Strictness.FEW_DISTINCT
-        if must_stand_out or (why_not and is_ambiguous(found, join)):
-            attempt.is_ambiguous = True
-            if why_not_believed(found._replace(rival=0.0), join, wide) or (
-                must_stand_out and refused_place_weighs(attempt, claims, wide)
-            ):
-                return why_not or "as many scans agree on a place that was refused"
-            if (examined := examined_already(attempt, wide)) is not None:
-                rival = rival_to_examine(attempt, claims, closed, join, wide)
-                if rival is None and not stands_out(examined, attempt, wide):
-                    return why_not or "another place fits as well"
-                attempt.found, attempt.is_ambiguous = rival or found, rival is not None
-                if rival is not None:
-                    return ""
-        elif why_not:
-            return why_not
-        expected = self._matches.expected_scans(
-            (attempt.one, attempt.other), found.tf_one_other, graph
-        )
-        return why_not_supported(found, expected, self._matches.of_scan, join.min_margin, wide)
 
     def leave_undecided(self, attempt: JoinAttempt, check: GeometryCheck) -> None:
         """Note that the geometry allows a placement, but that another place fits, too."""
@@ -451,7 +384,3 @@ parts, enough scans score high at all angles if the parts overlap; following tak
 
 MAX_FOLLOWING = 4
 """Times that the places of parts left apart are followed: each join may show others."""
-
-STRICT_REFUSED_WEIGHT = 0.25
-"""Share of the evidence of places that were refused that counts against those that are followed:
-the geometry of these is examined strictly."""
