@@ -68,7 +68,7 @@ def rounds(joining, graph):
 LONG = 2 * MAX_FOLLOWED_SCANS
 
 
-def test_long_parts_of_which_nothing_agrees_are_sampled():
+def test_long_parts_are_sampled_where_nothing_agrees():
     joining, graph = two_parts(LONG, LONG)
     totals = rounds(joining, graph)
     assert totals[1] == totals[-1] == 2 * LONG // 4

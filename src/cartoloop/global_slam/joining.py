@@ -147,8 +147,8 @@ class Joining:
         """Request the searches of a round; return whether there are any.
 
         The composite scans of all parts are spread over :data:`NUM_ROUNDS` rounds, so that the
-        first ones lie all over the path: most parts are joined after a few. Two long parts of
-        which no two scans agree by then are not searched further.
+        first ones lie all over the path: most parts are joined after a few. Two long parts
+        are not searched further where no two scans agree by then.
         """
         before = self._num_searches
         left_out = self._unlikely(graph) if number >= FIRST_LIKELY_ROUND else frozenset()
@@ -158,7 +158,7 @@ class Joining:
         return self._num_searches > before
 
     def _unlikely(self, graph: PoseGraph) -> frozenset[tuple[int, int]]:
-        """Return the pairs of long parts of which no two scans agree on a place so far."""
+        """Return the pairs of long parts where no two scans agree on a place so far."""
         unlikely = set()
         claims = self._matches.claims(graph)
         for pair, attempt in self.attempts.items():

@@ -106,5 +106,5 @@ def reason(why_not: str, attempt: JoinAttempt) -> str:
     if attempt.refused and attempt.check is not None and attempt.check.fault:
         return attempt.check.fault
     if attempt.is_cut_short and why_not:
-        return f"{why_not}; a quarter of the scans was searched, no two of which agree"
+        return f"{why_not}; a quarter of the scans was searched, and no two of them agree"
     return why_not
