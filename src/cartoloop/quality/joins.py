@@ -129,7 +129,7 @@ def usual_floor_share(
     """Return the share of returns on floor of other submaps of their own part, the larger one.
 
     Glass, people and thin legs make it, and they do so between parts, too. Parts with few
-    returns that can be compared count as without any. Parameters are those of :func:`check_geometry`.
+    returns that can be compared count as without any. Parameters are as of :func:`check_geometry`.
     """
     content = _Parts(graph, [submap.grid for submap in submaps], node_points)
     paths = path_lengths(graph.node_poses)
