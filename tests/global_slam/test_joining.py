@@ -73,6 +73,7 @@ def test_long_parts_are_sampled_where_nothing_agrees():
     totals = rounds(joining, graph)
     assert totals[1] == totals[-1] == 2 * LONG // 4
     assert joining.attempts[0, 1].is_cut_short
+    assert "a quarter of the scans was searched" in joining.attempts[0, 1].explanation
 
 
 def test_long_parts_are_searched_whole_where_scans_agree():

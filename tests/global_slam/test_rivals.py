@@ -124,6 +124,4 @@ def test_each_refusal_has_a_reason():
     assert reason("two places fit", known) == "a wall"
     known.check = allowed.check
     assert reason("two places fit", known) == "two places fit"
-    known.is_cut_short = True
-    assert reason("no scan fits", known).startswith("no scan fits; a quarter")
     assert reason("", attempt()) == ""

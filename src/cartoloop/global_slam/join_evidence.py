@@ -114,6 +114,13 @@ class JoinAttempt:
     num_searches: int = 0
     is_cut_short: bool = False
 
+    @property
+    def explanation(self) -> str:
+        """Why they are not joined, and whether all was searched; "" if they are."""
+        if self.is_cut_short and self.why_not:
+            return f"{self.why_not}; a quarter of the scans was searched, and no two of them agree"
+        return self.why_not
+
     def examined(self, check: GeometryCheck) -> Examined:
         """Return the best placement with what its examination found."""
         assert self.found is not None

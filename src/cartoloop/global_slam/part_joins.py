@@ -66,7 +66,7 @@ class JoinRecord:
         content: dict[str, Any] = {
             "sessions": [list(self.one), list(self.other)],
             "joined": self.joined,
-            "why_not": self.attempt.why_not,
+            "why_not": self.attempt.explanation,
             "searches": self.attempt.num_searches,
         }
         if (found := self.attempt.found) is not None:

@@ -105,6 +105,4 @@ def reason(why_not: str, attempt: JoinAttempt) -> str:
     """Return why parts are not joined: because of what the geometry contradicted, if anything."""
     if attempt.refused and attempt.check is not None and attempt.check.fault:
         return attempt.check.fault
-    if attempt.is_cut_short and why_not:
-        return f"{why_not}; a quarter of the scans was searched, and no two of them agree"
     return why_not
