@@ -10,10 +10,10 @@ import numpy as np
 from cartoloop.arrays import IntArray
 from cartoloop.config import Config
 from cartoloop.global_slam.closure_search import FinishedSubmap
-from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck
+from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, Strictness
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.map_output.part_walls import Submaps, WallFault, wall_faults
-from cartoloop.quality.joins import check_geometry
+from cartoloop.quality.joins import check_geometry, floor_fault, usual_floor_share
 from cartoloop.sensor.scan_points import ScanPoints
 
 
@@ -27,7 +27,7 @@ def part_check(config: Config) -> CheckGeometry:
         node_points: ScanPoints,
         node_parts: IntArray,
         submap_parts: IntArray,
-        is_strict: bool,
+        strictness: Strictness,
     ) -> GeometryCheck:
         found = check_geometry(
             graph, submaps, node_points, node_parts, submap_parts, config.quality, join
@@ -53,16 +53,35 @@ def part_check(config: Config) -> CheckGeometry:
                 f"contradicts it: the other part saw floor there, and {worst.hidden:.0f} m2 behind "
                 "it"
             )
-        return found._replace(fault=strict_fault(found, faults) if is_strict else "")
+        if strictness == Strictness.MANY_SCORE_HIGH:
+            return found
+        limit = FLOOR_SHARES[strictness]
+        usual = 0.0
+        if found.floor_share > limit:
+            usual = usual_floor_share(
+                graph, submaps, node_points, node_parts, submap_parts, config.quality
+            )
+        return found._replace(fault=strict_fault(found, faults, limit, usual))
 
     return check
 
 
-def strict_fault(found: GeometryCheck, faults: Sequence[WallFault]) -> str:
-    """Return why parts on which few scans agree cannot be joined, "" if they can."""
-    share = found.on_floor / max(found.on_wall + found.on_floor, 1)
-    if share > STRICT_FLOOR_SHARE:
-        return f"{share:.0%} of the returns lie on floor of the other part, and few scans agree"
+def strict_fault(
+    found: GeometryCheck,
+    faults: Sequence[WallFault],
+    max_floor_share: float,
+    usual_floor_share: float = 0.0,
+) -> str:
+    """Return why parts on which few scans agree cannot be joined, "" if they can.
+
+    Parameters
+    ----------
+    faults : pieces of walls that contradict it.
+    max_floor_share : share of returns on floor that is allowed in any case.
+    usual_floor_share : that within the parts.
+    """
+    if fault := floor_fault(found, max_floor_share, usual_floor_share):
+        return f"{fault}, and few scans agree"
     length = sum(fault.length for fault in faults)
     if length > max(STRICT_WALLS_M, STRICT_WALLS_SHARE * found.length):
         return (
@@ -75,8 +94,12 @@ def strict_fault(found: GeometryCheck, faults: Sequence[WallFault]) -> str:
 MIN_PIECE_M = 0.3
 """Shorter pieces of wall say nothing [m]."""
 
-STRICT_FLOOR_SHARE, STRICT_WALLS_M, STRICT_WALLS_SHARE = 0.08, 0.6, 0.015
-"""Limits where few scans agree: share of returns on floor; pieces of walls with something behind
-them, together, or that share of the path along which the parts overlap [m]. A corridor also fits on
-another one, and on itself turned around: there were 0.07 and 0.09, and walls of 1.9 m on 54 m and
-of 4 m on 110 m; where sessions of one building overlapped a little, up to 0.07, and 0.4 m."""
+FLOOR_SHARES = {Strictness.FEW_SCORE_HIGH: 0.08, Strictness.FEW_DISTINCT: 0.03}
+"""Share of returns on floor that is allowed, unless it is usual there, where few scans score high
+and where few are distinct. A corridor also fits on another one, and on itself turned around: there
+were 0.07 and 0.09. Where sessions of one building overlapped a little, there were up to 0.11."""
+
+STRICT_WALLS_M, STRICT_WALLS_SHARE = 0.6, 0.015
+"""Pieces of walls with something behind them that are allowed where few scans agree: together, or
+by the path along which the parts overlap [m]. There were 1.9 m on 54 m and 4 m on 110 m where a
+corridor lay on another one, and 0.4 m where sessions of one building overlapped a little."""

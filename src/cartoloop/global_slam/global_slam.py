@@ -316,6 +316,11 @@ class GlobalSlam:
             if self.joins.joining.request_round(number, self.graph):
                 self.joins.joining.start(self.graph)
                 self._close_loops(max_num_iterations, wait=True)
+        # Parts that have grown may be worth a search that they were not before.
+        while self.joins.is_needed and self.joins.joining.request_round(NUM_ROUNDS, self.graph):
+            announce("searching parts in each other again")
+            self.joins.joining.start(self.graph)
+            self._close_loops(max_num_iterations, wait=True)
         for _ in range(MAX_FOLLOWING):
             if not self.joins.is_needed:
                 break

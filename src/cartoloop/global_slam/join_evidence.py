@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import NamedTuple
 
 from cartoloop.arrays import IntArray
@@ -32,25 +33,42 @@ class GeometryCheck(NamedTuple):
     on_floor: int
     fault: str
 
+    @property
+    def floor_share(self) -> float:
+        """Share of the compared returns that lie on floor of the other part."""
+        return self.on_floor / max(self.on_wall + self.on_floor, 1)
+
+
+class Strictness(IntEnum):
+    """How strictly a placement is examined: the less supports it, the more strictly."""
+
+    MANY_SCORE_HIGH = 0
+    FEW_SCORE_HIGH = 1
+    FEW_DISTINCT = 2
+
 
 CheckGeometry = Callable[
-    [PoseGraph, Sequence[FinishedSubmap], ScanPoints, IntArray, IntArray, bool], GeometryCheck
+    [PoseGraph, Sequence[FinishedSubmap], ScanPoints, IntArray, IntArray, Strictness], GeometryCheck
 ]
 """Examines a graph in which two parts were placed: graph, submaps, returns of the nodes, the parts
-of nodes and submaps: 0 and 1, others are not examined; and whether strictly, as few scans agree."""
+of nodes and submaps: 0 and 1, others are not examined; and how strictly."""
 
 
-class Refusal(NamedTuple):
-    """A placement that the geometry contradicts.
+class Examined(NamedTuple):
+    """A placement whose geometry was examined.
 
     Attributes
     ----------
     tf_one_other : where it placed the other part.
     evidence : of the scans that agreed on it.
+    check : what was found.
+    strictness : with which.
     """
 
     tf_one_other: Pose
     evidence: float
+    check: GeometryCheck
+    strictness: Strictness
 
 
 class OnePose(NamedTuple):
@@ -77,9 +95,11 @@ class JoinAttempt:
     check : of its geometry, if it was tried.
     why_not : why they are not joined, "" if they are.
     is_ambiguous : whether another place fits as well as the best one.
+    strictness : with which the best placement is examined.
     refused : placements that the geometry contradicts.
     undecided : those that it allows, where another place fits, too.
     num_searches : pairs of composite scan and submap searched.
+    is_cut_short : whether only a sample of the scans was searched, since no two of it agree.
     """
 
     one: int
@@ -88,6 +108,20 @@ class JoinAttempt:
     check: GeometryCheck | None = None
     why_not: str = "not searched"
     is_ambiguous: bool = False
-    refused: list[Refusal] = field(default_factory=list)
-    undecided: list[Refusal] = field(default_factory=list)
+    strictness: Strictness = Strictness.MANY_SCORE_HIGH
+    refused: list[Examined] = field(default_factory=list)
+    undecided: list[Examined] = field(default_factory=list)
     num_searches: int = 0
+    is_cut_short: bool = False
+
+    @property
+    def explanation(self) -> str:
+        """Why they are not joined, and whether all was searched; "" if they are."""
+        if self.is_cut_short and self.why_not:
+            return f"{self.why_not}; a quarter of the scans was searched, and no two of them agree"
+        return self.why_not
+
+    def examined(self, check: GeometryCheck) -> Examined:
+        """Return the best placement with what its examination found."""
+        assert self.found is not None
+        return Examined(self.found.tf_one_other, self.found.evidence, check, self.strictness)

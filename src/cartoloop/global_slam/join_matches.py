@@ -44,11 +44,7 @@ class JoinMatches:
 
     Parameters
     ----------
-    config : parameters.
-    closures : the record; matches are noted in it.
-    submaps : the finished submaps by their index; the owner adds to it.
-    scans : the composite scans; the owner adds to them.
-    sessions : their parts.
+    config, closures, submaps, scans, sessions : as of `joining.Joining`.
 
     Attributes
     ----------

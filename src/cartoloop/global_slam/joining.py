@@ -10,7 +10,7 @@ the submaps of the other. A wrong join is worse than none.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
 
 import numpy as np
@@ -29,27 +29,33 @@ from cartoloop.global_slam.following import (
     WINDOW_RAD,
     Expected,
     followed_places,
-    why_not_supported,
 )
-from cartoloop.global_slam.join_evidence import GeometryCheck, JoinAttempt, OnePose, Refusal
+from cartoloop.global_slam.join_evidence import (
+    GeometryCheck,
+    JoinAttempt,
+    OnePose,
+)
 from cartoloop.global_slam.join_matches import JoinMatches, JoinTask
 from cartoloop.global_slam.join_records import (
     join_searches_record,
     recorded_join_searches,
 )
+from cartoloop.global_slam.judging import Judging
 from cartoloop.global_slam.placing import (
     Claim,
-    evidence_of,
-    is_ambiguous,
     placement,
     why_not_believed,
 )
 from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.global_slam.rivals import (
+    closed_places,
+    reason,
+)
 from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
 from cartoloop.global_slam.wide_search import find_scans
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
-from cartoloop.sensor.pose import Pose, compose_all, relative_all
+from cartoloop.sensor.pose import compose_all, relative_all
 
 
 class Joining:
@@ -91,6 +97,7 @@ class Joining:
         self._running: list[JoinTask] = []
         self._searched: set[tuple[int, int]] = set()
         self._matches = JoinMatches(config, closures, submaps, scans, sessions)
+        self._judging = Judging(config, self._matches)
         self._num_searches = 0
         self._num_judged = 0
         self._has_news = False
@@ -109,8 +116,15 @@ class Joining:
         """Number of searches that may still be made."""
         return self._config.join.max_searches - self._num_searches
 
-    def request(self, scan: int, graph: PoseGraph) -> None:
-        """Request the search of a composite scan in all submaps of the other parts."""
+    def request(
+        self, scan: int, graph: PoseGraph, left_out: Collection[tuple[int, int]] = ()
+    ) -> None:
+        """Request the search of a composite scan in all submaps of the other parts.
+
+        Parameters
+        ----------
+        left_out : pairs of parts that are not searched.
+        """
         node = int(self._scans.nodes[scan])
         if len(self._scans.points[scan]) < self._config.min_num_points:
             return
@@ -119,6 +133,9 @@ class Joining:
         for submap in np.flatnonzero(parts != own).tolist():
             if self.room <= 0:
                 return
+            other = int(parts[submap])
+            if (min(own, other), max(own, other)) in left_out:
+                continue
             is_new = (scan, submap) not in self._searched and self._submaps[submap].grid.size
             if is_new and self._is_in_reach(submap, node, own, graph):
                 self._searched.add((scan, submap))
@@ -130,13 +147,27 @@ class Joining:
         """Request the searches of a round; return whether there are any.
 
         The composite scans of all parts are spread over :data:`NUM_ROUNDS` rounds, so that the
-        first ones lie all over the path: most parts are joined after a few.
+        first ones lie all over the path: most parts are joined after a few. Two long parts
+        are not searched further where no two scans agree by then.
         """
         before = self._num_searches
+        left_out = self._unlikely(graph) if number >= FIRST_LIKELY_ROUND else frozenset()
         for scan in range(len(self._scans)):
             if _round_of(scan) <= number:
-                self.request(scan, graph)
+                self.request(scan, graph, left_out)
         return self._num_searches > before
+
+    def _unlikely(self, graph: PoseGraph) -> frozenset[tuple[int, int]]:
+        """Return the pairs of long parts where no two scans agree on a place so far."""
+        unlikely = set()
+        claims = self._matches.claims(graph)
+        for pair, attempt in self.attempts.items():
+            found = placement(claims.get(pair, []), (), self._config.join, self._config.wide_search)
+            is_likely = found is not None and len(found.claims) > 1
+            attempt.is_cut_short = not is_likely and not self._is_short(pair, graph)
+            if attempt.is_cut_short:
+                unlikely.add(pair)
+        return frozenset(unlikely)
 
     def follow(self, graph: PoseGraph) -> bool:
         """Request searches near where the likeliest places put the scans of parts left apart.
@@ -148,7 +179,7 @@ class Joining:
         for pair, claims in sorted(self._matches.all_claims(graph).items()):
             if not self._is_short(pair, graph):
                 continue
-            refused = self._closed(self._attempt(*pair), claims)
+            refused = closed_places(self._attempt(*pair), claims, self._config.wide_search)
             for pose in followed_places(claims, refused, self._config.wide_search):
                 for each in self._matches.expected_scans(pair, pose, graph):
                     x, y, _ = each.tf_submap_scan.tolist()
@@ -223,62 +254,39 @@ class Joining:
         return durations
 
     def best(self, graph: PoseGraph) -> JoinAttempt | None:
-        """Return the attempt with the most evidence that can be believed; None without any."""
+        """Return the attempt that can be believed with the most evidence; None without any."""
         if not (self._has_news or self._num_judged < self._num_searches):
             return None
         self._num_judged = self._num_searches
-        best: JoinAttempt | None = None
+        believed: list[tuple[int, float, JoinAttempt]] = []
         all_claims = self._matches.claims(graph)
+        every_match = self._short_pairs_matches(graph) if self.follows else {}
         for pair in sorted(self.attempts):
             attempt = self._attempt(*pair)
-            why_not = self._judge(attempt, all_claims.get(pair, []), graph)
+            mine = (all_claims.get(pair, []), every_match.get(pair, []))
+            why_not = self._judging.why_not(attempt, *mine, graph, follows=self.follows)
             if why_not or attempt.found is None:
-                attempt.why_not = _with_refused(why_not, attempt)
-            elif (
-                best is None or best.found is None or (attempt.found.evidence > best.found.evidence)
-            ):
-                best = attempt
+                attempt.why_not = reason(why_not, attempt)
+            else:
+                believed.append((-attempt.strictness, attempt.found.evidence, attempt))
+        # Evidence of scans that are distinct and of others cannot be compared.
+        best = max(believed, key=lambda each: each[:2], default=None)
         if best is None:
             self._has_news = False
-        return best
+            return None
+        return best[2]
 
-    def _judge(self, attempt: JoinAttempt, claims: Sequence[Claim], graph: PoseGraph) -> str:
-        """Find the best placement of two parts; return why it is not to be examined, or "".
-
-        Where two places that were followed fit, the better one is examined, too: if the geometry
-        contradicts it, the other one remains. If not, the parts stay apart.
-        """
-        join, wide = self._config.join, self._config.wide_search
-        closed = self._closed(attempt, claims)
-        weight = STRICT_REFUSED_WEIGHT if self.follows else 1.0
-        attempt.found = found = placement(claims, closed, join, wide, weight)
-        attempt.is_ambiguous = False
-        why_not = why_not_believed(found, join, wide)
-        if not self.follows or found is None:
-            return why_not
-        if why_not and is_ambiguous(found, join):
-            attempt.is_ambiguous = True
-            without_rival = why_not_believed(found._replace(rival=0.0), join, wide)
-            was_examined = any(
-                evidence_of(found.claims, each.tf_one_other, wide) > 0.0
-                and found.evidence < RETRY_EVIDENCE * each.evidence
-                for each in attempt.undecided
-            )
-            if without_rival or was_examined:
-                return why_not
-        elif why_not:
-            return why_not
-        expected = self._matches.expected_scans(
-            (attempt.one, attempt.other), found.tf_one_other, graph
-        )
-        return why_not_supported(found, expected, self._matches.of_scan, join.min_margin, wide)
+    def _short_pairs_matches(self, graph: PoseGraph) -> dict[tuple[int, int], list[Claim]]:
+        """Return all matches between the parts whose places are followed."""
+        matches = self._matches.all_claims(graph)
+        return {pair: matches[pair] for pair in matches if self._is_short(pair, graph)}
 
     def leave_undecided(self, attempt: JoinAttempt, check: GeometryCheck) -> None:
         """Note that the geometry allows a placement, but that another place fits, too."""
         assert attempt.found is not None
         join, wide = self._config.join, self._config.wide_search
         attempt.check, attempt.why_not = check, why_not_believed(attempt.found, join, wide)
-        attempt.undecided.append(Refusal(attempt.found.tf_one_other, attempt.found.evidence))
+        attempt.undecided.append(attempt.examined(check))
 
     def joined(self, attempt: JoinAttempt) -> None:
         """Note that two parts are one from now on."""
@@ -301,19 +309,7 @@ class Joining:
         """Note that the geometry contradicts the placement of an attempt."""
         assert attempt.found is not None
         attempt.check, attempt.why_not = check, check.fault
-        attempt.refused.append(Refusal(attempt.found.tf_one_other, attempt.found.evidence))
-
-    def _closed(self, attempt: JoinAttempt, claims: Sequence[Claim]) -> list[Pose]:
-        """Return the placements that were refused, less those that more scans agree on by now.
-
-        A part that is bent fits better where more scans hold it.
-        """
-        wide = self._config.wide_search
-        return [
-            each.tf_one_other
-            for each in attempt.refused
-            if evidence_of(claims, each.tf_one_other, wide) < RETRY_EVIDENCE * each.evidence
-        ]
+        attempt.refused.append(attempt.examined(check))
 
     def _attempt(self, part: int, other: int) -> JoinAttempt:
         pair = (min(part, other), max(part, other))
@@ -369,13 +365,6 @@ class Joining:
                 each.future = self._search.run(each.find, each.submap)
 
 
-def _with_refused(why_not: str, attempt: JoinAttempt) -> str:
-    """Return why parts are not joined: because of what the geometry contradicted, if anything."""
-    if attempt.refused and attempt.check is not None:
-        return attempt.check.fault
-    return why_not
-
-
 def _round_of(scan: int) -> int:
     """Return in which round a composite scan is searched."""
     return _ROUND_OF_PLACE[scan % len(_ROUND_OF_PLACE)]
@@ -386,16 +375,12 @@ _ROUND_OF_PLACE = (0, 3, 2, 3, 1, 3, 2, 3)
 NUM_ROUNDS = 4
 """Rounds in which the composite scans are searched."""
 
+FIRST_LIKELY_ROUND = 2
+"""From this round on long parts are searched only if two scans agree: a quarter was searched."""
+
 MAX_FOLLOWED_SCANS = 40
 """Places are followed where one of the parts has no more composite scans: 160 m of path. Of longer
 parts, enough scans score high at all angles if the parts overlap; following takes minutes there."""
 
 MAX_FOLLOWING = 4
 """Times that the places of parts left apart are followed: each join may show others."""
-
-RETRY_EVIDENCE = 1.5
-"""A refused placement is tried again when its evidence has grown to this multiple."""
-
-STRICT_REFUSED_WEIGHT = 0.25
-"""Share of the evidence of places that were refused that counts against those that are followed:
-the geometry of these is examined strictly."""

@@ -66,7 +66,7 @@ class JoinRecord:
         content: dict[str, Any] = {
             "sessions": [list(self.one), list(self.other)],
             "joined": self.joined,
-            "why_not": self.attempt.why_not,
+            "why_not": self.attempt.explanation,
             "searches": self.attempt.num_searches,
         }
         if (found := self.attempt.found) is not None:
@@ -189,7 +189,7 @@ class PartJoins:
             self._submaps,
             node_points,
         ):
-            check = self._check(joined, self._submaps, node_points, *parts, self.joining.follows)
+            check = self._check(joined, self._submaps, node_points, *parts, attempt.strictness)
             if not check.fault:
                 break
         if self._recorded.is_recording:

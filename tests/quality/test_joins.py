@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How many returns may lie on floor of another part, by how many do so within the parts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cartoloop.config import QualityConfig
+from cartoloop.global_slam.join_evidence import GeometryCheck
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.quality.joins import (
+    MAX_FLOOR_SHARE,
+    MIN_USUAL_RETURNS,
+    floor_fault,
+    usual_floor_share,
+)
+from cartoloop.quality.pairs import FLOOR, WALL, cell_value
+from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.submaps.finished_grid import FinishedGrid
+
+
+def fault(share, usual, limit=0.08):
+    return floor_fault(
+        GeometryCheck(50.0, 0.0, round(1000 * (1 - share)), round(1000 * share), ""), limit, usual
+    )
+
+
+def test_little_floor_is_allowed_anywhere():
+    assert fault(0.08, 0.0) == ""
+    assert "9% of the returns" in fault(0.09, 0.0)
+
+
+def test_more_is_allowed_where_it_is_usual():
+    assert fault(0.1, 0.09) == ""
+    assert "10% on floor of their own" not in fault(0.09, 0.07)
+    assert "7% on floor of their own" in fault(0.09, 0.07)
+
+
+@pytest.mark.parametrize("usual", [0.2, 0.9])
+def test_what_is_usual_excuses_only_so_much(usual):
+    assert fault(MAX_FLOOR_SHARE, usual) == ""
+    assert fault(MAX_FLOOR_SHARE + 0.01, usual) != ""
+
+
+class _Submap:
+    def __init__(self, grid):
+        self.grid = grid
+
+
+def seen_twice(on_floor, num_nodes=100):
+    """Return a part of two submaps: the nodes of the second see floor of the first, and walls.
+
+    Parameters
+    ----------
+    on_floor : share of the returns that lie on its floor.
+    """
+    graph = PoseGraph()
+    cells = np.full((200, 200), cell_value(FLOOR) - 1, np.uint8)
+    cells[150:] = cell_value(WALL) + 1
+    grid = FinishedGrid(cells, -5.0, -5.0, 0.05)
+    for _ in range(2):
+        graph.add_submap((0.0, 0.0, 0.0))
+    graph.add_nodes([(0.0, 0.0, 0.0)] * (2 * num_nodes))
+    for submap in range(2):
+        nodes = list(range(submap * num_nodes, (submap + 1) * num_nodes))
+        count = len(nodes)
+        graph.add_constraints(
+            ConstraintKind.INTRA_SUBMAP,
+            [submap] * count,
+            nodes,
+            [(0.0, 0.0, 0.0)] * count,
+            [np.eye(3)] * count,
+        )
+    high = round(20 * on_floor)
+    points = np.array(
+        [(0.1 * i, -2.0) for i in range(high)] + [(0.1 * i, 3.5) for i in range(20 - high)]
+    )
+    points = np.concatenate((points, points))
+    return graph, [_Submap(grid), _Submap(grid)], ScanPoints.of([points] * (2 * num_nodes))
+
+
+def usual(part, parts):
+    graph, submaps, points = part
+    nodes = np.repeat(parts, graph.num_nodes // 2)
+    return usual_floor_share(graph, submaps, points, nodes, np.array(parts), QualityConfig())
+
+
+def test_usual_share_is_that_within_the_parts():
+    part = seen_twice(0.25)
+    assert usual(part, [0, 0]) == pytest.approx(0.25)
+    assert usual(part, [1, 1]) == pytest.approx(0.25)
+
+
+def test_returns_on_the_other_part_are_not_usual():
+    assert usual(seen_twice(0.25), [0, 1]) == 0.0
+
+
+def test_few_returns_say_nothing():
+    part = seen_twice(0.25, num_nodes=4)
+    assert 0 < 2 * 4 * 40 < MIN_USUAL_RETURNS
+    assert usual(part, [0, 0]) == 0.0
