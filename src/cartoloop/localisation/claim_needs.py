@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What scans must reach in a place for it to be claimed, by the path that they come from.
 
-There are two ways. Scans that fit as well as those that made the map prove a place by themselves.
-On a path, the score may be much lower, as where the map is blurred, or local SLAM bends the path,
-if agreement and distinctness make up for it and enough of what agrees is no straight wall.
+Either of two is enough. Scans that fit as well as those that made the map prove a place by
+themselves. On a path, the score may be much lower, as where the map is blurred, or local SLAM bends
+the path, if agreement and distinctness make up for it and enough of what agrees is no straight
+wall.
 """
 
 from __future__ import annotations
