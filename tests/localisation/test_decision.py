@@ -7,16 +7,8 @@ import numpy as np
 import pytest
 
 from cartoloop.localisation import decision as decision_module
-from cartoloop.localisation.decision import (
-    AGREEMENT_OF_TRAIL,
-    DISTINCTNESS_OF_TRAIL,
-    MARGIN_OF_PATH,
-    MARGIN_OF_SCAN,
-    MAX_REFUTED_PATH_M,
-    decide,
-    needed_margin,
-    needed_of,
-)
+from cartoloop.localisation.claim_needs import MARGIN_OF_SCAN
+from cartoloop.localisation.decision import Before, decide
 from cartoloop.localisation.known_map import known_map_of_image
 from cartoloop.localisation.trail import Trail
 from cartoloop.sensor.pose import IDENTITY, Pose
@@ -77,6 +69,7 @@ def test_a_place_mapped_less_sharply_is_not_refuted(twins, monkeypatch):
     assert abs(decision.places[0].score - decision.places[1].score) > MARGIN_OF_SCAN
     # By the score alone the sharper room would have been claimed.
     monkeypatch.setattr(decision_module, "FITTING_MARGIN", 0.0)
+    monkeypatch.setattr(decision_module, "FITTING_LESS", -1.0)
     assert decide(known, composite, 0.0).claim is not None
 
 
@@ -98,36 +91,34 @@ def test_a_scan_of_few_returns_proves_nothing():
     assert decision.places == ()
 
 
-def test_scans_of_a_path_need_less_of_a_margin():
-    assert needed_margin(0.0) == MARGIN_OF_SCAN
-    assert needed_margin(100.0) == pytest.approx(MARGIN_OF_PATH)
-    assert MARGIN_OF_PATH < needed_margin(2.0) < MARGIN_OF_SCAN
-
-
-def test_scans_of_a_path_need_less_agreement():
-    known = known_map(ROOM)
-    needed = [needed_of(known, path) for path in (0.0, 3.0, 10.0, 30.0)]
-
-    assert [each.score for each in needed] == sorted((e.score for e in needed), reverse=True)
-    agreements = [each.agreement for each in needed]
-    assert agreements == sorted(agreements, reverse=True)
-    assert agreements[-1] == agreements[-2] == AGREEMENT_OF_TRAIL * known.low_agreement
-    distinct = [each.distinctness for each in needed]
-    assert distinct == sorted(distinct, reverse=True)
-    assert distinct[-1] == distinct[-2] == DISTINCTNESS_OF_TRAIL * known.low_distinctness
-
-
-def test_refuted_claims_make_the_next_one_need_more_path():
-    known = known_map(ROOM)
-
-    assert needed_of(known, 0.5, num_refuted=1) is None
-    assert needed_of(known, 3.0, num_refuted=1) == needed_of(known, 3.0)
-    assert needed_of(known, 3.0, num_refuted=2) is None
-    assert needed_of(known, MAX_REFUTED_PATH_M, num_refuted=99) is not None
-
-
 def test_a_place_is_listed_but_not_claimed_after_refuted_claims():
-    decision = decide(known_map(ROOM), composite_of(ROOM, START), 0.0, num_refuted=1)
+    decision = decide(known_map(ROOM), composite_of(ROOM, START), 0.0, Before(num_refuted=1))
 
     assert decision.claim is None
     assert apart(START, decision.places[0].tf_map_tracking)[0] < 0.1
+
+
+def test_a_place_of_the_search_before_is_refuted_as_well(twins, monkeypatch):
+    known, shift = twins
+    composite = composite_of(ROOM, START)
+    # The sharper room alone is listed, as if the score of the other had become too low.
+    listed = decision_module.list_places
+
+    def first_only(*arguments):
+        places = listed(*arguments)
+        return places._replace(places=places.places[:1])
+
+    monkeypatch.setattr(decision_module, "list_places", first_only)
+    assert decide(known, composite, 0.0).claim is not None
+
+    other = Pose(START.x + shift + 0.05, START.y, START.theta)
+    assert decide(known, composite, 0.0, Before(places=[other])).claim is None
+    same = Pose(START.x + 0.05, START.y, START.theta)
+    assert decide(known, composite, 0.0, Before(places=[same])).claim is not None
+
+
+def test_a_part_of_the_path_does_not_outvote_all_of_it():
+    composite = composite_of(ROOM, START)
+
+    assert decide(known_map(ROOM), composite, 5.0).claim is not None
+    assert decide(known_map(ROOM), composite, 5.0, Before(is_undecided=True)).claim is None

@@ -43,6 +43,18 @@ def test_scans_fit_where_they_were_measured_and_not_elsewhere():
     assert here.score > elsewhere.score + 0.2
 
 
+def test_straight_walls_are_no_detail():
+    corridor = (((1, 1), (21, 1), (21, 3), (1, 3)),)
+    here = Pose(11.0, 2.0, 0.1)
+
+    straight = known_map(corridor).fit(points(corridor, here), IDENTITY, here)
+    room = known_map(ROOM).fit(points(ROOM, START), IDENTITY, START)
+
+    assert straight.agreement > 0.95
+    assert straight.detail < 0.1
+    assert 0.2 < room.detail < room.agreement
+
+
 def test_unknown_pixels_count_neither_for_nor_against_a_pose():
     known = known_map(BOX)
     outside = np.array(((0.0, 7.0), (0.5, 7.2)))

@@ -8,64 +8,47 @@ lower score, or because beams would pass through walls there, or end on its floo
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 from cartoloop.localisation.answer import Place
+from cartoloop.localisation.claim_needs import (
+    FITTING_DETAIL,
+    FITTING_LESS,
+    FITTING_MARGIN,
+    Needed,
+    needed_margin,
+    needed_of,
+    searched_score,
+)
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import (
     FoundPlace,
     find,
     fit_of_composite,
+    is_same_place,
     list_places,
     refine,
     runner_up_score,
     search_tiles,
 )
 from cartoloop.localisation.known_map import KnownMap
-from cartoloop.localisation.trail import LENGTH_M, Composite
+from cartoloop.localisation.trail import Composite
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
-from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.pose import IDENTITY, Pose
 
-SEARCHED_SCORE, POSSIBLE_AGREEMENT = 0.62, 0.6
-"""Score and agreement from which places are listed, relative to the usual."""
+POSSIBLE_AGREEMENT = 0.6
+"""Agreement from which places are answered, relative to the usual."""
 
-SCORE_OF_SCAN, SCORE_OF_TRAIL = 0.9, 0.62
-"""Score from which a place may be claimed, relative to the usual, by a single scan and by those of
-`LENGTH_M` of path; in between it falls linearly. Single scans of one office fit somewhere in
-another one nearly as well as in their own, but those of a path do not."""
-
-LISTED_BELOW = 0.15
-"""Places are listed from a score that is lower by this than that of a claim."""
-
-AGREEMENT_OF_SCAN, AGREEMENT_OF_TRAIL = 0.98, 0.98
-"""The same for the agreement: of a single scan relative to the usual one, of `LENGTH_M` of path
-relative to that which nine of ten scans of the map reach."""
-
-DISTINCTNESS_OF_SCAN, DISTINCTNESS_OF_TRAIL = 1.0, 0.9
-"""The same for the distinctness, both relative to that which nine of ten scans of the map reach: in
-a wrong place, corridors agree, and what stands at them does not."""
-
-REFUTED_PATH_M = 2.0
-"""Path that a claim needs for each claim before that the scans then refuted [m]."""
-
-MAX_REFUTED_PATH_M = 9.0
-"""It needs no more than this [m]."""
+MAX_PLACES = 12
+"""Number of places that are answered, the likeliest."""
 
 MIN_COUNTED_SHARE = 0.5
 """Share of the returns that must lie where the map is known."""
-
-MARGIN_OF_SCAN, MARGIN_OF_PATH = 0.08, 0.05
-"""By which the score must exceed that of other places, for a single scan and for those of
-`FULL_PATH_M` of path; in between it falls linearly."""
-
-FULL_PATH_M = 6.0
-"""Path of a composite whose scans support each other in full [m]."""
-
-FITTING_MARGIN = 0.15
-"""By which the score must exceed that of other places where the scans agree as a claim needs it: a
-part of the map that was mapped less sharply has lower scores, and may be the right one."""
 
 REFUTING_AGREEMENT = 0.15
 """Places with an agreement lower by this than the best one's are refuted."""
@@ -124,93 +107,68 @@ class _Candidate(NamedTuple):
         return self.score / SCORE_SCALE + agreement / AGREEMENT_SCALE
 
 
-class Needed(NamedTuple):
-    """What a place must reach to be claimed.
+class Before(NamedTuple):
+    """What searches before have shown.
 
     Attributes
     ----------
-    score, agreement, distinctness : of the scans there.
+    num_refuted : claims that the scans refuted soon after, see :func:`needed_of`.
+    places : where the robot is now if it was in the places of the search before: they have to be
+        refuted as well, also where their scores have become too low to be listed.
+    is_undecided : whether more scans fit in several places: fewer prove one only by its details.
     """
 
-    score: float
-    agreement: float
-    distinctness: float
-
-    def fits(self, fit: Fit) -> bool:
-        """Return whether scans agree as a claim needs it."""
-        return fit.agreement >= self.agreement and fit.distinctness >= self.distinctness
+    num_refuted: int = 0
+    places: Sequence[Pose] = ()
+    is_undecided: bool = False
 
 
-def needed_of(known: KnownMap, path: float, num_refuted: int = 0) -> Needed | None:
-    """Return what a claim needs; None if the path is too short for any.
-
-    Parameters
-    ----------
-    path : length of the path that the scans come from [m].
-    num_refuted : claims that the scans refuted soon after: the map may be of another building.
-    """
-    if path < min(num_refuted * REFUTED_PATH_M, MAX_REFUTED_PATH_M):
-        return None
-    agreement = AGREEMENT_OF_SCAN * known.usual.agreement
-    distinctness = DISTINCTNESS_OF_SCAN * known.low_distinctness
-    return Needed(
-        _claimed_score(path) * known.usual.score,
-        _falling(agreement, min(AGREEMENT_OF_TRAIL * known.low_agreement, agreement), path),
-        _falling(distinctness, DISTINCTNESS_OF_TRAIL * known.low_distinctness, path),
-    )
+NOTHING_BEFORE = Before()
+"""There was no search before."""
 
 
-def _falling(of_scan: float, of_trail: float, path: float) -> float:
-    """Return what is needed of scans on a path [m]: it changes evenly up to `LENGTH_M`."""
-    return of_scan + min(path / LENGTH_M, 1.0) * (of_trail - of_scan)
-
-
-def decide(known: KnownMap, composite: Composite, path: float, num_refuted: int = 0) -> Decision:
+def decide(
+    known: KnownMap, composite: Composite, path: float, before: Before = NOTHING_BEFORE
+) -> Decision:
     """Search scans in the whole map.
 
     Parameters
     ----------
     path : length of the path that the scans come from [m].
-    num_refuted : claims that the scans refuted soon after, see :func:`needed_of`.
+    before : what the searches before have shown.
     """
     points = composite.points
     if len(points) < MIN_POINTS:
         return NOTHING
-    needed, least = needed_of(known, path, num_refuted), searched_score(known, path)
+    needed, least = needed_of(known, path, before.num_refuted), searched_score(known, path)
+    if needed is not None and before.is_undecided:
+        needed = needed._replace(score=math.inf)
     found = find(known, points, least)
     if found is None:
         return NOTHING
-    margin = needed_margin(path)
-    tiles = search_tiles(known, points, max(found.score - max(2.0 * margin, FITTING_MARGIN), least))
+    margin, fitting_margin = needed_margin(path), FITTING_MARGIN * known.usual.score
+    tiles = search_tiles(known, points, max(found.score - max(2.0 * margin, fitting_margin), least))
     runner_up = runner_up_score(known, tiles, found)
     listed = list_places(known, points, tiles)
-    candidates = [_candidate(known, composite, place) for place in listed.places]
+    # Of long lists, the rest matters only if the best place would be claimed.
+    first, rest = listed.places[:MAX_PLACES], listed.places[MAX_PLACES:]
+    candidates = [_candidate(known, composite, place) for place in first]
     candidates.sort(key=lambda each: -each.log_likelihood)
     if not candidates:
         return NOTHING
-    best, others = candidates[0], candidates[1:]
+    best = candidates[0]
     are_all = listed.is_complete or found.score - runner_up >= margin
     if needed is not None and are_all:
         claim = _claim(known, composite, best, needed)
-        if claim is not None and all(_refutes(best, each, margin, needed) for each in others):
+        others = chain(
+            candidates[1:],
+            (_candidate(known, composite, place) for place in rest),
+            _earlier(known, composite, before.places, listed.places),
+        )
+        is_refuted = partial(_is_refuted, best, margin, fitting_margin, needed)
+        if claim is not None and all(map(is_refuted, others)):
             return Decision(claim, (), runner_up)
     return Decision(None, _places(known, candidates), runner_up)
-
-
-def searched_score(known: KnownMap, path: float) -> float:
-    """Return the score from which places are listed, given a path length [m]."""
-    return max(SEARCHED_SCORE, _claimed_score(path) - LISTED_BELOW) * known.usual.score
-
-
-def _claimed_score(path: float) -> float:
-    """Return the score from which places may be claimed, relative to the usual one."""
-    return _falling(SCORE_OF_SCAN, SCORE_OF_TRAIL, path)
-
-
-def needed_margin(path: float) -> float:
-    """Return by which the score must exceed that of other places, given a path length [m]."""
-    share = min(path / FULL_PATH_M, 1.0)
-    return MARGIN_OF_SCAN + share * (MARGIN_OF_PATH - MARGIN_OF_SCAN)
 
 
 def _candidate(known: KnownMap, composite: Composite, place: FoundPlace) -> _Candidate:
@@ -218,30 +176,47 @@ def _candidate(known: KnownMap, composite: Composite, place: FoundPlace) -> _Can
     return _Candidate(place.tf_map_tracking, place.score, fit)
 
 
-def _refutes(best: _Candidate, other: _Candidate, margin: float, needed: Needed) -> bool:
+def _earlier(
+    known: KnownMap, composite: Composite, earlier: Sequence[Pose], listed: Sequence[FoundPlace]
+) -> Iterator[_Candidate]:
+    """Yield the places of the search before that are not listed now."""
+    for predicted in earlier:
+        pose = known.to_map(refine(known, composite.points, predicted).tf_submap_scan)
+        if not any(is_same_place(pose, place.tf_map_tracking) for place in listed):
+            score = known.fit(composite.points, IDENTITY, pose).score
+            yield _candidate(known, composite, FoundPlace(pose, score))
+
+
+def _is_refuted(
+    best: _Candidate, margin: float, fitting_margin: float, needed: Needed, other: _Candidate
+) -> bool:
     """Return whether the best place fits so much better that the other is none.
 
     Parameters
     ----------
-    margin : by which the other's score is lower at least.
+    margin, fitting_margin : by which the other's score is lower at least; the second where it fits.
     needed : for a claim; where the other place agrees like that, it takes more to refute it.
     """
     behind = best.fit.agreement - other.fit.agreement
     lower = best.score - other.score
-    if needed.fits(other.fit):
-        return lower >= FITTING_MARGIN
-    return lower >= margin or (behind >= REFUTING_AGREEMENT and lower > -0.5 * margin)
+    if needed.fits(other.fit) and other.fit.detail >= FITTING_DETAIL * best.fit.detail:
+        less = behind + best.fit.distinctness - other.fit.distinctness
+        return lower >= fitting_margin and less >= FITTING_LESS
+    if lower >= margin or (behind >= REFUTING_AGREEMENT and lower > -0.5 * margin):
+        return True
+    detailed = needed.detailed
+    return detailed is not None and lower >= 0.0 and detailed.refutes(best.fit, other.fit)
 
 
 def _claim(known: KnownMap, composite: Composite, best: _Candidate, needed: Needed) -> Claim | None:
     """Return the best place as a claim if the scans fit there as they usually do."""
-    if best.score < needed.score or known.value_at(best.tf_map_tracking) == 0:
+    if known.value_at(best.tf_map_tracking) == 0:
         return None
     match = refine(known, composite.points, best.tf_map_tracking)
     pose = known.to_map(match.tf_submap_scan)
     fit = fit_of_composite(known, composite, pose)
     is_known = fit.num_counted >= MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
-    return Claim(pose, match) if needed.fits(fit) and is_known else None
+    return Claim(pose, match) if is_known and needed.are_reached(best.score, fit) else None
 
 
 def _places(known: KnownMap, candidates: list[_Candidate]) -> tuple[Place, ...]:

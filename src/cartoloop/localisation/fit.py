@@ -53,6 +53,9 @@ MIN_DISTINCT = 5.0
 """Scans with less than this to count are not looked at for distinctness."""
 
 
+_COLUMNS = [ON_WALL, ON_STRAIGHT_WALL, ON_FLOOR, BEHIND_WALL]
+
+
 class Fit(NamedTuple):
     """How well scans fit to the map at their poses.
 
@@ -65,12 +68,14 @@ class Fit(NamedTuple):
         many wrong places as well. Of several scans, nine of ten reach it. NaN where too few are
         counted.
     num_counted : number of returns where the map is known.
+    detail : of these returns, the share on walls that are not straight.
     """
 
     score: float
     agreement: float
     distinctness: float
     num_counted: int
+    detail: float = 0.0
 
 
 class FitJudge:
@@ -144,11 +149,12 @@ class FitJudge:
             grid, self._marks, self._limits, ScanBatch(scans.points, scans.firsts, scans.ends),
             np.ascontiguousarray(beam_origins), poses, counts,
         )  # fmt: skip
-        on_wall, on_floor, behind = counts.sum(axis=0)[[ON_WALL, ON_FLOOR, BEHIND_WALL]].tolist()
+        on_wall, straight, on_floor, behind = counts.sum(axis=0)[_COLUMNS].tolist()
         num_counted = on_wall + on_floor + behind
         agreement = on_wall / num_counted if num_counted else math.nan
         score = mean_probability(float(total) / num_points)
-        return Fit(score, agreement, _distinctness(counts), num_counted)
+        detail = (on_wall - straight) / max(num_counted, 1)
+        return Fit(score, agreement, _distinctness(counts), num_counted, detail)
 
 
 def _distinctness(counts: IntArray) -> float:

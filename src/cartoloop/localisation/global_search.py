@@ -39,7 +39,7 @@ MAX_PARTS = 2000
 """Number of parts that tiles are divided into, at most: where scans fit everywhere, they prove
 nothing."""
 
-MAX_PLACES = 12
+MAX_PLACES = 40
 """Number of places that are listed, the best."""
 
 REFINEMENT_SIGMA_CELLS, REFINEMENT_LEVER_M = 2.0, 5.0

@@ -74,6 +74,7 @@ class KnownMap:
         anything is known, grid frame.
     usual : the fit that scans usually reach.
     low_agreement, low_distinctness : those that nine of ten scans reach.
+    has_own_fits : whether these are of the map's own scans; otherwise they are assumed.
 
     Raises
     ------
@@ -107,6 +108,7 @@ class KnownMap:
         )
         self.tile_centres = self._tile_centres()
         self.usual = Fit(FOREIGN_SCORE, FOREIGN_AGREEMENT, FOREIGN_DISTINCTNESS, 0)
+        self.has_own_fits = False
         self.low_agreement = FOREIGN_LOW_AGREEMENT
         self.low_distinctness = FOREIGN_LOW_DISTINCTNESS
 
@@ -204,7 +206,7 @@ def known_map_of(data: MapData, name: str = "the map") -> KnownMap:
     )
     own = learn_from_own_scans(known.judge, data)
     if own is not None:
-        known.usual = own.usual
+        known.usual, known.has_own_fits = own.usual, True
         known.low_agreement, known.low_distinctness = own.low_agreement, own.low_distinctness
     return known
 

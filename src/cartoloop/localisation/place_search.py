@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from cartoloop.localisation.answer import Place
-from cartoloop.localisation.decision import NOTHING, Claim, Decision, decide
+from cartoloop.localisation.decision import NOTHING, Before, Claim, Decision, decide
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.local_motion import LocalScan
 from cartoloop.localisation.search_runner import SearchRunner
@@ -100,8 +100,10 @@ class PlaceSearch:
         composites = [trail.composite(length) for length in lengths]
         tried = [(c, path) for c, path in zip(composites, paths, strict=True) if c is not None]
         self._searched_at = trail.travelled, trail.turned, scan.time
+        places = [place.tf_map_tracking for place in self.places_now(scan)]
         self._runner.begin(
-            partial(_decide_any, self._known, tried, num_refuted), scan.tf_local_tracking
+            partial(_decide_any, self._known, tried, Before(num_refuted, places)),
+            scan.tf_local_tracking,
         )
 
     def _take(self) -> Decision | None:
@@ -131,12 +133,14 @@ class PlaceSearch:
 
 
 def _decide_any(
-    known: KnownMap, tried: Sequence[tuple[Composite, float]], num_refuted: int
+    known: KnownMap, tried: Sequence[tuple[Composite, float]], before: Before
 ) -> Decision:
-    """Return the decision on the first scans that fit anywhere, given with their path lengths."""
+    """Return the first claim, else the first decision with places, given scans and path lengths."""
     decision = NOTHING
     for composite, path in tried:
-        decision = decide(known, composite, path, num_refuted)
-        if decision.places or decision.claim:
+        latest = decide(known, composite, path, before._replace(is_undecided=bool(decision.places)))
+        if latest.claim or not decision.places:
+            decision = latest
+        if latest.claim:
             break
     return decision

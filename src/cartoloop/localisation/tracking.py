@@ -25,16 +25,16 @@ from cartoloop.scan_matching.least_squares import MatchOptions, match_informatio
 from cartoloop.sensor.pose import Pose, compose, wrap_angle
 from cartoloop.sensor.range_filter import thin
 
-DRIFT_M, DRIFT_RAD = 0.02, math.radians(0.3)
+DRIFT_M, DRIFT_RAD = 0.01, math.radians(0.15)
 """Standard deviation of the motion by local SLAM after a metre of path [m], [rad]; it grows with
 the root of the length."""
 
-TURN_DRIFT_RAD = math.radians(0.3)
+TURN_DRIFT_RAD = math.radians(0.15)
 """The same after a turn of one radian [rad]."""
 
-MAP_SIGMA_M, MAP_SIGMA_RAD = 0.02, math.radians(0.2)
+MAP_SIGMA_M, MAP_SIGMA_RAD = 0.03, math.radians(0.3)
 """Standard deviations by which a match is wrong at least [m], [rad]: walls of the map are not
-straighter than this."""
+straighter than this, and matches at the same wall are wrong together."""
 
 PRIOR_SIGMA_M, PRIOR_SIGMA_RAD = 0.1, math.radians(2.0)
 """Standard deviations of the prior that a match starts from at least [m], [rad]."""

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What scans must reach in a place for it to be claimed, by the path that they come from.
+
+Either of two is enough. Scans that fit as well as those that made the map prove a place by
+themselves. On a path, the score may be much lower, as where the map is blurred, or local SLAM bends
+the path, if agreement and distinctness make up for it and enough of what agrees is no straight
+wall.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from cartoloop.localisation.fit import Fit
+from cartoloop.localisation.known_map import KnownMap
+from cartoloop.localisation.trail import LENGTH_M
+
+SEARCHED_SCORE = 0.62
+"""Score from which places are listed, relative to the usual one."""
+
+SCORE_OF_SCAN, SCORE_OF_TRAIL = 0.9, 0.62
+"""Score from which a place may be claimed, relative to the usual, by a single scan and by those of
+`LENGTH_M` of path; in between it falls linearly. Single scans of one office fit somewhere in
+another one nearly as well as in their own, but those of a path do not."""
+
+LISTED_BELOW = 0.15
+"""Places are listed from a score that is lower by this than that of a claim."""
+
+AGREEMENT_OF_SCAN, AGREEMENT_OF_TRAIL = 0.98, 0.98
+"""The same for the agreement: of a single scan relative to the usual one, of `LENGTH_M` of path
+relative to that which nine of ten scans of the map reach."""
+
+DISTINCTNESS_OF_SCAN, DISTINCTNESS_OF_TRAIL = 1.0, 0.9
+"""The same for the distinctness, both relative to that which nine of ten scans of the map reach: in
+a wrong place, corridors agree, and what stands at them does not."""
+
+REFUTED_PATH_M = 2.0
+"""Path that a claim needs for each claim before that the scans then refuted [m]."""
+
+MAX_REFUTED_PATH_M = 9.0
+"""It needs no more than this [m]."""
+
+MARGIN_OF_SCAN, MARGIN_OF_PATH = 0.08, 0.05
+"""By which the score must exceed that of other places, for a single scan and for those of
+`FULL_PATH_M` of path; in between it falls linearly."""
+
+FULL_PATH_M = 6.0
+"""Path of a composite whose scans support each other in full [m]."""
+
+FITTING_MARGIN, FITTING_LESS = 0.17, 0.05
+"""By which the score, relative to the usual one, must exceed that of other places where the scans
+agree as a claim needs it, and the sum of agreement and distinctness as well: a part of the map that
+was mapped less sharply has lower scores, and may be the right one."""
+
+FITTING_DETAIL = 0.5
+"""Places with less than this share of the detail of the best one do not count as such: scans that
+show much else than straight walls agree along corridors only roughly."""
+
+DETAILED_PATH_M = 1.3
+"""Path from which details make up for a lower score [m]."""
+
+DETAILED_SCORE = 0.55
+"""The score that is then enough, relative to the usual one."""
+
+MIN_DETAIL = 0.4
+"""Share of the counted returns that must lie on walls that are not straight: corridors of one
+building agree with those of another one on many metres."""
+
+LEAST_AGREEMENT, LEAST_DISTINCTNESS = 0.97, 0.9
+"""Agreement and distinctness that are needed for that at least, relative to those that nine of ten
+scans of the map reach."""
+
+SUM_OF_SCAN, SUM_OF_PATH = 1.98, 1.92
+"""The sum of both that is needed, for a single scan and for those of `FULL_PATH_M` of path; in
+between it falls linearly. In maps of other buildings it reached 1.90."""
+
+MAX_COUNTED = 1.1
+"""Neither of both counts more than this in the sum."""
+
+
+REFUTED_SUM, REFUTING_SUM = 1.85, 0.2
+"""A place with at most the first as its sum is refuted by one whose sum is larger by the second.
+Where two wings look alike, the right one reached 1.95 at least."""
+
+
+class Detailed(NamedTuple):
+    """What a place must reach to be claimed with a low score.
+
+    Attributes
+    ----------
+    score : of the scans there.
+    low_agreement, low_distinctness : those that nine of ten scans of the map reach.
+    total : sum of agreement and distinctness, relative to these.
+    """
+
+    score: float
+    low_agreement: float
+    low_distinctness: float
+    total: float
+
+    def fits(self, fit: Fit) -> bool:
+        """Return whether scans agree well enough, and in enough that is no straight wall."""
+        agreement, distinctness = self._relative(fit)
+        return (
+            fit.detail >= MIN_DETAIL
+            and agreement >= LEAST_AGREEMENT
+            and distinctness >= LEAST_DISTINCTNESS
+            and agreement + distinctness >= self.total
+        )
+
+    def refutes(self, best: Fit, other: Fit) -> bool:
+        """Return whether scans agree so much better in the best place that the other is none."""
+        sum_there = sum(self._relative(other))
+        return sum_there <= min(REFUTED_SUM, sum(self._relative(best)) - REFUTING_SUM)
+
+    def _relative(self, fit: Fit) -> tuple[float, float]:
+        """Return agreement and distinctness as they count."""
+        return (
+            min(fit.agreement / self.low_agreement, MAX_COUNTED),
+            min(fit.distinctness / self.low_distinctness, MAX_COUNTED),
+        )
+
+
+class Needed(NamedTuple):
+    """What a place must reach to be claimed.
+
+    Attributes
+    ----------
+    score, agreement, distinctness : of the scans there.
+    detailed : what is enough with a lower score; None: nothing is.
+    """
+
+    score: float
+    agreement: float
+    distinctness: float
+    detailed: Detailed | None = None
+
+    def fits(self, fit: Fit) -> bool:
+        """Return whether scans agree as a claim needs it, at any score."""
+        return self._agrees(fit) or (self.detailed is not None and self.detailed.fits(fit))
+
+    def are_reached(self, score: float, fit: Fit) -> bool:
+        """Return whether a place with this score, where scans agree like this, may be claimed."""
+        if score >= self.score and self._agrees(fit):
+            return True
+        detailed = self.detailed
+        return detailed is not None and score >= detailed.score and detailed.fits(fit)
+
+    def _agrees(self, fit: Fit) -> bool:
+        return fit.agreement >= self.agreement and fit.distinctness >= self.distinctness
+
+
+def needed_of(known: KnownMap, path: float, num_refuted: int = 0) -> Needed | None:
+    """Return what a claim needs; None if the path is too short for any.
+
+    Parameters
+    ----------
+    path : length of the path that the scans come from [m].
+    num_refuted : claims that the scans refuted soon after: the map may be of another building.
+    """
+    if path < min(num_refuted * REFUTED_PATH_M, MAX_REFUTED_PATH_M):
+        return None
+    agreement = AGREEMENT_OF_SCAN * known.usual.agreement
+    distinctness = DISTINCTNESS_OF_SCAN * known.low_distinctness
+    return Needed(
+        _claimed_score(path) * known.usual.score,
+        _falling(agreement, min(AGREEMENT_OF_TRAIL * known.low_agreement, agreement), path),
+        _falling(distinctness, DISTINCTNESS_OF_TRAIL * known.low_distinctness, path),
+        _detailed_of(known, path),
+    )
+
+
+def _detailed_of(known: KnownMap, path: float) -> Detailed | None:
+    """Return what is enough with a low score; in a map without own scans it is not known."""
+    if path < DETAILED_PATH_M or not known.has_own_fits:
+        return None
+    total = _falling(SUM_OF_SCAN, SUM_OF_PATH, path, FULL_PATH_M)
+    score = DETAILED_SCORE * known.usual.score
+    return Detailed(score, known.low_agreement, known.low_distinctness, total)
+
+
+def searched_score(known: KnownMap, path: float) -> float:
+    """Return the score from which places are listed, given a path length [m]."""
+    least = max(SEARCHED_SCORE, _claimed_score(path) - LISTED_BELOW) * known.usual.score
+    detailed = _detailed_of(known, path)
+    return least if detailed is None else min(least, detailed.score)
+
+
+def _claimed_score(path: float) -> float:
+    """Return the score from which places may be claimed, relative to the usual one."""
+    return _falling(SCORE_OF_SCAN, SCORE_OF_TRAIL, path)
+
+
+def needed_margin(path: float) -> float:
+    """Return by which the score must exceed that of other places, given a path length [m]."""
+    return _falling(MARGIN_OF_SCAN, MARGIN_OF_PATH, path, FULL_PATH_M)
+
+
+def _falling(of_scan: float, of_path: float, path: float, full: float = LENGTH_M) -> float:
+    """Return what is needed of scans on a path [m]: it changes evenly up to a full length [m]."""
+    return of_scan + min(path / full, 1.0) * (of_path - of_scan)

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Longer paths prove a place with less; blurred maps are made up for by details."""
+
+from __future__ import annotations
+
+import pytest
+
+from cartoloop.localisation.claim_needs import (
+    AGREEMENT_OF_TRAIL,
+    DETAILED_PATH_M,
+    DISTINCTNESS_OF_TRAIL,
+    MARGIN_OF_PATH,
+    MARGIN_OF_SCAN,
+    MAX_REFUTED_PATH_M,
+    MIN_DETAIL,
+    Detailed,
+    Needed,
+    needed_margin,
+    needed_of,
+    searched_score,
+)
+from cartoloop.localisation.fit import Fit
+from tests.localisation.rooms import ROOM, known_map
+
+
+@pytest.fixture
+def learnt_map():
+    """A map whose own scans have shown how scans fit."""
+    known = known_map(ROOM)
+    known.has_own_fits = True
+    return known
+
+
+def fit(agreement, distinctness, detail=0.6):
+    return Fit(0.5, agreement, distinctness, 1000, detail)
+
+
+def test_scans_of_a_path_need_less_of_a_margin():
+    assert needed_margin(0.0) == MARGIN_OF_SCAN
+    assert needed_margin(100.0) == pytest.approx(MARGIN_OF_PATH)
+    assert MARGIN_OF_PATH < needed_margin(2.0) < MARGIN_OF_SCAN
+
+
+def test_scans_of_a_path_need_less_agreement():
+    known = known_map(ROOM)
+    needed = [needed_of(known, path) for path in (0.0, 3.0, 10.0, 30.0)]
+
+    assert [each.score for each in needed] == sorted((e.score for e in needed), reverse=True)
+    agreements = [each.agreement for each in needed]
+    assert agreements == sorted(agreements, reverse=True)
+    assert agreements[-1] == agreements[-2] == AGREEMENT_OF_TRAIL * known.low_agreement
+    distinct = [each.distinctness for each in needed]
+    assert distinct == sorted(distinct, reverse=True)
+    assert distinct[-1] == distinct[-2] == DISTINCTNESS_OF_TRAIL * known.low_distinctness
+
+
+def test_refuted_claims_make_the_next_one_need_more_path():
+    known = known_map(ROOM)
+
+    assert needed_of(known, 0.5, num_refuted=1) is None
+    assert needed_of(known, 3.0, num_refuted=1) == needed_of(known, 3.0)
+    assert needed_of(known, 3.0, num_refuted=2) is None
+    assert needed_of(known, MAX_REFUTED_PATH_M, num_refuted=99) is not None
+
+
+DETAILED = Detailed(score=0.45, low_agreement=0.9, low_distinctness=0.85, total=1.95)
+NEEDED = Needed(score=0.7, agreement=0.9, distinctness=0.85, detailed=DETAILED)
+
+
+def test_agreement_in_details_makes_up_for_a_low_score():
+    agreeing = fit(0.9, 0.85)
+
+    assert NEEDED.are_reached(0.5, agreeing)
+    assert not NEEDED.are_reached(0.4, agreeing)
+    assert not NEEDED._replace(detailed=None).are_reached(0.5, agreeing)
+
+
+def test_straight_walls_do_not_make_up_for_a_low_score():
+    corridor = fit(0.95, 0.9, detail=0.9 * MIN_DETAIL)
+
+    assert not NEEDED.are_reached(0.5, corridor)
+    assert NEEDED.are_reached(0.7, corridor)
+
+
+@pytest.mark.parametrize(("agreement", "distinctness"), [(0.86, 1.0), (1.0, 0.75), (0.88, 0.8)])
+def test_a_low_score_needs_both_agreement_and_distinctness(agreement, distinctness):
+    assert not DETAILED.fits(fit(agreement, distinctness))
+
+
+def test_a_place_that_agrees_much_less_is_refuted():
+    best = fit(0.9, 0.85)
+
+    assert DETAILED.refutes(best, fit(0.85, 0.7))
+    assert not DETAILED.refutes(best, fit(0.88, 0.83))
+    # Where the scans agree like this, a sharper place elsewhere proves nothing.
+    assert not DETAILED.refutes(fit(1.0, 1.0), fit(0.88, 0.83))
+
+
+def test_details_count_on_a_path_in_maps_with_own_scans(learnt_map):
+    assert needed_of(learnt_map, 0.9 * DETAILED_PATH_M).detailed is None
+    assert needed_of(known_map(ROOM), 5.0).detailed is None
+    detailed = [needed_of(learnt_map, path).detailed for path in (DETAILED_PATH_M, 4.0, 10.0)]
+    totals = [each.total for each in detailed]
+    assert totals == sorted(totals, reverse=True)
+    assert totals[0] > totals[-1]
+    assert searched_score(learnt_map, 5.0) <= detailed[0].score < searched_score(learnt_map, 0.0)
