@@ -53,7 +53,8 @@ def test_a_session_without_a_place_lies_beside_the_map(state, ring_result):
     last = state.last
     assert [session.part for session in last.sessions] == [MAIN_PART, 1]
     main, apart = (last.submap_poses[last.submap_parts == part] for part in (MAIN_PART, 1))
-    assert np.allclose(main, ring_result.graph.submap_poses, atol=0.01)
+    # While mapping, closures bend the chain of submaps further than in the end.
+    assert np.allclose(main, ring_result.graph.submap_poses, atol=0.05)
     assert apart[:, 0].min() > main[:, 0].max() + GAP_M
     nodes = state.drawing().trajectory
     assert len(nodes) == ring_result.graph.num_nodes
