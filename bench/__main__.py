@@ -324,6 +324,7 @@ def bench_robustness(
 def bench_verdict(
     out: OutOption = Path("bench-results"),
     maps: Annotated[int, typer.Option(min=1, help="Number of simulated maps, at least.")] = 300,
+    first_seed: Annotated[int, typer.Option(min=0, help="First seed of the worlds.")] = 500,
     against: AgainstOption = None,
     strict: StrictOption = False,
 ) -> None:
@@ -331,7 +332,7 @@ def bench_verdict(
     from bench.verdict import benchmark
 
     before = _earlier(against, "verdict")
-    record = benchmark.run(maps, lambda line: typer.echo(line, err=True))
+    record = benchmark.run(maps, lambda line: typer.echo(line, err=True), first_seed)
     _print_table(record)
     _conclude(record, out, before, strict)
 

@@ -67,6 +67,7 @@ def test_half_of_the_cases_are_to_be_right():
     assert len(set(cases)) == len(cases)
     assert 0.4 < right / len(cases) < 0.6
     assert min(case.seed for case in cases) >= benchmark.FIRST_CHECKED_SEED
+    assert min(case.seed for case in benchmark.cases(10, 900)) == 900
 
 
 def test_errors_between_visits_make_a_map_wrong():

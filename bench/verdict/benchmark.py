@@ -50,13 +50,13 @@ class Judged:
         return self.verdict != "good"
 
 
-def cases(maps: int) -> Iterator[Case]:
+def cases(maps: int, first_seed: int = FIRST_CHECKED_SEED) -> Iterator[Case]:
     """Yield at least `maps` cases: all worlds and faults for one seed after the other."""
     worlds = [world for world in (*CHOSEN_ON, *CHECKED_ONLY) if world in WORLDS]
-    count, seed = 0, FIRST_CHECKED_SEED
+    count, seed = 0, first_seed
     while count < maps:
         for world in worlds:
-            if (seed - FIRST_CHECKED_SEED) % ROUTES.get(world, 1):
+            if (seed - first_seed) % ROUTES.get(world, 1):
                 continue
             for name, fault in FAULTS.items():
                 # As many that are to be right as may fail: each of the few, more often.
@@ -73,16 +73,19 @@ RIGHT_SEEDS, AGAIN = 3, 1000
 """Seeds for which a recording without a fault is mapped, where one with a fault is for one."""
 
 
-def run(maps: int, progress: Callable[[str], None]) -> Record:
+def run(
+    maps: int, progress: Callable[[str], None], first_seed: int = FIRST_CHECKED_SEED
+) -> Record:
     """Return the rates over simulated maps.
 
     Parameters
     ----------
     maps : number of maps, half of them wrong or nearly.
     progress : called with a line for each map.
+    first_seed : of the worlds.
     """
     judged = []
-    for case in cases(maps):
+    for case in cases(maps, first_seed):
         try:
             judged.append(_judge(case))
         except CartoloopError as error:
