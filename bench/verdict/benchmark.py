@@ -73,9 +73,7 @@ RIGHT_SEEDS, AGAIN = 3, 1000
 """Seeds for which a recording without a fault is mapped, where one with a fault is for one."""
 
 
-def run(
-    maps: int, progress: Callable[[str], None], first_seed: int = FIRST_CHECKED_SEED
-) -> Record:
+def run(maps: int, progress: Callable[[str], None], first_seed: int = FIRST_CHECKED_SEED) -> Record:
     """Return the rates over simulated maps.
 
     Parameters
