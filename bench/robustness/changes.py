@@ -29,7 +29,7 @@ NEAREST, FARTHEST = 0.05, 40.0
 
 
 class NothingLeft(InputError):  # noqa: N818 - named for what happened
-    """A change leaves no scan of a recording."""
+    """A change leaves no scan of a recording, or none that a relation names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,6 +242,24 @@ def changed_relations(relations: Relations, change: Change, num_beams: int) -> R
         turned = np.column_stack((np.zeros((len(x), 2)), np.full(len(x), aside)))
         x, y, theta = compose_all(relative_all(turned, mirrored), turned).T
     return Relations(relations.stamps, np.column_stack((x * change.scale, y * change.scale, theta)))
+
+
+def check_relations_left(relations: Relations, stamps: FloatArray, what: str) -> None:
+    """Raise an error where all relations name scans outside a map.
+
+    Parameters
+    ----------
+    stamps : of the scans of the map [s].
+    what : the recording and its change, for the message.
+
+    Raises
+    ------
+    NothingLeft
+        No relation is between two scans of that time.
+    """
+    is_within = (relations.stamps >= stamps.min()) & (relations.stamps <= stamps.max())
+    if not is_within.all(axis=1).any():
+        raise NothingLeft(f"{what}: no verified relation is between scans that are left")
 
 
 def main() -> None:

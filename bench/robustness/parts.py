@@ -21,6 +21,7 @@ from bench.robustness.changes import (
     NothingLeft,
     changed_log,
     changed_relations,
+    check_relations_left,
 )
 from bench.robustness.one_map import OneMap, map_log
 from bench.robustness.runs import Run, RunStore
@@ -176,7 +177,9 @@ class Runner:
                 run_command("evaluate", "make-relations", out, "-o", relations)
             num_beams = read_carmen(source).num_beams
             expected = changed_relations(read_relations(relations), change, num_beams)
-            error = evaluate_relations(mapped.trajectory, expected)
+            trajectory = mapped.trajectory
+            check_relations_left(expected, trajectory.stamps, f"{name}, {change.name}")
+            error = evaluate_relations(trajectory, expected)
             figures = mapped.figures() | {
                 "error": error.absolute_translational.mean,
                 "largest": float(error.translations.max()),

@@ -20,6 +20,7 @@ from bench.robustness.changes import (
     change_of,
     changed_log,
     changed_relations,
+    check_relations_left,
 )
 from bench.robustness.parts import PARTS, RobustnessOptions, Runner, _calibration
 from bench.robustness.runs import Run, RunStore
@@ -77,6 +78,13 @@ def test_changes_follow_from_the_seed_and_can_be_read(source, tmp_path, name):
     assert contents[0] == contents[1]
     assert len(set(contents)) == len(contents) - 1
     assert any(isinstance(event, LaserScan) for event in open_log(tmp_path / "changed.clf"))
+
+
+def test_relations_after_the_end_of_a_map_are_reported():
+    relations = Relations(np.array(((1.0, 2.0), (8.0, 9.0))), np.zeros((2, 3)))
+    check_relations_left(relations, np.array((0.0, 2.0)), "aces, end600")
+    with pytest.raises(NothingLeft, match="aces, end600: no verified relation"):
+        check_relations_left(relations, np.array((0.0, 1.5)), "aces, end600")
 
 
 def test_scans_are_left_out_and_odometry_is_kept(source, original, tmp_path):
