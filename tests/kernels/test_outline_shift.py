@@ -19,7 +19,8 @@ from tests.reference.naive_outline_shift import (
 )
 
 MAX_GAP, SIGMA, MAX_DISTANCE, OUTSIDE = 0.3, 0.05, 0.2, 0.3
-FIT = SIGMA, MAX_DISTANCE, OUTSIDE
+FIT = SIGMA, MAX_DISTANCE, OUTSIDE, math.nan, math.nan
+SHARED = SIGMA, MAX_DISTANCE, OUTSIDE, math.nan, OUTSIDE
 STEP, REACH = 0.1, 2
 
 seeds = st.integers(0, 2**32 - 1)
@@ -94,8 +95,7 @@ def test_costs_of_shifts_are_added(seed):
     costs = before.copy()
 
     add_shift_costs(
-        bearings, ends, MAX_GAP, points, pose[:], along, shifts, (SIGMA, MAX_DISTANCE, OUTSIDE),
-        costs,
+        bearings, ends, MAX_GAP, points, pose[:], along, shifts, SHARED, costs
     )  # fmt: skip
 
     places = transform_points(pose, points)

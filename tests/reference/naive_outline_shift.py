@@ -11,7 +11,7 @@ def naive_costs(bearings, ends, max_gap, points, shift, fit, unseen_costs):
 
     `unseen_costs` has what each point costs beyond the ends of a gap, and beside all points.
     """
-    sigma, max_distance, outside_share = fit
+    sigma, max_distance, outside_share, _, _ = fit
     limit = 0.5 * (max_distance / sigma) ** 2
     costs = []
     for point, (beyond, beside) in zip(points, unseen_costs, strict=True):

@@ -130,6 +130,7 @@ def test_all_text_of_a_localisation_can_be_read(chromium, theme, size):
             page.page.fill(f"#pose-{name}", value)
         page.page.click("#pose-give")
         page.page.get_by_text("tried at the next scan").wait_for()
+        page.wait("s.localisation.given?.number === 1")
         texts += shown(page)
         go(one, page, 2)
         page.page.get_by_text("not believed").wait_for()

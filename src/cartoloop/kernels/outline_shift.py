@@ -20,6 +20,9 @@ from cartoloop.kernels.outline_lines import (
 _ROUNDING = 1e-9
 """Much more than sums of the same costs in different order differ by [share of the sum]."""
 
+Fit = tuple[float, float, float, float, float]
+"""What distances cost, see :func:`best_step`."""
+
 _NUM_CLASSES = 16
 """Number of classes that points are put into order by: exact sorting takes longer."""
 
@@ -62,7 +65,7 @@ def best_step(
     steps: FloatArray,
     stride: int,
     reach: int,
-    fit: tuple[float, float, float],
+    fit: Fit,
     out_costs: FloatArray,
 ) -> tuple[float, int, float]:
     """Find the step that costs least: half the sum of squared distances from the lines, in sigmas.
@@ -82,8 +85,9 @@ def best_step(
         the matched one.
     reach : distance of the outer two of `out_costs` from the best step, as a number of steps.
     fit : standard deviation of a distance [m]; larger distances than the second [m] cost as much as
-        that one; share of this cost for points where the outline should show a line and does not.
-        Points out of its view cost as much as they do as matched.
+        that one; shares of this cost for points in whose direction there is no line: where the
+        outline should show one, beyond what it could show, and beside all of it. The last two may
+        be NaN: then points cost as much as they do as matched.
     out_costs : float64, shape (5,): of the steps by -reach, -1, 0, 1 and reach from the best one;
         NaN where there is none.
 
@@ -141,7 +145,7 @@ def add_shift_costs(
     tf_sensor_points: tuple[float, float, float],
     along: tuple[float, float],
     shifts: FloatArray,
-    fit: tuple[float, float, float],
+    fit: Fit,
     costs: FloatArray,
 ) -> None:
     """Add what each shift of a scan costs to `costs`, as :func:`best_step` defines it.
@@ -150,12 +154,10 @@ def add_shift_costs(
     ----------
     shifts : float64, shape (k,), along `along` from the pose as matched [m].
     costs : float64, shape (k,).
-    fit : see :func:`best_step`; points beside all of the outline cost the share, too.
-    bearings, ends, max_gap, points, tf_sensor_points, along : see :func:`best_step`.
+    bearings, ends, max_gap, points, tf_sensor_points, along, fit : see :func:`best_step`.
     """
     outline = Outline(lines_of(bearings, ends, max_gap), places_in_sectors(ends))
     places = _placed(outline, points, tf_sensor_points, fit)
-    places[:, 3] = fit[2] * 0.5 * (fit[1] / fit[0]) ** 2
     for k in range(shifts.shape[0]):
         costs[k] += _cost_at(outline, places, shifts[k], along, fit, math.inf)
 
@@ -175,14 +177,14 @@ def _placed(
     outline: Outline,
     points: FloatArray,
     tf_sensor_points: tuple[float, float, float],
-    fit: tuple[float, float, float],
+    fit: Fit,
 ) -> FloatArray:
     """Return points in the scanner frame, and what they cost unseen, shape (m, 4).
 
     The third number is for points beyond what the outline could show, the last one for points
-    beside all of it. Both are what a point costs as matched, or what points that fit cost in the
-    mean. So leaving the view says nothing of the step: if it cost more, the steps of a scanner of
-    short reach would be too short, and if less too long.
+    beside all of it. Unless `fit` has shares for them, that is what a point costs as matched, or
+    what points that fit cost in the mean. So leaving the view says nothing of the step: if it cost
+    more, the steps of a scanner of short reach would be too short, and if less too long.
     """
     places = np.empty((points.shape[0], 4))
     sensor_x, sensor_y, theta = tf_sensor_points
@@ -203,6 +205,9 @@ def _placed(
         if not places[k, 2] < limit:
             places[k, 2] = mean
         places[k, 3] = places[k, 2]
+        for which in range(2):
+            if not math.isnan(fit[3 + which]):
+                places[k, 2 + which] = fit[3 + which] * limit
     return places
 
 
@@ -211,7 +216,7 @@ def _most_decisive_first(
     outline: Outline,
     places: FloatArray,
     along: tuple[float, float],
-    fit: tuple[float, float, float],
+    fit: Fit,
     out_decisive: FloatArray,
 ) -> float:
     """Return the cost of points as matched, and write them in another order.
@@ -247,7 +252,7 @@ def _noise(
     places: FloatArray,
     shift: float,
     along: tuple[float, float],
-    fit: tuple[float, float, float],
+    fit: Fit,
 ) -> float:
     """Return the standard deviation of the difference that noise makes of a shift's cost.
 
@@ -270,7 +275,7 @@ def _costs_more(
     decisive: FloatArray,
     shift: float,
     along: tuple[float, float],
-    fit: tuple[float, float, float],
+    fit: Fit,
     bound: float,
 ) -> bool:
     """Return whether a shift of points clearly costs more than a bound, in whatever order."""
@@ -284,7 +289,7 @@ def _cost_at(
     places: FloatArray,
     shift: float,
     along: tuple[float, float],
-    fit: tuple[float, float, float],
+    fit: Fit,
     bound: float,
 ) -> float:
     """Return the cost of a shift of points, or a part of it that is above a bound."""
@@ -305,13 +310,13 @@ def _distance_cost(
     x: float,
     y: float,
     place: FloatArray,
-    fit: tuple[float, float, float],
+    fit: Fit,
 ) -> float:
     """Return the cost of the distance of a point from a line, given its row.
 
     `place` has what the point costs unseen, see :func:`_placed`.
     """
-    sigma, max_distance, outside_share = fit
+    sigma, max_distance, outside_share, _, _ = fit
     lines = outline.lines
     limit = 0.5 * (max_distance / sigma) ** 2
     across = (x - lines[line, 0]) * lines[line, 3]

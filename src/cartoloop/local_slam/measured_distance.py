@@ -35,11 +35,11 @@ scale that is wrong by a fifth is found."""
 NEAR = 2
 """Number of shifts to each side of the best one through which a parabola is laid."""
 
-FIT = (0.03, 0.09, 0.2)
-"""Standard deviation of the distance of a return from a line [m]; larger distances than the second
-cost as much as that one [m]; share of this cost of returns where the other scan should show a line
-and does not, or beside all that it shows: with less, a shift by which scans overlap less is
-preferred, with more the opposite."""
+FIT = (0.03, 0.09, 0.2, math.nan, 0.2)
+"""What distances from the outline cost, see `best_step`: standard deviation of the distance of a
+return from a line [m], largest distance [m], and shares of its cost of returns where the other scan
+should show a line, beyond what it could show, and beside all that it shows: with less, a shift by
+which scans overlap less is preferred, with more the opposite."""
 
 MAX_GAP_RAD = math.radians(3.0)
 """Neighbouring returns whose bearings differ by more are not connected [rad]."""

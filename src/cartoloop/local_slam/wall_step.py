@@ -20,7 +20,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import WallStepConfig
-from cartoloop.kernels.outline_shift import best_step, open_direction
+from cartoloop.kernels.outline_shift import Fit, best_step, open_direction
 from cartoloop.local_slam.match_records import WallMemory
 from cartoloop.local_slam.outline import Outline, outline_of
 from cartoloop.sensor.pose import Pose, compose, inverse, wrap_angle
@@ -244,13 +244,23 @@ def _compare(
         steps,
         stride,
         round(config.max_distance / config.step),
-        (config.sigma, config.max_distance, config.outside_cost),
+        _fit(config, by_odometry=stride > 1),
         costs,
     )
     if best < 0:
         return None
     apart = float(steps[best]) - moved
     return _Comparison(apart, tuple(costs.tolist()), matched_cost, noise, np.array(along))
+
+
+def _fit(config: WallStepConfig, *, by_odometry: bool) -> Fit:
+    """Return what distances from the outline cost, see `best_step`.
+
+    What leaves the view of a scanner is no evidence against odometry. Without odometry it keeps
+    noise from making steps of any length along walls that show none.
+    """
+    unseen = math.nan if by_odometry else config.outside_cost
+    return config.sigma, config.max_distance, config.outside_cost, unseen, unseen
 
 
 @lru_cache(maxsize=256)
