@@ -173,7 +173,7 @@ class WallStepConfig(Section):
         0.06, ge=0, description="smaller errors of its step are left to the odometry [m]"
     )
     odometry_cost_ratio: float = Field(
-        3.0,
+        5.0,
         ge=1,
         description="and its step must fit worse than another by this factor, unless that fits "
         "closely",
