@@ -23,6 +23,9 @@ _ROUNDING = 1e-9
 Fit = tuple[float, float, float, float, float]
 """What distances cost, see :func:`best_step`."""
 
+Costs = tuple[float, float, float, float, float]
+"""Of steps around the best one, see :func:`best_step`."""
+
 _NUM_CLASSES = 16
 """Number of classes that points are put into order by: exact sorting takes longer."""
 
@@ -64,10 +67,10 @@ def best_step(
     moved: float,
     steps: FloatArray,
     stride: int,
+    below: tuple[float, float],
     reach: int,
     fit: Fit,
-    out_costs: FloatArray,
-) -> tuple[float, int, float]:
+) -> tuple[float, int, float, Costs]:
     """Find the step that costs least: half the sum of squared distances from the lines, in sigmas.
 
     Parameters
@@ -82,20 +85,22 @@ def best_step(
     moved : the step as matched [m].
     steps : float64, shape (k,), ascending [m].
     stride : above 1, every such step is tried first, and none else if none of them costs less than
-        the matched one.
-    reach : distance of the outer two of `out_costs` from the best step, as a number of steps.
+        `below`.
+    below : with a stride, only steps count that cost less than the matched one and, unless that is
+        less, than the larger of a share of its cost and a cost for each point.
+    reach : distance of the outer two of the returned costs from the best step, as a number of
+        steps.
     fit : standard deviation of a distance [m]; larger distances than the second [m] cost as much as
         that one; shares of this cost for points in whose direction there is no line: where the
         outline should show one, beyond what it could show, and beside all of it. The last two may
         be NaN: then points cost as much as they do as matched.
-    out_costs : float64, shape (5,): of the steps by -reach, -1, 0, 1 and reach from the best one;
-        NaN where there is none.
 
     Returns
     -------
     the cost of the matched step, and the index of the best, of equal ones the first; -1 if, with a
-    stride, none was tried that costs less than the matched one. And the standard
-    deviation of the difference of their costs, if noise alone made it.
+    stride, none was tried that costs less than `below`. The standard deviation of the difference of
+    their costs, if noise alone made it. And the costs of the steps by -reach, -1, 0, 1 and reach
+    from the best one; NaN where there is none.
 
     Notes
     -----
@@ -104,36 +109,28 @@ def best_step(
     that order differ by rounding, so that they only reject what clearly costs more.
     """
     outline = Outline(lines_of(bearings, ends, max_gap), places_in_sectors(ends))
-    places = _placed(outline, points, tf_sensor_points, fit)
-    decisive = np.empty_like(places)
-    matched = _most_decisive_first(outline, places, along, fit, decisive)
-    best, least = -1, matched
+    places, matched_costs = _placed(outline, points, tf_sensor_points, fit)
+    decisive = _most_decisive_first(outline, places, matched_costs, along, fit)
+    matched = float(np.sum(matched_costs))
+    best, least = -1, min(matched, max(below[0] * matched, below[1] * points.shape[0]))
     if stride == 1 and steps.shape[0] > 0:
         # Others probably cost more.
         best = _nearest(steps, moved)
         least = _cost_at(outline, places, steps[best] - moved, along, fit, math.inf)
-    for step in range(0, steps.shape[0], stride):
-        shift = steps[step] - moved
-        if not _costs_more(outline, decisive, shift, along, fit, least):
-            cost = _cost_at(outline, places, shift, along, fit, least)
-            if cost < least or (cost == least and step < best):
-                best, least = step, cost
-    if best < 0:
-        return matched, best, 0.0
-    for step in range(steps.shape[0]):
-        if step % stride == 0:
-            continue
-        shift = steps[step] - moved
-        if not _costs_more(outline, decisive, shift, along, fit, least):
-            cost = _cost_at(outline, places, shift, along, fit, least)
-            if cost < least or (cost == least and step < best):
-                best, least = step, cost
-    for k in range(5):
-        step = best + (-reach, -1, 0, 1, reach)[k]
-        out_costs[k] = math.nan
-        if 0 <= step < steps.shape[0]:
-            out_costs[k] = _cost_at(outline, places, steps[step] - moved, along, fit, math.inf)
-    return matched, best, _noise(outline, places, steps[best] - moved, along, fit)
+    nothing = (math.nan, math.nan, math.nan, math.nan, math.nan)
+    for is_between in range(1 if stride == 1 else 2):
+        for step in range(0, steps.shape[0], stride if is_between == 0 else 1):
+            if is_between == 1 and step % stride == 0:
+                continue
+            shift = steps[step] - moved
+            if not _costs_more(outline, decisive, shift, along, fit, least):
+                cost = _cost_at(outline, places, shift, along, fit, least)
+                if cost < least or (cost == least and step < best):
+                    best, least = step, cost
+        if best < 0:
+            return matched, best, 0.0, nothing
+    noise = _noise(outline, places, matched_costs, steps[best] - moved, along, fit)
+    return matched, best, noise, _costs_around(outline, places, steps, moved, best, reach, along, fit)
 
 
 @kernel
@@ -157,7 +154,7 @@ def add_shift_costs(
     bearings, ends, max_gap, points, tf_sensor_points, along, fit : see :func:`best_step`.
     """
     outline = Outline(lines_of(bearings, ends, max_gap), places_in_sectors(ends))
-    places = _placed(outline, points, tf_sensor_points, fit)
+    places, _ = _placed(outline, points, tf_sensor_points, fit)
     for k in range(shifts.shape[0]):
         costs[k] += _cost_at(outline, places, shifts[k], along, fit, math.inf)
 
@@ -178,15 +175,15 @@ def _placed(
     points: FloatArray,
     tf_sensor_points: tuple[float, float, float],
     fit: Fit,
-) -> FloatArray:
-    """Return points in the scanner frame, and what they cost unseen, shape (m, 4).
+) -> tuple[FloatArray, FloatArray]:
+    """Return points in the scanner frame and what they cost unseen, shape (m, 4); and as matched.
 
     The third number is for points beyond what the outline could show, the last one for points
     beside all of it. Unless `fit` has shares for them, that is what a point costs as matched, or
     what points that fit cost in the mean. So leaving the view says nothing of the step: if it cost
     more, the steps of a scanner of short reach would be too short, and if less too long.
     """
-    places = np.empty((points.shape[0], 4))
+    places, costs = np.empty((points.shape[0], 4)), np.empty(points.shape[0])
     sensor_x, sensor_y, theta = tf_sensor_points
     cos, sin = math.cos(theta), math.sin(theta)
     limit, total, count = 0.5 * (fit[1] / fit[0]) ** 2, 0.0, 0
@@ -195,43 +192,38 @@ def _placed(
         y = sensor_y + sin * points[k, 0] + cos * points[k, 1]
         place = places[k]
         place[0], place[1], place[2], place[3] = x, y, math.nan, math.nan
-        cost = _distance_cost(outline, line_towards(outline, x, y), x, y, place, fit)
-        place[2] = cost
-        if cost < limit:
-            total += cost
+        costs[k] = _distance_cost(outline, line_towards(outline, x, y), x, y, place, fit)
+        if costs[k] < limit:
+            total += costs[k]
             count += 1
     mean = total / max(count, 1)
     for k in range(points.shape[0]):
-        if not places[k, 2] < limit:
-            places[k, 2] = mean
-        places[k, 3] = places[k, 2]
+        place = places[k]
+        place[2] = place[3] = costs[k] if costs[k] < limit else mean
         for which in range(2):
             if not math.isnan(fit[3 + which]):
-                places[k, 2 + which] = fit[3 + which] * limit
-    return places
+                place[2 + which] = fit[3 + which] * limit
+        if math.isnan(costs[k]):
+            x, y = place[0], place[1]
+            costs[k] = _distance_cost(outline, line_towards(outline, x, y), x, y, place, fit)
+    return places, costs
 
 
 @kernel
 def _most_decisive_first(
     outline: Outline,
     places: FloatArray,
+    costs: FloatArray,
     along: tuple[float, float],
     fit: Fit,
-    out_decisive: FloatArray,
-) -> float:
-    """Return the cost of points as matched, and write them in another order.
-
-    Those are first that fit badly, or that are shifted across their lines.
-    """
+) -> FloatArray:
+    """Return points in another order: first those that cost much, or move across their lines."""
     limit = 0.5 * (fit[1] / fit[0]) ** 2
     classes = np.empty(places.shape[0], dtype=np.int64)
     begins = np.zeros(_NUM_CLASSES + 1, dtype=np.int64)
-    total = 0.0
     for k in range(places.shape[0]):
         line = line_towards(outline, places[k, 0], places[k, 1])
-        cost = _distance_cost(outline, line, places[k, 0], places[k, 1], places[k], fit)
-        total += cost
-        share = cost / limit
+        share = costs[k] / limit
         across = along[0] * outline.lines[line, 3] - along[1] * outline.lines[line, 2]
         if not math.isnan(across):
             share += 0.5 * abs(across)
@@ -239,17 +231,39 @@ def _most_decisive_first(
         begins[classes[k] + 1] += 1
     for number in range(1, _NUM_CLASSES):
         begins[number] += begins[number - 1]
+    decisive = np.empty_like(places)
     for k in range(places.shape[0]):
         place = begins[classes[k]]
         begins[classes[k]] += 1
-        out_decisive[place] = places[k]
-    return total
+        decisive[place] = places[k]
+    return decisive
+
+
+@kernel
+def _costs_around(
+    outline: Outline,
+    places: FloatArray,
+    steps: FloatArray,
+    moved: float,
+    best: int,
+    reach: int,
+    along: tuple[float, float],
+    fit: Fit,
+) -> Costs:
+    """Return the costs of a step and of its neighbours, see :func:`best_step`."""
+    costs = np.full(5, math.nan)
+    for k in range(5):
+        step = best + (-reach, -1, 0, 1, reach)[k]
+        if 0 <= step < steps.shape[0]:
+            costs[k] = _cost_at(outline, places, steps[step] - moved, along, fit, math.inf)
+    return costs[0], costs[1], costs[2], costs[3], costs[4]
 
 
 @kernel
 def _noise(
     outline: Outline,
     places: FloatArray,
+    costs: FloatArray,
     shift: float,
     along: tuple[float, float],
     fit: Fit,
@@ -261,11 +275,9 @@ def _noise(
     """
     largest, total = 0.25 * 0.5 * (fit[1] / fit[0]) ** 2, 0.0
     for k in range(places.shape[0]):
-        x, y = places[k, 0], places[k, 1]
-        before = _distance_cost(outline, line_towards(outline, x, y), x, y, places[k], fit)
-        x, y = x + shift * along[0], y + shift * along[1]
-        after = _distance_cost(outline, line_towards(outline, x, y), x, y, places[k], fit)
-        total += min(abs(after - before), largest) ** 2
+        x, y = places[k, 0] + shift * along[0], places[k, 1] + shift * along[1]
+        cost = _distance_cost(outline, line_towards(outline, x, y), x, y, places[k], fit)
+        total += min(abs(cost - costs[k]), largest) ** 2
     return math.sqrt(total)
 
 

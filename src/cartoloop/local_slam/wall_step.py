@@ -233,8 +233,8 @@ def _compare(
     moved = along[0] * (pose.x - last.pose.x) + along[1] * (pose.y - last.pose.y)
     reach = min(config.max_speed * (time - last.time), config.max_step) + config.max_distance
     steps = _steps_to_try(math.ceil(reach / config.step), config.step)
-    costs = np.empty(5)
-    matched_cost, best, noise = best_step(
+    by_odometry = stride > 1
+    matched_cost, best, noise, costs = best_step(
         *outline,
         max_gap,
         returns,
@@ -243,14 +243,14 @@ def _compare(
         moved,
         steps,
         stride,
+        (1.0 / config.odometry_cost_ratio, config.close_fit),
         round(config.max_distance / config.step),
-        _fit(config, by_odometry=stride > 1),
-        costs,
+        _fit(config, by_odometry=by_odometry),
     )
     if best < 0:
         return None
     apart = float(steps[best]) - moved
-    return _Comparison(apart, tuple(costs.tolist()), matched_cost, noise, np.array(along))
+    return _Comparison(apart, costs, matched_cost, noise, np.array(along))
 
 
 def _fit(config: WallStepConfig, *, by_odometry: bool) -> Fit:
