@@ -15,7 +15,7 @@ from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.kernels.sum_at_points import sum_at_points
 from cartoloop.scan_matching import least_squares
-from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
+from cartoloop.scan_matching.branch_and_bound import RunnerUp, SubmapMatcher
 from cartoloop.scan_matching.least_squares import LeastSquaresMatches, SmoothMap, match_informations
 from cartoloop.sensor.pose import wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
@@ -138,6 +138,7 @@ def search(
     """
     min_score = score_threshold(config, submap.own_score)
     scans = node_points.take(requests.node.astype(np.int64))
+    margin = config.min_runner_up_margin
     coarse = submap.matcher.match_all(
         scans,
         requests.tf_submap_node,
@@ -146,8 +147,9 @@ def search(
         min_score=min_score,
         groups=np.unique(requests.node_submap, return_inverse=True)[1],
         max_of_group=config.max_closures_of_pair,
+        # Else what hardly reaches the threshold would pass as distinct.
+        runner_up=RunnerUp(min_score=min_score - margin),
     )
-    margin = config.min_runner_up_margin
     found = [(i, match) for i, match in enumerate(coarse.matches) if match is not None]
     hits = [(i, match) for i, match in found if match.score - match.runner_up >= margin]
     ambiguous = [i for i, match in found if match.score - match.runner_up < margin]

@@ -83,11 +83,13 @@ class Elsewhere(NamedTuple):
         [cells^2], [rotation steps].
     max_gap : how far its sum may be below that of the best one; negative: no runner-up is searched
         for.
+    min_sum : what its sum must reach. It may be less than what the best one must reach.
     """
 
     squared_distance: int
     num_rotations: int
     max_gap: int
+    min_sum: int
 
 
 class Search(NamedTuple):
@@ -251,9 +253,11 @@ def find_best(
     height, cursor = top, 0
     while True:
         if height == top:
-            if cursor == order.size or nodes[order[cursor], KEY] < min_key:
+            if cursor == order.size:
                 return
             parent = order[cursor]
+            if nodes[parent, KEY] < min_key or nodes[parent, REST] < min_sum:
+                return
             cursor += 1
         else:
             parent = most_promising(nodes, height * _CHILDREN, int(num_waiting[height]), min_key)
@@ -366,7 +370,8 @@ def search(
     """
     state = begin_search(grids, points, frame, window, extent, max_move)
     first = (state.heights.shape[0] - 1) * _CHILDREN + 1
-    order = order_by_key(state.nodes, first, cover_window(state, min_sum))
+    lowest = min(min_sum, max(elsewhere.min_sum, min_sum - elsewhere.max_gap))
+    order = order_by_key(state.nodes, first, cover_window(state, lowest))
     best = np.full(4, -1, dtype=np.int64)
     squared_distance, num_rotations = -1, -1
     for match in range(2):
@@ -379,4 +384,4 @@ def search(
             out_matches[1, 0] = -1
             return
         squared_distance, num_rotations = elsewhere.squared_distance, elsewhere.num_rotations
-        min_sum = max(min_sum, out_matches[0, 0] - elsewhere.max_gap)
+        min_sum = max(elsewhere.min_sum, out_matches[0, 0] - elsewhere.max_gap)

@@ -112,7 +112,8 @@ def best_step(
     places, matched_costs = _placed(outline, points, tf_sensor_points, fit)
     decisive = _most_decisive_first(outline, places, matched_costs, along, fit)
     matched = float(np.sum(matched_costs))
-    best, least = -1, min(matched, max(below[0] * matched, below[1] * points.shape[0]))
+    best = -1
+    least = min(matched, max(below[0] * matched, below[1] * points.shape[0]))
     if stride == 1 and steps.shape[0] > 0:
         # Others probably cost more.
         best = _nearest(steps, moved)

@@ -57,6 +57,7 @@ class SearchLimits(NamedTuple):
         or turned by more [rad].
     runner_up_margin : how far its score may be below that of the best match, as a mean cell value;
         negative: no runner-up is searched for.
+    runner_up_score : that it must reach, as a mean cell value.
     """
 
     min_score: float
@@ -65,6 +66,7 @@ class SearchLimits(NamedTuple):
     runner_up_distance: float
     runner_up_angle: float
     runner_up_margin: float
+    runner_up_score: float
 
 
 class SearchResults(NamedTuple):
@@ -126,6 +128,7 @@ def search_scans(
             math.floor((limits.runner_up_distance / resolution) ** 2 + ROUNDING),
             math.floor(limits.runner_up_angle / step + ROUNDING),
             math.ceil(limits.runner_up_margin * num_points),
+            max(math.ceil(limits.runner_up_score * num_points - _SUM_ROUNDING), 0),
         )
         min_sum = max(math.ceil(limits.min_score * num_points - _SUM_ROUNDING), 0)
         extent_cells = ScanExtent(extent.mean / resolution, extent.farthest / resolution)

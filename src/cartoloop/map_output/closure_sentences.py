@@ -172,7 +172,7 @@ def _found_sentence(values: dict[str, float]) -> str:
     other = (
         f"the best elsewhere in the window {runner_up:.3f}"
         if runner_up > 0.0
-        else "no candidate elsewhere in the window reached the minimum"
+        else "no candidate elsewhere in the window comes near"
     )
     sentence = f"Found: score {values.get('score', math.nan):.3f}, {other}."
     if "found_at" in values:

@@ -43,7 +43,7 @@ _NUMBERS = (
     _Column("window_deg", 2, "search window radius [deg]"),
     _Column("min_score", 4, "threshold that was applied"),
     _Column("score", 4, "mean probability at the best candidate"),
-    _Column("runner_up", 4, "best score elsewhere in the window, 0: none reached the threshold"),
+    _Column("runner_up", 4, "best score elsewhere in the window, 0: none came near the threshold"),
     _Column("residual", 4, "root mean square of 1 - M at the returns, of the newest match"),
     _Column("moved_m", 4, "shift by the newest match [m]"),
     _Column("moved_deg", 3, "rotation by the newest match [deg]"),

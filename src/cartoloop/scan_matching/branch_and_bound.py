@@ -69,14 +69,15 @@ class RunnerUp:
     ----------
     distance, angle : a match elsewhere is farther from the best one than this [m], or turned by
         more [rad].
-    margin : largest gap between its score and the best one, which must also reach the score
-        threshold; negative: no runner-up is searched for. To prove that there is none takes as long
-        as to prove that nothing matches.
+    margin : largest gap between its score and the best one; negative: no runner-up is searched for.
+        To prove that there is none takes as long as to prove that nothing matches.
+    min_score : score that it must reach; None: that which the best one must reach.
     """
 
     distance: float = 0.5
     angle: float = math.radians(10.0)
     margin: float = 1.0
+    min_score: float | None = None
 
 
 RUNNER_UP = RunnerUp()
@@ -285,6 +286,7 @@ class SubmapMatcher:
                 runner_up.distance,
                 runner_up.angle,
                 runner_up.margin / PROBABILITY_STEP,
+                mean_value(min_score if runner_up.min_score is None else runner_up.min_score),
             ),
             np.zeros(count, dtype=np.int64) if groups is None else groups,
             max_of_group,
