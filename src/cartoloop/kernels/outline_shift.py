@@ -131,7 +131,12 @@ def best_step(
         if best < 0:
             return matched, best, 0.0, nothing
     noise = _noise(outline, places, matched_costs, steps[best] - moved, along, fit)
-    return matched, best, noise, _costs_around(outline, places, steps, moved, best, reach, along, fit)
+    return (
+        matched,
+        best,
+        noise,
+        _costs_around(outline, places, steps, moved, best, reach, along, fit),
+    )
 
 
 @kernel
