@@ -48,4 +48,4 @@ def test_a_match_is_ambiguous_if_another_place_fits_as_well(below_best):
     outcome = search_corner(int(worse), below_best)
     assert outcome.ambiguous.tolist() == []
     assert outcome.matches.row.tolist() == [7]
-    assert outcome.matches.tf_submap_node[0, :2] == pytest.approx((1.0, 1.0), abs=0.05)
+    assert outcome.matches.tf_submap_node[0, :2] == pytest.approx((1.0, 1.0), abs=RESOLUTION)

@@ -118,7 +118,7 @@ def naive_window(grid, points, estimate, linear_window, angular_window, max_rang
 def assert_same_as_naive(
     grid, points, estimate, linear_window, angular_window, min_score, gap=0.0, **options
 ):
-    """Compare a match with exhaustive search; a runner-up may be worse than `min_score` by `gap`."""
+    """Compare with exhaustive search; a runner-up may be worse than `min_score` by `gap`."""
     least = min_score - gap
     runner_up = RunnerUp(distance=0.15, angle=0.1, min_score=least if gap else None)
     match = SubmapMatcher(grid).match(
