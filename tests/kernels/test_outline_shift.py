@@ -10,10 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.kernels.outline_shift import add_shift_costs, best_step, open_direction
+from cartoloop.kernels.outline_shift import (
+    STRETCH_M,
+    add_shift_costs,
+    best_step,
+    open_direction,
+)
 from cartoloop.sensor.pose import Pose, inverse, transform_points
 from tests.reference.naive_outline_shift import (
     naive_costs,
+    naive_loss,
     naive_open_direction,
     naive_unseen_costs,
 )
@@ -64,7 +70,7 @@ def test_the_best_step_costs_least_of_all(seed, stride, below):
     points = transform_points(inverse(pose), seen + rng.normal(0.0, 0.03, seen.shape))
     steps = STEP * np.arange(-6, 7)
 
-    matched, best, noise, costs = best_step(
+    matched, best, noise, loss, costs = best_step(
         bearings, ends, MAX_GAP, points, pose[:], along, moved, steps, stride, below, REACH, FIT
     )
 
@@ -83,6 +89,11 @@ def test_the_best_step_costs_least_of_all(seed, stride, below):
     assert expected[best] == pytest.approx(min(expected))
     assert stride == 1 or expected[best] <= limit * (1.0 + 1e-9)
     assert 0.0 <= noise <= math.sqrt(len(places)) * 0.25 * 0.5 * (MAX_DISTANCE / SIGMA) ** 2
+    shift = ((steps[best] - moved) * along[0], (steps[best] - moved) * along[1])
+    before, after = (
+        naive_costs(bearings, ends, MAX_GAP, places, by, FIT, unseen) for by in ((0.0, 0.0), shift)
+    )
+    assert loss == pytest.approx(naive_loss(places, before, after, STRETCH_M), abs=1e-9)
     around = [best - REACH, best - 1, best, best + 1, best + REACH]
     wanted = [expected[k] if 0 <= k < len(steps) else math.nan for k in around]
     assert list(costs) == pytest.approx(wanted, nan_ok=True)
@@ -121,7 +132,7 @@ def test_of_equal_steps_the_first_is_best():
             FIT,
         )  # fmt: skip
         outside = 2 * OUTSIDE * 0.5 * (MAX_DISTANCE / SIGMA) ** 2
-        assert found == [pytest.approx(outside), 0 if stride == 1 else -1, 0.0]
+        assert found == [pytest.approx(outside), 0 if stride == 1 else -1, 0.0, 0.0]
 
 
 def test_points_that_leave_the_view_favour_no_step():
@@ -165,10 +176,11 @@ def test_the_noise_of_a_difference_is_bounded_for_each_point():
     points, steps = ends.copy(), STEP * np.arange(-6, 7)
     points[:, 0] += 0.3 + noisy  # a wall across x that is 0.3 m further away
 
-    matched, best, noise, costs = best_step(
+    matched, best, noise, loss, costs = best_step(
         bearings, ends, 0.1, points, (0.0, 0.0, 0.0), (1.0, 0.0), 0.0, steps, 1, ANY, REACH, FIT
     )
 
     assert steps[best] == pytest.approx(-0.3)
     assert matched - costs[2] == pytest.approx(41 * 8.0, rel=0.1)
     assert noise == pytest.approx(math.sqrt(41) * 2.0)
+    assert loss == 0.0

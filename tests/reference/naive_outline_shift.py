@@ -41,6 +41,19 @@ def naive_unseen_costs(bearings, ends, max_gap, points, fit):
     return [cost if cost < limit else mean for cost in costs]
 
 
+def naive_loss(points, before, after, stretch_m):
+    """Return by how much more stretches of consecutive points cost after than before, in all."""
+    stretches, length = [[]], 0.0
+    for k, (less, more) in enumerate(zip(before, after, strict=True)):
+        if k > 0:
+            length += math.dist(points[k - 1], points[k])
+        if length > stretch_m:
+            stretches.append([])
+            length = 0.0
+        stretches[-1].append(more - less)
+    return sum(max(sum(stretch), 0.0) for stretch in stretches)
+
+
 def naive_open_direction(bearings, ends, max_gap):
     """Return the ratio of the information along and across walls, and the direction along them."""
     information = [[0.0, 0.0], [0.0, 0.0]]

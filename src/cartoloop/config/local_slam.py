@@ -173,10 +173,16 @@ class WallStepConfig(Section):
         0.06, ge=0, description="smaller errors of its step are left to the odometry [m]"
     )
     odometry_cost_ratio: float = Field(
-        5.0,
+        2.0,
         ge=1,
         description="and its step must fit worse than another by this factor, unless that fits "
-        "closely",
+        "closely: clutter and jitter of the stamps make all steps fit badly",
+    )
+    max_loss_share: float = Field(
+        0.05,
+        ge=0,
+        description="and what fits worse at the other step must be less than this share of what "
+        "fits better, unless all fits closely: people walk along, walls do not",
     )
     close_fit: float = Field(
         0.25,

@@ -26,6 +26,10 @@ Fit = tuple[float, float, float, float, float]
 Costs = tuple[float, float, float, float, float]
 """Of steps around the best one, see :func:`best_step`."""
 
+STRETCH_M = 1.0
+"""Length of a stretch of returns that fits a step better or worse as a whole [m]: of a door or a
+person. Noise makes single returns of the same wall better and worse."""
+
 _NUM_CLASSES = 16
 """Number of classes that points are put into order by: exact sorting takes longer."""
 
@@ -70,7 +74,7 @@ def best_step(
     below: tuple[float, float],
     reach: int,
     fit: Fit,
-) -> tuple[float, int, float, Costs]:
+) -> tuple[float, int, float, float, Costs]:
     """Find the step that costs least: half the sum of squared distances from the lines, in sigmas.
 
     Parameters
@@ -99,8 +103,9 @@ def best_step(
     -------
     the cost of the matched step, and the index of the best, of equal ones the first; -1 if, with a
     stride, none was tried that costs less than `below`. The standard deviation of the difference of
-    their costs, if noise alone made it. And the costs of the steps by -reach, -1, 0, 1 and reach
-    from the best one; NaN where there is none.
+    their costs, if noise alone made it. By how much more stretches of returns cost at the best one,
+    in all. And the costs of the steps by -reach, -1, 0, 1 and reach from the best one; NaN where
+    there is none.
 
     Notes
     -----
@@ -129,14 +134,11 @@ def best_step(
                 if cost < least or (cost == least and step < best):
                     best, least = step, cost
         if best < 0:
-            return matched, best, 0.0, nothing
-    noise = _noise(outline, places, matched_costs, steps[best] - moved, along, fit)
-    return (
-        matched,
-        best,
-        noise,
-        _costs_around(outline, places, steps, moved, best, reach, along, fit),
-    )
+            return matched, best, 0.0, 0.0, nothing
+    shift = steps[best] - moved
+    noise, loss = _noise_and_loss(outline, places, matched_costs, shift, along, fit)
+    costs = _costs_around(outline, places, steps, moved, best, reach, along, fit)
+    return matched, best, noise, loss, costs
 
 
 @kernel
@@ -266,25 +268,39 @@ def _costs_around(
 
 
 @kernel
-def _noise(
+def _noise_and_loss(
     outline: Outline,
     places: FloatArray,
     costs: FloatArray,
     shift: float,
     along: tuple[float, float],
     fit: Fit,
-) -> float:
-    """Return the standard deviation of the difference that noise makes of a shift's cost.
+) -> tuple[float, float]:
+    """Return what noise makes of the difference of a shift's cost, and what speaks against it.
 
-    That of the sum of the points' differences, if they are independent. A point that fits in one
-    place and not in the other is a feature: as noise it counts as a quarter of that difference.
+    The first is the standard deviation of the sum of the points' differences, if they are
+    independent. A point that fits in one place and not in the other is a feature: as noise it
+    counts as a quarter of that difference. The second is by how much stretches of returns cost
+    more, in all.
+
+    Parameters
+    ----------
+    costs : of the points as matched.
     """
-    largest, total = 0.25 * 0.5 * (fit[1] / fit[0]) ** 2, 0.0
+    largest, squares = 0.25 * 0.5 * (fit[1] / fit[0]) ** 2, 0.0
+    loss, gain, length = 0.0, 0.0, 0.0
     for k in range(places.shape[0]):
+        if k > 0:
+            step_x, step_y = places[k, 0] - places[k - 1, 0], places[k, 1] - places[k - 1, 1]
+            length += math.hypot(step_x, step_y)
+        if length > STRETCH_M:
+            loss += max(-gain, 0.0)
+            gain, length = 0.0, 0.0
         x, y = places[k, 0] + shift * along[0], places[k, 1] + shift * along[1]
-        cost = _distance_cost(outline, line_towards(outline, x, y), x, y, places[k], fit)
-        total += min(abs(cost - costs[k]), largest) ** 2
-    return math.sqrt(total)
+        less = costs[k] - _distance_cost(outline, line_towards(outline, x, y), x, y, places[k], fit)
+        squares += min(abs(less), largest) ** 2
+        gain += less
+    return math.sqrt(squares), loss + max(-gain, 0.0)
 
 
 @inlined_kernel

@@ -50,6 +50,7 @@ class _Comparison(NamedTuple):
         longer; NaN where that was not tried.
     matched_cost : of the pose as matched.
     noise : standard deviation of the difference of both costs, if noise alone made it.
+    loss : by how much more stretches of returns cost at the step than as matched, in all.
     along : float64, (2,), unit vector of the direction, local frame.
     """
 
@@ -57,12 +58,18 @@ class _Comparison(NamedTuple):
     costs: tuple[float, ...]
     matched_cost: float
     noise: float
+    loss: float
     along: FloatArray
 
     @property
     def cost(self) -> float:
         """Cost of the step."""
         return self.costs[2]
+
+    @property
+    def loss_share(self) -> float:
+        """What speaks against the step, as a share of what speaks for it."""
+        return self.loss / max(self.matched_cost - self.cost + self.loss, 1e-9)
 
     def correction(self, step: float) -> float:
         """Return `apart` between the steps that were tried, which are `step` apart [m]."""
@@ -163,22 +170,22 @@ class WallStep:
 
     def _is_proven(self, found: _Comparison, num_returns: int, by_odometry: bool) -> bool:
         """Add up the evidence for another step; return whether it is enough."""
-        config, best, apart = self._config, found.cost, found.apart
+        config, apart = self._config, found.apart
         side = apart * found.along
         if float(side @ self._side) < 0.0:
             self._evidence = 0.0
         self._side = side
-        # Clutter and jitter of the stamps make all steps fit badly, that of the odometry not most.
+        # People who walk along fit another step, and all that stands the one of the odometry.
         if by_odometry and (
             abs(apart) < config.min_odometry_error
             or (
-                best > config.close_fit * num_returns
-                and found.matched_cost < config.odometry_cost_ratio * best
+                found.cost > config.close_fit * num_returns
+                and found.loss_share > config.max_loss_share
             )
         ):
             self._evidence = 0.0
             return False
-        evidence = found.matched_cost - best
+        evidence = found.matched_cost - found.cost
         if by_odometry:
             # The best of many steps that noise alone makes different is no evidence against wheels.
             evidence = max(evidence - config.noise_factor * found.noise, 0.0)
@@ -234,7 +241,7 @@ def _compare(
     reach = min(config.max_speed * (time - last.time), config.max_step) + config.max_distance
     steps = _steps_to_try(math.ceil(reach / config.step), config.step)
     by_odometry = stride > 1
-    matched_cost, best, noise, costs = best_step(
+    matched_cost, best, noise, loss, costs = best_step(
         *outline,
         max_gap,
         returns,
@@ -250,7 +257,7 @@ def _compare(
     if best < 0:
         return None
     apart = float(steps[best]) - moved
-    return _Comparison(apart, costs, matched_cost, noise, np.array(along))
+    return _Comparison(apart, costs, matched_cost, noise, loss, np.array(along))
 
 
 def _fit(config: WallStepConfig, *, by_odometry: bool) -> Fit:
