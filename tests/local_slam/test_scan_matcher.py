@@ -102,6 +102,23 @@ def test_after_a_jump_of_odometry_fallback_poses_are_searched(submap, jump):
     assert matcher.num_lost == before + 1
 
 
+@pytest.mark.parametrize("max_lost_scans", [1, 5])
+def test_scans_in_turn_weigh_together_against_odometry(submap, max_lost_scans):
+    window = CONFIG.correlative_matcher.model_copy(update={"max_lost_scans": max_lost_scans})
+    matcher = ScanMatcher(CONFIG.model_copy(update={"correlative_matcher": window}))
+    for _ in range(30):
+        matched(submap, TRUTH, matcher=matcher)
+    # The robot was turned, its wheels were not: they are right about all steps but that one.
+    certain = isotropic_information(0.005, 0.002)
+    sparse, pose, followed = points()[::14], off(0.0, 0.0, 0.5), []
+    for _ in range(6):
+        prior = Prediction(pose, True, certain, lambda: (TRUTH, TRUTH))
+        found = matcher.match(submap, sparse, prior)
+        followed.append(abs(found.tf_local_tracking.theta - TRUTH.theta) < 0.05)
+    assert not followed[0]
+    assert any(followed) == (max_lost_scans > 1)
+
+
 def test_scans_that_fit_well_need_no_wider_search(submap):
     matcher = ScanMatcher(CONFIG)
     for _ in range(60):

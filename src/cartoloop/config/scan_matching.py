@@ -74,6 +74,11 @@ class CorrelativeMatcherConfig(Section):
     lost_angular_search_window_deg: float = Field(
         60.0, ge=0, description="search window radius when lost [deg]"
     )
+    max_lost_scans: int = Field(
+        5,
+        ge=1,
+        description="up to so many scans in turn that do not fit weigh together against odometry",
+    )
 
 
 class LeastSquaresMatcherConfig(Section):

@@ -24,11 +24,13 @@ class MatcherMemory(NamedTuple):
     typical_residual : of a match.
     num_correlative : number of scans for which the correlative matcher ran.
     num_lost : number of scans that were searched in the wider window.
+    lost_in_turn : number of latest scans that fitted nowhere as scans do.
     """
 
     typical_residual: float
     num_correlative: int
     num_lost: int
+    lost_in_turn: int
 
 
 class WallMemory(NamedTuple):
@@ -49,7 +51,7 @@ class WallMemory(NamedTuple):
     moved_at: float
 
 
-_MATCH = struct.Struct("<3d9d2dId2I")
+_MATCH = struct.Struct("<3d9d2dId3I")
 _WALL = struct.Struct("<?3d3d?d")
 _NOWHERE = (0.0, 0.0, 0.0)
 

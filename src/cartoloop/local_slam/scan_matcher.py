@@ -43,6 +43,7 @@ class ScanMatcher:
     ----------
     num_correlative : number of scans for which the correlative matcher ran.
     num_lost : number of scans that were searched in the wider window.
+    lost_in_turn : number of latest scans that fitted nowhere as scans do.
     """
 
     def __init__(self, config: LocalSlamConfig) -> None:
@@ -62,15 +63,18 @@ class ScanMatcher:
         self._scratch = correlative.Scratch()
         self.num_correlative = 0
         self.num_lost = 0
+        self.lost_in_turn = 0
 
     @property
     def memory(self) -> MatcherMemory:
         """What it remembers from scan to scan."""
-        return MatcherMemory(self._typical_residual, self.num_correlative, self.num_lost)
+        return MatcherMemory(
+            self._typical_residual, self.num_correlative, self.num_lost, self.lost_in_turn
+        )
 
     @memory.setter
     def memory(self, memory: MatcherMemory) -> None:
-        self._typical_residual, self.num_correlative, self.num_lost = memory
+        self._typical_residual, self.num_correlative, self.num_lost, self.lost_in_turn = memory
 
     def match(self, submap: Submap, points: FloatArray, prediction: Prediction) -> MatchedScan:
         """Return where in the submap the scan fits best.
@@ -94,9 +98,12 @@ class ScanMatcher:
                 best = found
         if best.residual > self._typical_residual * window.lost_residual_ratio:
             self.num_lost += 1
+            self.lost_in_turn += 1
             found = self._search_as_lost(submap, points, prediction, best)
             is_lost = found is not best
             best = found
+        else:
+            self.lost_in_turn = 0
         point_weight = self._least_squares.occupied_space_weight / self._typical_residual**2
         self._typical_residual += window.residual_memory * (best.residual - self._typical_residual)
         if not is_lost:
@@ -143,10 +150,13 @@ class ScanMatcher:
         Odometry may lead to where little has been observed yet. The points there fit badly, and
         would fit better wherever the scan overlaps more of the map, but they contradict nothing.
         So against odometry only points in observed cells count, unless the scan fits as usual, and
-        the points must outweigh the motion prior.
+        the points must outweigh the motion prior: those of all scans in turn that do not fit, since
+        the odometry that has missed one motion of the robot does not learn of it later.
         """
         ratio = self._window.lost_improvement
-        limit, limit_of_seen, cost = best.residual * ratio, math.inf, best.cost
+        limit, limit_of_seen = best.residual * ratio, math.inf
+        weight = min(self.lost_in_turn, self._window.max_lost_scans)
+        cost = weight * best.cost
         if prediction.by_odometry:
             limit_of_seen = ratio * self._residual_of_seen(submap, points, best)
         for tf_local_fallback in prediction.fallbacks():
@@ -156,7 +166,7 @@ class ScanMatcher:
             if found.residual < min(limit, best.residual) and (
                 not prediction.by_odometry
                 or (
-                    self._cost_against(submap, points, prediction, found) < cost
+                    self._cost_against(submap, points, prediction, found, weight) < cost
                     and (
                         self._fits_as_usual(points, found)
                         or self._residual_of_seen(submap, points, found) < limit_of_seen
@@ -167,9 +177,17 @@ class ScanMatcher:
         return best
 
     def _cost_against(
-        self, submap: Submap, points: FloatArray, prediction: Prediction, match: LeastSquaresMatch
+        self,
+        submap: Submap,
+        points: FloatArray,
+        prediction: Prediction,
+        match: LeastSquaresMatch,
+        num_scans: int,
     ) -> float:
-        """Return the cost of a match far from the prediction: (CS) with its motion prior."""
+        """Return the cost of a match far from the prediction: (CS) with its motion prior.
+
+        The scan counts as often as there are scans in turn that do not fit.
+        """
         prior = relative(submap.tf_local_submap, prediction.tf_local_tracking)
         pose, information = match.tf_submap_scan, prediction.information
         squares = (
@@ -177,7 +195,7 @@ class ScanMatcher:
             + float(information[5]) * wrap_angle(pose.theta - prior.theta) ** 2
         )
         scale = self._prediction.failure_scale**2
-        weight = self._least_squares.occupied_space_weight * len(points)
+        weight = num_scans * self._least_squares.occupied_space_weight * len(points)
         usual = match.residual / self._typical_residual
         against = self._window.lost_prior_weight * scale * math.log1p(squares / scale)
         return weight * usual * usual + against
