@@ -86,14 +86,26 @@ def distances(scale, number=100, noise=0.02, seed=1):
 def test_the_ratio_is_that_of_most_distances():
     measured, _, _ = distances(0.98)
     slipping = [one._replace(distance=0.2) for one in measured[:8]]
-    ratio, error = measured_ratio(slipping + measured[8:], np.ones(100))
+    ratio, error, noise = measured_ratio(slipping + measured[8:], np.ones(100))
     assert ratio == pytest.approx(0.98, abs=0.005)
     assert 0.001 <= error < 0.005
+    assert noise == pytest.approx(0.02, rel=0.3)
+
+
+def test_the_noise_is_that_of_a_metre():
+    rng = np.random.default_rng(2)
+    walked = rng.uniform(0.5, 2.0, 400)
+    distance = 1.01 * walked + rng.normal(0.0, 0.03, 400) * np.sqrt(walked)
+    measured = [
+        MeasuredDistance(float(k), k + 1.0, float(one), (1.0, 0.0), 1000.0)
+        for k, one in enumerate(distance)
+    ]
+    assert measured_ratio(measured, walked)[2] == pytest.approx(0.03, rel=0.15)
 
 
 def test_a_ratio_of_nothing_is_not_known():
     measured, _, _ = distances(1.0, number=10)
-    assert measured_ratio(measured, np.zeros(10)) == (1.0, math.inf)
+    assert measured_ratio(measured, np.zeros(10)) == (1.0, math.inf, math.inf)
 
 
 def test_values_are_weighted_by_their_errors():
@@ -109,6 +121,7 @@ def test_a_scale_that_confirms_itself_is_corrected(scale):
     found = with_measured_scale(matched, measured, *odometry, OdometryParameters())
     assert found.translation_scale == pytest.approx(scale, abs=0.005)
     assert found.knows_scale
+    assert (found.metre_noise, found.num_metres) == (pytest.approx(0.02, rel=0.3), 100)
 
 
 def test_what_was_known_counts_where_little_is_measured():

@@ -10,6 +10,7 @@ import pytest
 
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality import motion
+from cartoloop.quality.motion_places import length_error
 
 
 @dataclass
@@ -101,6 +102,24 @@ def test_a_turn_during_a_gap_is_seen_in_the_scans():
     assert motion.misfits(run) == []
 
 
+def seen_ahead(points, theta):
+    """Return the points that a scanner of 180 degrees sees at a heading, in its frame."""
+    cos, sin = np.cos(theta), np.sin(theta)
+    turned = points @ np.array(((cos, -sin), (sin, cos)))
+    return turned[turned[:, 0] > 0.0]
+
+
+def test_what_a_scanner_had_not_looked_at_is_no_misfit():
+    run = without(drive(speed=0.0), 108.0, 114.0, moved=False)
+    before, after = 40, len(run.stamps) - 40
+    run.local_trajectory[before:, 2] = 1.1
+    run.node_points = [seen_ahead(room(), 0.0)] * before + [seen_ahead(room(), 1.1)] * after
+    assert motion.misfits(run) == []
+
+    run.node_points[before:] = [seen_ahead(room() * (0.4, 1.6), 1.1)] * after
+    assert [misfit.scan for misfit in motion.misfits(run)] == [before]
+
+
 def test_jumps_are_faster_than_robots():
     run = drive()
     run.local_trajectory[50:, 1] += 2.0
@@ -148,3 +167,14 @@ def test_corridors_are_seen_by_their_walls():
 
     assert not halls.is_corridor[halls.nodes < 40].any()
     assert halls.is_corridor[halls.nodes > 80].all()
+
+
+def test_a_length_is_known_as_well_as_metres_were_measured():
+    known = {"translation_error_m": 0.001, "rotation_error_rad": 0.01}
+    measured = known | {"metre_noise_m": 0.03, "measured_metres": 100}
+
+    assert length_error(100.0, measured) == pytest.approx(2.0 * 0.03 * np.sqrt(200.0))
+    assert length_error(100.0, measured | {"measured_metres": 10_000}) < 0.61
+    assert length_error(100.0, known) == pytest.approx(1.8)
+    for without_odometry in (None, {"translation_error_m": None}):
+        assert length_error(100.0, without_odometry) == pytest.approx(5.0)

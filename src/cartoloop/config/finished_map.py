@@ -52,7 +52,7 @@ class QualityConfig(Section):
         5.0, gt=0, description="path without a match from which the map is doubtful [m]"
     )
     doubtful_length_error: float = Field(
-        0.45,
+        0.5,
         gt=0,
         description="expected error of a corridor's length from which the map is doubtful [m]",
     )

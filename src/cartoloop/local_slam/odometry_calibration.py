@@ -227,6 +227,7 @@ def with_measured_scale(
     ends = np.array([one.end for one in distances]) - model.time_offset
     is_known = (begins >= odometry_times[0]) & (ends <= odometry_times[-1])
     estimates = [(model.translation_scale, MATCHED_ERROR)]
+    noise, num_metres = known.metre_noise, known.num_metres
     if known.knows_scale:
         estimates.append((known.translation_scale, max(known.scale_error, MIN_KNOWN_ERROR)))
     if np.count_nonzero(is_known) >= MIN_DISTANCES:
@@ -239,13 +240,20 @@ def with_measured_scale(
         )
         moved = model.predict_all(relative_all(first, last), first[:, 2])
         along = np.array([one.along for one in used])
-        ratio, error = measured_ratio(used, np.sum(moved[:, :2] * along, axis=1))
+        ratio, error, noise = measured_ratio(used, np.sum(moved[:, :2] * along, axis=1))
         estimates.append((model.translation_scale * ratio, model.translation_scale * error))
+        num_metres = len(used)
     if len(estimates) == 1:
         return model
     scale, error = combined(estimates)
     scale = min(max(scale, MIN_SCALE), MAX_SCALE)
-    return replace(model, translation_scale=scale, scale_error=error)
+    return replace(
+        model,
+        translation_scale=scale,
+        scale_error=error,
+        metre_noise=noise,
+        num_metres=num_metres,
+    )
 
 
 def _robust_scale(reported: FloatArray, true: FloatArray) -> float:

@@ -14,6 +14,8 @@ from cartoloop.arrays import FloatArray
 from cartoloop.local_slam.odometry_veer import NO_VEER, Veer
 from cartoloop.sensor.pose import Pose
 
+_COUNTS = ("num_turns", "num_stretches", "num_metres")
+
 
 @dataclass(frozen=True, slots=True)
 class OdometryParameters:
@@ -32,6 +34,8 @@ class OdometryParameters:
     veer : turn on each metre that is not reported.
     num_stretches : number of metres that it was estimated from.
     scale_error : standard error of the translation scale; NaN before scans have measured it.
+    metre_noise : standard deviation of a metre at that scale [m]; NaN before that, too.
+    num_metres : number of metres that scans have measured.
     """
 
     time_offset: float = 0.0
@@ -46,6 +50,8 @@ class OdometryParameters:
     veer: Veer = NO_VEER
     num_stretches: int = 0
     scale_error: float = math.nan
+    metre_noise: float = math.nan
+    num_metres: int = 0
 
     @property
     def is_known(self) -> bool:
@@ -78,6 +84,8 @@ class OdometryParameters:
             "veer_rad_per_m": self.veer_by_name,
             "rotation_error_rad": self.rotation_error if self.knows_rotation else None,
             "translation_error_m": self.translation_error if self.is_known else None,
+            "metre_noise_m": None if math.isnan(self.metre_noise) else self.metre_noise,
+            "measured_metres": self.num_metres,
         }
 
     def to_dict(self) -> dict[str, Any]:
@@ -100,9 +108,9 @@ class OdometryParameters:
         values: dict[str, Any] = {
             name: math.nan if value is None else float(value)
             for name, value in content.items()
-            if name not in ("veer", "num_turns", "num_stretches")
+            if name != "veer" and name not in _COUNTS
         }
-        for name in ("num_turns", "num_stretches"):
+        for name in _COUNTS:
             values[name] = int(content.get(name, 0))
         constant, cos, sin = content.get("veer", NO_VEER)
         return cls(**values, veer=Veer(float(constant), float(cos), float(sin)))

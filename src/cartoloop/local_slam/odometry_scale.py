@@ -28,6 +28,12 @@ MIN_ERROR = 1e-3
 """Lower limit of a standard error: edges of walls are seen from two sides, and comparisons err by a
 millimetre on a metre in the mean."""
 
+MIN_LENGTH_M = 0.1
+"""Shorter distances are taken to be so long when their noise is scaled to a metre [m]."""
+
+MEDIAN_TO_SIGMA = 1.4826
+"""Standard deviation over the median of the absolute value of normally distributed numbers."""
+
 LOSS_SCALE = 3.5
 """Scale of Cauchy's loss as a multiple of the median error: for normal errors it is nearly as good
 as least squares, and a metre on which wheels slip hardly counts."""
@@ -41,8 +47,8 @@ MIN_TYPICAL_ERROR_M = 1e-4
 
 def measured_ratio(
     distances: Sequence[MeasuredDistance], predicted: FloatArray
-) -> tuple[float, float]:
-    """Return measured over predicted distance, and its standard error.
+) -> tuple[float, float, float]:
+    """Return measured over predicted distance, its standard error, and the noise of a metre.
 
     Parameters
     ----------
@@ -52,7 +58,8 @@ def measured_ratio(
     Notes
     -----
     Reweighted least squares: where the wheels slip, odometry is far from what is measured. The
-    error follows from the residuals.
+    error follows from the residuals. The noise of the odometry adds up like steps at random; that
+    of the comparisons is in it, too. It is the standard deviation of a metre, from the median [m].
     """
     measured = np.array([one.distance for one in distances])
     information = np.array([one.information for one in distances])
@@ -64,11 +71,13 @@ def measured_ratio(
         weights = information / (1.0 + squares / (LOSS_SCALE * typical) ** 2)
         sum_of_weights = float(weights @ predicted**2)
         if sum_of_weights <= 0.0:
-            return 1.0, math.inf
+            return 1.0, math.inf, math.inf
         ratio = float(weights @ (predicted * measured)) / sum_of_weights
     terms = weights * predicted * (measured - ratio * predicted)
     error = math.sqrt(float(terms @ terms)) / sum_of_weights
-    return ratio, max(error, MIN_ERROR)
+    lengths = np.maximum(np.abs(predicted), MIN_LENGTH_M)
+    noise = MEDIAN_TO_SIGMA * float(np.median(np.abs(measured - ratio * predicted) / lengths**0.5))
+    return ratio, max(error, MIN_ERROR), noise
 
 
 def combined(estimates: Sequence[tuple[float, float]]) -> tuple[float, float]:

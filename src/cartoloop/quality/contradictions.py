@@ -19,8 +19,9 @@ from cartoloop.quality.verdict import Kind, Place, Severity
 MIN_PLACE_M = 2.0
 """Shorter parts of the path that contradict each other are doors and people, not a place [m]."""
 
-LONG_PLACE_M, FAR_M = 25.0, 0.5
-"""However long the path, a place of this length, displaced by so much or more, is doubtful [m]."""
+LONG_PLACE_M, LONG_DISPLACED_M, FAR_M = 25.0, 12.0, 0.5
+"""However long the path, a place of the first length is doubtful, and one of the second where walls
+stand twice, displaced by the third or more [m]."""
 
 CLOSE_LOOPS = (
     "look whether the walls stand twice there; drive through the place once more, or search wider: "
@@ -46,7 +47,8 @@ def contradictions(
         shift = met.displacement[own]
         known = shift[np.isfinite(shift)]
         apart = float(np.median(known)) if len(known) else float("nan")
-        is_long = length >= LONG_PLACE_M and not apart < FAR_M
+        longest = LONG_DISPLACED_M if apart >= FAR_M else LONG_PLACE_M
+        is_long = length >= longest and not apart < FAR_M
         severity = _severity_of_share(share, is_long, config)
         what = (
             f"walls stand twice, about {apart:.1f} m apart"

@@ -63,7 +63,7 @@ def examine(
         *motion_places.jump_places(jumps, content),
         *motion_places.blind_places(blind, met, content, config),
         *motion_places.standing_places(stands, halls, content),
-        *motion_places.corridor_places(halls, _rotation_error(odometry), content, config),
+        *motion_places.corridor_places(halls, odometry, content, config),
         *weak_places.weak_closure_places(weak_bundles(content.graph, paths, MIN_DETOUR_M), content),
         *weak_places.open_ends(met, paths, content, config),
     ]
@@ -84,14 +84,6 @@ def examine(
     return Quality(
         VERDICTS[worst], tuple(found), {name: round(value, 4) for name, value in figures.items()}
     )
-
-
-def _rotation_error(odometry: Mapping[str, Any] | None) -> float | None:
-    """Return the error of a step of the odometry [rad], None without odometry."""
-    if odometry is None or odometry.get("translation_error_m") is None:
-        return None
-    # Nothing known of turns means that there were none.
-    return float(odometry.get("rotation_error_rad") or 0.0)
 
 
 def _visit_figures(met: Encounters, share: float, paths: FloatArray) -> dict[str, float]:

@@ -120,7 +120,7 @@ def gaps(content: MapContent) -> list[Event]:
     return found
 
 
-MISFIT_SHARE, MISFIT_M, MISFIT_RAD = 0.45, 1.0, 1.0
+MISFIT_SHARE, MISFIT_M, MISFIT_RAD = 0.45, 1.0, 1.6
 """Scans to both sides of a gap do not fit if this share of the returns is elsewhere, though by the
 poses the robot was nearly at rest [m], [rad]: it saw the same walls then."""
 
@@ -223,11 +223,15 @@ def standing(content: MapContent) -> list[Standing]:
 
 
 def changed_share(content: MapContent, one: int, other: int, max_range: float = 12.0) -> float:
-    """Return the share of a node's returns that are not on the outline that another node sees."""
+    """Return the share of a node's returns that are not on the outline that another node sees.
+
+    Of those to which that one has looked.
+    """
     poses, points = content.graph.node_poses, content.node_points
     outline, seen = points[one], points[other]
     seen = seen[np.hypot(seen[:, 0], seen[:, 1]) < max_range]
-    order = np.argsort(np.arctan2(outline[:, 1], outline[:, 0]), kind="stable")
+    bearings = np.arctan2(outline[:, 1], outline[:, 0])
+    order = np.argsort(bearings, kind="stable")
     starts, ends = outline[order][:-1], outline[order][1:]
     lengths = np.hypot(*(ends - starts).T) if len(starts) else np.zeros(0)
     is_wall = (lengths < MAX_EDGE_M) & (lengths > 1e-6)
@@ -236,6 +240,10 @@ def changed_share(content: MapContent, one: int, other: int, max_range: float = 
         return 0.0
     pose = relative(Pose(*poses[one].tolist()), Pose(*poses[other].tolist()))
     seen = transform_points(pose, seen)
+    bearing = np.arctan2(seen[:, 1], seen[:, 0])
+    seen = seen[(bearing >= bearings.min()) & (bearing <= bearings.max())]
+    if len(seen) < 5:
+        return 0.0
     along = ends - starts
     share = np.sum((seen[:, np.newaxis] - starts) * along, axis=2) / np.sum(along**2, axis=1)
     nearest = starts + np.clip(share, 0.0, 1.0)[..., np.newaxis] * along

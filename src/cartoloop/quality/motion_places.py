@@ -3,6 +3,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from typing import Any, TypeGuard
+
 import numpy as np
 
 from cartoloop.config import QualityConfig
@@ -143,19 +147,48 @@ SCALE_ERROR, SCALE_OF_ROTATION, NO_ODOMETRY_ERROR = 0.002, 1.6, 0.05
 """Expected error of a corridor's length, as a share of it: of good odometry; more for each radian
 of its typical error of a step, by which bad odometry is recognised; and without odometry."""
 
+NUM_SIGMAS = 2.0
+"""Errors of a length that are to be expected, in standard deviations."""
+
+
+def length_error(length: float, odometry: Mapping[str, Any] | None) -> float:
+    """Return the error to be expected of a length that rests on the odometry alone [m].
+
+    Where scans have measured some of its metres, it follows from their noise: that of the metres of
+    this length, and that of the scale, which is the mean of the metres that were measured.
+
+    Parameters
+    ----------
+    length : [m].
+    odometry : its calibration, as in the report; None without odometry.
+    """
+    if not has_odometry(odometry):
+        return NO_ODOMETRY_ERROR * length
+    noise, num_metres = odometry.get("metre_noise_m"), odometry.get("measured_metres")
+    if noise and num_metres:
+        return NUM_SIGMAS * float(noise) * math.sqrt(length + length**2 / int(num_metres))
+    # Nothing known of turns means that there were none.
+    rotation_error = float(odometry.get("rotation_error_rad") or 0.0)
+    return (SCALE_ERROR + SCALE_OF_ROTATION * rotation_error) * length
+
+
+def has_odometry(odometry: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, Any]]:
+    """Return whether odometry was used."""
+    return odometry is not None and odometry.get("translation_error_m") is not None
+
 
 def corridor_places(
-    halls: Corridors, rotation_error: float | None, content: MapContent, config: QualityConfig
+    halls: Corridors,
+    odometry: Mapping[str, Any] | None,
+    content: MapContent,
+    config: QualityConfig,
 ) -> list[Place]:
     """Return the corridors whose lengths are not well known.
 
     Parameters
     ----------
-    rotation_error : median error of a step of the odometry [rad], None without odometry.
+    odometry : its calibration, as in the report; None without odometry.
     """
-    share = NO_ODOMETRY_ERROR
-    if rotation_error is not None:
-        share = SCALE_ERROR + SCALE_OF_ROTATION * rotation_error
     poses, places = content.graph.node_poses[:, :2], []
     rows = np.flatnonzero(halls.is_corridor)
     for run in np.split(rows, np.flatnonzero(np.diff(rows) > SMOOTHED_OVER) + 1):
@@ -163,9 +196,9 @@ def corridor_places(
         if len(nodes) < 2:
             continue
         length = extent(poses[nodes])
-        if (error := share * length) <= config.doubtful_length_error:
+        if (error := length_error(length, odometry)) <= config.doubtful_length_error:
             continue
-        on_what = "the odometry, which is poor" if rotation_error is not None else "nothing else"
+        on_what = "the odometry, which is poor" if has_odometry(odometry) else "nothing else"
         places.append(
             place_around(
                 poses[nodes],
