@@ -24,6 +24,7 @@ from cartoloop.localisation.claim_needs import (
     needed_margin,
     needed_of,
     searched_score,
+    shows_enough,
 )
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import (
@@ -141,13 +142,16 @@ def decide(
     if len(points) < MIN_POINTS:
         return NOTHING
     needed, least = needed_of(known, path, before.num_refuted), searched_score(known, path)
+    if not shows_enough(points, path):
+        needed = None
     if needed is not None and before.is_undecided:
         needed = needed._replace(score=math.inf)
     found = find(known, points, least)
     if found is None:
         return NOTHING
     margin, fitting_margin = needed_margin(path), FITTING_MARGIN * known.usual.score
-    tiles = search_tiles(known, points, max(found.score - max(2.0 * margin, fitting_margin), least))
+    lowest = found.score - max(2.0 * margin, fitting_margin)
+    tiles = search_tiles(known, points, max(lowest, least))
     runner_up = runner_up_score(known, tiles, found)
     listed = list_places(known, points, tiles)
     # Of long lists, the rest matters only if the best place would be claimed.
@@ -164,6 +168,7 @@ def decide(
             candidates[1:],
             (_candidate(known, composite, place) for place in rest),
             _earlier(known, composite, before.places, listed.places),
+            _lower(known, composite, listed.places, lowest) if lowest < least else (),
         )
         is_refuted = partial(_is_refuted, best, margin, fitting_margin, needed)
         if claim is not None and all(map(is_refuted, others)):
@@ -185,6 +190,20 @@ def _earlier(
         if not any(is_same_place(pose, place.tf_map_tracking) for place in listed):
             score = known.fit(composite.points, IDENTITY, pose).score
             yield _candidate(known, composite, FoundPlace(pose, score))
+
+
+def _lower(
+    known: KnownMap, composite: Composite, listed: Sequence[FoundPlace], min_score: float
+) -> Iterator[_Candidate]:
+    """Yield the places that reach a score but were too low to be listed.
+
+    Where the map is blurred, the right place may be among them.
+    """
+    tiles = search_tiles(known, composite.points, min_score)
+    for place in list_places(known, composite.points, tiles).places:
+        pose = place.tf_map_tracking
+        if not any(is_same_place(pose, each.tf_map_tracking) for each in listed):
+            yield _candidate(known, composite, place)
 
 
 def _is_refuted(
