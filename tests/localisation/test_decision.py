@@ -74,7 +74,7 @@ def test_a_place_mapped_less_sharply_is_not_refuted(twins, monkeypatch):
 
 
 def test_a_place_too_low_to_be_listed_is_not_refuted(twins, monkeypatch):
-    known, shift = twins
+    known, _ = twins
     composite = composite_of(ROOM, START)
     scores = [place.score for place in decide(known, composite, 0.0).places]
     between = 0.5 * (max(scores) + min(scores))

@@ -33,7 +33,7 @@ Rooms are built alike, to the centimetre, more often than buildings are: what is
 small one does not show which building it is in."""
 
 VIEW_PATH_M = 2.0
-"""Path from which scans may come from one small room [m]; up to there the distance falls linearly."""
+"""Path from which scans may be of one small room [m]; up to there the distance falls linearly."""
 
 LISTED_BELOW = 0.15
 """Places are listed from a score that is lower by this than that of a claim."""

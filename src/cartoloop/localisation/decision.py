@@ -29,6 +29,7 @@ from cartoloop.localisation.claim_needs import (
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import (
     FoundPlace,
+    TileMatches,
     find,
     fit_of_composite,
     is_same_place,
@@ -197,12 +198,26 @@ def _lower(
 ) -> Iterator[_Candidate]:
     """Yield the places that reach a score but were too low to be listed.
 
-    Where the map is blurred, the right place may be among them.
+    Where the map is blurred, the right place may be among them. Of each tile the best is looked at,
+    and all places in the tiles whose best is listed: along corridors, a full list takes seconds.
     """
-    tiles = search_tiles(known, composite.points, min_score)
-    for place in list_places(known, composite.points, tiles).places:
-        pose = place.tf_map_tracking
-        if not any(is_same_place(pose, each.tf_map_tracking) for each in listed):
+
+    def is_listed(pose: Pose) -> bool:
+        return any(is_same_place(pose, place.tf_map_tracking) for place in listed)
+
+    points = composite.points
+    centres, matches, _ = search_tiles(known, points, min_score)
+    is_divided = np.zeros(len(matches), dtype=bool)
+    for i, match in enumerate(matches):
+        if match is not None:
+            pose = known.to_map(match.tf_submap_scan)
+            is_divided[i] = is_listed(pose)
+            if not is_divided[i]:
+                yield _candidate(known, composite, FoundPlace(pose, match.score))
+    divided = [match for match, is_chosen in zip(matches, is_divided, strict=True) if is_chosen]
+    tiles = TileMatches(centres[is_divided], divided, min_score)
+    for place in list_places(known, points, tiles).places:
+        if not is_listed(place.tf_map_tracking):
             yield _candidate(known, composite, place)
 
 
