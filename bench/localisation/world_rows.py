@@ -35,6 +35,9 @@ MAX_PATH_M = 20.0
 STRANGER_PATH_M = 20.0
 """Within this path a robot in the map of another building is to say so [m]."""
 
+STRANGER_SCANS = 60
+"""Single scans that are searched in the map of another building."""
+
 Progress = Callable[[str], None]
 
 
@@ -64,6 +67,17 @@ def stranger_row(case: Case, runs: Sequence[measures.Followed], how: str = "") -
             "says so within 20 m": share(paths <= STRANGER_PATH_M, "more"),
             "wrong": Figure.exact(100.0 * located / max(decisions, 1), "%"),
             "longest located": Figure.exact(max(run.longest_located_s for run in runs), "s"),
+        },
+    )
+
+
+def stranger_scans_row(case: Case, claimed: Sequence[bool]) -> Row:
+    """Return how often a single scan is claimed in the map of another building."""
+    return Row(
+        {"what": "one scan, in the map of another building", **case},
+        {
+            "scans": Figure.exact(len(claimed), better=None),
+            "wrong": Figure.exact(100.0 * float(np.mean(claimed)), "%"),
         },
     )
 
@@ -102,6 +116,8 @@ def simulated_rows(seeds: int, drives: int, progress: Progress) -> Iterator[Row]
             found.strangers.append(measures.follow(before, drive))
             given = measures.follow(before, drive, max_path=STRANGER_PATH_M, at=start)
             found.given.append(given)
+            scans = measures.single_scans(before, drive, STRANGER_SCANS)
+            found.stranger_scans += scans.claimed
         before = known
         found.carried += _carried(known, drive, seed, drives)
     if seeds:
@@ -116,6 +132,7 @@ class _Measured:
     moved: list[measures.Followed] = field(default_factory=list)
     strangers: list[measures.Followed] = field(default_factory=list)
     given: list[measures.Followed] = field(default_factory=list)
+    stranger_scans: list[bool] = field(default_factory=list)
     live: list[measures.Followed] = field(default_factory=list)
     carried: list[measures.CarriedAway] = field(default_factory=list)
     map_errors: list[FloatArray] = field(default_factory=list)
@@ -132,6 +149,7 @@ class _Measured:
         if self.strangers:
             yield stranger_row(worlds, self.strangers)
             yield stranger_row(worlds, self.given, ", from a wrong pose")
+            yield stranger_scans_row(worlds, self.stranger_scans)
         if self.carried:
             yield carried_row(worlds, self.carried)
 

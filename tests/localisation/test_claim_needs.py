@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from cartoloop.localisation.claim_needs import (
@@ -13,11 +14,15 @@ from cartoloop.localisation.claim_needs import (
     MARGIN_OF_SCAN,
     MAX_REFUTED_PATH_M,
     MIN_DETAIL,
+    SCORE_OF_SCAN,
+    VIEW_M,
+    VIEW_PATH_M,
     Detailed,
     Needed,
     needed_margin,
     needed_of,
     searched_score,
+    shows_enough,
 )
 from cartoloop.localisation.fit import Fit
 from tests.localisation.rooms import ROOM, known_map
@@ -52,6 +57,34 @@ def test_scans_of_a_path_need_less_agreement():
     distinct = [each.distinctness for each in needed]
     assert distinct == sorted(distinct, reverse=True)
     assert distinct[-1] == distinct[-2] == DISTINCTNESS_OF_TRAIL * known.low_distinctness
+
+
+def test_a_scan_fits_a_sharp_map_as_its_own_scans_do(learnt_map):
+    usual = learnt_map.usual.score
+    learnt_map.low_score = 0.8 * usual
+    assert needed_of(learnt_map, 0.0).score == pytest.approx(SCORE_OF_SCAN * usual)
+
+    of_blurred = [needed_of(learnt_map, path).score for path in (0.0, 1.0, 10.0)]
+    learnt_map.low_score = 0.97 * usual
+    of_sharp = [needed_of(learnt_map, path).score for path in (0.0, 1.0, 10.0)]
+
+    assert of_sharp[0] == pytest.approx(0.97 * usual)
+    assert of_sharp[1] > of_blurred[1]
+    assert of_sharp[2] == pytest.approx(of_blurred[2])
+
+
+def test_a_view_of_a_small_room_needs_some_path():
+    angles = np.linspace(0.0, 6.0, 100)
+    room = 0.6 * VIEW_M * np.column_stack((np.cos(angles), np.sin(angles)))
+    through_a_gap, through_a_door = room.copy(), room.copy()
+    through_a_gap[:3] *= 2.0
+    through_a_door[:10] *= 2.0
+
+    assert [shows_enough(room, path) for path in (0.0, 0.3 * VIEW_PATH_M)] == [False, False]
+    assert shows_enough(room, 0.5 * VIEW_PATH_M)
+    assert shows_enough(0.01 * room, VIEW_PATH_M)
+    assert not shows_enough(through_a_gap, 0.0)
+    assert shows_enough(through_a_door, 0.0)
 
 
 def test_refuted_claims_make_the_next_one_need_more_path():

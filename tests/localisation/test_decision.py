@@ -73,6 +73,33 @@ def test_a_place_mapped_less_sharply_is_not_refuted(twins, monkeypatch):
     assert decide(known, composite, 0.0).claim is not None
 
 
+def test_a_place_too_low_to_be_listed_is_not_refuted(twins, monkeypatch):
+    known, _ = twins
+    composite = composite_of(ROOM, START)
+    scores = [place.score for place in decide(known, composite, 0.0).places]
+    between = 0.5 * (max(scores) + min(scores))
+    monkeypatch.setattr(decision_module, "searched_score", lambda known, path: between)
+
+    decision = decide(known, composite, 0.0)
+
+    assert decision.claim is None
+    assert len(decision.places) == 1
+    monkeypatch.setattr(decision_module, "_lower", lambda *_: iter(()))
+    assert decide(known, composite, 0.0).claim is not None
+
+
+def test_a_small_room_is_claimed_after_some_path_only():
+    room = tuple(tuple((0.4 * x, 0.4 * y) for x, y in polygon) for polygon in ROOM)
+    pose = Pose(0.4 * START.x, 0.4 * START.y, START.theta)
+    known, composite = known_map(room), composite_of(room, pose)
+
+    at_first = decide(known, composite, 0.0)
+
+    assert at_first.claim is None
+    assert apart(pose, at_first.places[0].tf_map_tracking)[0] < 0.05
+    assert apart(pose, decide(known, composite, 2.0).claim.tf_map_tracking)[0] < 0.05
+
+
 def test_a_scan_of_another_building_is_claimed_nowhere():
     hall = (((0, 0), (11, 0), (11, 2), (0, 2)), ((5, 0.5), (5.4, 0.5), (5.4, 0.9), (5, 0.9)))
 

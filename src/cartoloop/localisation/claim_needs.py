@@ -11,6 +11,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
+from cartoloop.arrays import FloatArray
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import LENGTH_M
@@ -20,8 +23,17 @@ SEARCHED_SCORE = 0.62
 
 SCORE_OF_SCAN, SCORE_OF_TRAIL = 0.9, 0.62
 """Score from which a place may be claimed, relative to the usual, by a single scan and by those of
-`LENGTH_M` of path; in between it falls linearly. Single scans of one office fit somewhere in
-another one nearly as well as in their own, but those of a path do not."""
+`LENGTH_M` of path; in between it falls linearly. A single scan also needs what nine of ten of the
+map's own scans reach: in rooms that resemble each other but for centimetres, scans agree, and in a
+sharp map their score shows the centimetres."""
+
+VIEW_M, FAR_SHARE = 6.0, 0.05
+"""Distance from the robot [m] beyond which this share of the returns of a single scan must lie.
+Rooms are built alike, to the centimetre, more often than buildings are: what is seen of a single
+small one does not show which building it is in."""
+
+VIEW_PATH_M = 2.0
+"""Path from which scans may be of one small room [m]; up to there the distance falls linearly."""
 
 LISTED_BELOW = 0.15
 """Places are listed from a score that is lower by this than that of a claim."""
@@ -162,8 +174,9 @@ def needed_of(known: KnownMap, path: float, num_refuted: int = 0) -> Needed | No
         return None
     agreement = AGREEMENT_OF_SCAN * known.usual.agreement
     distinctness = DISTINCTNESS_OF_SCAN * known.low_distinctness
+    score = max(SCORE_OF_SCAN * known.usual.score, known.low_score)
     return Needed(
-        _claimed_score(path) * known.usual.score,
+        _falling(score, SCORE_OF_TRAIL * known.usual.score, path),
         _falling(agreement, min(AGREEMENT_OF_TRAIL * known.low_agreement, agreement), path),
         _falling(distinctness, DISTINCTNESS_OF_TRAIL * known.low_distinctness, path),
         _detailed_of(known, path),
@@ -189,6 +202,19 @@ def searched_score(known: KnownMap, path: float) -> float:
 def _claimed_score(path: float) -> float:
     """Return the score from which places may be claimed, relative to the usual one."""
     return _falling(SCORE_OF_SCAN, SCORE_OF_TRAIL, path)
+
+
+def shows_enough(points: FloatArray, path: float) -> bool:
+    """Return whether scans show more than a small room, or the robot has driven on.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2), returns, frame of the robot [m].
+    path : length of the path that they come from [m].
+    """
+    needed = VIEW_M * max(1.0 - path / VIEW_PATH_M, 0.0)
+    num_far = int(np.count_nonzero(np.hypot(points[:, 0], points[:, 1]) >= needed))
+    return num_far >= FAR_SHARE * len(points)
 
 
 def needed_margin(path: float) -> float:

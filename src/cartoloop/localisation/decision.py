@@ -24,10 +24,12 @@ from cartoloop.localisation.claim_needs import (
     needed_margin,
     needed_of,
     searched_score,
+    shows_enough,
 )
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import (
     FoundPlace,
+    TileMatches,
     find,
     fit_of_composite,
     is_same_place,
@@ -141,13 +143,16 @@ def decide(
     if len(points) < MIN_POINTS:
         return NOTHING
     needed, least = needed_of(known, path, before.num_refuted), searched_score(known, path)
+    if not shows_enough(points, path):
+        needed = None
     if needed is not None and before.is_undecided:
         needed = needed._replace(score=math.inf)
     found = find(known, points, least)
     if found is None:
         return NOTHING
     margin, fitting_margin = needed_margin(path), FITTING_MARGIN * known.usual.score
-    tiles = search_tiles(known, points, max(found.score - max(2.0 * margin, fitting_margin), least))
+    lowest = found.score - max(2.0 * margin, fitting_margin)
+    tiles = search_tiles(known, points, max(lowest, least))
     runner_up = runner_up_score(known, tiles, found)
     listed = list_places(known, points, tiles)
     # Of long lists, the rest matters only if the best place would be claimed.
@@ -164,6 +169,7 @@ def decide(
             candidates[1:],
             (_candidate(known, composite, place) for place in rest),
             _earlier(known, composite, before.places, listed.places),
+            _lower(known, composite, listed.places, lowest) if lowest < least else (),
         )
         is_refuted = partial(_is_refuted, best, margin, fitting_margin, needed)
         if claim is not None and all(map(is_refuted, others)):
@@ -185,6 +191,34 @@ def _earlier(
         if not any(is_same_place(pose, place.tf_map_tracking) for place in listed):
             score = known.fit(composite.points, IDENTITY, pose).score
             yield _candidate(known, composite, FoundPlace(pose, score))
+
+
+def _lower(
+    known: KnownMap, composite: Composite, listed: Sequence[FoundPlace], min_score: float
+) -> Iterator[_Candidate]:
+    """Yield the places that reach a score but were too low to be listed.
+
+    Where the map is blurred, the right place may be among them. Of each tile the best is looked at,
+    and all places in the tiles whose best is listed: along corridors, a full list takes seconds.
+    """
+
+    def is_listed(pose: Pose) -> bool:
+        return any(is_same_place(pose, place.tf_map_tracking) for place in listed)
+
+    points = composite.points
+    centres, matches, _ = search_tiles(known, points, min_score)
+    is_divided = np.zeros(len(matches), dtype=bool)
+    for i, match in enumerate(matches):
+        if match is not None:
+            pose = known.to_map(match.tf_submap_scan)
+            is_divided[i] = is_listed(pose)
+            if not is_divided[i]:
+                yield _candidate(known, composite, FoundPlace(pose, match.score))
+    divided = [match for match, is_chosen in zip(matches, is_divided, strict=True) if is_chosen]
+    tiles = TileMatches(centres[is_divided], divided, min_score)
+    for place in list_places(known, points, tiles).places:
+        if not is_listed(place.tf_map_tracking):
+            yield _candidate(known, composite, place)
 
 
 def _is_refuted(

@@ -42,9 +42,10 @@ MAX_CELLS = 2**26
 """Largest map [cells]: a square of 400 m; it takes 1.2 GB."""
 
 FOREIGN_SCORE, FOREIGN_AGREEMENT, FOREIGN_LOW_AGREEMENT = 0.65, 0.9, 0.8
+FOREIGN_LOW_SCORE = 0.55
 FOREIGN_DISTINCTNESS, FOREIGN_LOW_DISTINCTNESS = 0.88, 0.78
-"""What scans usually reach in a map without scans of its own, see :class:`Fit`, and the agreement
-and distinctness that nine of ten reach."""
+"""What scans usually reach in a map without scans of its own, see :class:`Fit`, and the score,
+agreement and distinctness that nine of ten reach."""
 
 TILE_M = 8.0
 """Edge of the parts of the map that are searched for their best places [m]."""
@@ -73,7 +74,7 @@ class KnownMap:
     tile_centres : float64, shape (n, 3), poses in the middle of the squares of `TILE_M` in which
         anything is known, grid frame.
     usual : the fit that scans usually reach.
-    low_agreement, low_distinctness : those that nine of ten scans reach.
+    low_score, low_agreement, low_distinctness : those that nine of ten scans reach.
     has_own_fits : whether these are of the map's own scans; otherwise they are assumed.
 
     Raises
@@ -109,6 +110,7 @@ class KnownMap:
         self.tile_centres = self._tile_centres()
         self.usual = Fit(FOREIGN_SCORE, FOREIGN_AGREEMENT, FOREIGN_DISTINCTNESS, 0)
         self.has_own_fits = False
+        self.low_score = FOREIGN_LOW_SCORE
         self.low_agreement = FOREIGN_LOW_AGREEMENT
         self.low_distinctness = FOREIGN_LOW_DISTINCTNESS
 
@@ -207,7 +209,8 @@ def known_map_of(data: MapData, name: str = "the map") -> KnownMap:
     own = learn_from_own_scans(known.judge, data)
     if own is not None:
         known.usual, known.has_own_fits = own.usual, True
-        known.low_agreement, known.low_distinctness = own.low_agreement, own.low_distinctness
+        known.low_score, known.low_agreement = own.low_score, own.low_agreement
+        known.low_distinctness = own.low_distinctness
     return known
 
 

@@ -38,15 +38,15 @@ class OwnFits:
     Attributes
     ----------
     usual : the medians.
-    low_agreement, low_distinctness : those that nine of ten reach.
+    low_score, low_agreement, low_distinctness : those that nine of ten reach.
     """
 
     def __init__(self, fits: list[Fit]) -> None:
         values = np.array([fit[:3] for fit in fits])
         score, agreement, distinctness = np.median(values, axis=0).tolist()
-        low = np.quantile(values[:, 1:], LOW_QUANTILE, axis=0)
+        low = np.quantile(values, LOW_QUANTILE, axis=0)
         self.usual = Fit(score, agreement, distinctness, len(fits))
-        self.low_agreement, self.low_distinctness = low.tolist()
+        self.low_score, self.low_agreement, self.low_distinctness = low.tolist()
 
 
 def learn_from_own_scans(judge: FitJudge, data: MapData) -> OwnFits | None:
