@@ -77,7 +77,8 @@ class CorrelativeMatcherConfig(Section):
     max_lost_scans: int = Field(
         5,
         ge=1,
-        description="number of scans in turn that do not fit, at most, that weigh together against odometry",
+        description="number of scans in turn that do not fit, at most, which weigh together "
+        "against odometry",
     )
 
 
