@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from cartoloop.config import QualityConfig
-from cartoloop.global_slam.join_evidence import GeometryCheck
+from cartoloop.global_slam.closure_search import FinishedSubmap
+from cartoloop.global_slam.join_evidence import GeometryCheck, TwoParts
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.quality.joins import (
     MAX_FLOOR_SHARE,
@@ -43,11 +44,6 @@ def test_what_is_usual_excuses_only_so_much(usual):
     assert fault(MAX_FLOOR_SHARE + 0.01, usual) != ""
 
 
-class _Submap:
-    def __init__(self, grid):
-        self.grid = grid
-
-
 def seen_twice(on_floor, num_nodes=100):
     """Return a part of two submaps: the nodes of the second see floor of the first, and walls.
 
@@ -77,13 +73,13 @@ def seen_twice(on_floor, num_nodes=100):
         [(0.1 * i, -2.0) for i in range(high)] + [(0.1 * i, 3.5) for i in range(20 - high)]
     )
     points = np.concatenate((points, points))
-    return graph, [_Submap(grid), _Submap(grid)], ScanPoints.of([points] * (2 * num_nodes))
+    submaps = [FinishedSubmap(index, grid, 0.7) for index in range(2)]
+    return graph, submaps, ScanPoints.of([points] * (2 * num_nodes))
 
 
 def usual(part, parts):
-    graph, submaps, points = part
-    nodes = np.repeat(parts, graph.num_nodes // 2)
-    return usual_floor_share(graph, submaps, points, nodes, np.array(parts), QualityConfig())
+    nodes = np.repeat(parts, part[0].num_nodes // 2)
+    return usual_floor_share(TwoParts(*part, nodes, np.array(parts)), QualityConfig())
 
 
 def test_usual_share_is_that_within_the_parts():

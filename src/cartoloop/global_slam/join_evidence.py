@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
-from cartoloop.arrays import IntArray
+import numpy as np
+
+from cartoloop.arrays import BoolArray, IntArray
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.placing import Placement
 from cartoloop.global_slam.pose_graph import PoseGraph
@@ -47,11 +49,36 @@ class Strictness(IntEnum):
     FEW_DISTINCT = 2
 
 
-CheckGeometry = Callable[
-    [PoseGraph, Sequence[FinishedSubmap], ScanPoints, IntArray, IntArray, Strictness], GeometryCheck
-]
-"""Examines a graph in which two parts were placed: graph, submaps, returns of the nodes, the parts
-of nodes and submaps: 0 and 1, others are not examined; and how strictly."""
+@dataclass(frozen=True, slots=True)
+class TwoParts:
+    """Two parts of a graph, which are compared or placed in each other.
+
+    Attributes
+    ----------
+    graph : with both of them, and maybe others.
+    submaps : the first ones of the graph, finished.
+    node_points : the returns of all nodes.
+    of_nodes, of_submaps : int64, 0 and 1 for the nodes and submaps of the two; others are left out.
+    """
+
+    graph: PoseGraph
+    submaps: Sequence[FinishedSubmap]
+    node_points: ScanPoints
+    of_nodes: IntArray
+    of_submaps: IntArray
+
+    def nodes_of(self, part: int) -> BoolArray:
+        """Return which nodes are of part 0 or 1, shape (num_nodes,)."""
+        is_of: BoolArray = self.of_nodes == part
+        return is_of
+
+    def submaps_of(self, part: int) -> IntArray:
+        """Return the finished submaps of part 0 or 1, ascending."""
+        return np.flatnonzero(self.of_submaps[: len(self.submaps)] == part)
+
+
+CheckGeometry = Callable[[TwoParts, Strictness], GeometryCheck]
+"""Examines two parts where they were placed, and how strictly."""
 
 
 class Examined(NamedTuple):

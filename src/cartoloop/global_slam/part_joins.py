@@ -9,14 +9,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cartoloop.arrays import IntArray
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam.closure_matches import SearchMatches
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.composite_scans import CompositeScans
 from cartoloop.global_slam.constraint_search import ConstraintSearch
-from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, JoinAttempt
+from cartoloop.global_slam.join_evidence import (
+    CheckGeometry,
+    GeometryCheck,
+    JoinAttempt,
+    TwoParts,
+)
 from cartoloop.global_slam.join_records import (
     JoinDecision,
     join_decision_record,
@@ -139,8 +143,8 @@ class PartJoins:
             candidates = [claim.candidate for claim in attempt.found.claims]
             search = self._config.constraint_search
             found = refined(candidates, self._scans.points, self._submaps, search)
-            nodes, submaps = self._two_parts(attempt, graph)
-            check = self._examined(attempt, found, (nodes, submaps), graph, node_points)
+            parts = self._two_parts(attempt, graph, node_points)
+            check = self._examined(attempt, found, parts)
             if check.fault:
                 self.joining.refuse(attempt, check)
                 continue
@@ -149,29 +153,17 @@ class PartJoins:
                 continue
             attempt.check = check
             self.done.append(self._record(attempt, joined=True))
-            place_part(
-                graph,
-                attempt.found.tf_one_other,
-                np.flatnonzero(nodes == 1),
-                np.flatnonzero(submaps == 1),
-            )
+            place_part(parts, attempt.found.tf_one_other)
             self.joining.joined(attempt)
             return Join(attempt, found)
         return None
 
     def _examined(
-        self,
-        attempt: JoinAttempt,
-        found: SearchMatches,
-        parts: tuple[IntArray, IntArray],
-        graph: PoseGraph,
-        node_points: ScanPoints,
+        self, attempt: JoinAttempt, found: SearchMatches, parts: TwoParts
     ) -> GeometryCheck:
         """Return how well two parts agree where they are placed, with these closures between them.
 
-        Parameters
-        ----------
-        parts : 0 and 1 for the nodes and submaps of the two parts.
+        The parts are not placed yet, and stay as they are.
         """
         if (recorded := self._recorded.replay(Kind.JOIN_DECIDED)) is not None:
             return recorded_join_decision(recorded).check
@@ -180,16 +172,9 @@ class PartJoins:
         of_submap = np.array([each.submap for each in candidates], dtype=np.int64)
         of_node = self._scans.nodes[np.array([each.scan for each in candidates])]
         placed = attempt.found.tf_one_other
-        for joined in tentative_joins(
-            self._config,
-            graph,
-            placed,
-            (found, of_submap, of_node),
-            *parts,
-            self._submaps,
-            node_points,
-        ):
-            check = self._check(joined, self._submaps, node_points, *parts, attempt.strictness)
+        closures = (found, of_submap, of_node)
+        for joined in tentative_joins(self._config, parts, placed, closures):
+            check = self._check(joined, attempt.strictness)
             if not check.fault:
                 break
         if self._recorded.is_recording:
@@ -211,8 +196,10 @@ class PartJoins:
             attempt,
         )
 
-    def _two_parts(self, attempt: JoinAttempt, graph: PoseGraph) -> tuple[IntArray, IntArray]:
-        """Return 0 and 1 for the nodes and submaps of the two parts, -1 for others."""
+    def _two_parts(
+        self, attempt: JoinAttempt, graph: PoseGraph, node_points: ScanPoints
+    ) -> TwoParts:
+        """Return the two parts of an attempt."""
         codes = []
         for parts in (
             self._sessions.of_nodes(graph.num_nodes),
@@ -221,4 +208,4 @@ class PartJoins:
             code = np.full(len(parts), -1)
             code[parts == attempt.one], code[parts == attempt.other] = 0, 1
             codes.append(code)
-        return codes[0], codes[1]
+        return TwoParts(graph, self._submaps, node_points, *codes)

@@ -3,20 +3,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam.closure_matches import SearchMatches
-from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.graph_adjustment import GraphAdjustment
-from cartoloop.global_slam.pose_graph import ClosureConstraints, PoseGraph
+from cartoloop.global_slam.join_evidence import TwoParts
+from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.global_slam.refinement import match_again, overlapping_nodes
 from cartoloop.sensor.pose import Pose, compose_all
-from cartoloop.sensor.scan_points import ScanPoints
 
 EVERY_NTH_NODE = 4
 """One in four nodes of either part is matched to the submaps of the other."""
@@ -28,24 +28,21 @@ MAX_ROUNDS = 3
 """Rounds of matching, at most."""
 
 
-def place_part(graph: PoseGraph, tf_one_other: Pose, nodes: IntArray, submaps: IntArray) -> None:
-    """Move the nodes and submaps of one part into the frame of another, in place."""
-    pose = np.array(tf_one_other)
+def place_part(parts: TwoParts, tf_one_other: Pose) -> None:
+    """Move the nodes and submaps of part 1 into the frame of part 0, in place."""
+    graph, pose = parts.graph, np.array(tf_one_other)
+    nodes, submaps = np.flatnonzero(parts.of_nodes == 1), np.flatnonzero(parts.of_submaps == 1)
     graph.node_poses[nodes] = compose_all(pose, graph.node_poses[nodes])
     graph.submap_poses[submaps] = compose_all(pose, graph.submap_poses[submaps])
 
 
 def tentative_joins(
     config: GlobalSlamConfig,
-    graph: PoseGraph,
+    parts: TwoParts,
     tf_one_other: Pose,
     closures: tuple[SearchMatches, IntArray, IntArray],
-    node_parts: IntArray,
-    submap_parts: IntArray,
-    submaps: Sequence[FinishedSubmap],
-    node_points: ScanPoints,
-) -> Iterator[PoseGraph]:
-    """Yield copies of a graph with part 1 joined to part 0, in each round bent to fit better.
+) -> Iterator[TwoParts]:
+    """Yield copies of two parts with part 1 joined to part 0, in each round bent to fit better.
 
     One round does where both parts are true. Where one is stretched, most of its nodes are too far
     from where they fit to be matched at first.
@@ -53,12 +50,9 @@ def tentative_joins(
     Parameters
     ----------
     closures : of the join, with the submap and the node of each.
-    node_parts, submap_parts : 0 and 1 for the two parts, others are left as they are.
     """
-    joined = graph.copy()
-    place_part(
-        joined, tf_one_other, np.flatnonzero(node_parts == 1), np.flatnonzero(submap_parts == 1)
-    )
+    joined = parts.graph.copy()
+    place_part(replace(parts, graph=joined), tf_one_other)
     found, of_submap, of_node = closures
     joined.add_loop_closures(
         ClosureConstraints(
@@ -73,30 +67,22 @@ def tentative_joins(
         matched = unmatched.copy()
         matched.node_poses[:] = joined.node_poses
         matched.submap_poses[:] = joined.submap_poses
-        for matches in _overlap_matches(
-            config, joined, node_parts, submap_parts, submaps, node_points
-        ):
+        for matches in _overlap_matches(config, replace(parts, graph=joined)):
             matched.add_loop_closures(matches)
         GraphAdjustment(matched, config).run(iterations)
         joined = matched
-        yield joined
+        yield replace(parts, graph=joined)
 
 
-def _overlap_matches(
-    config: GlobalSlamConfig,
-    graph: PoseGraph,
-    node_parts: IntArray,
-    submap_parts: IntArray,
-    submaps: Sequence[FinishedSubmap],
-    node_points: ScanPoints,
-) -> list[ClosureConstraints]:
+def _overlap_matches(config: GlobalSlamConfig, parts: TwoParts) -> list[ClosureConstraints]:
     """Return the matches of nodes of either part in submaps of the other, near where they are."""
+    graph, submaps = parts.graph, parts.submaps
     search = config.constraint_search
     overlaps: list[tuple[int, IntArray]] = []
     for part in (0, 1):
-        of_other = node_parts == 1 - part
+        of_other = parts.nodes_of(1 - part)
         found = []
-        for index in np.flatnonzero(submap_parts[: len(submaps)] == part).tolist():
+        for index in parts.submaps_of(part).tolist():
             nodes = overlapping_nodes(
                 submaps[index], graph.submap_poses[index], graph.node_poses, set(), EVERY_NTH_NODE
             )
@@ -105,13 +91,15 @@ def _overlap_matches(
                 found.append((index, nodes))
         found.sort(key=lambda each: (-len(each[1]), each[0]))
         overlaps += found[:MAX_SUBMAPS]
-    parts = []
+    accepted = []
     for index, nodes in overlaps:
         pose: FloatArray = graph.submap_poses[index]
-        matches = match_again(submaps[index], pose, nodes, graph.node_poses, node_points, search)
+        matches = match_again(
+            submaps[index], pose, nodes, graph.node_poses, parts.node_points, search
+        )
         submaps[index].release()
         fits = matches.reason == Reason.FITS
-        parts.append(
+        accepted.append(
             ClosureConstraints(
                 np.full(int(np.count_nonzero(fits)), -1),
                 matches.submap[fits],
@@ -120,4 +108,4 @@ def _overlap_matches(
                 matches.information[fits],
             )
         )
-    return parts
+    return accepted
