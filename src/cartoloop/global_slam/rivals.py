@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from cartoloop.config import JoinConfig, WideSearchConfig
 from cartoloop.global_slam.join_evidence import Examined, JoinAttempt
-from cartoloop.global_slam.placing import Claim, Placement, evidence_of, placement
+from cartoloop.global_slam.placing import Claim, Placement, evidence_of, is_same, placement
 from cartoloop.sensor.pose import Pose
 
 RETRY_EVIDENCE = 1.5
@@ -32,6 +32,24 @@ def closed_places(
         for each in attempt.refused
         if each.strictness <= attempt.strictness
         and evidence_of(claims, each.tf_one_other, wide) < RETRY_EVIDENCE * each.evidence
+    ]
+
+
+def reopen(
+    attempt: JoinAttempt, tf_one_other: Pose, claims: Sequence[Claim], wide: WideSearchConfig
+) -> None:
+    """Forget that a place was refused, since more is searched there.
+
+    Parameters
+    ----------
+    tf_one_other : the place.
+    claims : about the two parts; that a claim is about both says that two poses are one place.
+    """
+    near = [claim for claim in claims if is_same(claim, tf_one_other, wide)]
+    attempt.refused[:] = [
+        each
+        for each in attempt.refused
+        if not any(is_same(claim, each.tf_one_other, wide) for claim in near)
     ]
 
 
