@@ -5,8 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, Strictness, TwoParts
+from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.map_output.part_walls import Submaps, WallFault, wall_faults
 from cartoloop.quality.joins import check_geometry, floor_fault, usual_floor_share
 
@@ -26,6 +30,7 @@ def part_check(config: Config) -> CheckGeometry:
             config.local_slam.submaps,
             min(MIN_PIECE_M, join.max_contradicted_wall),
             join.min_hidden_area,
+            _held(parts),
         )
         if faults and faults[0].length >= join.max_contradicted_wall:
             worst = faults[0]
@@ -43,6 +48,17 @@ def part_check(config: Config) -> CheckGeometry:
         return found._replace(fault=strict_fault(found, faults, limit, usual))
 
     return check
+
+
+def _held(parts: TwoParts) -> FloatArray:
+    """Return where nodes of one part are that closures connect to the other, shape (k, 2) [m]."""
+    graph = parts.graph
+    closures = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)
+    nodes = graph.index_b[closures]
+    of_submap, of_node = parts.of_submaps[graph.index_a[closures]], parts.of_nodes[nodes]
+    is_between = (of_submap != of_node) & (of_submap >= 0) & (of_node >= 0)
+    places: FloatArray = graph.node_poses[nodes[is_between], :2]
+    return places
 
 
 def _submaps_of(parts: TwoParts, part: int) -> Submaps:

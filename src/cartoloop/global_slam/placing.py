@@ -190,7 +190,7 @@ def fitted_pose(claims: Sequence[Claim]) -> Pose:
     sin = weights @ (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] + LEVER_M**2 * np.sin(turns))
     cos = weights @ (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + LEVER_M**2 * np.cos(turns))
     turned = Pose(0.0, 0.0, math.atan2(sin, cos))
-    x, y, theta = compose(turned, Pose(*(-centres[1]).tolist(), 0.0))
+    x, y, theta = compose(turned, Pose(-float(centres[1][0]), -float(centres[1][1]), 0.0))
     return Pose(x + float(centres[0][0]), y + float(centres[0][1]), theta)
 
 

@@ -28,6 +28,10 @@ WALL, MAYBE_WALL, FLOOR = 0.7, 0.5, 0.3
 NEAR_WALL_M = 0.3
 """A wall with none of the other part within this distance contradicts it, on its floor [m]."""
 
+BEND_SHARE = 0.03
+"""And by this share of the distance from where the parts hold together: parts are bent, as
+``max_disagreement_growth`` allows for matches between them."""
+
 BRIDGED_M = 0.15
 """Pieces of wall closer than this belong together [m]."""
 
@@ -87,12 +91,19 @@ class WallFault(NamedTuple):
 
 
 def wall_faults(
-    one: Submaps, other: Submaps, submaps: SubmapConfig, min_length: float, min_hidden: float
+    one: Submaps,
+    other: Submaps,
+    submaps: SubmapConfig,
+    min_length: float,
+    min_hidden: float,
+    held: FloatArray,
 ) -> list[WallFault]:
     """Return the walls of either part that the other contradicts, the longest first.
 
     Parameters
     ----------
+    held : shape (k, 2), where scans of the one were matched to the other [m]: from there on the
+        parts may be bent.
     min_length, min_hidden : least length of a wall [m], and least area behind it [m^2].
     """
     box = _common_box(one, other, submaps.resolution)
@@ -100,8 +111,8 @@ def wall_faults(
         return []
     maps = [compose_map(each.grids, each.poses, submaps, box).probability for each in (one, other)]
     faults = [
-        *_faults(maps[0], maps[1], box, submaps.resolution, min_length, min_hidden),
-        *_faults(maps[1], maps[0], box, submaps.resolution, min_length, min_hidden),
+        *_faults(maps[0], maps[1], box, submaps.resolution, min_length, min_hidden, held),
+        *_faults(maps[1], maps[0], box, submaps.resolution, min_length, min_hidden, held),
     ]
     return sorted(faults, key=lambda fault: (-fault.length, fault.x, fault.y))
 
@@ -138,6 +149,7 @@ def _faults(
     resolution: float,
     min_length: float,
     min_hidden: float,
+    held: FloatArray,
 ) -> list[WallFault]:
     """Return the walls of a map that another one contradicts; both are of the same cells."""
     from scipy import ndimage  # heavy, and rarely used
@@ -147,6 +159,7 @@ def _faults(
     contradicted = (
         (walls > WALL) & ndimage.binary_erosion(floor, iterations=1) & (to_wall > NEAR_WALL_M)
     )
+    _leave_bent(contradicted, to_wall, box, resolution, held)
     if not contradicted.any():
         return []
     bridge = max(1, round(BRIDGED_M / resolution))
@@ -174,6 +187,32 @@ def _faults(
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
             faults.append(WallFault(x, y, length, hidden))
     return faults
+
+
+def _leave_bent(
+    contradicted: BoolArray,
+    to_wall: FloatArray,
+    box: CellBox,
+    resolution: float,
+    held: FloatArray,
+) -> None:
+    """Leave out cells as close to a wall of the other part as the parts may be bent, in place.
+
+    Parameters
+    ----------
+    contradicted : cells of walls on floor of the other part.
+    to_wall : distance from each cell to the nearest wall of that [m].
+    held : shape (k, 2), where the parts hold together [m].
+    """
+    if len(held) == 0:
+        return
+    from scipy.spatial import KDTree  # heavy, and rarely used
+
+    cells = np.argwhere(contradicted)
+    places = (cells[:, ::-1] + (box.first_col, box.first_row)) * resolution
+    away, _ = KDTree(held).query(places)
+    rows, cols = cells.T
+    contradicted[rows, cols] = to_wall[rows, cols] > NEAR_WALL_M + BEND_SHARE * away
 
 
 def _straight_length(cells: BoolArray) -> float:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import JoinConfig, QualityConfig
 from cartoloop.global_slam.join_evidence import GeometryCheck, TwoParts
 from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.quality.confirmed import confirmed_returns
 from cartoloop.quality.encounters import encounters
 from cartoloop.quality.pairs import compared_pairs, path_lengths
 from cartoloop.session import Session
@@ -57,7 +58,11 @@ class _Content:
 
 
 def check_geometry(parts: TwoParts, quality: QualityConfig, join: JoinConfig) -> GeometryCheck:
-    """Return how well the scans of either of two parts agree with the submaps of the other."""
+    """Return how well the scans of either of two parts agree with the submaps of the other.
+
+    Only returns that are walls in their own part count: what passed by says nothing.
+    """
+    parts = _confirmed(parts)
     content, points = _content(parts), parts.node_points
 
     def of_other_part(submap: int) -> BoolArray:
@@ -73,7 +78,7 @@ def check_geometry(parts: TwoParts, quality: QualityConfig, join: JoinConfig) ->
     check = GeometryCheck(length, contradicted, on_wall, on_floor, "")
     fault = _fault(check, join)
     if not fault and check.floor_share > join.max_floor_share:
-        fault = floor_fault(check, join.max_floor_share, usual_floor_share(parts, quality))
+        fault = floor_fault(check, join.max_floor_share, _usual(parts, quality))
     return check._replace(fault=fault)
 
 
@@ -100,6 +105,11 @@ def usual_floor_share(parts: TwoParts, quality: QualityConfig) -> float:
     Glass, people and thin legs make it, and they do so between parts, too. Parts with few
     returns that can be compared count as without any.
     """
+    return _usual(_confirmed(parts), quality)
+
+
+def _usual(parts: TwoParts, quality: QualityConfig) -> float:
+    """Return the usual share of parts whose returns are confirmed."""
     content = _content(parts)
     paths = path_lengths(parts.graph.node_poses)
     shares = [0.0]
@@ -114,6 +124,14 @@ def usual_floor_share(parts: TwoParts, quality: QualityConfig) -> float:
         if on_wall + on_floor >= MIN_USUAL_RETURNS:
             shares.append(on_floor / (on_wall + on_floor))
     return max(shares)
+
+
+def _confirmed(parts: TwoParts) -> TwoParts:
+    """Return parts with the returns that their own submaps confirm."""
+    chosen = np.concatenate([parts.submaps_of(part) for part in (0, 1)])
+    grids = [submap.grid for submap in parts.submaps]
+    points = confirmed_returns(parts.graph, grids, parts.node_points, chosen)
+    return replace(parts, node_points=points)
 
 
 def _content(parts: TwoParts) -> _Content:
