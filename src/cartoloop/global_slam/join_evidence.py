@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import BoolArray, IntArray
+from cartoloop.config import JoinConfig
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.placing import Placement
 from cartoloop.global_slam.pose_graph import PoseGraph
@@ -39,6 +40,13 @@ class GeometryCheck(NamedTuple):
     def floor_share(self) -> float:
         """Share of the compared returns that lie on floor of the other part."""
         return self.on_floor / max(self.on_wall + self.on_floor, 1)
+
+    def scans_agree(self, join: JoinConfig) -> bool:
+        """Return whether the scans alone do not forbid the join, whatever walls say."""
+        return (
+            self.contradicted <= join.max_contradicted_share * self.length
+            and self.floor_share <= join.max_floor_share
+        )
 
 
 class Strictness(IntEnum):

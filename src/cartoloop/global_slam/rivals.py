@@ -88,15 +88,20 @@ def rival_to_examine(
 
 
 def refused_place_weighs(
-    attempt: JoinAttempt, claims: Sequence[Claim], wide: WideSearchConfig
+    attempt: JoinAttempt, claims: Sequence[Claim], join: JoinConfig, wide: WideSearchConfig
 ) -> bool:
     """Return whether the best placement has hardly more evidence than one that was refused.
 
-    Where one place looks right and is not, the next one may be no better.
+    Where one place looks right and is not, the next one may be no better. A place where the scans
+    themselves do not agree with the other part does not look right: as in any corridor, matches
+    that are not distinct came together by chance.
     """
     assert attempt.found is not None
     limit = attempt.found.evidence / STANDS_OUT
-    return any(evidence_of(claims, each.tf_one_other, wide) > limit for each in attempt.refused)
+    return any(
+        each.check.scans_agree(join) and evidence_of(claims, each.tf_one_other, wide) > limit
+        for each in attempt.refused
+    )
 
 
 def stands_out(examined: Examined, attempt: JoinAttempt, wide: WideSearchConfig) -> bool:
