@@ -28,9 +28,10 @@ WALL, MAYBE_WALL, FLOOR = 0.7, 0.5, 0.3
 NEAR_WALL_M = 0.3
 """A wall with none of the other part within this distance contradicts it, on its floor [m]."""
 
-BEND_SHARE = 0.03
-"""And by this share of the distance from where the parts hold together: parts are bent, as
-``max_disagreement_growth`` allows for matches between them."""
+BEND_SHARE, MAX_BEND_M, MIN_DISPLACED_SHARE = 0.01, 0.3, 0.5
+"""It is the same wall, displaced, if the last share of it lies on a parallel wall of the other part
+that is farther away by the first share of the distance to where the parts hold together: local SLAM
+drifts as much. At most by the second number [m]."""
 
 BRIDGED_M = 0.15
 """Pieces of wall closer than this belong together [m]."""
@@ -159,7 +160,6 @@ def _faults(
     contradicted = (
         (walls > WALL) & ndimage.binary_erosion(floor, iterations=1) & (to_wall > NEAR_WALL_M)
     )
-    _leave_bent(contradicted, to_wall, box, resolution, held)
     if not contradicted.any():
         return []
     bridge = max(1, round(BRIDGED_M / resolution))
@@ -176,6 +176,9 @@ def _faults(
         corner = np.array((rows.start, cols.start))
         if length < FURNITURE_M and _has_free_end(walls, places + corner, resolution):
             continue
+        bend = _bend(places + corner, box, resolution, held)
+        if bend and _is_displaced(to_wall, places + corner, NEAR_WALL_M + bend, resolution):
+            continue
         around = (
             slice(max(rows.start - beside, 0), rows.stop + beside),
             slice(max(cols.start - beside, 0), cols.stop + beside),
@@ -189,30 +192,40 @@ def _faults(
     return faults
 
 
-def _leave_bent(
-    contradicted: BoolArray,
-    to_wall: FloatArray,
-    box: CellBox,
-    resolution: float,
-    held: FloatArray,
-) -> None:
-    """Leave out cells as close to a wall of the other part as the parts may be bent, in place.
+def _bend(places: IntArray, box: CellBox, resolution: float, held: FloatArray) -> float:
+    """Return by how far a wall may be displaced since the parts are bent [m].
 
     Parameters
     ----------
-    contradicted : cells of walls on floor of the other part.
-    to_wall : distance from each cell to the nearest wall of that [m].
+    places : int64, shape (n, 2), row and column of its cells.
     held : shape (k, 2), where the parts hold together [m].
     """
     if len(held) == 0:
-        return
-    from scipy.spatial import KDTree  # heavy, and rarely used
+        return 0.0
+    row, col = places.mean(axis=0)
+    x, y = (box.first_col + col) * resolution, (box.first_row + row) * resolution
+    away = np.hypot(held[:, 0] - x, held[:, 1] - y).min()
+    return float(min(BEND_SHARE * away, MAX_BEND_M))
 
-    cells = np.argwhere(contradicted)
-    places = (cells[:, ::-1] + (box.first_col, box.first_row)) * resolution
-    away, _ = KDTree(held).query(places)
-    rows, cols = cells.T
-    contradicted[rows, cols] = to_wall[rows, cols] > NEAR_WALL_M + BEND_SHARE * away
+
+def _is_displaced(to_wall: FloatArray, places: IntArray, reach: float, resolution: float) -> bool:
+    """Return whether the other part has the same wall within a distance, parallel to it.
+
+    Parameters
+    ----------
+    to_wall : distance from each cell to the nearest wall of the other part [m].
+    places : int64, shape (n, 2), row and column of cells of the wall.
+    reach : the distance [m].
+    """
+    _, axes = np.linalg.eigh((places - places.mean(axis=0)).T @ (places - places.mean(axis=0)))
+    most = round(reach / resolution)
+    for shift in range(-most, most + 1):
+        cells = np.rint(places + shift * axes[:, 0]).astype(np.int64)
+        inside = ((cells >= 0) & (cells < np.array(to_wall.shape))).all(axis=1)
+        near = to_wall[tuple(cells[inside].T)] <= resolution
+        if np.count_nonzero(near) >= MIN_DISPLACED_SHARE * len(places):
+            return True
+    return False
 
 
 def _straight_length(cells: BoolArray) -> float:
