@@ -65,7 +65,7 @@ def test_each_place_is_followed_once():
     assert places == [pytest.approx(PLACE), pytest.approx(elsewhere)]
 
 
-def test_claims_that_agree_tell_the_place_together():
+def test_claims_that_agree_give_the_place_together():
     claims = []
     for scan, turn in enumerate((0.015, -0.015, 0.015, -0.015)):
         exact = claim(scan, PLACE, 0.1 + 0.01 * scan)

@@ -23,7 +23,7 @@ NODES = [Pose(2.0 + 0.1 * i, 2.0, 0.3) for i in range(8)]
 
 
 def room(unseen_from=160):
-    """Return a room of 8 x 5 m with an alcove, of which only the first columns were seen."""
+    """Return a room of 8 x 5 m with an alcove; only its first columns were seen."""
     cells = np.ones((100, 160), np.uint8)
     cells[[0, 1, -1, -2]] = cells[:, [0, 1, -1, -2]] = 255
     cells[:30, 100:] = 255
@@ -70,13 +70,13 @@ def test_part_moves_to_where_it_fits(placed):
     np.testing.assert_allclose(graph.node_poses, NODES, atol=0.03)
 
 
-def test_part_of_which_half_is_seen_moves_there():
+def test_part_that_is_half_seen_moves_there():
     graph = joined(two_parts(room(unseen_from=90)), Pose(0.3, -0.35, 0.05))
     np.testing.assert_allclose(graph.node_poses, NODES, atol=0.03)
 
 
 @pytest.mark.parametrize("unseen_from", [25, 0])
-def test_part_of_which_little_is_seen_stays(unseen_from):
+def test_part_that_is_hardly_seen_stays(unseen_from):
     placed = Pose(0.3, -0.35, 0.05)
     graph = joined(two_parts(room(unseen_from)), placed)
     assert math.dist(graph.submap_poses[1][:2], placed[:2]) < 1e-6

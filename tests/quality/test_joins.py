@@ -105,7 +105,7 @@ def test_few_returns_say_nothing():
     assert usual(part, [0, 0]) == 0.0
 
 
-def test_returns_that_their_own_part_does_not_show_are_not_counted():
+def test_returns_that_are_not_confirmed_are_not_counted():
     parts = [0, 1]
     counts = []
     for is_confirmed in (True, False):

@@ -179,7 +179,7 @@ def fitted_pose(claims: Sequence[Claim]) -> Pose:
     """Return where claims that agree place the other part in the one: the pose that fits them best.
 
     A single match is a few tenths of a metre and a degree off: at the far end of a part that is a
-    metre. Together they tell the heading from how far they lie apart.
+    metre. Together, as far apart as they lie, they show the heading.
     """
     one = np.array([claim.tf_one_scan for claim in claims])
     other = np.array([claim.tf_other_scan for claim in claims])
