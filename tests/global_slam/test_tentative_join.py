@@ -60,7 +60,8 @@ def two_parts(grid):
 
 
 def joined(parts, placed):
-    *_, last = tentative_joins(GlobalSlamConfig(), parts, placed, (NO_MATCHES, NOTHING, NOTHING))
+    nothing = (NO_MATCHES, NOTHING, NOTHING)
+    *_, (last, _) = tentative_joins(GlobalSlamConfig(), parts, placed, nothing)
     return last.graph
 
 

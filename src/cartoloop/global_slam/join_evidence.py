@@ -12,6 +12,7 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, IntArray
 from cartoloop.config import JoinConfig
+from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.placing import Placement
 from cartoloop.global_slam.pose_graph import PoseGraph
@@ -83,6 +84,19 @@ class TwoParts:
     def submaps_of(self, part: int) -> IntArray:
         """Return the finished submaps of part 0 or 1, ascending."""
         return np.flatnonzero(self.of_submaps[: len(self.submaps)] == part)
+
+
+class Nearby(NamedTuple):
+    """Matches of nodes of one part in submaps of another, near where a placement puts them.
+
+    Attributes
+    ----------
+    requests : the windows, of n pairs.
+    matches : n; without rows in the record of closures, -1, until the parts are joined.
+    """
+
+    requests: Requests
+    matches: SearchMatches
 
 
 CheckGeometry = Callable[[TwoParts, Strictness], GeometryCheck]

@@ -12,6 +12,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
+from cartoloop.global_slam.closure_search import NO_MATCHES
 from cartoloop.global_slam.graph_records import (
     CANDIDATES,
     MATCHES,
@@ -21,7 +22,7 @@ from cartoloop.global_slam.graph_records import (
     recorded_candidates,
 )
 from cartoloop.global_slam.hypotheses import Candidate
-from cartoloop.global_slam.join_evidence import GeometryCheck
+from cartoloop.global_slam.join_evidence import GeometryCheck, Nearby
 from cartoloop.journal.fields import FieldReader, pack_columns
 from cartoloop.sensor.pose import Pose
 
@@ -32,6 +33,9 @@ _DECISION = struct.Struct("<2I3dI")
 NO_REQUESTS = Requests(
     *(np.zeros((0, *shape), kind) for kind, shape in zip(*REQUESTS, strict=True))
 )
+
+
+NO_NEARBY = Nearby(NO_REQUESTS, NO_MATCHES)
 
 
 class JoinSearch(NamedTuple):
@@ -60,6 +64,7 @@ class JoinDecision(NamedTuple):
     tf_one_other : the placement.
     check : of the geometry; its fault is why they are not joined.
     found : the closures between them.
+    nearby : of the nodes that were searched nearby; none where they are not joined.
     """
 
     one: int
@@ -67,6 +72,7 @@ class JoinDecision(NamedTuple):
     tf_one_other: Pose
     check: GeometryCheck
     found: SearchMatches
+    nearby: Nearby = NO_NEARBY
 
 
 def join_searches_record(searches: Sequence[JoinSearch]) -> bytes:
@@ -114,7 +120,9 @@ def join_decision_record(decision: JoinDecision) -> bytes:
         ]
     ).encode()
     head = _DECISION.pack(decision.one, decision.other, *decision.tf_one_other, len(content))
-    return head + content + matches_record(decision.found)
+    requests, matches = decision.nearby
+    nearby = pack_columns(requests, REQUESTS[0]) + matches_record(matches)
+    return head + content + matches_record(decision.found) + nearby
 
 
 def recorded_join_decision(payload: memoryview) -> JoinDecision:
@@ -135,5 +143,12 @@ def recorded_join_decision(payload: memoryview) -> JoinDecision:
     placement: FloatArray = np.array((x, y, theta))
     if not np.isfinite(placement).all():
         raise ValueError("a pose is not finite")
-    found = SearchMatches(*FieldReader(payload[end:]).columns(*MATCHES))
-    return JoinDecision(one, other, Pose(x, y, theta), check, found)
+    reader = FieldReader(payload[end:])
+    found, nearby = SearchMatches(*reader.columns(*MATCHES)), NO_NEARBY
+    if not reader.is_at_end:  # journals of earlier versions have none
+        nearby = Nearby(
+            Requests(*reader.columns(*REQUESTS)), SearchMatches(*reader.columns(*MATCHES))
+        )
+        if len(nearby.requests.submap) != len(nearby.matches.row):
+            raise ValueError("a match has no window")
+    return JoinDecision(one, other, Pose(x, y, theta), check, found, nearby)

@@ -19,9 +19,11 @@ from cartoloop.global_slam.join_evidence import (
     CheckGeometry,
     GeometryCheck,
     JoinAttempt,
+    Nearby,
     TwoParts,
 )
 from cartoloop.global_slam.join_records import (
+    NO_NEARBY,
     JoinDecision,
     join_decision_record,
     recorded_join_decision,
@@ -42,11 +44,13 @@ class Join(NamedTuple):
     Attributes
     ----------
     attempt : the evidence.
-    found : the closures.
+    found : the closures that hold the parts together.
+    nearby : closures of nodes that were searched nearby, which may be false.
     """
 
     attempt: JoinAttempt
     found: SearchMatches
+    nearby: SearchMatches
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +123,7 @@ class PartJoins:
     ) -> None:
         self._recorded = outcomes
         self._config = config
+        self._closures = closures
         self._submaps = submaps
         self._scans = scans
         self._sessions = sessions
@@ -144,7 +149,7 @@ class PartJoins:
             search = self._config.constraint_search
             found = refined(candidates, self._scans.points, self._submaps, search)
             parts = self._two_parts(attempt, graph, node_points)
-            check = self._examined(attempt, found, parts)
+            check, nearby = self._examined(attempt, found, parts)
             if check.fault:
                 self.joining.refuse(attempt, check)
                 continue
@@ -155,32 +160,44 @@ class PartJoins:
             self.done.append(self._record(attempt, joined=True))
             place_part(parts, attempt.found.tf_one_other)
             self.joining.joined(attempt)
-            return Join(attempt, found)
+            return Join(attempt, found, self._with_rows(nearby, graph))
         return None
 
     def _examined(
         self, attempt: JoinAttempt, found: SearchMatches, parts: TwoParts
-    ) -> GeometryCheck:
+    ) -> tuple[GeometryCheck, Nearby]:
         """Return how well two parts agree where they are placed, with these closures between them.
 
-        The parts are not placed yet, and stay as they are.
+        And the matches that were searched for that. The parts are not placed yet, and stay as they
+        are.
         """
         if (recorded := self._recorded.replay(Kind.JOIN_DECIDED)) is not None:
-            return recorded_join_decision(recorded).check
+            decision = recorded_join_decision(recorded)
+            return decision.check, decision.nearby
         assert attempt.found is not None and self._check is not None
         candidates = [claim.candidate for claim in attempt.found.claims]
         of_submap = np.array([each.submap for each in candidates], dtype=np.int64)
         of_node = self._scans.nodes[np.array([each.scan for each in candidates])]
         placed = attempt.found.tf_one_other
         closures = (found, of_submap, of_node)
-        for joined in tentative_joins(self._config, parts, placed, closures):
+        nearby = NO_NEARBY
+        for joined, searched in tentative_joins(self._config, parts, placed, closures):
             check = self._check(joined, attempt.strictness)
             if not check.fault:
+                nearby = searched
                 break
         if self._recorded.is_recording:
-            decision = JoinDecision(attempt.one, attempt.other, placed, check, found)
+            decision = JoinDecision(attempt.one, attempt.other, placed, check, found, nearby)
             self._recorded.record(Kind.JOIN_DECIDED, join_decision_record(decision))
-        return check
+        return check, nearby
+
+    def _with_rows(self, nearby: Nearby, graph: PoseGraph) -> SearchMatches:
+        """Return matches with rows in the record of closures, those of pairs that have none yet."""
+        requests, matches = nearby
+        is_new = np.flatnonzero(~self._closures.has_rows(requests.submap, requests.node))
+        rows = self._closures.request(requests.take(is_new), graph.num_nodes)
+        self._closures.note_searched(rows, self._config.constraint_search.join.min_score)
+        return SearchMatches._make(column[is_new] for column in matches)._replace(row=rows)
 
     def summary(self) -> dict[str, list[dict[str, Any]]]:
         """Return what was joined, and what was not and why, for the report; empty if nothing."""

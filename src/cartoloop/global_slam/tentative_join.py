@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,15 +12,17 @@ import numpy as np
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import ConstraintSearchConfig, GlobalSlamConfig
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
-from cartoloop.global_slam.closure_search import search
+from cartoloop.global_slam.closure_search import NO_MATCHES, FinishedSubmap, search
 from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.following import MIN_SEEN_SHARE, SeenAreas
 from cartoloop.global_slam.graph_adjustment import GraphAdjustment
-from cartoloop.global_slam.join_evidence import TwoParts
+from cartoloop.global_slam.join_evidence import Nearby, TwoParts
+from cartoloop.global_slam.join_records import NO_REQUESTS
 from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.global_slam.refinement import match_again, overlapping_nodes
 from cartoloop.global_slam.sessions import NodeSubmaps
 from cartoloop.sensor.pose import Pose, compose_all, relative_all, transform_points
+from cartoloop.sensor.scan_points import ScanPoints
 
 EVERY_NTH_NODE = 4
 """One in four nodes of either part is matched to the submaps of the other."""
@@ -45,8 +47,10 @@ def tentative_joins(
     parts: TwoParts,
     tf_one_other: Pose,
     closures: tuple[SearchMatches, IntArray, IntArray],
-) -> Iterator[TwoParts]:
+) -> Iterator[tuple[TwoParts, Nearby]]:
     """Yield copies of two parts with part 1 joined to part 0, in each round bent to fit better.
+
+    And the matches that had to be searched, without which the map would not keep that shape.
 
     One round does where both parts are true. Where one is stretched, most of its nodes are too far
     from where they fit to be matched at first. The chain of submaps counts as much as it does while
@@ -73,14 +77,17 @@ def tentative_joins(
         matched = unmatched.copy()
         matched.node_poses[:] = joined.node_poses
         matched.submap_poses[:] = joined.submap_poses
-        for matches in _overlap_matches(config, replace(parts, graph=joined)):
-            matched.add_loop_closures(matches)
+        constraints, nearby = _overlap_matches(config, replace(parts, graph=joined))
+        for each in (*constraints, _constraints(nearby)):
+            matched.add_loop_closures(each)
         GraphAdjustment(matched, config, share).run(iterations)
         joined = matched
-        yield replace(parts, graph=joined)
+        yield replace(parts, graph=joined), nearby
 
 
-def _overlap_matches(config: GlobalSlamConfig, parts: TwoParts) -> list[ClosureConstraints]:
+def _overlap_matches(
+    config: GlobalSlamConfig, parts: TwoParts
+) -> tuple[list[ClosureConstraints], Nearby]:
     """Return the matches of nodes of either part in submaps of the other, near where they are.
 
     Where both parts are true, all nodes are found from where they are. Where they are bent, those
@@ -101,8 +108,8 @@ def _overlap_matches(config: GlobalSlamConfig, parts: TwoParts) -> list[ClosureC
                 found.append((index, nodes))
         found.sort(key=lambda each: (-len(each[1]), each[0]))
         overlaps += found[:MAX_SUBMAPS]
-    areas = SeenAreas(submaps)
-    accepted = []
+    areas, own_submaps = SeenAreas(submaps), NodeSubmaps.of(graph).first
+    accepted, searched = [], []
     for index, nodes in overlaps:
         pose: FloatArray = graph.submap_poses[index]
         matches = match_again(
@@ -110,28 +117,34 @@ def _overlap_matches(config: GlobalSlamConfig, parts: TwoParts) -> list[ClosureC
         )
         fits = matches.reason == Reason.FITS
         accepted.append(
-            _constraints(
-                index,
+            ClosureConstraints(
+                np.full(int(np.count_nonzero(fits)), -1),
+                matches.submap[fits],
                 matches.node[fits],
                 matches.tf_submap_node[fits],
                 matches.information[fits],
             )
         )
         left = nodes[np.isin(nodes, matches.node[fits], invert=True)]
-        accepted.append(_searched_nearby(limits, parts, index, left, areas))
+        requests = _requests_nearby(limits, parts, index, left, areas, own_submaps)
+        searched.append(_searched(limits, submaps[index], requests, parts.node_points))
         submaps[index].release()
-    return accepted
+    return accepted, _as_one(searched)
 
 
-def _searched_nearby(
-    config: ConstraintSearchConfig, parts: TwoParts, index: int, nodes: IntArray, areas: SeenAreas
-) -> ClosureConstraints:
-    """Return the matches of nodes in a submap, in the window where the relative pose is well known.
+def _requests_nearby(
+    config: ConstraintSearchConfig,
+    parts: TwoParts,
+    index: int,
+    nodes: IntArray,
+    areas: SeenAreas,
+    own_submaps: IntArray,
+) -> Requests:
+    """Return the searches of nodes in a submap, in the window of pairs that are well constrained.
 
-    With the thresholds of matches between parts: where parts overlap a little, scores are low.
     Nodes that see hardly anything of what the submap has seen are left out.
     """
-    graph, submap = parts.graph, parts.submaps[index]
+    graph = parts.graph
     expected = relative_all(graph.submap_poses[index], graph.node_poses[nodes])
     is_seen = np.array(
         [
@@ -141,34 +154,56 @@ def _searched_nearby(
         ],
         dtype=bool,
     )
-    nodes, expected = nodes[is_seen], expected[is_seen]
-    count = len(nodes)
-    if count == 0:
-        return _constraints(index, nodes, expected, np.zeros((0, 3, 3)))
-    requests = Requests(
-        np.full(count, index, dtype=np.int32),
+    nodes = nodes[is_seen]
+    return Requests(
+        np.full(len(nodes), index, dtype=np.int32),
         nodes.astype(np.int32),
-        NodeSubmaps.of(graph).first[nodes].astype(np.int32),
-        expected,
-        np.full(count, config.min_linear_search_window),
-        np.full(count, math.radians(config.min_angular_search_window_deg)),
+        own_submaps[nodes].astype(np.int32),
+        expected[is_seen],
+        np.full(len(nodes), config.min_linear_search_window),
+        np.full(len(nodes), math.radians(config.min_angular_search_window_deg)),
     )
+
+
+def _searched(
+    config: ConstraintSearchConfig,
+    submap: FinishedSubmap,
+    requests: Requests,
+    node_points: ScanPoints,
+) -> Nearby:
+    """Return where nodes fit in a submap, with the thresholds of matches between parts.
+
+    Where parts overlap a little, scores are low.
+    """
+    if len(requests.node) == 0:
+        return Nearby(requests, NO_MATCHES)
+    join = config.join
     low = config.model_copy(
-        update={
-            "min_score": config.join.min_score,
-            "min_score_ratio": config.join.min_score_ratio,
-        }
+        update={"min_score": join.min_score, "min_score_ratio": join.min_score_ratio}
     )
-    rows = np.arange(count, dtype=np.int32)
-    found = search(submap, rows, requests, parts.node_points, low).matches
-    return _constraints(index, nodes[found.row], found.tf_submap_node, found.information)
+    rows = np.arange(len(requests.node), dtype=np.int32)
+    found = search(submap, rows, requests, node_points, low).matches
+    chosen = found.row.astype(np.int64)
+    return Nearby(requests.take(chosen), found._replace(row=np.full_like(found.row, -1)))
 
 
-def _constraints(
-    index: int, nodes: IntArray, tf_submap_node: FloatArray, information: FloatArray
-) -> ClosureConstraints:
-    """Return matches of nodes in a submap as constraints that have no row in the record."""
-    count = len(nodes)
+def _as_one(parts: Sequence[Nearby]) -> Nearby:
+    """Return the matches of several searches as one."""
+    requests = zip(NO_REQUESTS, *(each.requests for each in parts), strict=True)
+    matches = zip(NO_MATCHES, *(each.matches for each in parts), strict=True)
+    return Nearby(
+        Requests._make(map(np.concatenate, requests)),
+        SearchMatches._make(map(np.concatenate, matches)),
+    )
+
+
+def _constraints(nearby: Nearby) -> ClosureConstraints:
+    """Return matches as constraints that have no row in the record."""
+    requests, matches = nearby
     return ClosureConstraints(
-        np.full(count, -1), np.full(count, index), nodes, tf_submap_node, information
+        matches.row,
+        requests.submap,
+        requests.node,
+        matches.tf_submap_node,
+        matches.information,
     )
