@@ -13,6 +13,7 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.closure_search import NO_MATCHES
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.graph_records import (
     CANDIDATES,
     MATCHES,
@@ -65,6 +66,7 @@ class JoinDecision(NamedTuple):
     check : of the geometry; its fault is why they are not joined.
     found : the closures between them.
     nearby : of the nodes that were searched nearby; none where they are not joined.
+    is_joined : whether they are joined now; another place may fit, too.
     """
 
     one: int
@@ -72,7 +74,25 @@ class JoinDecision(NamedTuple):
     tf_one_other: Pose
     check: GeometryCheck
     found: SearchMatches
-    nearby: Nearby = NO_NEARBY
+    nearby: Nearby
+    is_joined: bool
+
+
+def with_rows(
+    nearby: Nearby, closures: Closures, num_nodes: int, min_score: float
+) -> SearchMatches:
+    """Return matches with rows in the record of closures, those of pairs that have none yet.
+
+    Parameters
+    ----------
+    num_nodes : of the graph at this moment.
+    min_score : the threshold.
+    """
+    requests, matches = nearby
+    is_new = np.flatnonzero(~closures.has_rows(requests.submap, requests.node))
+    rows = closures.request(requests.take(is_new), num_nodes)
+    closures.note_searched(rows, min_score)
+    return SearchMatches._make(column[is_new] for column in matches)._replace(row=rows)
 
 
 def join_searches_record(searches: Sequence[JoinSearch]) -> bytes:
@@ -117,6 +137,7 @@ def join_decision_record(decision: JoinDecision) -> bytes:
             int(check.on_wall),
             int(check.on_floor),
             check.fault,
+            decision.is_joined,
         ]
     ).encode()
     head = _DECISION.pack(decision.one, decision.other, *decision.tf_one_other, len(content))
@@ -136,9 +157,12 @@ def recorded_join_decision(payload: memoryview) -> JoinDecision:
     one, other, x, y, theta, length = _DECISION.unpack_from(payload)
     end = _DECISION.size + length
     content = json.loads(bytes(payload[_DECISION.size : end]))
-    if not isinstance(content, list) or len(content) != len(GeometryCheck._fields):
+    count = len(GeometryCheck._fields)
+    if not isinstance(content, list) or len(content) not in (count, count + 1):
         raise ValueError("the examination of a join is damaged")
-    path, contradicted, on_wall, on_floor, fault = content
+    path, contradicted, on_wall, on_floor, fault = content[:count]
+    # Journals of earlier versions do not state it.
+    is_joined = bool(content[count]) if len(content) > count else not fault
     check = GeometryCheck(float(path), float(contradicted), int(on_wall), int(on_floor), str(fault))
     placement: FloatArray = np.array((x, y, theta))
     if not np.isfinite(placement).all():
@@ -151,4 +175,4 @@ def recorded_join_decision(payload: memoryview) -> JoinDecision:
         )
         if len(nearby.requests.submap) != len(nearby.matches.row):
             raise ValueError("a match has no window")
-    return JoinDecision(one, other, Pose(x, y, theta), check, found, nearby)
+    return JoinDecision(one, other, Pose(x, y, theta), check, found, nearby, is_joined)

@@ -27,6 +27,7 @@ from cartoloop.global_slam.join_records import (
     JoinDecision,
     join_decision_record,
     recorded_join_decision,
+    with_rows,
 )
 from cartoloop.global_slam.joining import Joining
 from cartoloop.global_slam.pose_graph import PoseGraph
@@ -160,7 +161,8 @@ class PartJoins:
             self.done.append(self._record(attempt, joined=True))
             place_part(parts, attempt.found.tf_one_other)
             self.joining.joined(attempt)
-            return Join(attempt, found, self._with_rows(nearby, graph))
+            least = search.join.min_score
+            return Join(attempt, found, with_rows(nearby, self._closures, graph.num_nodes, least))
         return None
 
     def _examined(
@@ -187,17 +189,17 @@ class PartJoins:
                 nearby = searched
                 break
         if self._recorded.is_recording:
-            decision = JoinDecision(attempt.one, attempt.other, placed, check, found, nearby)
+            decision = JoinDecision(
+                attempt.one,
+                attempt.other,
+                placed,
+                check,
+                found,
+                nearby,
+                is_joined=not check.fault and not attempt.is_ambiguous,
+            )
             self._recorded.record(Kind.JOIN_DECIDED, join_decision_record(decision))
         return check, nearby
-
-    def _with_rows(self, nearby: Nearby, graph: PoseGraph) -> SearchMatches:
-        """Return matches with rows in the record of closures, those of pairs that have none yet."""
-        requests, matches = nearby
-        is_new = np.flatnonzero(~self._closures.has_rows(requests.submap, requests.node))
-        rows = self._closures.request(requests.take(is_new), graph.num_nodes)
-        self._closures.note_searched(rows, self._config.constraint_search.join.min_score)
-        return SearchMatches._make(column[is_new] for column in matches)._replace(row=rows)
 
     def summary(self) -> dict[str, list[dict[str, Any]]]:
         """Return what was joined, and what was not and why, for the report; empty if nothing."""
