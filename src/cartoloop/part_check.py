@@ -7,44 +7,30 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cartoloop.arrays import IntArray
+from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
-from cartoloop.global_slam.closure_search import FinishedSubmap
-from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, Strictness
-from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, Strictness, TwoParts
+from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.map_output.part_walls import Submaps, WallFault, wall_faults
 from cartoloop.quality.joins import check_geometry, floor_fault, usual_floor_share
-from cartoloop.sensor.scan_points import ScanPoints
 
 
 def part_check(config: Config) -> CheckGeometry:
     """Return the examination of two parts with the limits of a configuration."""
     join = config.global_slam.constraint_search.join
 
-    def check(
-        graph: PoseGraph,
-        submaps: Sequence[FinishedSubmap],
-        node_points: ScanPoints,
-        node_parts: IntArray,
-        submap_parts: IntArray,
-        strictness: Strictness,
-    ) -> GeometryCheck:
-        found = check_geometry(
-            graph, submaps, node_points, node_parts, submap_parts, config.quality, join
-        )
+    def check(parts: TwoParts, strictness: Strictness) -> GeometryCheck:
+        found = check_geometry(parts, config.quality, join)
         if found.fault:
             return found
-        parts = []
-        for part in (0, 1):
-            chosen = np.flatnonzero(submap_parts[: len(submaps)] == part)
-            grids = [submaps[submap].grid for submap in chosen.tolist()]
-            parts.append(Submaps(grids, graph.submap_poses[chosen]))
+        one, other = (_submaps_of(parts, part) for part in (0, 1))
         faults = wall_faults(
-            parts[0],
-            parts[1],
+            one,
+            other,
             config.local_slam.submaps,
             min(MIN_PIECE_M, join.max_contradicted_wall),
             join.min_hidden_area,
+            _held(parts),
         )
         if faults and faults[0].length >= join.max_contradicted_wall:
             worst = faults[0]
@@ -58,12 +44,27 @@ def part_check(config: Config) -> CheckGeometry:
         limit = FLOOR_SHARES[strictness]
         usual = 0.0
         if found.floor_share > limit:
-            usual = usual_floor_share(
-                graph, submaps, node_points, node_parts, submap_parts, config.quality
-            )
+            usual = usual_floor_share(parts, config.quality)
         return found._replace(fault=strict_fault(found, faults, limit, usual))
 
     return check
+
+
+def _held(parts: TwoParts) -> FloatArray:
+    """Return where nodes of one part are that closures connect to the other, shape (k, 2) [m]."""
+    graph = parts.graph
+    closures = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)
+    nodes = graph.index_b[closures]
+    of_submap, of_node = parts.of_submaps[graph.index_a[closures]], parts.of_nodes[nodes]
+    is_between = (of_submap != of_node) & (of_submap >= 0) & (of_node >= 0)
+    places: FloatArray = graph.node_poses[nodes[is_between], :2]
+    return places
+
+
+def _submaps_of(parts: TwoParts, part: int) -> Submaps:
+    chosen = parts.submaps_of(part)
+    grids = [parts.submaps[submap].grid for submap in chosen.tolist()]
+    return Submaps(grids, parts.graph.submap_poses[chosen])
 
 
 def strict_fault(

@@ -61,17 +61,26 @@ def submap(seen_cols):
 def test_each_place_is_followed_once():
     elsewhere = Pose(30.0, 5.0, -2.0)
     claims = [claim(0, PLACE, 0.05), claim(1, PLACE, 0.2), claim(2, elsewhere)]
-    places = followed_places(claims, [], WIDE)
+    places = followed_places(claims, WIDE)
     assert places == [pytest.approx(PLACE), pytest.approx(elsewhere)]
 
 
-def test_refused_places_are_not_followed():
-    assert followed_places([claim(0, PLACE)], [PLACE], WIDE) == []
+def test_claims_that_agree_give_the_place_together():
+    claims = []
+    for scan, turn in enumerate((0.015, -0.015, 0.015, -0.015)):
+        exact = claim(scan, PLACE, 0.1 + 0.01 * scan)
+        claims.append(exact._replace(tf_one_scan=exact.tf_one_scan + np.array((0.0, 0.0, turn))))
+    assert claims[-1].tf_one_other.theta == pytest.approx(PLACE.theta - 0.015)
+    (place,) = followed_places(claims, WIDE)
+    assert place.theta == pytest.approx(PLACE.theta, abs=0.003)
+    assert compose(place, Pose(6.0, 0.0, 0.0))[:2] == pytest.approx(
+        compose(PLACE, Pose(6.0, 0.0, 0.0))[:2], abs=0.01
+    )
 
 
 def test_only_the_likeliest_places_are_followed():
     claims = [claim(0, Pose(10.0 * i, 0.0, 0.0), 0.01 * (i + 1)) for i in range(40)]
-    places = followed_places(claims, [], WIDE)
+    places = followed_places(claims, WIDE)
     assert [place.x for place in places] == pytest.approx([10.0 * i for i in range(39, 15, -1)])
     assert len(places) == MAX_PLACES
 

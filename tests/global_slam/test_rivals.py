@@ -16,6 +16,7 @@ from cartoloop.global_slam.rivals import (
     examined_already,
     reason,
     refused_place_weighs,
+    reopen,
     rival_to_examine,
     stands_out,
 )
@@ -101,7 +102,20 @@ def test_refused_places_weigh_by_their_evidence(place, weighs):
     refused = attempt(refused=[examined(place, 0.6, fault="a wall")])
     found = placement(CLAIMS, [place], JOIN, WIDE)
     refused.found = found if weighs else refused.found
-    assert refused_place_weighs(refused, CLAIMS, WIDE) is weighs
+    assert refused_place_weighs(refused, CLAIMS, JOIN, WIDE) is weighs
+
+
+def test_places_that_scans_contradict_do_not_weigh():
+    refused = attempt(refused=[examined(HERE, 0.6, floor_share=0.3, fault="30% on floor")])
+    refused.found = placement(CLAIMS, [HERE], JOIN, WIDE)
+    assert not refused_place_weighs(refused, CLAIMS, JOIN, WIDE)
+
+
+def test_refused_places_are_open_again_if_searched():
+    refused = [examined(HERE, 0.6, fault="a wall"), examined(THERE, 0.4, fault="a wall")]
+    both = attempt(refused=refused)
+    reopen(both, HERE, CLAIMS, WIDE)
+    assert [each.tf_one_other for each in both.refused] == [THERE]
 
 
 def test_refused_places_are_open_again_with_more_evidence():

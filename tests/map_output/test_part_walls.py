@@ -15,7 +15,7 @@ RESOLUTION, WIDTH = 0.05, 44
 """A corridor 2.2 m wide."""
 
 JOIN, SUBMAPS = JoinConfig(), SubmapConfig()
-LIMITS = (JOIN.max_contradicted_wall, JOIN.min_hidden_area)
+LIMITS = (JOIN.max_contradicted_wall, JOIN.min_hidden_area, np.zeros((0, 2)))
 
 
 def corridor(length, end_at=None, blocks=()):
@@ -43,6 +43,23 @@ def test_corridor_that_goes_on_contradicts_its_end():
         assert fault.x == pytest.approx(5.0, abs=0.2)
         assert fault.length > 1.2
         assert fault.hidden > 5.0
+
+
+@pytest.mark.parametrize(("x", "is_fault"), [(3.0, True), (-25.0, False)])
+def test_walls_far_from_what_holds_may_be_displaced(x, is_fault):
+    # The end of the corridor is seen half a metre further away.
+    end, further = (
+        corridor(200, end_at=100),
+        corridor(200, blocks=[(slice(10, 40), slice(110, 112))]),
+    )
+    held = np.array([(x, 1.0), (x - 10.0, 1.0)])
+    faults = wall_faults(end, further, SUBMAPS, *LIMITS[:2], held)
+    assert bool(faults) is is_fault
+
+
+def test_corridor_that_goes_on_contradicts_from_afar():
+    held = np.array([(-25.0, 1.0)])
+    assert wall_faults(corridor(200, end_at=100), corridor(200), SUBMAPS, *LIMITS[:2], held)
 
 
 def test_furniture_that_was_moved_does_not_contradict():

@@ -6,12 +6,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cartoloop.config import QualityConfig
-from cartoloop.global_slam.join_evidence import GeometryCheck
+from cartoloop.config import JoinConfig, QualityConfig
+from cartoloop.global_slam.closure_search import FinishedSubmap
+from cartoloop.global_slam.join_evidence import GeometryCheck, TwoParts
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.quality.joins import (
     MAX_FLOOR_SHARE,
     MIN_USUAL_RETURNS,
+    check_geometry,
     floor_fault,
     usual_floor_share,
 )
@@ -43,22 +45,22 @@ def test_what_is_usual_excuses_only_so_much(usual):
     assert fault(MAX_FLOOR_SHARE + 0.01, usual) != ""
 
 
-class _Submap:
-    def __init__(self, grid):
-        self.grid = grid
-
-
-def seen_twice(on_floor, num_nodes=100):
-    """Return a part of two submaps: the nodes of the second see floor of the first, and walls.
+def seen_twice(on_floor, num_nodes=100, *, is_confirmed=True):
+    """Return a part of two submaps: the nodes of each see floor of the other one, and walls.
 
     Parameters
     ----------
-    on_floor : share of the returns that lie on its floor.
+    on_floor : share of the returns that lie on its floor; they are walls to their own submap.
+    is_confirmed : whether they are.
     """
     graph = PoseGraph()
-    cells = np.full((200, 200), cell_value(FLOOR) - 1, np.uint8)
-    cells[150:] = cell_value(WALL) + 1
-    grid = FinishedGrid(cells, -5.0, -5.0, 0.05)
+    grids = []
+    for number in range(2):
+        cells = np.full((200, 200), cell_value(FLOOR) - 1, np.uint8)
+        cells[150:] = cell_value(WALL) + 1
+        if is_confirmed:
+            cells[60 - 20 * number] = cell_value(WALL) + 1
+        grids.append(FinishedGrid(cells, -5.0, -5.0, 0.05))
     for _ in range(2):
         graph.add_submap((0.0, 0.0, 0.0))
     graph.add_nodes([(0.0, 0.0, 0.0)] * (2 * num_nodes))
@@ -73,17 +75,18 @@ def seen_twice(on_floor, num_nodes=100):
             [np.eye(3)] * count,
         )
     high = round(20 * on_floor)
-    points = np.array(
-        [(0.1 * i, -2.0) for i in range(high)] + [(0.1 * i, 3.5) for i in range(20 - high)]
-    )
-    points = np.concatenate((points, points))
-    return graph, [_Submap(grid), _Submap(grid)], ScanPoints.of([points] * (2 * num_nodes))
+    points = []
+    for number in range(2):
+        y = -2.0 - number
+        scan = [(0.1 * i, y if i < high else 3.5) for i in range(20)]
+        points += [np.array(scan + scan)] * num_nodes
+    submaps = [FinishedSubmap(index, grid, 0.7) for index, grid in enumerate(grids)]
+    return graph, submaps, ScanPoints.of(points)
 
 
 def usual(part, parts):
-    graph, submaps, points = part
-    nodes = np.repeat(parts, graph.num_nodes // 2)
-    return usual_floor_share(graph, submaps, points, nodes, np.array(parts), QualityConfig())
+    nodes = np.repeat(parts, part[0].num_nodes // 2)
+    return usual_floor_share(TwoParts(*part, nodes, np.array(parts)), QualityConfig())
 
 
 def test_usual_share_is_that_within_the_parts():
@@ -100,3 +103,18 @@ def test_few_returns_say_nothing():
     part = seen_twice(0.25, num_nodes=4)
     assert 0 < 2 * 4 * 40 < MIN_USUAL_RETURNS
     assert usual(part, [0, 0]) == 0.0
+
+
+def test_returns_that_are_not_confirmed_are_not_counted():
+    parts = [0, 1]
+    counts = []
+    for is_confirmed in (True, False):
+        part = seen_twice(0.25, is_confirmed=is_confirmed)
+        nodes = np.repeat(parts, part[0].num_nodes // 2)
+        check = check_geometry(
+            TwoParts(*part, nodes, np.array(parts)), QualityConfig(), JoinConfig()
+        )
+        counts.append((check.on_floor > 0, check.on_wall))
+    assert counts[0][0]
+    assert not counts[1][0]
+    assert counts[0][1] == counts[1][1] > 0

@@ -19,7 +19,7 @@ from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import WideSearchConfig
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.hypotheses import Candidate
-from cartoloop.global_slam.placing import Claim, Placement, is_same
+from cartoloop.global_slam.placing import Claim, Placement, agreement, fitted_pose, is_same
 from cartoloop.sensor.pose import (
     Pose,
     compose_all,
@@ -96,14 +96,15 @@ class SeenAreas:
         return float(np.count_nonzero(mask[rows[is_inside], cols[is_inside]]) / max(len(points), 1))
 
 
-def followed_places(
-    claims: Sequence[Claim], refused: Sequence[Pose], wide: WideSearchConfig
-) -> list[Pose]:
-    """Return the places that claims are about, the likeliest first, without those refused."""
+def followed_places(claims: Sequence[Claim], wide: WideSearchConfig) -> list[Pose]:
+    """Return the places that claims are about, the likeliest first."""
     places: list[Pose] = []
-    for claim in sorted(claims, key=lambda each: (-each.evidence, each.candidate.row)):
-        if not any(is_same(claim, pose, wide) for pose in (*refused, *places)):
-            places.append(claim.tf_one_other)
+    ordered = sorted(claims, key=lambda each: (-each.evidence, each.candidate.row))
+    agrees = agreement(ordered, wide) if ordered else np.zeros((0, 0), dtype=bool)
+    for number, claim in enumerate(ordered):
+        if not any(is_same(claim, pose, wide) for pose in places):
+            near = [each for each, fits in zip(ordered, agrees[number], strict=True) if fits]
+            places.append(fitted_pose(near))
             if len(places) == MAX_PLACES:
                 break
     return places

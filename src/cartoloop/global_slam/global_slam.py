@@ -372,6 +372,7 @@ class GlobalSlam:
             while (join := self.joins.next(self.graph, self.node_points)) is not None:
                 self._adjustment.forget_poses()
                 self._add_closures(join.found, are_trusted=True)
+                self._add_closures(join.nearby, are_trusted=False)
                 self._adjust(max_num_iterations)
                 self._request_again()
                 if not self.joins.is_needed:

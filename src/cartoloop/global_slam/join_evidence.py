@@ -8,7 +8,11 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
-from cartoloop.arrays import IntArray
+import numpy as np
+
+from cartoloop.arrays import BoolArray, IntArray
+from cartoloop.config import JoinConfig
+from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.placing import Placement
 from cartoloop.global_slam.pose_graph import PoseGraph
@@ -38,6 +42,13 @@ class GeometryCheck(NamedTuple):
         """Share of the compared returns that lie on floor of the other part."""
         return self.on_floor / max(self.on_wall + self.on_floor, 1)
 
+    def scans_agree(self, join: JoinConfig) -> bool:
+        """Return whether the scans alone do not forbid the join, whatever walls say."""
+        return (
+            self.contradicted <= join.max_contradicted_share * self.length
+            and self.floor_share <= join.max_floor_share
+        )
+
 
 class Strictness(IntEnum):
     """How strictly a placement is examined: the less supports it, the more strictly."""
@@ -47,11 +58,49 @@ class Strictness(IntEnum):
     FEW_DISTINCT = 2
 
 
-CheckGeometry = Callable[
-    [PoseGraph, Sequence[FinishedSubmap], ScanPoints, IntArray, IntArray, Strictness], GeometryCheck
-]
-"""Examines a graph in which two parts were placed: graph, submaps, returns of the nodes, the parts
-of nodes and submaps: 0 and 1, others are not examined; and how strictly."""
+@dataclass(frozen=True, slots=True)
+class TwoParts:
+    """Two parts of a graph, which are compared or placed in each other.
+
+    Attributes
+    ----------
+    graph : with both of them, and maybe others.
+    submaps : the first ones of the graph, finished.
+    node_points : the returns of all nodes.
+    of_nodes, of_submaps : int64, 0 and 1 for the nodes and submaps of the two; others are left out.
+    """
+
+    graph: PoseGraph
+    submaps: Sequence[FinishedSubmap]
+    node_points: ScanPoints
+    of_nodes: IntArray
+    of_submaps: IntArray
+
+    def nodes_of(self, part: int) -> BoolArray:
+        """Return which nodes are of part 0 or 1, shape (num_nodes,)."""
+        is_of: BoolArray = self.of_nodes == part
+        return is_of
+
+    def submaps_of(self, part: int) -> IntArray:
+        """Return the finished submaps of part 0 or 1, ascending."""
+        return np.flatnonzero(self.of_submaps[: len(self.submaps)] == part)
+
+
+class Nearby(NamedTuple):
+    """Matches of nodes of one part in submaps of another, near where a placement puts them.
+
+    Attributes
+    ----------
+    requests : the windows, of n pairs.
+    matches : n; without rows in the record of closures, -1, until the parts are joined.
+    """
+
+    requests: Requests
+    matches: SearchMatches
+
+
+CheckGeometry = Callable[[TwoParts, Strictness], GeometryCheck]
+"""Examines two parts where they were placed, and how strictly."""
 
 
 class Examined(NamedTuple):

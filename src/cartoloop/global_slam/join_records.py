@@ -12,6 +12,8 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
+from cartoloop.global_slam.closure_search import NO_MATCHES
+from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.graph_records import (
     CANDIDATES,
     MATCHES,
@@ -21,7 +23,7 @@ from cartoloop.global_slam.graph_records import (
     recorded_candidates,
 )
 from cartoloop.global_slam.hypotheses import Candidate
-from cartoloop.global_slam.join_evidence import GeometryCheck
+from cartoloop.global_slam.join_evidence import GeometryCheck, Nearby
 from cartoloop.journal.fields import FieldReader, pack_columns
 from cartoloop.sensor.pose import Pose
 
@@ -32,6 +34,9 @@ _DECISION = struct.Struct("<2I3dI")
 NO_REQUESTS = Requests(
     *(np.zeros((0, *shape), kind) for kind, shape in zip(*REQUESTS, strict=True))
 )
+
+
+NO_NEARBY = Nearby(NO_REQUESTS, NO_MATCHES)
 
 
 class JoinSearch(NamedTuple):
@@ -60,6 +65,8 @@ class JoinDecision(NamedTuple):
     tf_one_other : the placement.
     check : of the geometry; its fault is why they are not joined.
     found : the closures between them.
+    nearby : of the nodes that were searched nearby; none where they are not joined.
+    is_joined : whether they are joined now; another place may fit, too.
     """
 
     one: int
@@ -67,6 +74,25 @@ class JoinDecision(NamedTuple):
     tf_one_other: Pose
     check: GeometryCheck
     found: SearchMatches
+    nearby: Nearby
+    is_joined: bool
+
+
+def with_rows(
+    nearby: Nearby, closures: Closures, num_nodes: int, min_score: float
+) -> SearchMatches:
+    """Return matches with rows in the record of closures, those of pairs that have none yet.
+
+    Parameters
+    ----------
+    num_nodes : of the graph at this moment.
+    min_score : the threshold.
+    """
+    requests, matches = nearby
+    is_new = np.flatnonzero(~closures.has_rows(requests.submap, requests.node))
+    rows = closures.request(requests.take(is_new), num_nodes)
+    closures.note_searched(rows, min_score)
+    return SearchMatches._make(column[is_new] for column in matches)._replace(row=rows)
 
 
 def join_searches_record(searches: Sequence[JoinSearch]) -> bytes:
@@ -111,10 +137,13 @@ def join_decision_record(decision: JoinDecision) -> bytes:
             int(check.on_wall),
             int(check.on_floor),
             check.fault,
+            decision.is_joined,
         ]
     ).encode()
     head = _DECISION.pack(decision.one, decision.other, *decision.tf_one_other, len(content))
-    return head + content + matches_record(decision.found)
+    requests, matches = decision.nearby
+    nearby = pack_columns(requests, REQUESTS[0]) + matches_record(matches)
+    return head + content + matches_record(decision.found) + nearby
 
 
 def recorded_join_decision(payload: memoryview) -> JoinDecision:
@@ -128,12 +157,22 @@ def recorded_join_decision(payload: memoryview) -> JoinDecision:
     one, other, x, y, theta, length = _DECISION.unpack_from(payload)
     end = _DECISION.size + length
     content = json.loads(bytes(payload[_DECISION.size : end]))
-    if not isinstance(content, list) or len(content) != len(GeometryCheck._fields):
+    count = len(GeometryCheck._fields)
+    if not isinstance(content, list) or len(content) not in (count, count + 1):
         raise ValueError("the examination of a join is damaged")
-    path, contradicted, on_wall, on_floor, fault = content
+    path, contradicted, on_wall, on_floor, fault = content[:count]
+    # Journals of earlier versions do not state it.
+    is_joined = bool(content[count]) if len(content) > count else not fault
     check = GeometryCheck(float(path), float(contradicted), int(on_wall), int(on_floor), str(fault))
     placement: FloatArray = np.array((x, y, theta))
     if not np.isfinite(placement).all():
         raise ValueError("a pose is not finite")
-    found = SearchMatches(*FieldReader(payload[end:]).columns(*MATCHES))
-    return JoinDecision(one, other, Pose(x, y, theta), check, found)
+    reader = FieldReader(payload[end:])
+    found, nearby = SearchMatches(*reader.columns(*MATCHES)), NO_NEARBY
+    if not reader.is_at_end:  # journals of earlier versions have none
+        nearby = Nearby(
+            Requests(*reader.columns(*REQUESTS)), SearchMatches(*reader.columns(*MATCHES))
+        )
+        if len(nearby.requests.submap) != len(nearby.matches.row):
+            raise ValueError("a match has no window")
+    return JoinDecision(one, other, Pose(x, y, theta), check, found, nearby, is_joined)

@@ -47,10 +47,7 @@ from cartoloop.global_slam.placing import (
     why_not_believed,
 )
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.global_slam.rivals import (
-    closed_places,
-    reason,
-)
+from cartoloop.global_slam.rivals import reason, reopen
 from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
 from cartoloop.global_slam.wide_search import find_scans
 from cartoloop.journal.frames import Kind
@@ -172,22 +169,27 @@ class Joining:
     def follow(self, graph: PoseGraph) -> bool:
         """Request searches near where the likeliest places put the scans of parts left apart.
 
-        Returns whether there are any.
+        Returns whether there are any. Places that were refused are followed, too, and are examined
+        again if there is anything to be searched: a part that is held at one end fits at the other
+        one only when scans there hold it as well.
         """
         near: dict[tuple[int, int], list[Expected]] = {}
         times: dict[tuple[int, int], int] = {}
         for pair, claims in sorted(self._matches.all_claims(graph).items()):
             if not self._is_short(pair, graph):
                 continue
-            refused = closed_places(self._attempt(*pair), claims, self._config.wide_search)
-            for pose in followed_places(claims, refused, self._config.wide_search):
+            for pose in followed_places(claims, self._config.wide_search):
+                is_new = False
                 for each in self._matches.expected_scans(pair, pose, graph):
                     x, y, _ = each.tf_submap_scan.tolist()
                     key = (each.scan, each.submap, round(x / WINDOW_M), round(y / WINDOW_M))
                     if key not in self._followed:
                         self._followed.add(key)
+                        is_new = True
                         time = times[key[:2]] = times.get(key[:2], -1) + 1
                         near.setdefault((each.submap, time), []).append(each)
+                if is_new:
+                    reopen(self._attempt(*pair), pose, claims, self._config.wide_search)
         # A scan near two places of a submap is in two tasks.
         for (submap, _), expected in near.items():
             scans = np.array([each.scan for each in expected])

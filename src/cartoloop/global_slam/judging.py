@@ -85,7 +85,7 @@ class Judging:
         if must_stand_out or (why_not and is_ambiguous(found, join)):
             attempt.is_ambiguous = True
             if why_not_believed(found._replace(rival=0.0), join, wide) or (
-                must_stand_out and refused_place_weighs(attempt, claims, wide)
+                must_stand_out and refused_place_weighs(attempt, claims, join, wide)
             ):
                 return why_not or "as many scans agree on a place that was refused"
             if (examined := examined_already(attempt, wide)) is not None:

@@ -9,18 +9,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cartoloop.arrays import IntArray
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam.closure_matches import SearchMatches
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.composite_scans import CompositeScans
 from cartoloop.global_slam.constraint_search import ConstraintSearch
-from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, JoinAttempt
+from cartoloop.global_slam.join_evidence import (
+    CheckGeometry,
+    GeometryCheck,
+    JoinAttempt,
+    Nearby,
+    TwoParts,
+)
 from cartoloop.global_slam.join_records import (
+    NO_NEARBY,
     JoinDecision,
     join_decision_record,
     recorded_join_decision,
+    with_rows,
 )
 from cartoloop.global_slam.joining import Joining
 from cartoloop.global_slam.pose_graph import PoseGraph
@@ -38,11 +45,13 @@ class Join(NamedTuple):
     Attributes
     ----------
     attempt : the evidence.
-    found : the closures.
+    found : the closures that hold the parts together.
+    nearby : closures of nodes that were searched nearby, which may be false.
     """
 
     attempt: JoinAttempt
     found: SearchMatches
+    nearby: SearchMatches
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +124,7 @@ class PartJoins:
     ) -> None:
         self._recorded = outcomes
         self._config = config
+        self._closures = closures
         self._submaps = submaps
         self._scans = scans
         self._sessions = sessions
@@ -139,8 +149,8 @@ class PartJoins:
             candidates = [claim.candidate for claim in attempt.found.claims]
             search = self._config.constraint_search
             found = refined(candidates, self._scans.points, self._submaps, search)
-            nodes, submaps = self._two_parts(attempt, graph)
-            check = self._examined(attempt, found, (nodes, submaps), graph, node_points)
+            parts = self._two_parts(attempt, graph, node_points)
+            check, nearby = self._examined(attempt, found, parts)
             if check.fault:
                 self.joining.refuse(attempt, check)
                 continue
@@ -149,53 +159,47 @@ class PartJoins:
                 continue
             attempt.check = check
             self.done.append(self._record(attempt, joined=True))
-            place_part(
-                graph,
-                attempt.found.tf_one_other,
-                np.flatnonzero(nodes == 1),
-                np.flatnonzero(submaps == 1),
-            )
+            place_part(parts, attempt.found.tf_one_other)
             self.joining.joined(attempt)
-            return Join(attempt, found)
+            least = search.join.min_score
+            return Join(attempt, found, with_rows(nearby, self._closures, graph.num_nodes, least))
         return None
 
     def _examined(
-        self,
-        attempt: JoinAttempt,
-        found: SearchMatches,
-        parts: tuple[IntArray, IntArray],
-        graph: PoseGraph,
-        node_points: ScanPoints,
-    ) -> GeometryCheck:
+        self, attempt: JoinAttempt, found: SearchMatches, parts: TwoParts
+    ) -> tuple[GeometryCheck, Nearby]:
         """Return how well two parts agree where they are placed, with these closures between them.
 
-        Parameters
-        ----------
-        parts : 0 and 1 for the nodes and submaps of the two parts.
+        And the matches that were searched for that. The parts are not placed yet, and stay as they
+        are.
         """
         if (recorded := self._recorded.replay(Kind.JOIN_DECIDED)) is not None:
-            return recorded_join_decision(recorded).check
+            decision = recorded_join_decision(recorded)
+            return decision.check, decision.nearby
         assert attempt.found is not None and self._check is not None
         candidates = [claim.candidate for claim in attempt.found.claims]
         of_submap = np.array([each.submap for each in candidates], dtype=np.int64)
         of_node = self._scans.nodes[np.array([each.scan for each in candidates])]
         placed = attempt.found.tf_one_other
-        for joined in tentative_joins(
-            self._config,
-            graph,
-            placed,
-            (found, of_submap, of_node),
-            *parts,
-            self._submaps,
-            node_points,
-        ):
-            check = self._check(joined, self._submaps, node_points, *parts, attempt.strictness)
+        closures = (found, of_submap, of_node)
+        nearby = NO_NEARBY
+        for joined, searched in tentative_joins(self._config, parts, placed, closures):
+            check = self._check(joined, attempt.strictness)
             if not check.fault:
+                nearby = searched
                 break
         if self._recorded.is_recording:
-            decision = JoinDecision(attempt.one, attempt.other, placed, check, found)
+            decision = JoinDecision(
+                attempt.one,
+                attempt.other,
+                placed,
+                check,
+                found,
+                nearby,
+                is_joined=not check.fault and not attempt.is_ambiguous,
+            )
             self._recorded.record(Kind.JOIN_DECIDED, join_decision_record(decision))
-        return check
+        return check, nearby
 
     def summary(self) -> dict[str, list[dict[str, Any]]]:
         """Return what was joined, and what was not and why, for the report; empty if nothing."""
@@ -211,8 +215,10 @@ class PartJoins:
             attempt,
         )
 
-    def _two_parts(self, attempt: JoinAttempt, graph: PoseGraph) -> tuple[IntArray, IntArray]:
-        """Return 0 and 1 for the nodes and submaps of the two parts, -1 for others."""
+    def _two_parts(
+        self, attempt: JoinAttempt, graph: PoseGraph, node_points: ScanPoints
+    ) -> TwoParts:
+        """Return the two parts of an attempt."""
         codes = []
         for parts in (
             self._sessions.of_nodes(graph.num_nodes),
@@ -221,4 +227,4 @@ class PartJoins:
             code = np.full(len(parts), -1)
             code[parts == attempt.one], code[parts == attempt.other] = 0, 1
             codes.append(code)
-        return codes[0], codes[1]
+        return TwoParts(graph, self._submaps, node_points, *codes)

@@ -175,6 +175,25 @@ def _heaviest(claims: Sequence[Claim], wide: WideSearchConfig) -> list[int] | No
     return best
 
 
+def fitted_pose(claims: Sequence[Claim]) -> Pose:
+    """Return where claims that agree place the other part in the one: the pose that fits them best.
+
+    A single match is a few tenths of a metre and a degree off: at the far end of a part that is a
+    metre. Together, as far apart as they lie, they show the heading.
+    """
+    one = np.array([claim.tf_one_scan for claim in claims])
+    other = np.array([claim.tf_other_scan for claim in claims])
+    weights = np.array([max(claim.evidence, MIN_WEIGHT) for claim in claims])
+    centres = [np.average(poses[:, :2], axis=0, weights=weights) for poses in (one, other)]
+    a, b = other[:, :2] - centres[1], one[:, :2] - centres[0]
+    turns = one[:, 2] - other[:, 2]
+    sin = weights @ (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] + LEVER_M**2 * np.sin(turns))
+    cos = weights @ (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + LEVER_M**2 * np.cos(turns))
+    turned = Pose(0.0, 0.0, math.atan2(sin, cos))
+    x, y, theta = compose(turned, Pose(-float(centres[1][0]), -float(centres[1][1]), 0.0))
+    return Pose(x + float(centres[0][0]), y + float(centres[0][1]), theta)
+
+
 def evidence_of(claims: Sequence[Claim], tf_one_other: Pose, wide: WideSearchConfig) -> float:
     """Return the evidence of the largest set of claims that agree on about a place."""
     near = [claim for claim in claims if is_same(claim, tf_one_other, wide)]
@@ -194,6 +213,9 @@ def is_same(claim: Claim, tf_one_other: Pose, wide: WideSearchConfig) -> bool:
 MAX_SET = 24
 """Claims in a set, at most: those with the most evidence. The search is exact, and
 its time may double with each."""
+
+LEVER_M, MIN_WEIGHT = 5.0, 0.01
+"""Headings of matches count as positions at this distance [m], and a match at least this much."""
 
 SAME_PLACE = 3.0
 """Claims within this many times ``place_distance`` are about the same place: parts are bent."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from cartoloop.config import JoinConfig, WideSearchConfig
 from cartoloop.global_slam.join_evidence import Examined, JoinAttempt
-from cartoloop.global_slam.placing import Claim, Placement, evidence_of, placement
+from cartoloop.global_slam.placing import Claim, Placement, evidence_of, is_same, placement
 from cartoloop.sensor.pose import Pose
 
 RETRY_EVIDENCE = 1.5
@@ -32,6 +32,24 @@ def closed_places(
         for each in attempt.refused
         if each.strictness <= attempt.strictness
         and evidence_of(claims, each.tf_one_other, wide) < RETRY_EVIDENCE * each.evidence
+    ]
+
+
+def reopen(
+    attempt: JoinAttempt, tf_one_other: Pose, claims: Sequence[Claim], wide: WideSearchConfig
+) -> None:
+    """Forget that a place was refused, since more is searched there.
+
+    Parameters
+    ----------
+    tf_one_other : the place.
+    claims : about the two parts; that a claim is about both says that two poses are one place.
+    """
+    near = [claim for claim in claims if is_same(claim, tf_one_other, wide)]
+    attempt.refused[:] = [
+        each
+        for each in attempt.refused
+        if not any(is_same(claim, each.tf_one_other, wide) for claim in near)
     ]
 
 
@@ -70,15 +88,20 @@ def rival_to_examine(
 
 
 def refused_place_weighs(
-    attempt: JoinAttempt, claims: Sequence[Claim], wide: WideSearchConfig
+    attempt: JoinAttempt, claims: Sequence[Claim], join: JoinConfig, wide: WideSearchConfig
 ) -> bool:
     """Return whether the best placement has hardly more evidence than one that was refused.
 
-    Where one place looks right and is not, the next one may be no better.
+    Where one place looks right and is not, the next one may be no better. A place where the scans
+    themselves do not agree with the other part does not look right: as in any corridor, matches
+    that are not distinct came together by chance.
     """
     assert attempt.found is not None
     limit = attempt.found.evidence / STANDS_OUT
-    return any(evidence_of(claims, each.tf_one_other, wide) > limit for each in attempt.refused)
+    return any(
+        each.check.scans_agree(join) and evidence_of(claims, each.tf_one_other, wide) > limit
+        for each in attempt.refused
+    )
 
 
 def stands_out(examined: Examined, attempt: JoinAttempt, wide: WideSearchConfig) -> bool:

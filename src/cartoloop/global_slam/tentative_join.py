@@ -3,19 +3,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
-from cartoloop.config import GlobalSlamConfig
-from cartoloop.global_slam.closure_matches import SearchMatches
-from cartoloop.global_slam.closure_search import FinishedSubmap
+from cartoloop.config import ConstraintSearchConfig, GlobalSlamConfig
+from cartoloop.global_slam.closure_matches import Requests, SearchMatches
+from cartoloop.global_slam.closure_search import NO_MATCHES, FinishedSubmap, search
 from cartoloop.global_slam.closure_status import Reason
+from cartoloop.global_slam.following import MIN_SEEN_SHARE, SeenAreas
 from cartoloop.global_slam.graph_adjustment import GraphAdjustment
-from cartoloop.global_slam.pose_graph import ClosureConstraints, PoseGraph
+from cartoloop.global_slam.join_evidence import Nearby, TwoParts
+from cartoloop.global_slam.join_records import NO_REQUESTS
+from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.global_slam.refinement import match_again, overlapping_nodes
-from cartoloop.sensor.pose import Pose, compose_all
+from cartoloop.global_slam.sessions import NodeSubmaps
+from cartoloop.sensor.pose import Pose, compose_all, relative_all, transform_points
 from cartoloop.sensor.scan_points import ScanPoints
 
 EVERY_NTH_NODE = 4
@@ -28,37 +34,34 @@ MAX_ROUNDS = 3
 """Rounds of matching, at most."""
 
 
-def place_part(graph: PoseGraph, tf_one_other: Pose, nodes: IntArray, submaps: IntArray) -> None:
-    """Move the nodes and submaps of one part into the frame of another, in place."""
-    pose = np.array(tf_one_other)
+def place_part(parts: TwoParts, tf_one_other: Pose) -> None:
+    """Move the nodes and submaps of part 1 into the frame of part 0, in place."""
+    graph, pose = parts.graph, np.array(tf_one_other)
+    nodes, submaps = np.flatnonzero(parts.of_nodes == 1), np.flatnonzero(parts.of_submaps == 1)
     graph.node_poses[nodes] = compose_all(pose, graph.node_poses[nodes])
     graph.submap_poses[submaps] = compose_all(pose, graph.submap_poses[submaps])
 
 
 def tentative_joins(
     config: GlobalSlamConfig,
-    graph: PoseGraph,
+    parts: TwoParts,
     tf_one_other: Pose,
     closures: tuple[SearchMatches, IntArray, IntArray],
-    node_parts: IntArray,
-    submap_parts: IntArray,
-    submaps: Sequence[FinishedSubmap],
-    node_points: ScanPoints,
-) -> Iterator[PoseGraph]:
-    """Yield copies of a graph with part 1 joined to part 0, in each round bent to fit better.
+) -> Iterator[tuple[TwoParts, Nearby]]:
+    """Yield copies of two parts with part 1 joined to part 0, in each round bent to fit better.
+
+    And the matches that had to be searched, without which the map would not keep that shape.
 
     One round does where both parts are true. Where one is stretched, most of its nodes are too far
-    from where they fit to be matched at first.
+    from where they fit to be matched at first. The chain of submaps counts as much as it does while
+    mapping, so that what is examined is what the map will be.
 
     Parameters
     ----------
     closures : of the join, with the submap and the node of each.
-    node_parts, submap_parts : 0 and 1 for the two parts, others are left as they are.
     """
-    joined = graph.copy()
-    place_part(
-        joined, tf_one_other, np.flatnonzero(node_parts == 1), np.flatnonzero(submap_parts == 1)
-    )
+    joined = parts.graph.copy()
+    place_part(replace(parts, graph=joined), tf_one_other)
     found, of_submap, of_node = closures
     joined.add_loop_closures(
         ClosureConstraints(
@@ -67,36 +70,36 @@ def tentative_joins(
         are_trusted=True,
     )
     iterations = config.pose_adjustment.max_num_final_iterations
-    GraphAdjustment(joined, config).run(iterations)
+    share = config.pose_adjustment.mapping_share
+    GraphAdjustment(joined, config, share).run(iterations)
     unmatched = joined.copy()
     for _ in range(MAX_ROUNDS):
         matched = unmatched.copy()
         matched.node_poses[:] = joined.node_poses
         matched.submap_poses[:] = joined.submap_poses
-        for matches in _overlap_matches(
-            config, joined, node_parts, submap_parts, submaps, node_points
-        ):
-            matched.add_loop_closures(matches)
-        GraphAdjustment(matched, config).run(iterations)
+        constraints, nearby = _overlap_matches(config, replace(parts, graph=joined))
+        for each in (*constraints, _constraints(nearby)):
+            matched.add_loop_closures(each)
+        GraphAdjustment(matched, config, share).run(iterations)
         joined = matched
-        yield joined
+        yield replace(parts, graph=joined), nearby
 
 
 def _overlap_matches(
-    config: GlobalSlamConfig,
-    graph: PoseGraph,
-    node_parts: IntArray,
-    submap_parts: IntArray,
-    submaps: Sequence[FinishedSubmap],
-    node_points: ScanPoints,
-) -> list[ClosureConstraints]:
-    """Return the matches of nodes of either part in submaps of the other, near where they are."""
-    search = config.constraint_search
+    config: GlobalSlamConfig, parts: TwoParts
+) -> tuple[list[ClosureConstraints], Nearby]:
+    """Return the matches of nodes of either part in submaps of the other, near where they are.
+
+    Where both parts are true, all nodes are found from where they are. Where they are bent, those
+    far from what holds the parts together are not, and are searched nearby, as the map itself does
+    once they are joined.
+    """
+    graph, submaps, limits = parts.graph, parts.submaps, config.constraint_search
     overlaps: list[tuple[int, IntArray]] = []
     for part in (0, 1):
-        of_other = node_parts == 1 - part
+        of_other = parts.nodes_of(1 - part)
         found = []
-        for index in np.flatnonzero(submap_parts[: len(submaps)] == part).tolist():
+        for index in parts.submaps_of(part).tolist():
             nodes = overlapping_nodes(
                 submaps[index], graph.submap_poses[index], graph.node_poses, set(), EVERY_NTH_NODE
             )
@@ -105,13 +108,15 @@ def _overlap_matches(
                 found.append((index, nodes))
         found.sort(key=lambda each: (-len(each[1]), each[0]))
         overlaps += found[:MAX_SUBMAPS]
-    parts = []
+    areas, own_submaps = SeenAreas(submaps), NodeSubmaps.of(graph).first
+    accepted, searched = [], []
     for index, nodes in overlaps:
         pose: FloatArray = graph.submap_poses[index]
-        matches = match_again(submaps[index], pose, nodes, graph.node_poses, node_points, search)
-        submaps[index].release()
+        matches = match_again(
+            submaps[index], pose, nodes, graph.node_poses, parts.node_points, limits
+        )
         fits = matches.reason == Reason.FITS
-        parts.append(
+        accepted.append(
             ClosureConstraints(
                 np.full(int(np.count_nonzero(fits)), -1),
                 matches.submap[fits],
@@ -120,4 +125,85 @@ def _overlap_matches(
                 matches.information[fits],
             )
         )
-    return parts
+        left = nodes[np.isin(nodes, matches.node[fits], invert=True)]
+        requests = _requests_nearby(limits, parts, index, left, areas, own_submaps)
+        searched.append(_searched(limits, submaps[index], requests, parts.node_points))
+        submaps[index].release()
+    return accepted, _as_one(searched)
+
+
+def _requests_nearby(
+    config: ConstraintSearchConfig,
+    parts: TwoParts,
+    index: int,
+    nodes: IntArray,
+    areas: SeenAreas,
+    own_submaps: IntArray,
+) -> Requests:
+    """Return the searches of nodes in a submap, in the window of pairs that are well constrained.
+
+    Nodes that see hardly anything of what the submap has seen are left out.
+    """
+    graph = parts.graph
+    expected = relative_all(graph.submap_poses[index], graph.node_poses[nodes])
+    is_seen = np.array(
+        [
+            areas.share(index, transform_points(Pose(*pose), parts.node_points[node]))
+            > MIN_SEEN_SHARE
+            for pose, node in zip(expected.tolist(), nodes.tolist(), strict=True)
+        ],
+        dtype=bool,
+    )
+    nodes = nodes[is_seen]
+    return Requests(
+        np.full(len(nodes), index, dtype=np.int32),
+        nodes.astype(np.int32),
+        own_submaps[nodes].astype(np.int32),
+        expected[is_seen],
+        np.full(len(nodes), config.min_linear_search_window),
+        np.full(len(nodes), math.radians(config.min_angular_search_window_deg)),
+    )
+
+
+def _searched(
+    config: ConstraintSearchConfig,
+    submap: FinishedSubmap,
+    requests: Requests,
+    node_points: ScanPoints,
+) -> Nearby:
+    """Return where nodes fit in a submap, with the thresholds of matches between parts.
+
+    Where parts overlap a little, scores are low.
+    """
+    if len(requests.node) == 0:
+        return Nearby(requests, NO_MATCHES)
+    join = config.join
+    low = config.model_copy(
+        update={"min_score": join.min_score, "min_score_ratio": join.min_score_ratio}
+    )
+    rows = np.arange(len(requests.node), dtype=np.int32)
+    found = search(submap, rows, requests, node_points, low).matches
+    chosen = found.row.astype(np.int64)
+    return Nearby(requests.take(chosen), found._replace(row=np.full_like(found.row, -1)))
+
+
+def _as_one(parts: Sequence[Nearby]) -> Nearby:
+    """Return the matches of several searches as one."""
+    requests = zip(NO_REQUESTS, *(each.requests for each in parts), strict=True)
+    matches = zip(NO_MATCHES, *(each.matches for each in parts), strict=True)
+    return Nearby(
+        Requests._make(map(np.concatenate, requests)),
+        SearchMatches._make(map(np.concatenate, matches)),
+    )
+
+
+def _constraints(nearby: Nearby) -> ClosureConstraints:
+    """Return matches as constraints that have no row in the record."""
+    requests, matches = nearby
+    return ClosureConstraints(
+        matches.row,
+        requests.submap,
+        requests.node,
+        matches.tf_submap_node,
+        matches.information,
+    )

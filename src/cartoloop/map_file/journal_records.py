@@ -21,7 +21,11 @@ from cartoloop.global_slam.graph_records import (
     recorded_submap,
     recorded_wide_outcomes,
 )
-from cartoloop.global_slam.join_records import recorded_join_decision, recorded_join_searches
+from cartoloop.global_slam.join_records import (
+    recorded_join_decision,
+    recorded_join_searches,
+    with_rows,
+)
 from cartoloop.global_slam.loading import Loaded, load
 from cartoloop.global_slam.sessions import MappedSessions
 from cartoloop.journal.frames import Kind, Record
@@ -75,6 +79,7 @@ class JournalRecords:
         self, num_bytes: int, header: RunHeader, mapped: MappedSessions | None = None
     ) -> None:
         self.num_bytes = num_bytes
+        self._join_config = header.config.global_slam.constraint_search.join
         self._first_node, self._first_submap = header.first_node, header.first_submap
         self._knows_all = mapped is not None or not header.continues
         self.loaded: Loaded = load([] if mapped is None else [mapped])
@@ -173,7 +178,7 @@ class JournalRecords:
     def _add_join(self, payload: memoryview) -> None:
         """Place one part where it was joined to another."""
         decision, ranges = recorded_join_decision(payload), self.loaded.ranges
-        if decision.check.fault:
+        if not decision.is_joined:
             return
         if not {decision.one, decision.other} <= set(ranges.parts):
             raise ValueError("a join is of no part of the map")
@@ -183,6 +188,11 @@ class JournalRecords:
         self._submap_poses = poses
         ranges.join(decision.other, decision.one)
         self._add_found(decision.found, is_trusted=True)
+        self._check_requests(decision.nearby.requests)
+        num_nodes = self.num_nodes_before + len(self.nodes)
+        least = self._join_config.min_score
+        nearby = with_rows(decision.nearby, self.closures, num_nodes, least)
+        self._add_found(nearby, is_trusted=False)
 
     @property
     def submap_poses(self) -> FloatArray:

@@ -28,6 +28,11 @@ WALL, MAYBE_WALL, FLOOR = 0.7, 0.5, 0.3
 NEAR_WALL_M = 0.3
 """A wall with none of the other part within this distance contradicts it, on its floor [m]."""
 
+BEND_SHARE, MAX_BEND_M, MIN_DISPLACED_SHARE = 0.01, 0.3, 0.5
+"""It is the same wall, displaced, if the last share of it lies on a parallel wall of the other part
+that is farther away by the first share of the distance to where the parts hold together: local SLAM
+drifts as much. At most by the second number [m]."""
+
 BRIDGED_M = 0.15
 """Pieces of wall closer than this belong together [m]."""
 
@@ -87,12 +92,19 @@ class WallFault(NamedTuple):
 
 
 def wall_faults(
-    one: Submaps, other: Submaps, submaps: SubmapConfig, min_length: float, min_hidden: float
+    one: Submaps,
+    other: Submaps,
+    submaps: SubmapConfig,
+    min_length: float,
+    min_hidden: float,
+    held: FloatArray,
 ) -> list[WallFault]:
     """Return the walls of either part that the other contradicts, the longest first.
 
     Parameters
     ----------
+    held : shape (k, 2), where scans of the one were matched to the other [m]: from there on the
+        parts may be bent.
     min_length, min_hidden : least length of a wall [m], and least area behind it [m^2].
     """
     box = _common_box(one, other, submaps.resolution)
@@ -100,8 +112,8 @@ def wall_faults(
         return []
     maps = [compose_map(each.grids, each.poses, submaps, box).probability for each in (one, other)]
     faults = [
-        *_faults(maps[0], maps[1], box, submaps.resolution, min_length, min_hidden),
-        *_faults(maps[1], maps[0], box, submaps.resolution, min_length, min_hidden),
+        *_faults(maps[0], maps[1], box, submaps.resolution, min_length, min_hidden, held),
+        *_faults(maps[1], maps[0], box, submaps.resolution, min_length, min_hidden, held),
     ]
     return sorted(faults, key=lambda fault: (-fault.length, fault.x, fault.y))
 
@@ -138,6 +150,7 @@ def _faults(
     resolution: float,
     min_length: float,
     min_hidden: float,
+    held: FloatArray,
 ) -> list[WallFault]:
     """Return the walls of a map that another one contradicts; both are of the same cells."""
     from scipy import ndimage  # heavy, and rarely used
@@ -163,6 +176,9 @@ def _faults(
         corner = np.array((rows.start, cols.start))
         if length < FURNITURE_M and _has_free_end(walls, places + corner, resolution):
             continue
+        bend = _bend(places + corner, box, resolution, held)
+        if bend and _is_displaced(to_wall, places + corner, NEAR_WALL_M + bend, resolution):
+            continue
         around = (
             slice(max(rows.start - beside, 0), rows.stop + beside),
             slice(max(cols.start - beside, 0), cols.stop + beside),
@@ -174,6 +190,42 @@ def _faults(
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
             faults.append(WallFault(x, y, length, hidden))
     return faults
+
+
+def _bend(places: IntArray, box: CellBox, resolution: float, held: FloatArray) -> float:
+    """Return by how far a wall may be displaced since the parts are bent [m].
+
+    Parameters
+    ----------
+    places : int64, shape (n, 2), row and column of its cells.
+    held : shape (k, 2), where the parts hold together [m].
+    """
+    if len(held) == 0:
+        return 0.0
+    row, col = places.mean(axis=0)
+    x, y = (box.first_col + col) * resolution, (box.first_row + row) * resolution
+    away = np.hypot(held[:, 0] - x, held[:, 1] - y).min()
+    return float(min(BEND_SHARE * away, MAX_BEND_M))
+
+
+def _is_displaced(to_wall: FloatArray, places: IntArray, reach: float, resolution: float) -> bool:
+    """Return whether the other part has the same wall within a distance, parallel to it.
+
+    Parameters
+    ----------
+    to_wall : distance from each cell to the nearest wall of the other part [m].
+    places : int64, shape (n, 2), row and column of cells of the wall.
+    reach : the distance [m].
+    """
+    _, axes = np.linalg.eigh((places - places.mean(axis=0)).T @ (places - places.mean(axis=0)))
+    most = round(reach / resolution)
+    for shift in range(-most, most + 1):
+        cells = np.rint(places + shift * axes[:, 0]).astype(np.int64)
+        inside = ((cells >= 0) & (cells < np.array(to_wall.shape))).all(axis=1)
+        near = to_wall[tuple(cells[inside].T)] <= resolution
+        if np.count_nonzero(near) >= MIN_DISPLACED_SHARE * len(places):
+            return True
+    return False
 
 
 def _straight_length(cells: BoolArray) -> float:
