@@ -105,7 +105,9 @@ def test_the_noise_is_that_of_a_metre():
 
 def test_a_ratio_of_nothing_is_not_known():
     measured, _, _ = distances(1.0, number=10)
-    assert measured_ratio(measured, np.zeros(10)) == (1.0, math.inf, math.inf)
+    ratio, error, noise = measured_ratio(measured, np.zeros(10))
+    assert (ratio, error) == (1.0, math.inf)
+    assert math.isnan(noise)
 
 
 def test_values_are_weighted_by_their_errors():

@@ -115,6 +115,7 @@ def test_scans_in_turn_weigh_together_against_odometry(submap, max_lost_scans):
         prior = Prediction(pose, True, certain, lambda: (TRUTH, TRUTH))
         found = matcher.match(submap, sparse, prior)
         followed.append(abs(found.tf_local_tracking.theta - TRUTH.theta) < 0.05)
+        assert (matcher.lost_in_turn == 0) == followed[-1]
     assert not followed[0]
     assert any(followed) == (max_lost_scans > 1)
 

@@ -145,6 +145,21 @@ def test_evidence_against_wheels_ends_where_they_are_right():
     assert wall_step.better_pose(0.9, at_rest, slipped, by_odometry=True) is None
 
 
+@pytest.mark.parametrize("max_loss_share", [CONFIG.max_loss_share, 1.0])
+def test_people_who_walk_along_do_not_contradict_wheels(max_loss_share):
+    config = CONFIG.model_copy(update={"max_loss_share": max_loss_share, "close_fit": 0.0})
+    rng, wall_step, found = np.random.default_rng(0), WallStep(config), []
+    for k in range(8):
+        x = 0.2 * k
+        people = tuple(x + edge for edge in (1.2, 1.6, 2.4, 2.9, 3.6, 4.2))
+        returns = corridor_scan(x, rng, (*people, 7.0, 7.5))
+        pose = Pose(x, 0.0, 0.0)
+        found.append(wall_step.better_pose(x, pose, returns, by_odometry=True))
+        wall_step.add(x, pose, IDENTITY, returns)
+    # the cupboard that stands there is what tells them from wheels that spin
+    assert any(found) == (max_loss_share == 1.0)
+
+
 @pytest.mark.parametrize("error", [0.0, 0.01])
 def test_small_errors_are_left_to_odometry(error):
     places = 0.2 * np.arange(10)

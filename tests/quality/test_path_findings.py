@@ -102,21 +102,24 @@ def test_a_turn_during_a_gap_is_seen_in_the_scans():
     assert motion.misfits(run) == []
 
 
-def seen_ahead(points, theta):
-    """Return the points that a scanner of 180 degrees sees at a heading, in its frame."""
+def seen_ahead(points, theta, mounted):
+    """Return what a scanner of 180 degrees sees at a heading, tracking frame."""
     cos, sin = np.cos(theta), np.sin(theta)
     turned = points @ np.array(((cos, -sin), (sin, cos)))
-    return turned[turned[:, 0] > 0.0]
+    return turned[turned @ (np.cos(mounted), np.sin(mounted)) > 0.0]
 
 
-def test_what_a_scanner_had_not_looked_at_is_no_misfit():
+@pytest.mark.parametrize("mounted", [0.0, np.pi, -2.0])
+def test_what_a_scanner_had_not_looked_at_is_no_misfit(mounted):
     run = without(drive(speed=0.0), 108.0, 114.0, moved=False)
     before, after = 40, len(run.stamps) - 40
     run.local_trajectory[before:, 2] = 1.1
-    run.node_points = [seen_ahead(room(), 0.0)] * before + [seen_ahead(room(), 1.1)] * after
+    run.node_points = [seen_ahead(room(), 0.0, mounted)] * before + [
+        seen_ahead(room(), 1.1, mounted)
+    ] * after
     assert motion.misfits(run) == []
 
-    run.node_points[before:] = [seen_ahead(room() * (0.4, 1.6), 1.1)] * after
+    run.node_points[before:] = [seen_ahead(room() * (0.4, 1.6), 1.1, mounted)] * after
     assert [misfit.scan for misfit in motion.misfits(run)] == [before]
 
 

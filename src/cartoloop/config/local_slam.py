@@ -164,7 +164,7 @@ class WallStepConfig(Section):
         0.3, gt=0, description="or after this time, since wheels may not turn while it moves [s]"
     )
     max_standstill: float = Field(
-        3.0,
+        0.0,
         ge=0,
         description="odometry that has not moved at all for less than this is left alone: it may "
         "repeat a reading, and catch up [s]",

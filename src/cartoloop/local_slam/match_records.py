@@ -8,10 +8,11 @@ leaves the same state as computing it.
 from __future__ import annotations
 
 import struct
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from cartoloop.journal.outcomes import unfit
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose
 
@@ -24,7 +25,7 @@ class MatcherMemory(NamedTuple):
     typical_residual : of a match.
     num_correlative : number of scans for which the correlative matcher ran.
     num_lost : number of scans that were searched in the wider window.
-    lost_in_turn : number of latest scans that fitted nowhere as scans do.
+    lost_in_turn : number of latest scans by odometry that fitted nowhere as scans do.
     """
 
     typical_residual: float
@@ -69,10 +70,10 @@ def recorded_match(payload: memoryview) -> tuple[LeastSquaresMatch, MatcherMemor
 
     Raises
     ------
-    struct.error
-        The payload has another length.
+    InputError
+        The payload has another length: another version has written it.
     """
-    values = _MATCH.unpack(payload)
+    values = _unpacked(_MATCH, payload)
     information = np.array(values[3:12]).reshape(3, 3)
     match = LeastSquaresMatch(Pose(*values[:3]), information, *values[12:15])
     return match, MatcherMemory(*values[15:])
@@ -90,8 +91,14 @@ def recorded_wall_step(payload: memoryview) -> tuple[Pose | None, WallMemory]:
 
     Raises
     ------
-    struct.error
-        The payload has another length.
+    InputError
+        The payload has another length: another version has written it.
     """
-    is_better, x, y, theta, *memory = _WALL.unpack(payload)
+    is_better, x, y, theta, *memory = _unpacked(_WALL, payload)
     return Pose(x, y, theta) if is_better else None, WallMemory(*memory)
+
+
+def _unpacked(layout: struct.Struct, payload: memoryview) -> tuple[Any, ...]:
+    if len(payload) != layout.size:
+        raise unfit("its scans were matched by another version")
+    return layout.unpack(payload)

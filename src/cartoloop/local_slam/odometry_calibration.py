@@ -242,7 +242,7 @@ def with_measured_scale(
         along = np.array([one.along for one in used])
         ratio, error, noise = measured_ratio(used, np.sum(moved[:, :2] * along, axis=1))
         estimates.append((model.translation_scale * ratio, model.translation_scale * error))
-        num_metres = len(used)
+        num_metres = 0 if math.isnan(noise) else len(used)
     if len(estimates) == 1:
         return model
     scale, error = combined(estimates)

@@ -71,7 +71,7 @@ def measured_ratio(
         weights = information / (1.0 + squares / (LOSS_SCALE * typical) ** 2)
         sum_of_weights = float(weights @ predicted**2)
         if sum_of_weights <= 0.0:
-            return 1.0, math.inf, math.inf
+            return 1.0, math.inf, math.nan
         ratio = float(weights @ (predicted * measured)) / sum_of_weights
     terms = weights * predicted * (measured - ratio * predicted)
     error = math.sqrt(float(terms @ terms)) / sum_of_weights

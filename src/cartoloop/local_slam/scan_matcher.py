@@ -43,7 +43,7 @@ class ScanMatcher:
     ----------
     num_correlative : number of scans for which the correlative matcher ran.
     num_lost : number of scans that were searched in the wider window.
-    lost_in_turn : number of latest scans that fitted nowhere as scans do.
+    lost_in_turn : number of latest scans by odometry that fitted nowhere as scans do.
     """
 
     def __init__(self, config: LocalSlamConfig) -> None:
@@ -98,11 +98,11 @@ class ScanMatcher:
                 best = found
         if best.residual > self._typical_residual * window.lost_residual_ratio:
             self.num_lost += 1
-            self.lost_in_turn += 1
+            self.lost_in_turn = self.lost_in_turn + 1 if prediction.by_odometry else 0
             found = self._search_as_lost(submap, points, prediction, best)
             is_lost = found is not best
             best = found
-        else:
+        if is_lost or best.residual <= self._typical_residual * window.lost_residual_ratio:
             self.lost_in_turn = 0
         point_weight = self._least_squares.occupied_space_weight / self._typical_residual**2
         self._typical_residual += window.residual_memory * (best.residual - self._typical_residual)

@@ -227,7 +227,8 @@ def _compare(
 ) -> _Comparison | None:
     """Compare a scan with one before; None where lines determine all directions well.
 
-    With a stride above 1, also None where no step of that grid fits better than the matched one.
+    With a stride above 1, also None where no step of that grid fits so much better than the matched
+    one as odometry must fit worse.
     """
     outline, max_gap = last.outline, math.radians(config.max_gap_deg)
     ratio, direction = open_direction(*outline, max_gap)

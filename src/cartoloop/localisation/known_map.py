@@ -41,11 +41,15 @@ accurate, and cost more."""
 MAX_CELLS = 2**26
 """Largest map [cells]: a square of 400 m; it takes 1.2 GB."""
 
-FOREIGN_SCORE, FOREIGN_AGREEMENT, FOREIGN_LOW_AGREEMENT = 0.65, 0.9, 0.8
-FOREIGN_LOW_SCORE = 0.55
+FOREIGN_SCORE, FOREIGN_LOW_SCORE = 0.65, 0.55
+"""Score that scans usually reach in a map without scans of its own, see :class:`Fit`, and that nine
+of ten reach."""
+
+FOREIGN_AGREEMENT, FOREIGN_LOW_AGREEMENT = 0.9, 0.8
+"""The same of their agreement."""
+
 FOREIGN_DISTINCTNESS, FOREIGN_LOW_DISTINCTNESS = 0.88, 0.78
-"""What scans usually reach in a map without scans of its own, see :class:`Fit`, and the score,
-agreement and distinctness that nine of ten reach."""
+"""The same of their distinctness."""
 
 TILE_M = 8.0
 """Edge of the parts of the map that are searched for their best places [m]."""

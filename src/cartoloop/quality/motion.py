@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -240,8 +241,7 @@ def changed_share(content: MapContent, one: int, other: int, max_range: float = 
         return 0.0
     pose = relative(Pose(*poses[one].tolist()), Pose(*poses[other].tolist()))
     seen = transform_points(pose, seen)
-    bearing = np.arctan2(seen[:, 1], seen[:, 0])
-    seen = seen[(bearing >= bearings.min()) & (bearing <= bearings.max())]
+    seen = seen[_is_in_view(np.arctan2(seen[:, 1], seen[:, 0]), bearings[order])]
     if len(seen) < 5:
         return 0.0
     along = ends - starts
@@ -249,6 +249,15 @@ def changed_share(content: MapContent, one: int, other: int, max_range: float = 
     nearest = starts + np.clip(share, 0.0, 1.0)[..., np.newaxis] * along
     apart = np.hypot(*np.moveaxis(seen[:, np.newaxis] - nearest, 2, 0)).min(axis=1)
     return float(np.mean(apart > CHANGED_M))
+
+
+def _is_in_view(bearings: FloatArray, outline: FloatArray) -> BoolArray:
+    """Return which bearings are within those of an outline [rad], which ascend."""
+    gaps = np.diff(outline, append=outline[0] + math.tau)
+    widest = int(np.argmax(gaps))
+    begin = outline[(widest + 1) % len(outline)]
+    is_seen: BoolArray = np.mod(bearings - begin, math.tau) <= math.tau - gaps[widest]
+    return is_seen
 
 
 class Corridors(NamedTuple):

@@ -165,7 +165,7 @@ def length_error(length: float, odometry: Mapping[str, Any] | None) -> float:
     if not has_odometry(odometry):
         return NO_ODOMETRY_ERROR * length
     noise, num_metres = odometry.get("metre_noise_m"), odometry.get("measured_metres")
-    if noise and num_metres:
+    if noise is not None and num_metres:
         return NUM_SIGMAS * float(noise) * math.sqrt(length + length**2 / int(num_metres))
     # Nothing known of turns means that there were none.
     rotation_error = float(odometry.get("rotation_error_rad") or 0.0)
