@@ -116,7 +116,9 @@ def best_step(
     outline = Outline(lines_of(bearings, ends, max_gap), places_in_sectors(ends))
     places, matched_costs = _placed(outline, points, tf_sensor_points, fit)
     decisive = _most_decisive_first(outline, places, matched_costs, along, fit)
-    matched = float(np.sum(matched_costs))
+    matched = 0.0
+    for k in range(matched_costs.shape[0]):
+        matched += matched_costs[k]
     best = -1
     least = min(matched, max(below[0] * matched, below[1] * points.shape[0]))
     if stride == 1 and steps.shape[0] > 0:
