@@ -156,7 +156,7 @@ def test_people_who_walk_along_do_not_contradict_wheels(max_loss_share):
         pose = Pose(x, 0.0, 0.0)
         found.append(wall_step.better_pose(x, pose, returns, by_odometry=True))
         wall_step.add(x, pose, IDENTITY, returns)
-    # the cupboard that stands there is what tells them from wheels that spin
+    # the cupboard that stands there distinguishes them from wheels that spin
     assert any(found) == (max_loss_share == 1.0)
 
 
