@@ -5,15 +5,18 @@ from __future__ import annotations
 
 import io
 import json
+from contextlib import closing
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from cartoloop.config_file import load_config
 from cartoloop.errors import OutputError
 from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.map_output.occupancy_map import compose_map
 from cartoloop.map_output.picture import palette
+from cartoloop.mapper import Mapper
 from cartoloop.viewer.feed import rejected_closures
 from cartoloop.viewer.protocol import REJECTED, MessageType
 from cartoloop.viewer.view import serve_result
@@ -95,12 +98,28 @@ def test_details_of_a_closure(connection, page, result):
     assert np.median(distance) < 0.5
 
 
-def test_card_says_why_a_closure_was_rejected(connection, page, result):
-    closures, first = result.closures, result.graph.num_constraints
+@pytest.fixture(scope="module")
+def strict_result(ring_events):
+    """The ring, of whose closures the last pass rejects some."""
+    strict = ("global_slam.constraint_search.max_refined_residual=0.35",)
+    mapper = Mapper(load_config(None, strict).config)
+    for event in ring_events:
+        mapper.add(event)
+    return mapper.finish()
+
+
+def test_card_says_why_a_closure_was_rejected(strict_result):
+    closures, first = strict_result.closures, strict_result.graph.num_constraints
     rows = rejected_closures(closures).closures
     assert len(rows) > 0
-    for number, row in enumerate(rows.tolist()):
-        _, closure = ask(connection, page, type="closure", id=number, constraint=first + number)
+    server = serve_result(strict_result, "ring", port=0)
+    with closing(server), join(server.url) as connection:
+        page = look(connection)
+        answers = [
+            ask(connection, page, type="closure", id=number, constraint=first + number)[1]
+            for number in range(len(rows))
+        ]
+    for closure, row in zip(answers, rows.tolist(), strict=True):
         assert (closure["submap"], closure["node"]) == (closures.submap[row], closures.node[row])
         assert closure["status"] == Status(closures.status[row]).text
         assert closure["status"] in ("poor_fit", "moved_too_far", "contradicted")
