@@ -383,7 +383,7 @@ class Mapper:
     def _map_queue(self, time: float, on_pose: Callable[[], None] | None = None) -> Pose | None:
         """Map the queued scans whose sweeps ended before a time; return the last pose."""
         queue, pose = self._queue, None
-        while queue and self._local_slam.ready_time(queue[0]) <= time:
+        while queue and self._local_slam.is_ready(queue[0], time):
             self._map_scan(queue.popleft(), on_pose)
             pose = self.pose
         return pose

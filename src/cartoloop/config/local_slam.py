@@ -228,6 +228,15 @@ class SubmapConfig(Section):
     )
     hit_probability: float = Field(0.6, gt=0.5, lt=1, description="p_hit of eq. (3)")
     miss_probability: float = Field(0.45, gt=0, lt=0.5, description="p_miss of eq. (3)")
+    max_return_gap: float = Field(
+        0.4,
+        ge=0,
+        description="distance up to which neighbouring returns on a straight wall are connected: "
+        "the cells between them are hit, too; 0: none [m]",
+    )
+    max_wall_bend_deg: float = Field(
+        15.0, gt=0, lt=90, description="bend up to which a wall counts as straight there [deg]"
+    )
 
 
 class InsertionConfig(Section):

@@ -92,6 +92,10 @@ class FilteredScan(NamedTuple):
     points: FloatArray
 
 
+MAX_WAIT_S = 0.5
+"""Longest time for which a recorded scan waits for odometry [s]: as long as that is extrapolated."""
+
+
 class LocalSlam:
     """Turns scans into poses in the local frame, and into submaps.
 
@@ -163,12 +167,19 @@ class LocalSlam:
         """Add an inertial reading."""
         self.extrapolator.add_imu(imu)
 
-    def ready_time(self, scan: LaserScan | PointCloud) -> float:
-        """Return when all odometry and IMU readings that affect a scan have been measured [s]."""
+    def is_ready(self, scan: LaserScan | PointCloud, time: float) -> bool:
+        """Return whether the odometry and IMU readings that affect a scan have been read by a time.
+
+        Odometry is waited for until it reaches the end of the sweep, as its clock is known, but not
+        for long.
+        """
         if not self.extrapolator.measures_motion:
-            return scan.time
+            return True
         offset = self._clocks.offset_of(scan.geometry.sensor)
-        return scan.time + offset + min(scan.sweep[1], MAX_SWEEP_S)
+        end = scan.time + offset + min(scan.sweep[1], MAX_SWEEP_S)
+        return end <= time and (
+            self.extrapolator.has_odometry_until(end) or time > end + MAX_WAIT_S
+        )
 
     def add_scan(
         self, scan: LaserScan | PointCloud, on_pose: Callable[[Pose], None] | None = None

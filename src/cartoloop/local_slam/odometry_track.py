@@ -76,11 +76,13 @@ class OdometryTrack:
     num_jumps : number of jumps.
     num_late : how often it caught up.
     late_since : time of the reading that it last repeated before it caught up [s].
+    latest : time of the latest reading [s], be it left out.
     has_moved : whether it has reported any motion.
     """
 
     def __init__(self) -> None:
         self.num_jumps = self.num_late = 0
+        self.latest = -math.inf
         self.late_since = math.nan
         self.has_moved = False
         self._is_repeating = False
@@ -121,6 +123,7 @@ class OdometryTrack:
     def add(self, time: float, tf_odom_tracking: Pose) -> None:
         """Add a reading; of several at one time the last is kept, older ones are ignored."""
         times = self._readings.times
+        self.latest = max(self.latest, time)
         if times and time <= times[-1]:
             if time == times[-1]:
                 self._pop()

@@ -177,6 +177,14 @@ class PoseExtrapolator:
         if self._config.use_odometry:
             self._odometry.add(time, tf_odom_tracking)
 
+    def has_odometry_until(self, time: float) -> bool:
+        """Return whether odometry has been read up to a time of the scans, or there is none.
+
+        Beyond its readings it is extrapolated, and what that is wrong by stays in the next step.
+        """
+        latest = self._odometry.latest + self._calibration.model.time_offset
+        return len(self._odometry) == 0 or latest >= time
+
     @property
     def has_much_odometry(self) -> bool:
         """Whether it is time to forget some of the odometry."""

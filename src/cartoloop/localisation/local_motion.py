@@ -87,9 +87,9 @@ class LocalMotion:
         """Add a reading."""
         self._local_slam.add_imu(reading)
 
-    def ready_time(self, scan: LaserScan | PointCloud) -> float:
-        """Return from which time on all that the scan needs has come [s]."""
-        return self._local_slam.ready_time(scan)
+    def is_ready(self, scan: LaserScan | PointCloud, time: float) -> bool:
+        """Return whether all that a scan needs has been read by a time [s]."""
+        return self._local_slam.is_ready(scan, time)
 
     def add_scan(self, event: LaserScan | PointCloud) -> LocalScan | None:
         """Add a scan; None if the path has become too long for a submap.

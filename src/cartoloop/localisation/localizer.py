@@ -204,7 +204,7 @@ class Localizer:
         self, time: float, on_answer: Callable[[Answer], None] | None
     ) -> Answer | None:
         answer = None
-        while self._queue and self._locating.motion.ready_time(self._queue[0]) <= time:
+        while self._queue and self._locating.motion.is_ready(self._queue[0], time):
             event = self._queue.popleft()
             self._answer = answer = self._locating.answer(event, self._odom)
             self._num_scans += 1

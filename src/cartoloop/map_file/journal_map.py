@@ -39,7 +39,7 @@ from cartoloop.sensor.pose import (
 )
 from cartoloop.session import whole_map
 from cartoloop.submaps.finished_grid import FinishedGrid
-from cartoloop.submaps.probability_grid import ProbabilityGrid, insert_cells, scan_cells
+from cartoloop.submaps.probability_grid import ProbabilityGrid, insert_cells, joints, scan_cells
 
 OpenBase = Callable[[Path], MapData]
 """Opens the map that a run adds a session to."""
@@ -206,9 +206,9 @@ def _unfinished(index: int, collected: JournalRecords, config: SubmapConfig) -> 
             continue
         pose = node.tf_local_tracking
         x, y = node.origin.tolist()
-        cells = scan_cells(
-            compose(pose, Pose(x, y, 0.0)), transform_points(pose, node.points), nothing, r
-        )
+        points = transform_points(pose, node.points)
+        tf_local_sensor = compose(pose, Pose(x, y, 0.0))
+        cells = scan_cells(tf_local_sensor, points, nothing, r, joints(points, config))
         before = grid.cells.size
         insert_cells(grid, cells, config, lattice)
         collected.count_cells(grid.cells.size - before)

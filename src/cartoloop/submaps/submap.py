@@ -14,6 +14,7 @@ from cartoloop.submaps.probability_grid import (
     ProbabilityGrid,
     ScanCells,
     insert_cells,
+    joints,
     scan_cells,
 )
 
@@ -107,7 +108,11 @@ class ActiveSubmaps:
             if submap.index not in self._known:
                 if cells is None:
                     cells = scan_cells(
-                        tf_local_sensor, returns_local, misses_local, config.resolution
+                        tf_local_sensor,
+                        returns_local,
+                        misses_local,
+                        config.resolution,
+                        joints(returns_local, config),
                     )
                 insert_cells(submap.grid, cells, config, self._lattice_origin(submap))
             submap.num_scans += 1
