@@ -31,12 +31,7 @@ MAX_CELLS = 1 << 27
 
 @kernel
 def scan_cells(
-    origin_x: float,
-    origin_y: float,
-    returns: FloatArray,
-    misses: FloatArray,
-    joints: FloatArray,
-    resolution: float,
+    origin_x: float, origin_y: float, returns: FloatArray, misses: FloatArray, resolution: float
 ) -> tuple[CellArray, RunArray, int, int, int, int]:
     """Return the disjoint hit and miss sets of a scan, and the box that holds them.
 
@@ -45,8 +40,6 @@ def scan_cells(
     origin_x, origin_y : the rays' common start, in the grid's frame [m].
     returns : float64, shape (n, 2), ends of rays that hit something, grid frame [m].
     misses : float64, shape (k, 2), ends of rays that did not, grid frame [m].
-    joints : float64, shape (j, 2), further hits, on lines between returns, grid frame [m]. No ray
-        leads to them.
     resolution : pixel edge r [m].
 
     Returns
@@ -83,8 +76,8 @@ def scan_cells(
         ends,
         marked,
     )
-    hits = np.empty((num_returns + joints.shape[0], 2), dtype=np.int32)
-    num_hits = _take_hits(returns, joints, resolution, first_col, first_row, marked, hits)
+    hits = np.empty((num_returns, 2), dtype=np.int32)
+    num_hits = _take_hits(returns, resolution, first_col, first_row, marked, hits)
     # A run begins where a span does, or after a hit.
     free = np.empty((num_spans + num_hits, 3), dtype=np.int32)
     num_runs = list_runs(marked, free)
@@ -134,29 +127,22 @@ def _subpixels(coordinate: float, resolution: float, first: int) -> int:
 @kernel
 def _take_hits(
     returns: FloatArray,
-    joints: FloatArray,
     resolution: float,
     first_col: int,
     first_row: int,
     out_marked: PixelRows,
     out_hits: CellArray,
 ) -> int:
-    """Move the cells of returns and joints from `out_marked` to `out_hits`, each once; count them."""
-    count = returns.shape[0]
-    for k in range(count + joints.shape[0]):
-        x, y = (
-            (returns[k, 0], returns[k, 1])
-            if k < count
-            else (joints[k - count, 0], joints[k - count, 1])
-        )
-        col = int(np.floor(x / resolution + 0.5))
-        row = int(np.floor(y / resolution + 0.5))
+    """Move the returns' cells from `out_marked` to `out_hits`, each once; return how many."""
+    for k in range(returns.shape[0]):
+        col = int(np.floor(returns[k, 0] / resolution + 0.5))
+        row = int(np.floor(returns[k, 1] / resolution + 0.5))
         out_hits[k, 0] = col
         out_hits[k, 1] = row
-        # No ray has marked a joint's cell, or that of an end which was rounded to another pixel.
+        # Already marked by its ray, except where the end was rounded to another pixel.
         add_span(out_marked, row - first_row, col - first_col, col - first_col)
     num_hits = 0
-    for k in range(count + joints.shape[0]):
+    for k in range(returns.shape[0]):
         col, row = out_hits[k, 0], out_hits[k, 1]
         if remove_pixel(out_marked, col - first_col, row - first_row):
             out_hits[num_hits, 0] = col

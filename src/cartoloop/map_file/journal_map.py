@@ -39,7 +39,12 @@ from cartoloop.sensor.pose import (
 )
 from cartoloop.session import whole_map
 from cartoloop.submaps.finished_grid import FinishedGrid
-from cartoloop.submaps.probability_grid import ProbabilityGrid, insert_cells, joints, scan_cells
+from cartoloop.submaps.probability_grid import (
+    ProbabilityGrid,
+    insert_cells,
+    scan_cells,
+    with_joints,
+)
 
 OpenBase = Callable[[Path], MapData]
 """Opens the map that a run adds a session to."""
@@ -208,7 +213,7 @@ def _unfinished(index: int, collected: JournalRecords, config: SubmapConfig) -> 
         x, y = node.origin.tolist()
         points = transform_points(pose, node.points)
         tf_local_sensor = compose(pose, Pose(x, y, 0.0))
-        cells = scan_cells(tf_local_sensor, points, nothing, r, joints(points, config))
+        cells = scan_cells(tf_local_sensor, with_joints(points, config), nothing, r)
         before = grid.cells.size
         insert_cells(grid, cells, config, lattice)
         collected.count_cells(grid.cells.size - before)

@@ -28,9 +28,6 @@ from cartoloop.submaps.finished_grid import (
 GROWTH_CELLS = 64
 """Minimum growth of a grid, so that it rarely grows [cells]: 3.2 m at 0.05 m."""
 
-NO_POINTS: FloatArray = np.zeros((0, 2))
-"""No points."""
-
 _MEMORY = ReusedMemory(max_idle_bytes=16 << 20)
 """Memory of growing grids: that of four usual ones."""
 
@@ -162,11 +159,7 @@ class ScanCells(NamedTuple):
 
 
 def scan_cells(
-    tf_grid_sensor: Pose,
-    returns: FloatArray,
-    misses: FloatArray,
-    resolution: float,
-    joints: FloatArray = NO_POINTS,
+    tf_grid_sensor: Pose, returns: FloatArray, misses: FloatArray, resolution: float
 ) -> ScanCells:
     """Return the hit and miss sets of a scan.
 
@@ -175,34 +168,34 @@ def scan_cells(
     tf_grid_sensor : start of the rays.
     returns, misses : float64, shapes (n, 2), (k, 2), ends of the rays [m, grid frame].
     resolution : pixel edge r [m].
-    joints : float64, shape (j, 2), where a wall is between returns [m, grid frame]: see
-        :func:`wall_joints`.
 
     Raises
     ------
     InputError
         They are too far from each other, or from the origin, for any map.
     """
-    x, y, _ = tf_grid_sensor
-    cells = ScanCells(*ray_casting.scan_cells(x, y, returns, misses, joints, resolution))
+    cells = ScanCells(
+        *ray_casting.scan_cells(tf_grid_sensor.x, tf_grid_sensor.y, returns, misses, resolution)
+    )
     _check_extent(*cells[2:], resolution)
     return cells
 
 
-def joints(returns: FloatArray, config: SubmapConfig) -> FloatArray:
-    """Return points on straight walls between the returns of neighbouring beams, shape (j, 2) [m].
+def with_joints(returns: FloatArray, config: SubmapConfig) -> FloatArray:
+    """Return returns, and points on straight walls between those of neighbouring beams.
 
     The beams of a coarse scanner leave gaps of several cells in a wall. The next scan, from another
-    angle, hits these, and would find nothing there to match.
+    angle, hits the wall in these, and would find nothing there to match.
 
     Parameters
     ----------
     returns : float64, shape (n, 2), in the order of the beams [m].
     """
     if config.max_return_gap <= 0.0:
-        return NO_POINTS
-    least = math.cos(math.radians(config.max_wall_bend_deg))
-    return wall_joints(returns, config.max_return_gap, least, config.resolution)
+        return returns
+    straightness = math.cos(math.radians(config.max_wall_bend_deg))
+    joints = wall_joints(returns, config.max_return_gap, straightness, config.resolution)
+    return np.concatenate((returns, joints))
 
 
 def insert_cells(

@@ -14,8 +14,8 @@ from cartoloop.submaps.probability_grid import (
     ProbabilityGrid,
     ScanCells,
     insert_cells,
-    joints,
     scan_cells,
+    with_joints,
 )
 
 
@@ -107,13 +107,8 @@ class ActiveSubmaps:
             submap.travelled += step if submap.num_scans else 0.0
             if submap.index not in self._known:
                 if cells is None:
-                    cells = scan_cells(
-                        tf_local_sensor,
-                        returns_local,
-                        misses_local,
-                        config.resolution,
-                        joints(returns_local, config),
-                    )
+                    returns = with_joints(returns_local, config)
+                    cells = scan_cells(tf_local_sensor, returns, misses_local, config.resolution)
                 insert_cells(submap.grid, cells, config, self._lattice_origin(submap))
             submap.num_scans += 1
         inserted = tuple(self._submaps)
