@@ -37,7 +37,7 @@ from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
 from cartoloop.sensor.scan_points import ScanPoints
-from cartoloop.submaps.probability_grid import insert_cells, scan_cells
+from cartoloop.submaps.probability_grid import insert_cells, scan_cells, with_joints
 from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (
@@ -147,14 +147,13 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
     yield Workload("update cells", ("grid_update",), case, update, num_cells, "cells")
 
     def insert() -> None:
-        insert_cells(
-            submap.grid,
-            scan_cells(sensor, returns, misses, resolution),
-            config.local_slam.submaps,
-            origin,
-        )
+        walls = with_joints(returns, config.local_slam.submaps)
+        cells = scan_cells(sensor, walls, misses, resolution)
+        insert_cells(submap.grid, cells, config.local_slam.submaps, origin)
 
-    yield Workload("insert", ("ray_casting", "grid_update"), case, insert, rays, "rays")
+    yield Workload(
+        "insert", ("wall_joints", "ray_casting", "grid_update"), case, insert, rays, "rays"
+    )
 
 
 def _match_workloads(driven: Drive) -> Iterator[Workload]:

@@ -71,6 +71,7 @@ LOCAL_SLAM = {
     "search_window",
     "scan_residuals",
     "voxel_filter",
+    "wall_joints",
     "window_bounds",
 }
 """The modules of kernels that the first process compiles itself."""

@@ -34,9 +34,9 @@ def record(odometry=None, duration=20.0, seed=5):
     return simulate(furnished_room(), LIDAR, odometry, seed=seed, duration=duration)
 
 
-def local_slam(config):
+def local_slam(config, known=None):
     node_filter = config.global_slam.constraint_search.adaptive_voxel_filter
-    return LocalSlam(config.local_slam, config.sensor, node_filter, StageTimer())
+    return LocalSlam(config.local_slam, config.sensor, node_filter, StageTimer(), known)
 
 
 def run(events, config=None):

@@ -11,8 +11,10 @@ import pytest
 
 from cartoloop.config import Config, LocalSlamConfig
 from cartoloop.errors import InputError
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.sensor.events import Imu, LaserScan, Odometry
-from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.pose import IDENTITY, Pose
 from cartoloop.simulation import (
     Difficulties,
     Lidar,
@@ -23,7 +25,7 @@ from cartoloop.simulation import (
     make_world,
     simulate,
 )
-from tests.local_slam.small_world import errors, furnished_room, record, run
+from tests.local_slam.small_world import errors, furnished_room, local_slam, record, run
 
 MIN_POINTS = LocalSlamConfig().insertion.min_num_points
 
@@ -100,6 +102,25 @@ def test_late_and_miscalibrated_odometry_is_corrected():
     assert distance.max() < 0.08
     assert math.degrees(angle.max()) < 1.5
     assert slam.extrapolator.odometry_model.rotation_scale == pytest.approx(1 / 1.15, rel=0.05)
+
+
+def test_a_recorded_scan_waits_for_its_odometry(recording):
+    """Beyond its readings odometry is a guess, whose error would stay in the path."""
+    slam = local_slam(Config(), SensorCalibration(OdometryParameters(time_offset=-0.1), {}))
+    scan = next(event for event in recording.events() if isinstance(event, LaserScan))
+    time = scan.time + scan.sweep[1]
+    slam.add_odometry(Odometry(time, time, IDENTITY))
+    assert not slam.is_ready(scan, time + 0.2)
+    slam.add_odometry(Odometry(time + 0.2, time + 0.2, IDENTITY))
+    assert slam.is_ready(scan, time + 0.2)
+
+
+def test_a_scan_does_not_wait_long_for_odometry_that_ended(recording):
+    slam = local_slam(Config())
+    scan = next(event for event in recording.events() if isinstance(event, LaserScan))
+    slam.add_odometry(Odometry(scan.time - 5.0, scan.time - 5.0, IDENTITY))
+    assert not slam.is_ready(scan, scan.time + 0.4)
+    assert slam.is_ready(scan, scan.time + scan.sweep[1] + 0.6)
 
 
 def test_disabled_odometry_equals_absent_odometry(recording):

@@ -112,4 +112,6 @@ def test_two_scanners_with_different_clocks_make_one_map():
     stamps = [e.stamp for e in events if isinstance(e, LaserScan)]
     truth = dict(zip(recording.stamps, recording.true_poses, strict=True))
     true_poses = np.array([truth[stamp] for stamp in stamps])
-    assert errors(poses[is_front], true_poses[is_front])[0].max() < 0.06
+    off, _ = errors(poses[is_front], true_poses[is_front])
+    assert off.max() < 0.1  # while the clock is not known
+    assert off[100:].max() < 0.06

@@ -12,7 +12,12 @@ from hypothesis import strategies as st
 
 from cartoloop.config import SubmapConfig
 from cartoloop.sensor.pose import Pose
-from cartoloop.submaps.probability_grid import ProbabilityGrid, insert_cells, scan_cells
+from cartoloop.submaps.probability_grid import (
+    ProbabilityGrid,
+    insert_cells,
+    scan_cells,
+    with_joints,
+)
 from cartoloop.submaps.submap import ActiveSubmaps
 
 RESOLUTION = 0.1
@@ -122,7 +127,8 @@ def test_all_submaps_show_the_same_world():
     active.insert(Pose(0.0, 0.0, 0.0), NO_POINTS, NO_POINTS)  # begins the older elsewhere
     insertion = active.insert(sensor, ends, NO_POINTS)
     in_local = ProbabilityGrid(RESOLUTION)
-    insert_cells(in_local, scan_cells(sensor, ends, NO_POINTS, RESOLUTION), config_)
+    walls = with_joints(ends, config_)
+    insert_cells(in_local, scan_cells(sensor, walls, NO_POINTS, RESOLUTION), config_)
     expected = in_local.finish()
 
     assert len(insertion.submaps) == 2
@@ -131,3 +137,22 @@ def test_all_submaps_show_the_same_world():
         assert np.array_equal(shown.cells, expected.cells)
         assert shown.origin_x + submap.tf_local_submap.x == pytest.approx(expected.origin_x)
         assert shown.origin_y + submap.tf_local_submap.y == pytest.approx(expected.origin_y)
+
+
+def test_a_coarse_scan_hits_the_wall_between_its_beams():
+    """A later scan, from another angle, finds there what it returns from."""
+    active = ActiveSubmaps(config(5))
+    returns = np.array([(2.0, 0.3 * k) for k in range(-4, 5)])
+    active.insert(Pose(0.0, 0.0, 0.0), returns, NO_POINTS)
+    grid = active.submaps[0].grid
+    column = round(2.0 / RESOLUTION) - grid.first_col
+    rows = np.arange(round(-0.9 / RESOLUTION), round(0.9 / RESOLUTION) + 1) - grid.first_row
+    assert (grid.cells[rows, column] > 0.5).all()
+
+
+def test_walls_stay_open_where_gaps_are_not_closed():
+    open_ = SubmapConfig(resolution=RESOLUTION, max_return_gap=0.0)
+    active = ActiveSubmaps(open_)
+    returns = np.array([(2.0, 0.3 * k) for k in range(-4, 5)])
+    active.insert(Pose(0.0, 0.0, 0.0), returns, NO_POINTS)
+    assert np.count_nonzero(active.submaps[0].grid.cells > 0.5) == len(returns)

@@ -93,7 +93,7 @@ class FilteredScan(NamedTuple):
 
 
 MAX_WAIT_S = 0.5
-"""Longest time for which a recorded scan waits for odometry [s], as long as that is extrapolated."""
+"""Longest time for which a recorded scan waits for odometry [s]: no more is extrapolated."""
 
 
 class LocalSlam:
