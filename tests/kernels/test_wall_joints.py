@@ -55,7 +55,7 @@ def test_equals_the_naive_joints(steps):
     assert joints(returns) == pytest.approx(np.array(expected).reshape(-1, 2), abs=1e-12)
 
 
-def test_a_wall_is_closed_between_its_second_and_last_but_one_return():
+def test_a_wall_is_closed_between_its_inner_returns():
     found = joints(wall(0.14, 5))
     assert found[:, 0] == pytest.approx(3.0)
     third = 0.14 / 3

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.config import LocalSlamConfig
+from cartoloop.local_slam.odometry_trust import Evidence
 from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator
 from cartoloop.sensor.events import Imu
 from cartoloop.sensor.pose import IDENTITY, Pose, compose
@@ -65,6 +66,22 @@ def test_odometry_predicts_the_step_in_any_frame(extrapolator):
     prediction = extrapolator.predict(1.2)
     assert prediction.by_odometry
     assert prediction.tf_local_tracking == pytest.approx(compose(start, step))
+
+
+@pytest.mark.parametrize("is_determined", [False, True])
+def test_what_was_extrapolated_wrongly_is_made_up_for(extrapolator, is_determined):
+    """Only where the match has followed the odometry."""
+    evidence = Evidence(is_determined, 0.0, lambda _: math.inf, lambda: 0.0)
+    for time, x in ((0.0, 0.0), (0.1, 0.02)):
+        extrapolator.add_odometry(time, Pose(x, 0.0, 0.0))
+    extrapolator.add_pose(0.1, IDENTITY, evidence=evidence)
+    guessed = extrapolator.predict(0.2).tf_local_tracking
+    assert guessed.x == pytest.approx(0.02)
+    extrapolator.add_pose(0.2, guessed, evidence=evidence)
+    for time, x in ((0.2, 0.08), (0.3, 0.14)):
+        extrapolator.add_odometry(time, Pose(x, 0.0, 0.0))
+    x = extrapolator.predict(0.3).tf_local_tracking.x
+    assert x == pytest.approx(0.08 if is_determined else 0.12)
 
 
 def sigmas_of_steps(extrapolator, steps):

@@ -121,6 +121,7 @@ class PoseExtrapolator:
         self._step_key: _StepKey | None = None
         self._step: Pose | None = None
         self._is_stale = False
+        self._extrapolated: tuple[float, Pose] | None = None
         self._time = 0.0
         self._tf_local_tracking = IDENTITY
         self._velocity = VelocityFilter(config.prediction)
@@ -232,6 +233,8 @@ class PoseExtrapolator:
             self._velocity.update(relative(last[1], middle), middle_time - last[0])
         if len(self._odometry):
             num_faulty = self._compare_odometry(middle_time, middle, evidence, scanner, expected)
+        if evidence is None or evidence.is_determined:
+            self._extrapolated = None
         self._middle_time, self._middle = middle_time, middle
         self._middles[scanner] = middle_time, middle
         self._time, self._tf_local_tracking = time, tf_local_tracking
@@ -307,7 +310,10 @@ class PoseExtrapolator:
                 return caught_up
         step = self._odometry_step(self._time, time)
         if step is None:
+            self._extrapolated = None
             return self.prediction_from(time, self._at_constant_velocity(time))
+        step = self._with_overdue_motion(step)
+        self._extrapolated = None if self.has_odometry_until(time) else (self._time, step)
         pose = compose(self._tf_local_tracking, self._with_gyro_turn(step, self._time, time))
         self._num_short = self._num_short + 1 if self._is_short(step, time - self._time) else 0
         return Prediction(
@@ -318,6 +324,20 @@ class PoseExtrapolator:
             stands=step == IDENTITY,
             is_slow=self._is_slow,
         )
+
+    def _with_overdue_motion(self, step: Pose) -> Pose:
+        """Return a step, and by how much the odometry was extrapolated wrongly to the last scan.
+
+        Only live: recorded scans wait for it. A match along bare walls has followed the odometry.
+        """
+        if self._extrapolated is None:
+            return step
+        begin, assumed = self._extrapolated
+        known = self._odometry_step(begin, self._time)
+        if known is None:
+            return step
+        missed = relative(assumed, known)
+        return compose(Pose(missed.x, missed.y, 0.0), step)
 
     def _caught_up(self, time: float) -> Prediction | None:
         """Return the motion prior once the odometry has caught up, None if that is not possible.
