@@ -272,11 +272,11 @@ class PoseAdjustmentConfig(Section):
         description="share of the information of scan matches that is used: submaps are distorted",
     )
     mapping_share: float = Field(
-        0.15,
+        0.05,
         gt=0,
         le=1,
-        description="share of that while mapping: from a chain of submaps that is too sure of "
-        "itself, true loop closures look false",
+        description="share of that while mapping, and where is decided which loop closures are "
+        "false: from a chain of submaps that is too sure of itself, true ones look so",
     )
     max_chain_chi_square: float = Field(
         4.0,

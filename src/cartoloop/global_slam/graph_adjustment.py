@@ -74,6 +74,7 @@ class GraphAdjustment:
             max_iterations=max_num_iterations,
             relative_tolerance=config.tolerance,
             chain_share=self._share,
+            decision_share=config.mapping_share,
         )
         start = perf_counter()
         if self._revision != graph.revision:

@@ -17,6 +17,7 @@ from cartoloop.pose_adjustment import (
     Loss,
     Planner,
     Problem,
+    Solution,
     held_vertices,
     residuals,
     solve,
@@ -39,6 +40,7 @@ class AdjustmentOptions:
         which may take as many.
     relative_tolerance : change of the cost, as a share of it, below which the result stands.
     chain_share : share of the information of intra-submap constraints that is used.
+    decision_share : share of it, if less, with which is decided what a truncated loss leaves out.
     """
 
     loss: Loss = Loss.TRUNCATED
@@ -47,6 +49,7 @@ class AdjustmentOptions:
     max_iterations: int = 50
     relative_tolerance: float = 1e-6
     chain_share: float = 1.0
+    decision_share: float = 1.0
 
     def loss_of_kind(self) -> list[GroupLoss]:
         """Return the loss of each group: of the kinds of constraint, and of those trusted."""
@@ -115,7 +118,7 @@ class PoseAdjuster:
 
     def __init__(self, graph: PoseGraph) -> None:
         self.graph = graph
-        self._planner = Planner()
+        self._planner, self._final_planner = Planner(), Planner()
         self._believed: BoolArray | None = None
 
     def adjust(
@@ -131,20 +134,37 @@ class PoseAdjuster:
         options : None for the defaults.
         points : absolute measurements of nodes; the group of a point is a `ConstraintKind`.
         """
-        graph, options = self.graph, options or AdjustmentOptions()
+        options = options or AdjustmentOptions()
+        share = min(options.decision_share, options.chain_share)
+        result = self._solve(self._planner, graph_problem(self.graph, points, share), options)
+        self._believed = result.weights > 0.0
+        if share < options.chain_share:
+            problem = graph_problem(self.graph, points, options.chain_share)
+            weights = np.concatenate((result.weights, result.control_weights))
+            result = self._solve(self._final_planner, problem, options, weights)
+        return AdjustmentResult(
+            result.cost, result.initial_cost, result.iterations, result.converged, result.weights
+        )
+
+    def _solve(
+        self,
+        planner: Planner,
+        problem: Problem,
+        options: AdjustmentOptions,
+        weights: FloatArray | None = None,
+    ) -> Solution:
+        """Solve a problem of the graph, and move the graph's poses there."""
         result = solve(
-            self._planner.plan(graph_problem(graph, points, options.chain_share)),
+            planner.plan(problem),
             options.loss_of_kind(),
             max_iterations=options.max_iterations,
             relative_tolerance=options.relative_tolerance,
             believed=self._believed,
+            weights=weights,
         )
-        self._believed = result.weights > 0.0
-        graph.submap_poses[:] = result.submap_poses
-        graph.node_poses[:] = result.node_poses
-        return AdjustmentResult(
-            result.cost, result.initial_cost, result.iterations, result.converged, result.weights
-        )
+        self.graph.submap_poses[:] = result.submap_poses
+        self.graph.node_poses[:] = result.node_poses
+        return result
 
 
 def adjust(

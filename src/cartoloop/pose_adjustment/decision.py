@@ -139,3 +139,18 @@ def decide(
     plan.set_weights(decision.weights)
     cost = cost_at(plan, run.poses, decision.truncated)
     return Run(run.poses, cost, initial_cost, decision.iterations, run.converged)
+
+
+def as_decided(decision: Decision, weights: FloatArray) -> Run:
+    """Return the poses for a decision that was made before.
+
+    Parameters
+    ----------
+    weights : of all measurements, shape (n,); used where is decided.
+    """
+    plan = decision.descent.plan
+    poses = plan.problem.poses()
+    initial_cost = cost_at(plan, poses, decision.truncated)
+    decision.weights[:] = weights
+    run = decision.judged(decision.lower(poses))
+    return replace(run, initial_cost=initial_cost, iterations=decision.iterations)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.kernels.pose_adjustment.losses import DECIDED, Loss
 from cartoloop.pose_adjustment.chordal import better_start
-from cartoloop.pose_adjustment.decision import Decision, decide
+from cartoloop.pose_adjustment.decision import Decision, as_decided, decide
 from cartoloop.pose_adjustment.descent import Descent
 from cartoloop.pose_adjustment.graduation import graduate
 from cartoloop.pose_adjustment.losses import GroupLoss, kernel_losses
@@ -50,6 +50,7 @@ def solve(
     max_iterations: int = 50,
     relative_tolerance: float = 1e-6,
     believed: BoolArray | None = None,
+    weights: FloatArray | None = None,
 ) -> Solution:
     """Return the poses at which the constraints of a problem agree best.
 
@@ -61,6 +62,8 @@ def solve(
     relative_tolerance : change of the cost, as a share of it, below which the result stands.
     believed : which of the first constraints an earlier adjustment left a weight, shape (k,): where
         that is still right, truncated losses do not have to decide again.
+    weights : of all measurements, constraints and then control points, in [0, 1]: truncated losses
+        do not decide, and leave as much of each as given; None: they decide.
 
     Notes
     -----
@@ -84,14 +87,15 @@ def solve(
     used = {group.loss for group in losses}
     if used & DECIDED:
         how = graduate if Loss.GRADUATED_NON_CONVEXITY in used else truncate
-        run = decide(Decision(descent, measured, losses), how, believed)
+        decision = Decision(descent, measured, losses)
+        run = decide(decision, how, believed) if weights is None else as_decided(decision, weights)
     else:
         kernel = kernel_losses(losses)
         start = better_start(plan, measured, kernel) if max_iterations else problem.poses()
         run = descent.run(start, kernel)
     poses = run.poses
     poses[:, 2] = wrap_angles(poses[:, 2])
-    weights, num_constraints = plan.weights(), problem.constraints.groups.size
+    left, num_constraints = plan.weights(), problem.constraints.groups.size
     return Solution(
         poses[: problem.num_submaps],
         poses[problem.num_submaps : problem.map_frame],
@@ -99,6 +103,6 @@ def solve(
         run.initial_cost,
         run.iterations,
         run.converged,
-        weights[:num_constraints],
-        weights[num_constraints:],
+        left[:num_constraints],
+        left[num_constraints:],
     )
