@@ -247,23 +247,43 @@ def test_a_chain_of_which_a_share_counts_bends_to_one_closure():
     np.testing.assert_array_equal(graph.informations, stiff_chain(1).informations)
 
 
-def test_what_a_flexible_chain_keeps_stays_with_the_stiff_one():
-    """The decision is that of the share for it; the poses are least squares of the other."""
-    options = to_the_end(Loss.TRUNCATED, decision_share=0.01)
-    graph, least_squares = stiff_chain(1), stiff_chain(1)
-    found = adjust(graph, options)
-    assert found.weights[graph.kinds == ConstraintKind.LOOP_CLOSURE].tolist() == [1.0]
+def closure_weights(graph, **options):
+    found = adjust(graph, to_the_end(Loss.TRUNCATED, **options))
+    return found.weights[graph.kinds == ConstraintKind.LOOP_CLOSURE].tolist()
+
+
+def several_closures(count):
+    """A chain that is too stiff for closures which agree."""
+    graph = stiff_chain(1)
+    for _ in range(count - 1):
+        graph.add_constraint(
+            ConstraintKind.LOOP_CLOSURE, 0, 5, np.array((5.0, 0.0, 0.0)), 500.0 * np.eye(3)
+        )
+    graph.informations[graph.kinds == ConstraintKind.INTRA_SUBMAP] *= 8.0
+    return graph
+
+
+def test_closures_that_agree_with_a_flexible_chain_are_kept():
+    """The poses are least squares of the chain as it is."""
+    graph, least_squares = several_closures(3), several_closures(3)
+    assert closure_weights(several_closures(3)) == [0.0, 0.0, 0.0]
+    assert closure_weights(graph, flexible_share=0.01) == [1.0, 1.0, 1.0]
     adjust(least_squares, to_the_end(Loss.NONE))
     np.testing.assert_allclose(graph.node_poses, least_squares.node_poses, atol=1e-6)
 
 
-def test_what_a_flexible_chain_leaves_out_does_not_bend_the_stiff_one():
-    graph, straight = stiff_chain(4), stiff_chain(0)
-    far = np.array((500.0, 0.0, 0.0))
-    graph.add_constraint(ConstraintKind.LOOP_CLOSURE, 0, 5, far, 500.0 * np.eye(3))
-    found = adjust(graph, to_the_end(Loss.TRUNCATED, decision_share=0.01))
-    assert found.weights[graph.kinds == ConstraintKind.LOOP_CLOSURE].tolist() == [1, 1, 1, 1, 0]
-    assert 5.0 < graph.node_poses[-1, 0] < straight.node_poses[-1, 0]
+def test_two_closures_do_not_bend_a_stiff_chain():
+    assert closure_weights(several_closures(2), flexible_share=0.01) == [0.0, 0.0]
+
+
+def test_closures_of_which_one_disagrees_do_not_bend_it():
+    graph, straight = several_closures(3), several_closures(3)
+    for made in (graph, straight):
+        far = np.array((500.0, 0.0, 0.0))
+        made.add_constraint(ConstraintKind.LOOP_CLOSURE, 0, 5, far, 500.0 * np.eye(3))
+    assert closure_weights(graph, flexible_share=0.01) == [0.0, 0.0, 0.0, 0.0]
+    assert closure_weights(straight) == [0.0, 0.0, 0.0, 0.0]
+    np.testing.assert_array_equal(graph.node_poses, straight.node_poses)
 
 
 def test_a_chain_counts_in_full_unless_closures_bend_it():

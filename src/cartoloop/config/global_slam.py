@@ -272,11 +272,18 @@ class PoseAdjustmentConfig(Section):
         description="share of the information of scan matches that is used: submaps are distorted",
     )
     mapping_share: float = Field(
+        0.15,
+        gt=0,
+        le=1,
+        description="share of that while mapping: from a chain of submaps that is too sure of "
+        "itself, true loop closures look false",
+    )
+    flexible_share: float = Field(
         0.05,
         gt=0,
         le=1,
-        description="share of that while mapping, and where is decided which loop closures are "
-        "false: from a chain of submaps that is too sure of itself, true ones look so",
+        description="share of it with which is decided again which loop closures are false, if "
+        "many seem so: if nearly all agree then, they are taken for true",
     )
     max_chain_chi_square: float = Field(
         4.0,

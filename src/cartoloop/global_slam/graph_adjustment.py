@@ -74,7 +74,7 @@ class GraphAdjustment:
             max_iterations=max_num_iterations,
             relative_tolerance=config.tolerance,
             chain_share=self._share,
-            decision_share=config.mapping_share,
+            flexible_share=config.flexible_share,
         )
         start = perf_counter()
         if self._revision != graph.revision:

@@ -26,6 +26,10 @@ from cartoloop.pose_adjustment import (
 TRUSTED = len(ConstraintKind)
 """Group of the constraints that no loss weakens."""
 
+NEARLY_ALL, MIN_MORE = 0.97, 3
+"""A decision with a flexible chain stands if it keeps this share of the loop closures, and this
+many more than that with the chain as it is: one or two may be false."""
+
 
 @dataclass(frozen=True, slots=True)
 class AdjustmentOptions:
@@ -40,7 +44,8 @@ class AdjustmentOptions:
         which may take as many.
     relative_tolerance : change of the cost, as a share of it, below which the result stands.
     chain_share : share of the information of intra-submap constraints that is used.
-    decision_share : share of it, if less, with which is decided what a truncated loss leaves out.
+    flexible_share : share of it, if less, with which a truncated loss decides again if it leaves
+        out more than a few loop closures; see :meth:`PoseAdjuster.adjust`.
     """
 
     loss: Loss = Loss.TRUNCATED
@@ -49,7 +54,7 @@ class AdjustmentOptions:
     max_iterations: int = 50
     relative_tolerance: float = 1e-6
     chain_share: float = 1.0
-    decision_share: float = 1.0
+    flexible_share: float = 1.0
 
     def loss_of_kind(self) -> list[GroupLoss]:
         """Return the loss of each group: of the kinds of constraint, and of those trusted."""
@@ -118,7 +123,7 @@ class PoseAdjuster:
 
     def __init__(self, graph: PoseGraph) -> None:
         self.graph = graph
-        self._planner, self._final_planner = Planner(), Planner()
+        self._planner, self._flexible_planner = Planner(), Planner()
         self._believed: BoolArray | None = None
 
     def adjust(
@@ -129,22 +134,47 @@ class PoseAdjuster:
         Fixed nodes and submaps stay. A part of the graph with nothing fixed and no control point is
         held at its first submap (or first node); a vertex without constraints stays where it is.
 
+        Errors of scans in one submap are not independent, so that the chain of submaps is too sure
+        of itself, and a truncated loss may leave out loop closures that are true. If with a
+        flexible chain nearly all of them agree, this decision stands, and the poses follow from
+        the chain as it is. False closures do not all agree, however flexible the chain is.
+
         Parameters
         ----------
         options : None for the defaults.
         points : absolute measurements of nodes; the group of a point is a `ConstraintKind`.
         """
         options = options or AdjustmentOptions()
-        share = min(options.decision_share, options.chain_share)
+        share = options.chain_share
         result = self._solve(self._planner, graph_problem(self.graph, points, share), options)
+        if options.flexible_share < share and self._leaves_out_many(result):
+            bent = graph_problem(self.graph, points, options.flexible_share)
+            flexible = self._solve(self._flexible_planner, bent, options)
+            if self._is_agreed(flexible, result):
+                weights = np.concatenate((flexible.weights, flexible.control_weights))
+                problem = graph_problem(self.graph, points, share)
+                result = self._solve(self._planner, problem, options, weights)
+            else:
+                self._move_to(result)
         self._believed = result.weights > 0.0
-        if share < options.chain_share:
-            problem = graph_problem(self.graph, points, options.chain_share)
-            weights = np.concatenate((result.weights, result.control_weights))
-            result = self._solve(self._final_planner, problem, options, weights)
         return AdjustmentResult(
             result.cost, result.initial_cost, result.iterations, result.converged, result.weights
         )
+
+    def _num_kept(self, solution: Solution) -> tuple[int, int]:
+        """Return the number of loop closures that a solution keeps, and that of all."""
+        weights = solution.weights[self.graph.kinds == ConstraintKind.LOOP_CLOSURE]
+        return int(np.count_nonzero(weights)), weights.size
+
+    def _leaves_out_many(self, solution: Solution) -> bool:
+        """Return whether a solution leaves out more than a few of the loop closures."""
+        num_kept, number = self._num_kept(solution)
+        return num_kept < NEARLY_ALL * number
+
+    def _is_agreed(self, solution: Solution, other: Solution) -> bool:
+        """Return whether nearly all loop closures agree in a solution, not just a few more."""
+        more = self._num_kept(solution)[0] - self._num_kept(other)[0]
+        return more >= MIN_MORE and not self._leaves_out_many(solution)
 
     def _solve(
         self,
@@ -154,7 +184,7 @@ class PoseAdjuster:
         weights: FloatArray | None = None,
     ) -> Solution:
         """Solve a problem of the graph, and move the graph's poses there."""
-        result = solve(
+        solution = solve(
             planner.plan(problem),
             options.loss_of_kind(),
             max_iterations=options.max_iterations,
@@ -162,9 +192,12 @@ class PoseAdjuster:
             believed=self._believed,
             weights=weights,
         )
-        self.graph.submap_poses[:] = result.submap_poses
-        self.graph.node_poses[:] = result.node_poses
-        return result
+        self._move_to(solution)
+        return solution
+
+    def _move_to(self, solution: Solution) -> None:
+        self.graph.submap_poses[:] = solution.submap_poses
+        self.graph.node_poses[:] = solution.node_poses
 
 
 def adjust(

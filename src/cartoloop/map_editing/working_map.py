@@ -222,7 +222,7 @@ class WorkingMap:
             max_iterations=config.max_num_final_iterations,
             relative_tolerance=config.tolerance,
             chain_share=chain_share(self.graph, config.max_chain_chi_square),
-            decision_share=config.mapping_share,
+            flexible_share=config.flexible_share,
         )
         adjust(self.graph, options)
         self._is_adjusted = True
