@@ -27,6 +27,12 @@ from cartoloop.localisation.claim_needs import (
     shows_enough,
 )
 from cartoloop.localisation.fit import Fit
+from cartoloop.localisation.followed_place import (
+    MIN_COUNTED_SHARE,
+    FollowedPlace,
+    follow_best,
+    is_proved,
+)
 from cartoloop.localisation.global_search import (
     FoundPlace,
     TileMatches,
@@ -40,7 +46,6 @@ from cartoloop.localisation.global_search import (
 )
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import Composite
-from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import IDENTITY, Pose
 
 POSSIBLE_AGREEMENT = 0.6
@@ -48,9 +53,6 @@ POSSIBLE_AGREEMENT = 0.6
 
 MAX_PLACES = 12
 """Number of places that are answered, the likeliest."""
-
-MIN_COUNTED_SHARE = 0.5
-"""Share of the returns that must lie where the map is known."""
 
 REFUTING_AGREEMENT = 0.15
 """Places with an agreement lower by this than the best one's are refuted."""
@@ -72,11 +74,9 @@ class Claim(NamedTuple):
     Attributes
     ----------
     tf_map_tracking : pose of the newest scan, refined.
-    match : of the refinement.
     """
 
     tf_map_tracking: Pose
-    match: LeastSquaresMatch
 
 
 class Decision(NamedTuple):
@@ -87,11 +87,14 @@ class Decision(NamedTuple):
     claim : the place, or None.
     places : where the robot may be if no place is claimed, the likeliest first.
     runner_up : upper limit of the score of any place but the best; NaN if nothing fits.
+    kept : poses in the places where the scans fit if each is matched there, the best first: they
+        are looked at in the next search as well, also if nothing is found there.
     """
 
     claim: Claim | None
     places: tuple[Place, ...]
     runner_up: float
+    kept: tuple[Pose, ...] = ()
 
 
 NOTHING = Decision(None, (), math.nan)
@@ -118,15 +121,42 @@ class Before(NamedTuple):
     places : where the robot is now if it was in the places of the search before: they have to be
         refuted as well, also where their scores have become too low to be listed.
     is_undecided : whether more scans fit in several places: fewer prove one only by its details.
+    kept : where the robot is now if it was in the places that were kept.
     """
 
     num_refuted: int = 0
     places: Sequence[Pose] = ()
     is_undecided: bool = False
+    kept: Sequence[Pose] = ()
 
 
 NOTHING_BEFORE = Before()
 """There was no search before."""
+
+
+class _Searched(NamedTuple):
+    """Where scans fit.
+
+    Attributes
+    ----------
+    candidates : the likeliest first.
+    rest : other places that are listed, if there are many.
+    lowest : score down to which places may be right.
+    runner_up : upper limit of the score of any place but the best; NaN without any.
+    are_all : whether these are all places down to `runner_up`, or it is low enough.
+    """
+
+    candidates: list[_Candidate]
+    rest: list[FoundPlace]
+    lowest: float
+    runner_up: float
+    are_all: bool
+
+    @property
+    def listed(self) -> list[Pose]:
+        """Poses of all places, tf_map_tracking."""
+        first = [place.tf_map_tracking for place in self.candidates]
+        return first + [place.tf_map_tracking for place in self.rest]
 
 
 def decide(
@@ -139,19 +169,35 @@ def decide(
     path : length of the path that the scans come from [m].
     before : what the searches before have shown.
     """
-    points = composite.points
-    if len(points) < MIN_POINTS:
+    if len(composite.points) < MIN_POINTS:
         return NOTHING
-    needed, least = needed_of(known, path, before.num_refuted), searched_score(known, path)
-    if not shows_enough(points, path):
+    needed = needed_of(known, path, before.num_refuted)
+    if not shows_enough(composite.points, path):
         needed = None
-    if needed is not None and before.is_undecided:
-        needed = needed._replace(score=math.inf)
+    searched = _search(known, composite, path)
+    if needed is not None and searched.are_all:
+        claim = _claim_by_scans(known, composite, path, needed, searched, before)
+        if claim is not None:
+            return Decision(claim, (), searched.runner_up)
+    places = [each.tf_map_tracking for each in searched.candidates]
+    followed = follow_best(known, composite, [*places, *before.places, *before.kept])
+    if needed is not None and searched.are_all and not before.is_undecided:
+        claim = _claim_by_path(known, composite, path, followed, searched)
+        if claim is not None:
+            return Decision(claim, (), searched.runner_up)
+    kept = tuple(each.pose for each in followed)
+    return Decision(None, _places(known, searched.candidates), searched.runner_up, kept)
+
+
+def _search(known: KnownMap, composite: Composite, path: float) -> _Searched:
+    """Return the places where scans fit, moved as one."""
+    points = composite.points
+    least = searched_score(known, path)
     found = find(known, points, least)
     if found is None:
-        return NOTHING
-    margin, fitting_margin = needed_margin(path), FITTING_MARGIN * known.usual.score
-    lowest = found.score - max(2.0 * margin, fitting_margin)
+        return _Searched([], [], least, math.nan, True)
+    margin = needed_margin(path)
+    lowest = found.score - max(2.0 * margin, FITTING_MARGIN * known.usual.score)
     tiles = search_tiles(known, points, max(lowest, least))
     runner_up = runner_up_score(known, tiles, found)
     listed = list_places(known, points, tiles)
@@ -159,22 +205,53 @@ def decide(
     first, rest = listed.places[:MAX_PLACES], listed.places[MAX_PLACES:]
     candidates = [_candidate(known, composite, place) for place in first]
     candidates.sort(key=lambda each: -each.log_likelihood)
-    if not candidates:
-        return NOTHING
-    best = candidates[0]
     are_all = listed.is_complete or found.score - runner_up >= margin
-    if needed is not None and are_all:
-        claim = _claim(known, composite, best, needed)
-        others = chain(
-            candidates[1:],
-            (_candidate(known, composite, place) for place in rest),
-            _earlier(known, composite, before.places, listed.places),
-            _lower(known, composite, listed.places, lowest) if lowest < least else (),
-        )
-        is_refuted = partial(_is_refuted, best, margin, fitting_margin, needed)
-        if claim is not None and all(map(is_refuted, others)):
-            return Decision(claim, (), runner_up)
-    return Decision(None, _places(known, candidates), runner_up)
+    return _Searched(candidates, rest, lowest, runner_up, are_all)
+
+
+def _claim_by_scans(
+    known: KnownMap,
+    composite: Composite,
+    path: float,
+    needed: Needed,
+    searched: _Searched,
+    before: Before,
+) -> Claim | None:
+    """Return the best place if the scans, moved as one, fit there as a claim needs it."""
+    candidates, rest = searched.candidates, searched.rest
+    if not candidates:
+        return None
+    if before.is_undecided:
+        needed = needed._replace(score=math.inf)
+    best = candidates[0]
+    claim = _claim(known, composite, best, needed)
+    if claim is None:
+        return None
+    others = chain(
+        candidates[1:],
+        (_candidate(known, composite, place) for place in rest),
+        _earlier(known, composite, before.places, searched.listed),
+        _unlisted(known, composite, path, searched),
+    )
+    margin, fitting_margin = needed_margin(path), FITTING_MARGIN * known.usual.score
+    is_refuted = partial(_is_refuted, best, margin, fitting_margin, needed)
+    return claim if all(map(is_refuted, others)) else None
+
+
+def _claim_by_path(
+    known: KnownMap,
+    composite: Composite,
+    path: float,
+    followed: Sequence[FollowedPlace],
+    searched: _Searched,
+) -> Claim | None:
+    """Return the best place if the scans fit there, each matched, as a claim needs it."""
+    if not followed or known.value_at(followed[0].pose) == 0:
+        return None
+    rest = (place.tf_map_tracking for place in searched.rest)
+    unlisted = (p.tf_map_tracking for p in _unlisted(known, composite, path, searched))
+    is_proof = is_proved(known, composite, path, followed, chain(rest, unlisted))
+    return Claim(followed[0].pose) if is_proof else None
 
 
 def _candidate(known: KnownMap, composite: Composite, place: FoundPlace) -> _Candidate:
@@ -183,18 +260,32 @@ def _candidate(known: KnownMap, composite: Composite, place: FoundPlace) -> _Can
 
 
 def _earlier(
-    known: KnownMap, composite: Composite, earlier: Sequence[Pose], listed: Sequence[FoundPlace]
+    known: KnownMap,
+    composite: Composite,
+    earlier: Sequence[Pose],
+    listed: Sequence[Pose],
 ) -> Iterator[_Candidate]:
     """Yield the places of the search before that are not listed now."""
     for predicted in earlier:
         pose = known.to_map(refine(known, composite.points, predicted).tf_submap_scan)
-        if not any(is_same_place(pose, place.tf_map_tracking) for place in listed):
+        if not any(is_same_place(pose, other) for other in listed):
             score = known.fit(composite.points, IDENTITY, pose).score
             yield _candidate(known, composite, FoundPlace(pose, score))
 
 
+def _unlisted(
+    known: KnownMap, composite: Composite, path: float, searched: _Searched
+) -> Iterator[_Candidate]:
+    """Yield the places that may be right but were too low to be listed."""
+    if searched.lowest < searched_score(known, path):
+        yield from _lower(known, composite, searched.listed, searched.lowest)
+
+
 def _lower(
-    known: KnownMap, composite: Composite, listed: Sequence[FoundPlace], min_score: float
+    known: KnownMap,
+    composite: Composite,
+    listed: Sequence[Pose],
+    min_score: float,
 ) -> Iterator[_Candidate]:
     """Yield the places that reach a score but were too low to be listed.
 
@@ -203,7 +294,7 @@ def _lower(
     """
 
     def is_listed(pose: Pose) -> bool:
-        return any(is_same_place(pose, place.tf_map_tracking) for place in listed)
+        return any(is_same_place(pose, other) for other in listed)
 
     points = composite.points
     centres, matches, _ = search_tiles(known, points, min_score)
@@ -250,7 +341,7 @@ def _claim(known: KnownMap, composite: Composite, best: _Candidate, needed: Need
     pose = known.to_map(match.tf_submap_scan)
     fit = fit_of_composite(known, composite, pose)
     is_known = fit.num_counted >= MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
-    return Claim(pose, match) if is_known and needed.are_reached(best.score, fit) else None
+    return Claim(pose) if is_known and needed.are_reached(best.score, fit) else None
 
 
 def _places(known: KnownMap, candidates: list[_Candidate]) -> tuple[Place, ...]:
