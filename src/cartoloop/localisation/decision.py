@@ -180,7 +180,7 @@ def decide(
         if claim is not None:
             return Decision(claim, (), searched.runner_up)
     places = [each.tf_map_tracking for each in searched.candidates]
-    followed = follow_best(known, composite, [*places, *before.places, *before.kept])
+    followed = follow_best(known, composite, places, before.kept)
     if needed is not None and searched.are_all and not before.is_undecided:
         claim = _claim_by_path(known, composite, path, followed, searched)
         if claim is not None:

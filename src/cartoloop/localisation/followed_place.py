@@ -42,7 +42,7 @@ KEPT_SUM = 2.3
 REFUTING_SUM = 0.2
 """A place is refuted by one whose sum is larger by this."""
 
-MAX_KEPT = 12
+MAX_KEPT = 8
 """Number of places that are kept, the best."""
 
 MIN_COUNTED_SHARE = 0.5
@@ -90,22 +90,26 @@ def sum_of(known: KnownMap, fit: Fit) -> float:
     )
 
 
-def follow_in(known: KnownMap, composite: Composite, tf_map_newest: Pose) -> FollowedPlace:
-    """Match the scans of a path one after the other, beginning with the middle one.
+def follow_in(
+    known: KnownMap, composite: Composite, tf_map_newest: Pose, first: int | None = None
+) -> FollowedPlace:
+    """Match the scans of a path one after the other.
 
     Parameters
     ----------
     composite : the scans of the path.
-    tf_map_newest : pose of the newest as all of them fit best.
+    tf_map_newest : pose of the newest.
+    first : scan to begin with, 0 is the newest; None: the middle one, if all of them moved as one
+        fit best there.
     """
     steps = [Pose(*step) for step in composite.tf_newest_scans.tolist()]
     scans = composite.scans
     points = [scans.points[a:b] for a, b in zip(scans.firsts, scans.ends, strict=True)]
-    middle = len(steps) // 2
+    first = len(steps) // 2 if first is None else first
     poses = [compose(tf_map_newest, step) for step in steps]
-    for i in (middle, *range(middle + 1, len(steps)), *range(middle - 1, -1, -1)):
-        if i != middle:
-            neighbour = i - 1 if i > middle else i + 1
+    for i in (*range(first, len(steps)), *range(first - 1, -1, -1)):
+        if i != first:
+            neighbour = i - 1 if i > first else i + 1
             poses[i] = compose(poses[neighbour], relative(steps[neighbour], steps[i]))
         if len(points[i]) >= MIN_POINTS:
             match = refine_within(known, points[i], poses[i], SIGMA_M, SIGMA_RAD)
@@ -116,23 +120,27 @@ def follow_in(known: KnownMap, composite: Composite, tf_map_newest: Pose) -> Fol
 
 
 def follow_best(
-    known: KnownMap, composite: Composite, places: Sequence[Pose]
+    known: KnownMap, composite: Composite, found: Sequence[Pose], kept: Sequence[Pose] = ()
 ) -> list[FollowedPlace]:
     """Return those of many places where scans fit if each is matched there, the best first.
 
     Parameters
     ----------
-    places : of the newest scan, tf_map_tracking, those that come first are preferred.
+    found : places where the scans fit if they are moved as one, tf_map_tracking of the newest.
+    kept : where the newest scan may be by what was followed before.
     """
-    followed: list[FollowedPlace] = []
-    for pose in places:
-        if _may_reach(known, composite, pose, KEPT_SUM):
-            place = follow_in(known, composite, pose)
-            is_new = not any(is_same_place(place.pose, other.pose) for other in followed)
-            if place.total >= KEPT_SUM and is_new:
-                followed.append(place)
-    followed.sort(key=lambda place: -place.total)
-    return followed[:MAX_KEPT]
+    followed = [follow_in(known, composite, pose, first=0) for pose in kept]
+    followed += [
+        follow_in(known, composite, pose)
+        for pose in found
+        if _may_reach(known, composite, pose, KEPT_SUM)
+    ]
+    best: list[FollowedPlace] = []
+    for place in sorted(followed, key=lambda place: -place.total):
+        is_new = not any(is_same_place(place.pose, other.pose) for other in best)
+        if is_new and place.total >= KEPT_SUM:
+            best.append(place)
+    return best[:MAX_KEPT]
 
 
 def is_proved(
@@ -144,6 +152,9 @@ def is_proved(
 ) -> bool:
     """Return whether scans that are matched one by one prove the first of the places.
 
+    In a map without own scans it is not known how well scans fit where they were taken, so that
+    nothing is proved.
+
     Parameters
     ----------
     path : length of the path that the scans come from [m].
@@ -153,7 +164,8 @@ def is_proved(
     best = followed[0]
     num_points = int(composite.scans.counts.sum())
     if (
-        len(composite.scans) < 2
+        not known.has_own_fits
+        or len(composite.scans) < 2
         or best.total < needed_sum(path)
         or best.fit.num_counted < MIN_COUNTED_SHARE * num_points
     ):
