@@ -10,10 +10,12 @@ import pytest
 
 from cartoloop.localisation.decision import Before, decide
 from cartoloop.localisation.followed_place import (
+    FULL_M,
     KEPT_SUM,
+    MAX_SCANS_M,
+    SCAN_M,
     SUM_OF_PATH,
     SUM_OF_SCAN,
-    SUM_PATH_M,
     follow_best,
     follow_in,
     is_proved,
@@ -23,7 +25,7 @@ from cartoloop.localisation.followed_place import (
 from cartoloop.localisation.global_search import fit_of_composite
 from cartoloop.localisation.trail import Trail
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
-from tests.localisation.rooms import BOX, ROOM, START, apart, drive, known_map, points
+from tests.localisation.rooms import BOX, ROOM, apart, drive, known_map, points
 
 PATH_M = 2.4
 TRUTH = drive(Pose(3.0, 5.0, 0.1), 8, step=PATH_M / 8)
@@ -125,7 +127,7 @@ def test_nothing_is_proved_in_a_map_without_own_scans(bent):
     foreign = known_map(ROOM)
     followed = follow_best(foreign, bent, [NEWEST])
 
-    assert followed[0].total > needed_sum(PATH_M)
+    assert followed[0].total > needed_sum(PATH_M, len(TRUTH))
     assert not is_proved(foreign, bent, PATH_M, followed, [])
 
 
@@ -136,11 +138,18 @@ def test_a_single_scan_is_not_proved_by_being_matched(known):
 
 
 def test_less_is_needed_of_a_longer_path():
-    sums = [needed_sum(path) for path in (0.0, 0.5 * SUM_PATH_M, SUM_PATH_M, 10.0)]
+    half = 0.5 * FULL_M - 2 * SCAN_M
 
-    assert sums == pytest.approx(
-        [SUM_OF_SCAN, 0.5 * (SUM_OF_SCAN + SUM_OF_PATH), SUM_OF_PATH, SUM_OF_PATH]
-    )
+    assert needed_sum(0.0, 1) == pytest.approx(SUM_OF_SCAN)
+    assert needed_sum(half, 3) == pytest.approx(0.5 * (SUM_OF_SCAN + SUM_OF_PATH))
+    assert needed_sum(10.0, 40) == pytest.approx(SUM_OF_PATH)
+
+
+def test_turning_on_the_spot_counts_as_a_short_path():
+    turned = needed_sum(0.0, 60)
+
+    assert SUM_OF_PATH < turned < SUM_OF_SCAN
+    assert turned == pytest.approx(needed_sum(MAX_SCANS_M, 1))
 
 
 def test_a_place_that_is_kept_is_followed_from_the_newest_scan(known):
