@@ -173,7 +173,7 @@ def test_a_bent_path_is_claimed_where_it_is_followed(known):
 
 
 def test_places_are_kept_that_the_search_does_not_list(known, monkeypatch):
-    monkeypatch.setattr("cartoloop.localisation.decision.find", lambda *_: None)
+    monkeypatch.setattr("cartoloop.localisation.candidates.find", lambda *_: None)
     scans = path_of(ROOM, TRUTH, bend=2.5)
 
     assert decide(known, scans, 0.0).kept == ()

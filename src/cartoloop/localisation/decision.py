@@ -8,7 +8,7 @@ lower score, or because beams would pass through walls there, or end on its floo
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from itertools import chain
 from typing import NamedTuple
@@ -16,6 +16,16 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.localisation.answer import Place
+from cartoloop.localisation.candidates import (
+    AGREEMENT_SCALE,
+    SCORE_SCALE,
+    Candidate,
+    Searched,
+    candidate_at,
+    earlier_places,
+    search,
+    unlisted_places,
+)
 from cartoloop.localisation.claim_needs import (
     FITTING_DETAIL,
     FITTING_LESS,
@@ -23,42 +33,24 @@ from cartoloop.localisation.claim_needs import (
     Needed,
     needed_margin,
     needed_of,
-    searched_score,
     shows_enough,
 )
-from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.followed_place import (
     MIN_COUNTED_SHARE,
     FollowedPlace,
     follow_best,
     is_proved,
 )
-from cartoloop.localisation.global_search import (
-    FoundPlace,
-    TileMatches,
-    find,
-    fit_of_composite,
-    is_same_place,
-    list_places,
-    refine,
-    runner_up_score,
-    search_tiles,
-)
+from cartoloop.localisation.global_search import fit_of_composite, refine
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import Composite
-from cartoloop.sensor.pose import IDENTITY, Pose
+from cartoloop.sensor.pose import Pose
 
 POSSIBLE_AGREEMENT = 0.6
 """Agreement from which places are answered, relative to the usual."""
 
-MAX_PLACES = 12
-"""Number of places that are answered, the likeliest."""
-
 REFUTING_AGREEMENT = 0.15
 """Places with an agreement lower by this than the best one's are refuted."""
-
-SCORE_SCALE, AGREEMENT_SCALE = 0.015, 0.04
-"""Differences of score and agreement that make a place e times less probable."""
 
 NOWHERE_SCORE = 0.75
 """That the robot is in no listed place is as probable as a place of this score, relative to the
@@ -101,17 +93,6 @@ NOTHING = Decision(None, (), math.nan)
 """No place fits."""
 
 
-class _Candidate(NamedTuple):
-    tf_map_tracking: Pose
-    score: float
-    fit: Fit
-
-    @property
-    def log_likelihood(self) -> float:
-        agreement = 0.0 if math.isnan(self.fit.agreement) else self.fit.agreement
-        return self.score / SCORE_SCALE + agreement / AGREEMENT_SCALE
-
-
 class Before(NamedTuple):
     """What searches before have shown.
 
@@ -134,31 +115,6 @@ NOTHING_BEFORE = Before()
 """There was no search before."""
 
 
-class _Searched(NamedTuple):
-    """Where scans fit.
-
-    Attributes
-    ----------
-    candidates : the likeliest first.
-    rest : other places that are listed, if there are many.
-    lowest : score down to which places may be right.
-    runner_up : upper limit of the score of any place but the best; NaN without any.
-    are_all : whether these are all places down to `runner_up`, or it is low enough.
-    """
-
-    candidates: list[_Candidate]
-    rest: list[FoundPlace]
-    lowest: float
-    runner_up: float
-    are_all: bool
-
-    @property
-    def listed(self) -> list[Pose]:
-        """Poses of all places, tf_map_tracking."""
-        first = [place.tf_map_tracking for place in self.candidates]
-        return first + [place.tf_map_tracking for place in self.rest]
-
-
 def decide(
     known: KnownMap, composite: Composite, path: float, before: Before = NOTHING_BEFORE
 ) -> Decision:
@@ -174,13 +130,13 @@ def decide(
     needed = needed_of(known, path, before.num_refuted)
     if not shows_enough(composite.points, path):
         needed = None
-    searched = _search(known, composite, path)
+    searched = search(known, composite, path)
     if needed is not None and searched.are_all:
         claim = _claim_by_scans(known, composite, path, needed, searched, before)
         if claim is not None:
             return Decision(claim, (), searched.runner_up)
     places = [each.tf_map_tracking for each in searched.candidates]
-    followed = follow_best(known, composite, places, before.kept)
+    followed = follow_best(known, composite, places, before.kept) if known.has_own_fits else []
     if needed is not None and searched.are_all and not before.is_undecided:
         claim = _claim_by_path(known, composite, path, followed, searched)
         if claim is not None:
@@ -189,32 +145,12 @@ def decide(
     return Decision(None, _places(known, searched.candidates), searched.runner_up, kept)
 
 
-def _search(known: KnownMap, composite: Composite, path: float) -> _Searched:
-    """Return the places where scans fit, moved as one."""
-    points = composite.points
-    least = searched_score(known, path)
-    found = find(known, points, least)
-    if found is None:
-        return _Searched([], [], least, math.nan, True)
-    margin = needed_margin(path)
-    lowest = found.score - max(2.0 * margin, FITTING_MARGIN * known.usual.score)
-    tiles = search_tiles(known, points, max(lowest, least))
-    runner_up = runner_up_score(known, tiles, found)
-    listed = list_places(known, points, tiles)
-    # Of long lists, the rest matters only if the best place would be claimed.
-    first, rest = listed.places[:MAX_PLACES], listed.places[MAX_PLACES:]
-    candidates = [_candidate(known, composite, place) for place in first]
-    candidates.sort(key=lambda each: -each.log_likelihood)
-    are_all = listed.is_complete or found.score - runner_up >= margin
-    return _Searched(candidates, rest, lowest, runner_up, are_all)
-
-
 def _claim_by_scans(
     known: KnownMap,
     composite: Composite,
     path: float,
     needed: Needed,
-    searched: _Searched,
+    searched: Searched,
     before: Before,
 ) -> Claim | None:
     """Return the best place if the scans, moved as one, fit there as a claim needs it."""
@@ -229,9 +165,9 @@ def _claim_by_scans(
         return None
     others = chain(
         candidates[1:],
-        (_candidate(known, composite, place) for place in rest),
-        _earlier(known, composite, before.places, searched.listed),
-        _unlisted(known, composite, path, searched),
+        (candidate_at(known, composite, place) for place in rest),
+        earlier_places(known, composite, before.places, searched.listed),
+        unlisted_places(known, composite, path, searched),
     )
     margin, fitting_margin = needed_margin(path), FITTING_MARGIN * known.usual.score
     is_refuted = partial(_is_refuted, best, margin, fitting_margin, needed)
@@ -243,77 +179,19 @@ def _claim_by_path(
     composite: Composite,
     path: float,
     followed: Sequence[FollowedPlace],
-    searched: _Searched,
+    searched: Searched,
 ) -> Claim | None:
     """Return the best place if the scans fit there, each matched, as a claim needs it."""
     if not followed or known.value_at(followed[0].pose) == 0:
         return None
     rest = (place.tf_map_tracking for place in searched.rest)
-    unlisted = (p.tf_map_tracking for p in _unlisted(known, composite, path, searched))
+    unlisted = (p.tf_map_tracking for p in unlisted_places(known, composite, path, searched))
     is_proof = is_proved(known, composite, path, followed, chain(rest, unlisted))
     return Claim(followed[0].pose) if is_proof else None
 
 
-def _candidate(known: KnownMap, composite: Composite, place: FoundPlace) -> _Candidate:
-    fit = fit_of_composite(known, composite, place.tf_map_tracking)
-    return _Candidate(place.tf_map_tracking, place.score, fit)
-
-
-def _earlier(
-    known: KnownMap,
-    composite: Composite,
-    earlier: Sequence[Pose],
-    listed: Sequence[Pose],
-) -> Iterator[_Candidate]:
-    """Yield the places of the search before that are not listed now."""
-    for predicted in earlier:
-        pose = known.to_map(refine(known, composite.points, predicted).tf_submap_scan)
-        if not any(is_same_place(pose, other) for other in listed):
-            score = known.fit(composite.points, IDENTITY, pose).score
-            yield _candidate(known, composite, FoundPlace(pose, score))
-
-
-def _unlisted(
-    known: KnownMap, composite: Composite, path: float, searched: _Searched
-) -> Iterator[_Candidate]:
-    """Yield the places that may be right but were too low to be listed."""
-    if searched.lowest < searched_score(known, path):
-        yield from _lower(known, composite, searched.listed, searched.lowest)
-
-
-def _lower(
-    known: KnownMap,
-    composite: Composite,
-    listed: Sequence[Pose],
-    min_score: float,
-) -> Iterator[_Candidate]:
-    """Yield the places that reach a score but were too low to be listed.
-
-    Where the map is blurred, the right place may be among them. Of each tile the best is looked at,
-    and all places in the tiles whose best is listed: along corridors, a full list takes seconds.
-    """
-
-    def is_listed(pose: Pose) -> bool:
-        return any(is_same_place(pose, other) for other in listed)
-
-    points = composite.points
-    centres, matches, _ = search_tiles(known, points, min_score)
-    is_divided = np.zeros(len(matches), dtype=bool)
-    for i, match in enumerate(matches):
-        if match is not None:
-            pose = known.to_map(match.tf_submap_scan)
-            is_divided[i] = is_listed(pose)
-            if not is_divided[i]:
-                yield _candidate(known, composite, FoundPlace(pose, match.score))
-    divided = [match for match, is_chosen in zip(matches, is_divided, strict=True) if is_chosen]
-    tiles = TileMatches(centres[is_divided], divided, min_score)
-    for place in list_places(known, points, tiles).places:
-        if not is_listed(place.tf_map_tracking):
-            yield _candidate(known, composite, place)
-
-
 def _is_refuted(
-    best: _Candidate, margin: float, fitting_margin: float, needed: Needed, other: _Candidate
+    best: Candidate, margin: float, fitting_margin: float, needed: Needed, other: Candidate
 ) -> bool:
     """Return whether the best place fits so much better that the other is none.
 
@@ -333,7 +211,7 @@ def _is_refuted(
     return detailed is not None and lower >= 0.0 and detailed.refutes(best.fit, other.fit)
 
 
-def _claim(known: KnownMap, composite: Composite, best: _Candidate, needed: Needed) -> Claim | None:
+def _claim(known: KnownMap, composite: Composite, best: Candidate, needed: Needed) -> Claim | None:
     """Return the best place as a claim if the scans fit there as they usually do."""
     if known.value_at(best.tf_map_tracking) == 0:
         return None
@@ -344,7 +222,7 @@ def _claim(known: KnownMap, composite: Composite, best: _Candidate, needed: Need
     return Claim(pose) if is_known and needed.are_reached(best.score, fit) else None
 
 
-def _places(known: KnownMap, candidates: list[_Candidate]) -> tuple[Place, ...]:
+def _places(known: KnownMap, candidates: list[Candidate]) -> tuple[Place, ...]:
     """Return the candidates that may be right, with their probabilities, the likeliest first."""
     usual = known.usual
     possible = [
