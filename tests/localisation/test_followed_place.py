@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from cartoloop.localisation import followed_place
 from cartoloop.localisation.decision import Before, decide
 from cartoloop.localisation.followed_place import (
     FULL_M,
@@ -129,6 +130,19 @@ def test_nothing_is_proved_in_a_map_without_own_scans(bent):
 
     assert followed[0].total > needed_sum(PATH_M, len(TRUTH))
     assert not is_proved(foreign, bent, PATH_M, followed, [])
+
+
+def test_newest_scans_that_contradict_forbid_a_claim(known, monkeypatch):
+    trail = Trail()
+    for k, pose in enumerate(TRUTH):
+        seen = ROOM if k < len(TRUTH) - 3 else BOX
+        trail.add(relative(TRUTH[0], pose), points(seen, pose), IDENTITY)
+    composite = trail.composite(10.0)
+    best = follow_best(known, composite, [NEWEST])[0]._replace(total=SUM_OF_SCAN)
+
+    assert not is_proved(known, composite, 10.0, [best], [])
+    monkeypatch.setattr(followed_place, "NEWEST_SUM", 0.0)
+    assert is_proved(known, composite, 10.0, [best], [])
 
 
 def test_a_single_scan_is_not_proved_by_being_matched(known):

@@ -47,6 +47,10 @@ KEPT_SUM = 2.3
 REFUTING_SUM = 0.2
 """A place is refuted by one whose sum is larger by this."""
 
+NEWEST_PARTS, NEWEST_SUM = 3, 1.85
+"""Of the newest part of the scans, one of the first number, agreement and distinctness must add up
+to the second: where a building is built alike only in part, the newest scans contradict first."""
+
 MAX_KEPT = 8
 """Number of places that are kept, the best."""
 
@@ -89,10 +93,13 @@ def sum_of(known: KnownMap, fit: Fit) -> float:
     """Return how well scans fit, see :class:`FollowedPlace`; 0 where none counts."""
     if math.isnan(fit.agreement):
         return 0.0
-    return (
-        fit.score / known.usual.score
-        + min(fit.agreement / known.low_agreement, MAX_COUNTED)
-        + min(fit.mean_distinctness / known.low_distinctness, MAX_COUNTED)
+    return fit.score / known.usual.score + _agreeing(known, fit)
+
+
+def _agreeing(known: KnownMap, fit: Fit) -> float:
+    """Return the sum of agreement and mean distinctness, relative to what nine of ten reach."""
+    return min(fit.agreement / known.low_agreement, MAX_COUNTED) + min(
+        fit.mean_distinctness / known.low_distinctness, MAX_COUNTED
     )
 
 
@@ -176,6 +183,8 @@ def is_proved(
         or best.fit.num_counted < MIN_COUNTED_SHARE * num_points
     ):
         return False
+    if not _newest_agree(known, composite, best):
+        return False
     least = best.total - REFUTING_SUM
     if any(place.total > least for place in followed[1:]):
         return False
@@ -185,6 +194,14 @@ def is_proved(
         and not is_same_place(place.pose, best.pose)
         for pose in others
     )
+
+
+def _newest_agree(known: KnownMap, composite: Composite, place: FollowedPlace) -> bool:
+    """Return whether the newest scans, two at least, agree as well."""
+    count = max(-(-len(composite.scans) // NEWEST_PARTS), 2)
+    newest = composite.scans.take(np.arange(count))
+    fit = known.fit_all(newest, composite.beam_origins[:count], place.poses[:count])
+    return not math.isnan(fit.agreement) and _agreeing(known, fit) >= NEWEST_SUM
 
 
 def _may_reach(known: KnownMap, composite: Composite, tf_map_newest: Pose, total: float) -> bool:
