@@ -31,6 +31,10 @@ MIN_POINTS = 10
 MAX_COUNTED = 1.1
 """Neither agreement nor distinctness counts more than this in the sum."""
 
+LEAST_LOW = 0.9
+"""What nine of ten of the map's scans reach counts as this share of the usual at least: where many
+of them hardly fit, wrong places do, too."""
+
 SUM_OF_SCAN, SUM_OF_PATH, FULL_M = 3.1, 2.66, 4.0
 """The sum from which a place is claimed, of a single view and of a path of the third [m]; in
 between it falls linearly. On longer paths, in maps of other buildings and in wrong places, it
@@ -70,7 +74,7 @@ class FollowedPlace(NamedTuple):
     poses : float64, shape (k, 3), tf_map_tracking of the scans, the newest first.
     fit : of the scans there.
     total : sum of score, relative to the usual one, and of agreement and mean distinctness,
-        relative to those that nine of ten of the map's scans reach.
+        relative to those that nine of ten of the map's scans reach, see :data:`LEAST_LOW`.
     """
 
     poses: FloatArray
@@ -98,8 +102,10 @@ def sum_of(known: KnownMap, fit: Fit) -> float:
 
 def _agreeing(known: KnownMap, fit: Fit) -> float:
     """Return the sum of agreement and mean distinctness, relative to what nine of ten reach."""
-    return min(fit.agreement / known.low_agreement, MAX_COUNTED) + min(
-        fit.mean_distinctness / known.low_distinctness, MAX_COUNTED
+    agreement = max(known.low_agreement, LEAST_LOW * known.usual.agreement)
+    distinctness = max(known.low_distinctness, LEAST_LOW * known.usual.distinctness)
+    return min(fit.agreement / agreement, MAX_COUNTED) + min(
+        fit.mean_distinctness / distinctness, MAX_COUNTED
     )
 
 
