@@ -165,7 +165,7 @@ def test_rows_of_other_parts_are_kept(tmp_path):
     assert read_record(path).rows == ()
 
 
-def test_drives_that_leave_the_map_at_once_are_told_apart():
+def test_drives_that_leave_the_map_are_counted_apart():
     soon = measures.Followed(2.0, 1.0, processor=[0.01], whole_overlap=1.0)
     late = measures.Followed(9.0, 8.0, processor=[0.01], whole_overlap=12.0)
     left = measures.Followed(processor=[0.01], whole_overlap=2.0)
