@@ -26,7 +26,7 @@ def driving_figures(runs: Sequence[measures.Followed], *, by_overlap: bool) -> d
     decisions = sum(sum(run.states.values()) for run in runs)
     processor = 1e3 * np.concatenate([run.processor for run in runs])
     lost = sum(run.states["lost"] for run in runs)
-    return {
+    figures = {
         "drives": Figure.exact(len(runs), better=None),
         "located within 3 m": share(np.array(paths) <= 3.0, "more"),
         "within 10 m": share(np.array(paths) <= 10.0, "more"),
@@ -38,6 +38,16 @@ def driving_figures(runs: Sequence[measures.Followed], *, by_overlap: bool) -> d
         "processor time of a scan": Figure(float(np.median(processor)), "ms"),
         "99%": Figure(float(np.quantile(processor, 0.99)), "ms"),
     }
+    if by_overlap:
+        # A robot that soon leaves what the map shows has little to be located by.
+        for metres in (3.0, 10.0):
+            shown = [r for r in runs if r.whole_overlap >= metres or r.overlap_path <= metres]
+            found = np.array([run.overlap_path <= metres for run in shown])
+            figures[f"drives with {metres:.0f} m on the map"] = Figure.exact(
+                len(shown), better=None
+            )
+            figures[f"of these located within {metres:.0f} m"] = share(found, "more")
+    return figures
 
 
 def rms(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:

@@ -103,6 +103,7 @@ class Followed:
     ----------
     path : float, driven until the robot was first located rightly [m]; inf: never.
     overlap_path : of that the part where the map shows what the scans show [m].
+    whole_overlap : the same of all that was driven, located or not [m].
     errors, angles : of located scans in the right place [m], [rad].
     num_wrong, num_located : located in the wrong place, and located at all.
     states : of all scans.
@@ -113,6 +114,7 @@ class Followed:
 
     path: float = math.inf
     overlap_path: float = math.inf
+    whole_overlap: float = 0.0
     errors: list[float] = field(default_factory=list)
     angles: list[float] = field(default_factory=list)
     num_wrong: int = 0
@@ -157,6 +159,7 @@ def follow(
             overlap += step * (1.0 if overlapping is None else float(overlapping[scan]))
         found.processor.append(spent)
         found.states[answer.state] += 1
+        found.whole_overlap = overlap
         since = _count(found, answer, drive.truth[scan], path, overlap, since)
         scan += 1
     return found

@@ -165,6 +165,23 @@ def test_rows_of_other_parts_are_kept(tmp_path):
     assert read_record(path).rows == ()
 
 
+def test_drives_that_leave_the_map_are_counted_apart():
+    soon = measures.Followed(2.0, 1.0, processor=[0.01], whole_overlap=1.0)
+    late = measures.Followed(9.0, 8.0, processor=[0.01], whole_overlap=12.0)
+    left = measures.Followed(processor=[0.01], whole_overlap=2.0)
+    for run_ in (soon, late, left):
+        run_.states.update({"searching": 1})
+
+    figures = driving_figures([soon, late, left], by_overlap=True)
+
+    values = {name: figure.value for name, figure in figures.items()}
+    assert values["located within 3 m"] == pytest.approx(100.0 / 3.0)
+    assert values["drives with 3 m on the map"] == 2.0
+    assert values["of these located within 3 m"] == pytest.approx(50.0)
+    assert values["drives with 10 m on the map"] == 2.0
+    assert values["of these located within 10 m"] == pytest.approx(100.0)
+
+
 def test_figures_of_what_never_happened_are_left_out():
     never = measures.Followed(processor=[0.01])
     never.states.update({"searching": 1})

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cartoloop.localisation import candidates as candidates_module
 from cartoloop.localisation import decision as decision_module
 from cartoloop.localisation.claim_needs import MARGIN_OF_SCAN
 from cartoloop.localisation.decision import Before, decide
@@ -78,13 +79,13 @@ def test_a_place_too_low_to_be_listed_is_not_refuted(twins, monkeypatch):
     composite = composite_of(ROOM, START)
     scores = [place.score for place in decide(known, composite, 0.0).places]
     between = 0.5 * (max(scores) + min(scores))
-    monkeypatch.setattr(decision_module, "searched_score", lambda known, path: between)
+    monkeypatch.setattr(candidates_module, "searched_score", lambda known, path: between)
 
     decision = decide(known, composite, 0.0)
 
     assert decision.claim is None
     assert len(decision.places) == 1
-    monkeypatch.setattr(decision_module, "_lower", lambda *_: iter(()))
+    monkeypatch.setattr(candidates_module, "_lower", lambda *_: iter(()))
     assert decide(known, composite, 0.0).claim is not None
 
 
@@ -129,13 +130,13 @@ def test_a_place_of_the_search_before_is_refuted_as_well(twins, monkeypatch):
     known, shift = twins
     composite = composite_of(ROOM, START)
     # The sharper room alone is listed, as if the score of the other had become too low.
-    listed = decision_module.list_places
+    listed = candidates_module.list_places
 
     def first_only(*arguments):
         places = listed(*arguments)
         return places._replace(places=places.places[:1])
 
-    monkeypatch.setattr(decision_module, "list_places", first_only)
+    monkeypatch.setattr(candidates_module, "list_places", first_only)
     assert decide(known, composite, 0.0).claim is not None
 
     other = Pose(START.x + shift + 0.05, START.y, START.theta)

@@ -77,6 +77,12 @@ class Fit(NamedTuple):
     num_counted: int
     detail: float = 0.0
 
+    @property
+    def mean_distinctness(self) -> float:
+        """The distinctness of all returns together: few scans that contradict lower it little."""
+        agreeing = self.detail + STRAIGHT_WEIGHT * (self.agreement - self.detail)
+        return agreeing / max(agreeing + 1.0 - self.agreement, 1e-9)
+
 
 class FitJudge:
     """Judges how well scans fit to the cells of a map.

@@ -270,7 +270,14 @@ def _divided(centres: FloatArray, linear: float, angular: float) -> FloatArray:
 def refine(known: KnownMap, points: FloatArray, tf_map_tracking: Pose) -> LeastSquaresMatch:
     """Return the match by least squares near a pose; its pose and axes are those of the grid."""
     sigma = REFINEMENT_SIGMA_CELLS * known.grid.resolution
-    translation, rotation = sigma**-2, (sigma / REFINEMENT_LEVER_M) ** -2
+    return refine_within(known, points, tf_map_tracking, sigma, sigma / REFINEMENT_LEVER_M)
+
+
+def refine_within(
+    known: KnownMap, points: FloatArray, tf_map_tracking: Pose, sigma: float, angle_sigma: float
+) -> LeastSquaresMatch:
+    """Return the same, given the standard deviations of the pose [m], [rad]."""
+    translation, rotation = sigma**-2, angle_sigma**-2
     prior = known.to_grid(tf_map_tracking)
     return least_squares.match(
         known.smooth_map,

@@ -101,8 +101,10 @@ class PlaceSearch:
         tried = [(c, path) for c, path in zip(composites, paths, strict=True) if c is not None]
         self._searched_at = trail.travelled, trail.turned, scan.time
         places = [place.tf_map_tracking for place in self.places_now(scan)]
+        moved = relative(self._tf_local_searched, scan.tf_local_tracking)
+        kept = [compose(pose, moved) for pose in self.decision.kept]
         self._runner.begin(
-            partial(_decide_any, self._known, tried, Before(num_refuted, places)),
+            partial(_decide_any, self._known, tried, Before(num_refuted, places, kept=kept)),
             scan.tf_local_tracking,
         )
 
@@ -118,7 +120,7 @@ class PlaceSearch:
         if decision.claim is None:
             return None
         step = relative(self._tf_local_searched, scan.tf_local_tracking)
-        return Claim(compose(decision.claim.tf_map_tracking, step), decision.claim.match)
+        return Claim(compose(decision.claim.tf_map_tracking, step))
 
     def _is_due(self, scan: LocalScan, trail: Trail, step: float) -> bool:
         """Return whether the robot has moved, or waited, since the last search."""

@@ -70,4 +70,4 @@ def claim_near(
     x, y = composite.beam_origins[0].tolist()
     fit = known.fit(composite.points, Pose(x, y, 0.0), pose)
     least = CERTAIN_AGREEMENT if start.is_certain else KEPT_AGREEMENT
-    return Claim(pose, match) if fit.agreement >= least * known.usual.agreement else None
+    return Claim(pose) if fit.agreement >= least * known.usual.agreement else None

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scans of a bent path fit in the right place if each is matched there, and not in others."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cartoloop.localisation import followed_place
+from cartoloop.localisation.decision import Before, decide
+from cartoloop.localisation.followed_place import (
+    FULL_M,
+    KEPT_SUM,
+    MAX_SCANS_M,
+    SCAN_M,
+    SUM_OF_PATH,
+    SUM_OF_SCAN,
+    follow_best,
+    follow_in,
+    is_proved,
+    needed_sum,
+    sum_of,
+)
+from cartoloop.localisation.global_search import fit_of_composite
+from cartoloop.localisation.trail import Trail
+from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
+from tests.localisation.rooms import BOX, ROOM, apart, drive, known_map, points
+
+PATH_M = 2.4
+TRUTH = drive(Pose(3.0, 5.0, 0.1), 8, step=PATH_M / 8)
+NEWEST = TRUTH[-1]
+
+
+def path_of(polygons, truth, bend=0.0, places=None):
+    """Return the scans at poses, which local motion bends by an angle [deg] from scan to scan."""
+    trail, local = Trail(), IDENTITY
+    for before, pose in zip((truth[0], *truth), truth, strict=False):
+        local = compose(compose(local, relative(before, pose)), Pose(0, 0, math.radians(bend)))
+        trail.add(local, points(polygons, pose), IDENTITY)
+    return trail.composite(10.0)
+
+
+@pytest.fixture(scope="module")
+def known():
+    """The room, as if its usual fit had been learnt from scans of its own."""
+    room = known_map(ROOM)
+    scans = path_of(ROOM, TRUTH)
+    room.usual = fit_of_composite(room, scans, NEWEST)
+    room.low_agreement, room.low_distinctness = 0.97, 0.95
+    room.has_own_fits = True
+    return room
+
+
+@pytest.fixture(scope="module")
+def bent():
+    return path_of(ROOM, TRUTH, bend=1.5)
+
+
+def test_scans_of_a_bent_path_fit_where_each_is_matched(known, bent):
+    moved_as_one = fit_of_composite(known, bent, NEWEST)
+
+    followed = follow_in(known, bent, NEWEST)
+
+    assert len(followed.poses) == len(TRUTH)
+    for pose, truth in zip(followed.poses, reversed(TRUTH), strict=True):
+        distance, angle = apart(truth, pose)
+        assert distance < 0.03
+        assert angle < 0.5
+    assert moved_as_one.score < 0.85 * known.usual.score
+    assert followed.fit.score > 0.95 * known.usual.score
+    assert followed.total == sum_of(known, followed.fit)
+
+
+def test_scans_hardly_fit_better_in_a_wrong_place(known, bent):
+    wrong = Pose(NEWEST.x - 0.5, NEWEST.y - 0.4, NEWEST.theta + math.pi)
+
+    assert follow_in(known, bent, wrong).total < KEPT_SUM
+
+
+def test_scans_of_few_returns_are_moved_on_by_local_motion(known):
+    trail = Trail()
+    for pose, count in zip(TRUTH[:3], (180, 5, 180), strict=True):
+        trail.add(relative(TRUTH[0], pose), points(ROOM, pose)[:count], IDENTITY)
+
+    poses = follow_in(known, trail.composite(10.0), TRUTH[2]).poses
+
+    assert apart(TRUTH[1], poses[1])[0] < 0.03
+    assert relative(Pose(*poses[0]), Pose(*poses[1])) == pytest.approx(
+        relative(TRUTH[2], TRUTH[1]), abs=0.02
+    )
+
+
+def test_the_best_of_many_places_comes_first_and_once(known, bent):
+    near = Pose(NEWEST.x + 0.04, NEWEST.y - 0.03, NEWEST.theta)
+    wrong = Pose(NEWEST.x - 0.5, NEWEST.y - 0.4, NEWEST.theta + math.pi)
+
+    followed = follow_best(known, bent, [wrong, near, NEWEST])
+
+    assert len(followed) == 1
+    assert apart(NEWEST, followed[0].pose)[0] < 0.03
+
+
+def test_a_place_is_proved_only_if_no_other_fits_as_well(known, bent):
+    followed = follow_best(known, bent, [NEWEST])
+    rival = followed[0]._replace(total=followed[0].total - 0.1)
+
+    assert is_proved(known, bent, PATH_M, followed, [])
+    assert not is_proved(known, bent, PATH_M, [*followed, rival], [])
+    assert is_proved(known, bent, PATH_M, followed, [NEWEST])
+
+
+def test_other_places_are_followed_before_one_is_proved():
+    box = known_map(BOX)
+    truth = drive(Pose(3.0, 3.0, 0.1), 8, step=0.3)
+    scans = path_of(BOX, truth, bend=0.4)
+    box.usual = fit_of_composite(box, path_of(BOX, truth), truth[-1])
+    box.low_agreement, box.low_distinctness, box.has_own_fits = 0.97, 0.9, True
+    turned = Pose(10.0 - truth[-1].x, 7.0 - truth[-1].y, truth[-1].theta + math.pi)
+    followed = follow_best(box, scans, [truth[-1]])
+
+    assert is_proved(box, scans, PATH_M, followed, [])
+    assert not is_proved(box, scans, PATH_M, followed, [turned])
+
+
+def test_nothing_is_proved_in_a_map_without_own_scans(bent):
+    foreign = known_map(ROOM)
+    followed = follow_best(foreign, bent, [NEWEST])
+
+    assert followed[0].total > needed_sum(PATH_M, len(TRUTH))
+    assert not is_proved(foreign, bent, PATH_M, followed, [])
+
+
+def test_newest_scans_that_contradict_forbid_a_claim(known, monkeypatch):
+    trail = Trail()
+    for k, pose in enumerate(TRUTH):
+        seen = ROOM if k < len(TRUTH) - 3 else BOX
+        trail.add(relative(TRUTH[0], pose), points(seen, pose), IDENTITY)
+    composite = trail.composite(10.0)
+    best = follow_best(known, composite, [NEWEST])[0]._replace(total=SUM_OF_SCAN)
+
+    assert not is_proved(known, composite, 10.0, [best], [])
+    monkeypatch.setattr(followed_place, "NEWEST_SUM", 0.0)
+    assert is_proved(known, composite, 10.0, [best], [])
+
+
+def test_a_single_scan_is_not_proved_by_being_matched(known):
+    scan = path_of(ROOM, TRUTH[-1:])
+
+    assert not is_proved(known, scan, PATH_M, follow_best(known, scan, [NEWEST]), [])
+
+
+def test_less_is_needed_of_a_longer_path():
+    half = 0.5 * FULL_M - 2 * SCAN_M
+
+    assert needed_sum(0.0, 1) == pytest.approx(SUM_OF_SCAN)
+    assert needed_sum(half, 3) == pytest.approx(0.5 * (SUM_OF_SCAN + SUM_OF_PATH))
+    assert needed_sum(10.0, 40) == pytest.approx(SUM_OF_PATH)
+
+
+def test_turning_on_the_spot_counts_as_a_short_path():
+    turned = needed_sum(0.0, 60)
+
+    assert SUM_OF_PATH < turned < SUM_OF_SCAN
+    assert turned == pytest.approx(needed_sum(MAX_SCANS_M, 1))
+
+
+def test_a_place_that_is_kept_is_followed_from_the_newest_scan(known):
+    very_bent = path_of(ROOM, TRUTH, bend=4.0)
+
+    followed = follow_best(known, very_bent, [], [NEWEST])
+
+    assert follow_best(known, very_bent, [NEWEST]) == []
+    assert apart(NEWEST, followed[0].pose)[0] < 0.03
+    assert apart(TRUTH[0], followed[0].poses[-1])[0] < 0.03
+
+
+def test_a_bent_path_is_claimed_where_it_is_followed(known):
+    very_bent = path_of(ROOM, TRUTH, bend=2.5)
+
+    decision = decide(known, very_bent, PATH_M, Before(kept=[NEWEST]))
+
+    distance, angle = apart(NEWEST, decision.claim.tf_map_tracking)
+    assert distance < 0.03
+    assert angle < 0.5
+
+
+def test_places_are_kept_that_the_search_does_not_list(known, monkeypatch):
+    monkeypatch.setattr("cartoloop.localisation.candidates.find", lambda *_: None)
+    scans = path_of(ROOM, TRUTH, bend=2.5)
+
+    assert decide(known, scans, 0.0).kept == ()
+    decision = decide(known, scans, 0.0, Before(num_refuted=1, kept=[NEWEST]))
+
+    assert decision.claim is None
+    assert decision.places == ()
+    assert len(decision.kept) == 1
+    assert apart(NEWEST, decision.kept[0])[0] < 0.03
+    assert np.isnan(decision.runner_up)
