@@ -9,8 +9,8 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
+from cartoloop.global_slam.graph_adjustment import violated_closures
 from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, Strictness, TwoParts
-from cartoloop.global_slam.pose_graph import ConstraintKind
 from cartoloop.map_output.part_walls import Submaps, WallFault, wall_faults
 from cartoloop.quality.joins import check_geometry, floor_fault, usual_floor_share
 
@@ -30,7 +30,7 @@ def part_check(config: Config) -> CheckGeometry:
             config.local_slam.submaps,
             min(MIN_PIECE_M, join.max_contradicted_wall),
             join.min_hidden_area,
-            _held(parts),
+            held_at(parts),
         )
         if faults and faults[0].length >= join.max_contradicted_wall:
             worst = faults[0]
@@ -50,10 +50,14 @@ def part_check(config: Config) -> CheckGeometry:
     return check
 
 
-def _held(parts: TwoParts) -> FloatArray:
-    """Return where nodes of one part are that closures connect to the other, shape (k, 2) [m]."""
+def held_at(parts: TwoParts) -> FloatArray:
+    """Return where nodes of one part are that closures connect to the other, shape (k, 2) [m].
+
+    Closures that the poses do not bear out hold nothing.
+    """
     graph = parts.graph
-    closures = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)
+    closures, is_violated = violated_closures(graph)
+    closures = closures[~is_violated]
     nodes = graph.index_b[closures]
     of_submap, of_node = parts.of_submaps[graph.index_a[closures]], parts.of_nodes[nodes]
     is_between = (of_submap != of_node) & (of_submap >= 0) & (of_node >= 0)

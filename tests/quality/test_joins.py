@@ -118,3 +118,15 @@ def test_returns_that_are_not_confirmed_are_not_counted():
     assert counts[0][0]
     assert not counts[1][0]
     assert counts[0][1] == counts[1][1] > 0
+
+
+@pytest.mark.parametrize(("usual", "limit"), [(0.05, 0.06), (0.3, MAX_FLOOR_SHARE)])
+def test_checks_state_how_much_floor_the_parts_allow(usual, limit, monkeypatch):
+    monkeypatch.setattr("cartoloop.quality.joins._usual", lambda parts, quality: usual)
+    part = seen_twice(0.25)
+    nodes = np.repeat([0, 1], part[0].num_nodes // 2)
+    lenient = JoinConfig(min_overlap=0.0, max_contradicted_share=1.0)
+    check = check_geometry(TwoParts(*part, nodes, np.array([0, 1])), QualityConfig(), lenient)
+    assert check.floor_share == pytest.approx(0.25)
+    assert check.usual_limit == pytest.approx(limit)
+    assert "on floor of the other part" in check.fault

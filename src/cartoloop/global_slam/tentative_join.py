@@ -17,7 +17,7 @@ from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.following import MIN_SEEN_SHARE, SeenAreas
 from cartoloop.global_slam.graph_adjustment import GraphAdjustment
 from cartoloop.global_slam.join_evidence import Nearby, TwoParts
-from cartoloop.global_slam.join_records import NO_REQUESTS
+from cartoloop.global_slam.join_records import NO_NEARBY, NO_REQUESTS
 from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.global_slam.refinement import match_again, overlapping_nodes
 from cartoloop.global_slam.sessions import NodeSubmaps
@@ -176,15 +176,20 @@ def _searched(
     Where parts overlap a little, scores are low.
     """
     if len(requests.node) == 0:
-        return Nearby(requests, NO_MATCHES)
+        return NO_NEARBY
     join = config.join
     low = config.model_copy(
         update={"min_score": join.min_score, "min_score_ratio": join.min_score_ratio}
     )
     rows = np.arange(len(requests.node), dtype=np.int32)
-    found = search(submap, rows, requests, node_points, low).matches
+    outcome = search(submap, rows, requests, node_points, low)
+    found = outcome.matches
     chosen = found.row.astype(np.int64)
-    return Nearby(requests.take(chosen), found._replace(row=np.full_like(found.row, -1)))
+    return Nearby(
+        requests.take(chosen),
+        found._replace(row=np.full_like(found.row, -1)),
+        np.full(len(chosen), outcome.min_score),
+    )
 
 
 def _as_one(parts: Sequence[Nearby]) -> Nearby:
@@ -194,12 +199,13 @@ def _as_one(parts: Sequence[Nearby]) -> Nearby:
     return Nearby(
         Requests._make(map(np.concatenate, requests)),
         SearchMatches._make(map(np.concatenate, matches)),
+        np.concatenate([np.zeros(0), *(each.min_score for each in parts)]),
     )
 
 
 def _constraints(nearby: Nearby) -> ClosureConstraints:
     """Return matches as constraints that have no row in the record."""
-    requests, matches = nearby
+    requests, matches, _ = nearby
     return ClosureConstraints(
         matches.row,
         requests.submap,

@@ -78,7 +78,9 @@ def check_geometry(parts: TwoParts, quality: QualityConfig, join: JoinConfig) ->
     check = GeometryCheck(length, contradicted, on_wall, on_floor, "")
     fault = _fault(check, join)
     if not fault and check.floor_share > join.max_floor_share:
-        fault = floor_fault(check, join.max_floor_share, _usual(parts, quality))
+        usual = _usual(parts, quality)
+        fault = floor_fault(check, join.max_floor_share, usual)
+        check = check._replace(usual_limit=_usual_limit(usual))
     return check._replace(fault=fault)
 
 
@@ -91,12 +93,17 @@ def floor_fault(check: GeometryCheck, limit: float, usual: float) -> str:
     usual : share on floor of their own parts; where that is large, more is allowed.
     """
     share = check.floor_share
-    if share <= max(limit, min(MAX_USUAL * usual, MAX_FLOOR_SHARE)):
+    if share <= max(limit, _usual_limit(usual)):
         return ""
     return (
         f"{share:.0%} of the returns lie on floor of the other part, which its scans saw free "
         f"({usual:.0%} on floor of their own)"
     )
+
+
+def _usual_limit(usual: float) -> float:
+    """Return the share of returns on floor that is allowed, given that within the parts."""
+    return min(MAX_USUAL * usual, MAX_FLOOR_SHARE)
 
 
 def usual_floor_share(parts: TwoParts, quality: QualityConfig) -> float:
