@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.global_slam.graph_adjustment import violated_closures

@@ -24,7 +24,6 @@ from cartoloop.map_output.closure_sentences import (
     Sentences,
     why_not_requested,
 )
-
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.session import session_numbers
 

@@ -38,7 +38,7 @@ MIN_DISPLACED_SHARE = 0.5
 with an accuracy of a cell."""
 
 PARALLEL, OBLIQUE = (-0.1, 0.0, 0.1), (-0.5, -0.4, -0.3, -0.2, 0.2, 0.3, 0.4, 0.5)
-"""Slopes of this line to the wall, and of those that an oblique wall lies beside more of it with."""
+"""Slopes of this line to the wall, and those with which an oblique wall lies beside more of it."""
 
 BRIDGED_M = 0.15
 """Pieces of wall closer than this belong together [m]."""
