@@ -10,15 +10,16 @@ from cartoloop.config import Config
 from cartoloop.global_slam.graph_adjustment import violated_closures
 from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, Strictness, TwoParts
 from cartoloop.map_output.part_walls import Submaps, WallFault, wall_faults
+from cartoloop.quality.confirmed import ConfirmedReturns
 from cartoloop.quality.joins import check_geometry, floor_fault, usual_floor_share
 
 
 def part_check(config: Config) -> CheckGeometry:
     """Return the examination of two parts with the limits of a configuration."""
-    join = config.global_slam.constraint_search.join
+    join, confirmed = config.global_slam.constraint_search.join, ConfirmedReturns()
 
     def check(parts: TwoParts, strictness: Strictness) -> GeometryCheck:
-        found = check_geometry(parts, config.quality, join)
+        found = check_geometry(parts, config.quality, join, confirmed)
         if found.fault:
             return found
         one, other = (_submaps_of(parts, part) for part in (0, 1))
@@ -42,7 +43,7 @@ def part_check(config: Config) -> CheckGeometry:
         limit = FLOOR_SHARES[strictness]
         usual = 0.0
         if found.floor_share > limit:
-            usual = usual_floor_share(parts, config.quality)
+            usual = usual_floor_share(parts, config.quality, confirmed)
         return found._replace(fault=strict_fault(found, faults, limit, usual))
 
     return check
