@@ -163,15 +163,13 @@ def _faults(
     from scipy import ndimage  # heavy, and rarely used
 
     floor = (seen >= 0.0) & (seen < FLOOR)
-    to_wall = ndimage.distance_transform_edt(seen <= MAYBE_WALL) * resolution
-    contradicted = (
-        (walls > WALL) & ndimage.binary_erosion(floor, iterations=1) & (to_wall > NEAR_WALL_M)
-    )
+    contradicted = (walls > WALL) & ndimage.binary_erosion(floor, iterations=1)
+    _clear_near(contradicted, seen > MAYBE_WALL, NEAR_WALL_M / resolution)
     if not contradicted.any():
         return []
     bridge = max(1, round(BRIDGED_M / resolution))
     pieces, _ = ndimage.label(_grown(contradicted, bridge), structure=np.ones((3, 3)))
-    behind, areas = _hidden(walls, seen, floor, resolution, bridge)
+    hidden_areas: tuple[IntArray, FloatArray] | None = None  # hardly any wall comes that far
     beside = max(1, round(BESIDE_M / resolution))
     faults = []
     for number, (rows, cols) in enumerate(ndimage.find_objects(pieces), start=1):
@@ -187,6 +185,9 @@ def _faults(
         reach = (NEAR_WALL_M + bend) / resolution
         if bend and _is_displaced(seen > MAYBE_WALL, places + corner, reach):
             continue
+        if hidden_areas is None:
+            hidden_areas = _hidden(walls, seen, floor, resolution, bridge)
+        behind, areas = hidden_areas
         around = (
             slice(max(rows.start - beside, 0), rows.stop + beside),
             slice(max(cols.start - beside, 0), cols.stop + beside),
@@ -198,6 +199,17 @@ def _faults(
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
             faults.append(WallFault(x, y, length, hidden))
     return faults
+
+
+def _clear_near(cells: BoolArray, walls: BoolArray, distance: float) -> None:
+    """Clear cells within a distance of a wall, in place [cells]."""
+    from scipy.spatial import cKDTree
+
+    places, known = np.argwhere(cells), np.argwhere(walls)
+    if len(places) and len(known):
+        apart, _ = cKDTree(known).query(places, distance_upper_bound=distance + 1.0)
+        near = places[apart <= distance]
+        cells[near[:, 0], near[:, 1]] = False
 
 
 def _bend(places: IntArray, box: CellBox, resolution: float, held: FloatArray) -> float:
