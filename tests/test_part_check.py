@@ -8,8 +8,9 @@ import pytest
 
 from cartoloop.global_slam.join_evidence import GeometryCheck, Strictness, TwoParts
 from cartoloop.global_slam.pose_graph import ClosureConstraints, PoseGraph
+from cartoloop.global_slam.tentative_join import held_at
 from cartoloop.map_output.part_walls import WallFault
-from cartoloop.part_check import FLOOR_SHARES, STRICT_WALLS_M, held_at
+from cartoloop.part_check import FLOOR_SHARES, STRICT_WALLS_M
 from cartoloop.part_check import strict_fault as fault_of
 from cartoloop.sensor.scan_points import ScanPoints
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
-from cartoloop.global_slam.graph_adjustment import violated_closures
 from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, Strictness, TwoParts
+from cartoloop.global_slam.tentative_join import held_at
 from cartoloop.map_output.part_walls import Submaps, WallFault, wall_faults
 from cartoloop.quality.confirmed import ConfirmedReturns
 from cartoloop.quality.joins import check_geometry, floor_fault, usual_floor_share
@@ -47,21 +46,6 @@ def part_check(config: Config) -> CheckGeometry:
         return found._replace(fault=strict_fault(found, faults, limit, usual))
 
     return check
-
-
-def held_at(parts: TwoParts) -> FloatArray:
-    """Return where nodes of one part are that closures connect to the other, shape (k, 2) [m].
-
-    Closures that the poses do not bear out hold nothing.
-    """
-    graph = parts.graph
-    closures, is_violated = violated_closures(graph)
-    closures = closures[~is_violated]
-    nodes = graph.index_b[closures]
-    of_submap, of_node = parts.of_submaps[graph.index_a[closures]], parts.of_nodes[nodes]
-    is_between = (of_submap != of_node) & (of_submap >= 0) & (of_node >= 0)
-    places: FloatArray = graph.node_poses[nodes[is_between], :2]
-    return places
 
 
 def _submaps_of(parts: TwoParts, part: int) -> Submaps:
