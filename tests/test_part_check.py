@@ -3,16 +3,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from cartoloop.global_slam.join_evidence import GeometryCheck, Strictness, TwoParts
-from cartoloop.global_slam.pose_graph import ClosureConstraints, PoseGraph
-from cartoloop.global_slam.tentative_join import held_at
+from cartoloop.global_slam.join_evidence import GeometryCheck, Strictness
 from cartoloop.map_output.part_walls import WallFault
 from cartoloop.part_check import FLOOR_SHARES, STRICT_WALLS_M
 from cartoloop.part_check import strict_fault as fault_of
-from cartoloop.sensor.scan_points import ScanPoints
 
 
 def checked(length=50.0, on_floor=0.0):
@@ -59,45 +55,3 @@ def test_less_floor_passes_where_few_scans_are_distinct():
     assert strict_fault(checked(on_floor=0.02), [], 0.0, strictness) == ""
     assert strict_fault(checked(on_floor=0.05), [], 0.05, strictness) == ""
     assert strict_fault(checked(on_floor=0.05), [], 0.01, strictness) != ""
-
-
-def connected(*closures):
-    """Return three parts of a submap each at the origin, of which the last is left out.
-
-    The nodes of part k are 10 k m along x, and 1 m apart along y.
-
-    Parameters
-    ----------
-    closures : submap, node and by how much the match disagrees with the poses [m].
-    """
-    graph = PoseGraph()
-    for _ in range(3):
-        graph.add_submap((0.0, 0.0, 0.0))
-    poses = np.array([(10.0 * part, float(i), 0.0) for part in range(3) for i in range(4)])
-    graph.add_nodes([tuple(pose) for pose in poses.tolist()])
-    submaps, nodes, errors = (np.array(column) for column in zip(*closures, strict=True))
-    matches = poses[nodes.astype(np.int64)] + errors[:, np.newaxis] * (1.0, 0.0, 0.0)
-    count = len(closures)
-    graph.add_loop_closures(
-        ClosureConstraints(
-            np.arange(count),
-            submaps.astype(np.int64),
-            nodes.astype(np.int64),
-            matches,
-            np.tile(np.eye(3), (count, 1, 1)),
-        )
-    )
-    of_nodes = np.repeat((0, 1, -1), 4)
-    return TwoParts(graph, [], ScanPoints.of([]), of_nodes, np.array((0, 1, -1)))
-
-
-def test_parts_hold_where_closures_connect_them():
-    within, left_out = [(0, 1, 0.0), (1, 5, 0.0)], [(2, 0, 0.0), (0, 9, 0.0)]
-    between = [(0, 6, 0.05), (1, 2, 0.0)]
-    held = held_at(connected(*within, *left_out, *between))
-    assert held.tolist() == [[10.0, 2.0], [0.0, 2.0]]
-
-
-def test_closures_that_the_poses_contradict_hold_nothing():
-    held = held_at(connected((0, 6, 0.05), (0, 7, 1.5)))
-    assert held.tolist() == [[10.0, 2.0]]

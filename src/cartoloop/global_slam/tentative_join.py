@@ -53,7 +53,7 @@ def held_at(parts: TwoParts) -> FloatArray:
     return places
 
 
-def _drift(parts: TwoParts) -> FloatArray:
+def drift_of(parts: TwoParts) -> FloatArray:
     """Return by how far each node may be displaced since the parts are bent, shape (n,) [m]."""
     from scipy.spatial import cKDTree  # heavy, and rarely used
 
@@ -139,7 +139,7 @@ def _overlap_matches(
                 found.append((index, nodes))
         found.sort(key=lambda each: (-len(each[1]), each[0]))
         overlaps += found[:MAX_SUBMAPS]
-    areas, own_submaps, drift = SeenAreas(submaps), NodeSubmaps.of(graph).first, _drift(parts)
+    areas, own_submaps, drift = SeenAreas(submaps), NodeSubmaps.of(graph).first, drift_of(parts)
     accepted, searched = [], []
     for index, nodes in overlaps:
         pose: FloatArray = graph.submap_poses[index]
