@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from cartoloop.config import Config
 from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, Strictness, TwoParts
-from cartoloop.global_slam.tentative_join import held_at
+from cartoloop.global_slam.part_drift import held_at
 from cartoloop.map_output.part_walls import Submaps, WallFault, wall_faults
 from cartoloop.quality.confirmed import ConfirmedReturns
 from cartoloop.quality.joins import check_geometry, floor_fault, usual_floor_share

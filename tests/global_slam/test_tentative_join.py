@@ -12,13 +12,8 @@ import pytest
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam.closure_search import NO_MATCHES, FinishedSubmap
 from cartoloop.global_slam.join_evidence import TwoParts
-from cartoloop.global_slam.pose_graph import ClosureConstraints, ConstraintKind, PoseGraph
-from cartoloop.global_slam.tentative_join import (
-    DRIFT_SHARE,
-    drift_of,
-    held_at,
-    tentative_joins,
-)
+from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.global_slam.tentative_join import tentative_joins
 from cartoloop.sensor.pose import Pose, inverse, transform_points
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -116,56 +111,3 @@ def test_the_graph_itself_stays():
     joined(parts, Pose(0.3, -0.35, 0.05))
     np.testing.assert_array_equal(parts.graph.node_poses, NODES)
     assert parts.graph.num_loop_closures == 0
-
-
-def connected(*closures):
-    """Return three parts of a submap each at the origin, of which the last is left out.
-
-    The nodes of part k are 10 k m along x, and 1 m apart along y.
-
-    Parameters
-    ----------
-    closures : submap, node and by how much the match disagrees with the poses [m].
-    """
-    graph = PoseGraph()
-    for _ in range(3):
-        graph.add_submap((0.0, 0.0, 0.0))
-    poses = np.array([(10.0 * part, float(i), 0.0) for part in range(3) for i in range(4)])
-    graph.add_nodes([tuple(pose) for pose in poses.tolist()])
-    submaps, nodes, errors = (np.array(column) for column in zip(*closures, strict=True))
-    matches = poses[nodes.astype(np.int64)] + errors[:, np.newaxis] * (1.0, 0.0, 0.0)
-    count = len(closures)
-    graph.add_loop_closures(
-        ClosureConstraints(
-            np.arange(count),
-            submaps.astype(np.int64),
-            nodes.astype(np.int64),
-            matches,
-            np.tile(np.eye(3), (count, 1, 1)),
-        )
-    )
-    of_nodes = np.repeat((0, 1, -1), 4)
-    return TwoParts(graph, [], ScanPoints.of([]), of_nodes, np.array((0, 1, -1)))
-
-
-def test_parts_hold_where_closures_connect_them():
-    within, left_out = [(0, 1, 0.0), (1, 5, 0.0)], [(2, 0, 0.0), (0, 9, 0.0)]
-    between = [(0, 6, 0.05), (1, 2, 0.0)]
-    held = held_at(connected(*within, *left_out, *between))
-    assert held.tolist() == [[10.0, 2.0], [0.0, 2.0]]
-
-
-def test_closures_that_the_poses_contradict_hold_nothing():
-    held = held_at(connected((0, 6, 0.05), (0, 7, 1.5)))
-    assert held.tolist() == [[10.0, 2.0]]
-
-
-def test_nodes_far_from_what_holds_may_be_displaced():
-    drift = drift_of(connected((0, 6, 0.0), (1, 2, 0.0), (0, 7, 1.5)))
-    # The nodes that hold are 10 m and 0 m along x, 2 m along y; those left out are 20 m.
-    distances = [2.0, 1.0, 0.0, 1.0] * 2 + [math.hypot(10.0, y - 2.0) for y in range(4)]
-    np.testing.assert_allclose(drift, DRIFT_SHARE * np.array(distances))
-
-
-def test_parts_that_nothing_holds_are_searched_in_the_least_window():
-    assert not drift_of(connected((0, 7, 1.5))).any()

@@ -15,9 +15,10 @@ from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.closure_search import NO_MATCHES, FinishedSubmap, search
 from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.following import MIN_SEEN_SHARE, SeenAreas
-from cartoloop.global_slam.graph_adjustment import GraphAdjustment, violated_closures
+from cartoloop.global_slam.graph_adjustment import GraphAdjustment
 from cartoloop.global_slam.join_evidence import Nearby, TwoParts
 from cartoloop.global_slam.join_records import NO_NEARBY, NO_REQUESTS
+from cartoloop.global_slam.part_drift import Drift, drift_of
 from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.global_slam.refinement import match_again, overlapping_nodes
 from cartoloop.global_slam.sessions import NodeSubmaps
@@ -32,37 +33,6 @@ MAX_SUBMAPS = 40
 
 MAX_ROUNDS = 3
 """Rounds of matching, at most."""
-
-DRIFT_SHARE = 0.02
-"""Nodes are searched within half a metre, and this share of the distance to where the parts hold
-together: local SLAM drifts by half of it."""
-
-
-def held_at(parts: TwoParts) -> FloatArray:
-    """Return where nodes of one part are that closures connect to the other, shape (k, 2) [m].
-
-    Closures that the poses do not bear out hold nothing.
-    """
-    graph = parts.graph
-    closures, is_violated = violated_closures(graph)
-    closures = closures[~is_violated]
-    nodes = graph.index_b[closures]
-    of_submap, of_node = parts.of_submaps[graph.index_a[closures]], parts.of_nodes[nodes]
-    is_between = (of_submap != of_node) & (of_submap >= 0) & (of_node >= 0)
-    places: FloatArray = graph.node_poses[nodes[is_between], :2]
-    return places
-
-
-def drift_of(parts: TwoParts) -> FloatArray:
-    """Return by how far each node may be displaced since the parts are bent, shape (n,) [m]."""
-    from scipy.spatial import cKDTree  # heavy, and rarely used
-
-    places = parts.graph.node_poses[:, :2]
-    held = held_at(parts)
-    if len(held) == 0:
-        return np.zeros(len(places))
-    away: FloatArray = cKDTree(held).query(places)[0]
-    return DRIFT_SHARE * away
 
 
 def place_part(parts: TwoParts, tf_one_other: Pose) -> None:
@@ -170,7 +140,7 @@ def _requests_nearby(
     nodes: IntArray,
     areas: SeenAreas,
     own_submaps: IntArray,
-    drift: FloatArray,
+    drift: Drift,
 ) -> Requests:
     """Return the searches of nodes in a submap, in the window of pairs that are well constrained.
 
@@ -178,7 +148,7 @@ def _requests_nearby(
 
     Parameters
     ----------
-    drift : of each node of the graph, by which its window is larger [m].
+    drift : by which the windows are larger.
     """
     graph = parts.graph
     expected = relative_all(graph.submap_poses[index], graph.node_poses[nodes])
@@ -196,7 +166,7 @@ def _requests_nearby(
         nodes.astype(np.int32),
         own_submaps[nodes].astype(np.int32),
         expected[is_seen],
-        config.min_linear_search_window + drift[nodes],
+        config.min_linear_search_window + drift.between(nodes, index),
         np.full(len(nodes), math.radians(config.min_angular_search_window_deg)),
     )
 
