@@ -206,3 +206,39 @@ def test_places_without_further_searches_stay_refused():
     joining.refuse(joining.best(graph), check(fault="a wall contradicts it"))
     assert not joining.follow(graph)
     assert len(attempt.refused) == 1
+
+
+def unsupported():
+    """Return two short parts: half of the scans that should fit in a place do, none is distinct."""
+    joining, graph = two_parts(26, 2, length=2600)
+    joining.request_round(NUM_ROUNDS, graph)
+    joining.follows = joining._has_news = True
+    for scan in range(13):
+        fits(joining, scan, 2.0, margin=0.025)
+    return joining, graph
+
+
+def test_places_without_support_are_examined_but_not_believed():
+    joining, graph = unsupported()
+    attempt = joining.best(graph)
+    assert attempt.is_ambiguous
+    joining.leave_undecided(attempt, check())
+    assert joining.best(graph) is None
+    assert attempt.why_not
+    # The same, of which more scans fit.
+    for scan in range(13, 20):
+        fits(joining, scan, 2.0, margin=0.001)
+    joining._has_news = True
+    assert joining.best(graph) is attempt
+    assert not attempt.is_ambiguous
+
+
+def test_place_behind_one_without_support_is_examined():
+    joining, graph = unsupported()
+    for scan in range(13, 26):
+        fits(joining, scan, 300.0, margin=0.023)
+    attempt = joining.best(graph)
+    assert attempt.found.tf_one_other.x == pytest.approx(-2.0)
+    joining.refuse(attempt, check(fault="scans contradict it", floor_share=0.4))
+    again = joining.best(graph)
+    assert again.found.tf_one_other.x == pytest.approx(-300.0)
