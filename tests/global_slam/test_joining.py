@@ -225,7 +225,7 @@ def test_places_without_support_are_examined_but_not_believed():
     joining.leave_undecided(attempt, check())
     assert joining.best(graph) is None
     assert attempt.why_not
-    # The same, of which more scans fit.
+    # More of the scans fit there now.
     for scan in range(13, 20):
         fits(joining, scan, 2.0, margin=0.001)
     joining._has_news = True

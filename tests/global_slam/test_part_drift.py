@@ -14,7 +14,7 @@ from cartoloop.sensor.scan_points import ScanPoints
 
 
 def connected(*closures):
-    """Return three parts of a submap each at the origin, of which the last is left out.
+    """Return three parts of a submap each at the origin, the last is left out.
 
     The nodes of part k are 10 k m along x, and 1 m apart along y.
 

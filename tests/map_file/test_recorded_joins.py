@@ -61,7 +61,7 @@ def requests(submap, node):
 
 @pytest.fixture
 def records():
-    """Return a journal of a session of two nodes, of which one is matched in the map before."""
+    """Return a journal of a session of two nodes; one is matched in the map before."""
     records = JournalRecords(100_000, HEADER, earlier())
     submap = Submap(1, Pose(5.0, 0.0, 0.0), ProbabilityGrid(0.05))
     for number in (1, 2):
