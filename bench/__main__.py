@@ -546,6 +546,14 @@ def bench_sessions(
         bool, typer.Option(help="Merge recordings of different places too.")
     ] = True,
     seeds: Annotated[int, typer.Option(min=0, help="Buildings with two wings alike.")] = 100,
+    first_seed: Annotated[int, typer.Option(min=0, help="First seed of these.")] = 0,
+    relations: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder with NAME.relations of recordings without verified ones.",
+        ),
+    ] = None,
     again: Annotated[
         bool, typer.Option("--again", help="Measure again what this commit has measured.")
     ] = False,
@@ -558,7 +566,8 @@ def bench_sessions(
     before = _earlier(against, "sessions")
     names = sessions.RECORDINGS if not only else () if only == "none" else _names(only)
     counts = [int(count) for count in _names(cuts)]
-    chosen = sessions.Chosen(_data_folder(data), names, counts, strangers, seeds, again)
+    wings = range(first_seed, first_seed + seeds)
+    chosen = sessions.Chosen(_data_folder(data), names, counts, strangers, wings, again, relations)
     record = sessions.run(chosen, out, lambda line: typer.echo(line, err=True))
     _print_table(record)
     _conclude(record, out, before, strict)

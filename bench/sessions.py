@@ -46,7 +46,8 @@ STRANGERS = (
 """Places that must not be joined."""
 
 RELATIONS = {"intel": "intel-exact", "mit-csail": "mit-csail", "fr079": "fr079"}
-"""Files of verified relations; of other recordings, the uncut run is the measure."""
+"""Files of verified relations; of other recordings, relations of an earlier map may be given, else
+the uncut run is the measure."""
 
 MIN_OVERLAP_M2 = 10.0
 """A session that overlaps the others by this area must be joined [m^2]."""
@@ -68,16 +69,18 @@ class Chosen:
     recordings : which of `RECORDINGS` are cut.
     cuts : into how many sessions each.
     strangers : whether pairs of these recordings are merged that are of different places.
-    seeds : number of buildings with two wings.
+    seeds : of buildings with two wings.
     again : measure cases again that were measured with the same sources.
+    relations : folder with NAME.relations of recordings without verified ones.
     """
 
     data: Path
     recordings: Sequence[str]
     cuts: Sequence[int]
     strangers: bool
-    seeds: int
+    seeds: Sequence[int]
     again: bool = False
+    relations: Path | None = None
 
 
 def run(chosen: Chosen, out: Path, note: Callable[[str], None]) -> Record:
@@ -121,7 +124,7 @@ def _cases(
 
     def whole(name: str) -> tuple[Drive, Result] | None:
         if name not in uncut:
-            drive = _drive(name, chosen.data)
+            drive = _drive(name, chosen.data, chosen.relations)
             note(f"{name}: mapping")
             uncut[name] = None if drive is None else (drive, mapped(drive.events))
         return uncut[name]
@@ -138,7 +141,7 @@ def _cases(
     for pair in STRANGERS if chosen.strangers else ():
         if set(pair) <= set(chosen.recordings):
             yield {"part": STRANGE, "case": " + ".join(pair)}, apart
-    for seed in range(chosen.seeds):
+    for seed in chosen.seeds:
         yield {"part": WINGS, "case": f"seed {seed}"}, _wings_row
 
 
@@ -175,15 +178,24 @@ def _kinds(notes: str) -> list[str]:
     return [re.sub(r"-?\d+(\.\d+)?", "N", each) for each in notes.split("; ") if each]
 
 
-def _drive(name: str, data: Path) -> Drive | None:
+def _drive(name: str, data: Path, relations: Path | None = None) -> Drive | None:
+    """Return a recording; None if it is not there.
+
+    Parameters
+    ----------
+    data : folder of the recordings.
+    relations : folder of files of those that have no verified ones.
+    """
     if name == "museum":
         simulated = simulate(make_world("museum"), seed=1)
         return Drive(name, list(simulated.events()), truth=simulated)
     path = data / "radish" / f"{name}.clf.gz"
     if not path.is_file():
         return None
-    relations = data / "radish" / f"{RELATIONS[name]}.relations" if name in RELATIONS else None
-    return Drive(name, list(open_log(path)), relations)
+    known = path.parent if name in RELATIONS else relations
+    file = None if known is None else known / f"{RELATIONS.get(name, name)}.relations"
+    has_file = file is not None and (name in RELATIONS or file.is_file())
+    return Drive(name, list(open_log(path)), file if has_file else None)
 
 
 def _is_scan(event: SensorEvent) -> bool:

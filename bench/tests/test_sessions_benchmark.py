@@ -88,7 +88,7 @@ def test_pieces_make_one_record_on_the_page(
     monkeypatch.setattr(sessions, "_wings_row", wings)
     monkeypatch.setattr(sessions, "environment", lambda: {"commit": "abc", "date": "today"})
     for recordings, seeds in (((), 1), (("aces",), 3)):
-        chosen = sessions.Chosen(tmp_path / "none", recordings, (2,), False, seeds)
+        chosen = sessions.Chosen(tmp_path / "none", recordings, (2,), False, range(seeds))
         record = sessions.run(chosen, tmp_path, lambda line: None)
     assert measured == ["seed 0", "seed 1", "seed 2"]
     assert [row.notes for row in record.rows] == [
@@ -104,4 +104,27 @@ def test_pieces_make_one_record_on_the_page(
 
 def test_unknown_recordings_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no recording 'acess'"):
-        sessions.run(sessions.Chosen(tmp_path, ("acess",), (2,), False, 0), tmp_path, print)
+        sessions.run(sessions.Chosen(tmp_path, ("acess",), (2,), False, ()), tmp_path, print)
+
+
+def test_relations_may_be_given_where_none_are_verified(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data, given = tmp_path / "radish", tmp_path / "made"
+    for folder in (data, given):
+        folder.mkdir()
+    for name in ("aces", "mit-killian", "intel"):
+        (data / f"{name}.clf.gz").touch()
+    for name in ("aces", "intel-exact"):
+        (given / f"{name}.relations").touch()
+    monkeypatch.setattr(sessions, "open_log", lambda path: [])
+    found = {}
+    for name in ("aces", "mit-killian", "intel"):
+        drive = sessions._drive(name, tmp_path, given)
+        assert drive is not None
+        found[name] = drive.relations
+    assert found == {
+        "aces": given / "aces.relations",
+        "mit-killian": None,
+        "intel": data / "intel-exact.relations",
+    }

@@ -5,22 +5,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from cartoloop.arrays import FloatArray
 from cartoloop.config import Config
 from cartoloop.global_slam.join_evidence import CheckGeometry, GeometryCheck, Strictness, TwoParts
-from cartoloop.global_slam.pose_graph import ConstraintKind
+from cartoloop.global_slam.part_drift import held_at
 from cartoloop.map_output.part_walls import Submaps, WallFault, wall_faults
+from cartoloop.quality.confirmed import ConfirmedReturns
 from cartoloop.quality.joins import check_geometry, floor_fault, usual_floor_share
 
 
 def part_check(config: Config) -> CheckGeometry:
     """Return the examination of two parts with the limits of a configuration."""
-    join = config.global_slam.constraint_search.join
+    join, confirmed = config.global_slam.constraint_search.join, ConfirmedReturns()
 
     def check(parts: TwoParts, strictness: Strictness) -> GeometryCheck:
-        found = check_geometry(parts, config.quality, join)
+        found = check_geometry(parts, config.quality, join, confirmed)
         if found.fault:
             return found
         one, other = (_submaps_of(parts, part) for part in (0, 1))
@@ -30,7 +28,7 @@ def part_check(config: Config) -> CheckGeometry:
             config.local_slam.submaps,
             min(MIN_PIECE_M, join.max_contradicted_wall),
             join.min_hidden_area,
-            _held(parts),
+            held_at(parts),
         )
         if faults and faults[0].length >= join.max_contradicted_wall:
             worst = faults[0]
@@ -44,21 +42,10 @@ def part_check(config: Config) -> CheckGeometry:
         limit = FLOOR_SHARES[strictness]
         usual = 0.0
         if found.floor_share > limit:
-            usual = usual_floor_share(parts, config.quality)
+            usual = usual_floor_share(parts, config.quality, confirmed)
         return found._replace(fault=strict_fault(found, faults, limit, usual))
 
     return check
-
-
-def _held(parts: TwoParts) -> FloatArray:
-    """Return where nodes of one part are that closures connect to the other, shape (k, 2) [m]."""
-    graph = parts.graph
-    closures = np.flatnonzero(graph.kinds == ConstraintKind.LOOP_CLOSURE)
-    nodes = graph.index_b[closures]
-    of_submap, of_node = parts.of_submaps[graph.index_a[closures]], parts.of_nodes[nodes]
-    is_between = (of_submap != of_node) & (of_submap >= 0) & (of_node >= 0)
-    places: FloatArray = graph.node_poses[nodes[is_between], :2]
-    return places
 
 
 def _submaps_of(parts: TwoParts, part: int) -> Submaps:

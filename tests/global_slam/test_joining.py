@@ -16,6 +16,7 @@ from cartoloop.global_slam.join_evidence import GeometryCheck, Strictness
 from cartoloop.global_slam.joining import MAX_FOLLOWED_SCANS, NUM_ROUNDS, Joining
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import SessionRanges
+from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
 
@@ -33,14 +34,20 @@ class Scans:
         return len(self.nodes)
 
 
-def two_parts(*counts):
-    """Return the search between two parts of one submap each, and the graph; nothing fits."""
+def two_parts(*counts, length=20):
+    """Return the search between two parts of one submap each, and the graph; nothing fits.
+
+    Parameters
+    ----------
+    counts : composite scans of each part.
+    length : of the submaps along x [cells].
+    """
     graph, sessions, submaps = PoseGraph(), SessionRanges(), []
     for part, count in enumerate(counts):
         sessions.begin(graph.num_nodes, part)
         graph.add_nodes([(4.0 * i, 0.0, 0.0) for i in range(count)])
         graph.add_submap((0.0, 0.0, 0.0))
-        grid = FinishedGrid(np.full((20, 20), 100, np.uint8), 0.0, 0.0, 0.05)
+        grid = FinishedGrid(np.full((20, length), 100, np.uint8), 0.0, 0.0, 0.05)
         submaps.append(FinishedSubmap(part, grid, 0.7))
     search = SimpleNamespace()
     joining = Joining(
@@ -162,3 +169,76 @@ def test_only_distinct_scans_count_before_places_are_followed():
     joining, graph = followed((50.0, 12))
     joining.follows = False
     assert joining.best(graph) is None
+
+
+def refused(*places):
+    """Return two short parts: scans fit in the first of some places, and all were refused."""
+    joining, graph = two_parts(12, 2, length=1200)
+    joining.request_round(NUM_ROUNDS, graph)
+    joining.follows = joining._has_news = True
+    for scan in range(12):
+        fits(joining, scan, places[0], margin=0.025)
+    attempt = joining.best(graph)
+    joining.refuse(attempt, check(fault="a wall contradicts it"))
+    (examined,) = attempt.refused
+    elsewhere = [examined._replace(tf_one_other=Pose(-x, 0.0, 0.0)) for x in places[1:]]
+    attempt.refused += elsewhere
+    return joining, graph, attempt, elsewhere
+
+
+def test_refused_places_that_are_followed_are_open_again():
+    joining, graph, attempt, _ = refused(2.0)
+    assert joining.best(graph) is None
+    assert joining.follow(graph)
+    assert attempt.refused == []
+
+
+def test_places_that_are_not_followed_stay_refused():
+    joining, graph, attempt, elsewhere = refused(2.0, 300.0)
+    assert joining.follow(graph)
+    assert attempt.refused == elsewhere
+
+
+def test_places_without_further_searches_stay_refused():
+    joining, graph, attempt, _ = refused(2.0)
+    assert joining.follow(graph)
+    joining._has_news = True
+    joining.refuse(joining.best(graph), check(fault="a wall contradicts it"))
+    assert not joining.follow(graph)
+    assert len(attempt.refused) == 1
+
+
+def unsupported():
+    """Return two short parts: half of the scans that should fit in a place do, none is distinct."""
+    joining, graph = two_parts(26, 2, length=2600)
+    joining.request_round(NUM_ROUNDS, graph)
+    joining.follows = joining._has_news = True
+    for scan in range(13):
+        fits(joining, scan, 2.0, margin=0.025)
+    return joining, graph
+
+
+def test_places_without_support_are_examined_but_not_believed():
+    joining, graph = unsupported()
+    attempt = joining.best(graph)
+    assert attempt.is_ambiguous
+    joining.leave_undecided(attempt, check())
+    assert joining.best(graph) is None
+    assert attempt.why_not
+    # More of the scans fit there now.
+    for scan in range(13, 20):
+        fits(joining, scan, 2.0, margin=0.001)
+    joining._has_news = True
+    assert joining.best(graph) is attempt
+    assert not attempt.is_ambiguous
+
+
+def test_place_behind_one_without_support_is_examined():
+    joining, graph = unsupported()
+    for scan in range(13, 26):
+        fits(joining, scan, 300.0, margin=0.023)
+    attempt = joining.best(graph)
+    assert attempt.found.tf_one_other.x == pytest.approx(-2.0)
+    joining.refuse(attempt, check(fault="scans contradict it", floor_share=0.4))
+    again = joining.best(graph)
+    assert again.found.tf_one_other.x == pytest.approx(-300.0)

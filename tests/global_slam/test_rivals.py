@@ -111,6 +111,15 @@ def test_places_that_scans_contradict_do_not_weigh():
     assert not refused_place_weighs(refused, CLAIMS, JOIN, WIDE)
 
 
+@pytest.mark.parametrize(("usual_limit", "weighs"), [(0.0, False), (0.1, False), (0.12, True)])
+def test_as_much_floor_as_within_the_parts_is_allowed(usual_limit, weighs):
+    place = examined(HERE, 0.6, floor_share=0.11, fault="a wall")
+    place = place._replace(check=place.check._replace(usual_limit=usual_limit))
+    refused = attempt(refused=[place])
+    refused.found = placement(CLAIMS, [HERE], JOIN, WIDE)
+    assert refused_place_weighs(refused, CLAIMS, JOIN, WIDE) is weighs
+
+
 def test_refused_places_are_open_again_if_searched():
     refused = [examined(HERE, 0.6, fault="a wall"), examined(THERE, 0.4, fault="a wall")]
     both = attempt(refused=refused)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -76,11 +77,33 @@ def test_part_that_is_half_seen_moves_there():
     np.testing.assert_allclose(graph.node_poses, NODES, atol=0.03)
 
 
-@pytest.mark.parametrize("unseen_from", [25, 0])
-def test_part_that_is_hardly_seen_stays(unseen_from):
+@pytest.mark.parametrize("unseen_from", [50, 60])
+def test_part_that_is_hardly_seen_stays(unseen_from, monkeypatch):
     placed = Pose(0.3, -0.35, 0.05)
-    graph = joined(two_parts(room(unseen_from)), placed)
-    assert math.dist(graph.submap_poses[1][:2], placed[:2]) < 1e-6
+
+    def moved():
+        graph = joined(two_parts(room(unseen_from)), placed)
+        return math.dist(graph.submap_poses[1][:2], placed[:2])
+
+    assert moved() < 1e-6
+    # The rest of the room would be enough for a match.
+    monkeypatch.setattr("cartoloop.global_slam.tentative_join.MIN_SEEN_SHARE", 0.0)
+    assert moved() > 0.4
+
+
+def test_searches_nearby_state_their_threshold():
+    parts = two_parts(room())
+    # Its own scans fit worse than usual.
+    submaps = [FinishedSubmap(0, parts.submaps[0].grid, 0.5), parts.submaps[1]]
+    nothing = (NO_MATCHES, NOTHING, NOTHING)
+    first, *_ = tentative_joins(
+        GlobalSlamConfig(), replace(parts, submaps=submaps), Pose(0.3, -0.35, 0.05), nothing
+    )
+    scores = first[1].min_score
+    assert len(scores) == len(first[1].matches.row) > 0
+    join = GlobalSlamConfig().constraint_search.join
+    assert 0.5 * join.min_score_ratio < join.min_score
+    np.testing.assert_allclose(scores, 0.5 * join.min_score_ratio)
 
 
 def test_the_graph_itself_stays():

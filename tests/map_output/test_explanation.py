@@ -12,6 +12,7 @@ import pytest
 from cartoloop.errors import InputError
 from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.map_output.explanation import Explainer
+from cartoloop.session import Session
 from tests.evaluation.hand_made_run import closure, hand_made_result
 from tests.global_slam.closures import final_matches, record, requests
 
@@ -110,6 +111,29 @@ def test_searches_without_a_closure_are_explained():
     assert [explain.row(row).status for row in range(4)] == [
         Status.NOT_FOUND.text, Status.DROPPED.text, Status.NOT_SEARCHED.text, Status.WAITING.text,
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("own", "min_score", "words"),
+    [
+        (0.8, 0.55, "Minimum score: 0.550 (min_score)."),
+        (0.6, 0.51, "Minimum score: 0.510, 0.85 of the mean score of the submap's own scans, 0.6"),
+        (0.8, 0.38, "Minimum score of parts that were not joined yet: 0.380 (min_score)."),
+        (0.5, 0.34, "of parts that were not joined yet: 0.340, 0.68 of the mean score"),
+        (0.5, 0.225, "near a place where parts may fit: 0.225, 0.45 of the mean score"),
+        (0.5, 0.3, "Minimum score: 0.300."),
+        (None, 0.51, "Minimum score: 0.510, 0.85 of the mean score of the submap's own scans, 0.6"),
+    ],
+)
+def test_thresholds_between_sessions_are_explained(own, min_score, words, monkeypatch):
+    closures = record()
+    closures.note_searched(closures.request(requests((0, 5)), 6), min_score)
+    sessions = (Session(), Session(first_scan=3, first_node=3, first_submap=1))
+    monkeypatch.setattr("cartoloop.map_output.explanation.mean_score", lambda *_: own)
+    known = replace(hand_made_result(), node_points=ALL_POINTS, closures=closures)
+    known = replace(known, sessions=sessions[: 1 if own is None else 2])
+
+    assert words in Explainer(known).row(0).text
 
 
 def test_pairs_never_requested_have_a_reason():

@@ -57,6 +57,31 @@ def test_walls_far_from_what_holds_may_be_displaced(x, is_fault):
     assert bool(faults) is is_fault
 
 
+def slanted(slope, further):
+    """Return a corridor with a wall across that is further away than 5 m, and oblique [cells].
+
+    One sees past it.
+    """
+    rows = np.arange(10, 40)
+    cols = 98 + further + np.rint(slope * (rows - rows.mean())).astype(np.int64)
+    return corridor(200, blocks=[(rows, cols), (rows, cols + 1)])
+
+
+@pytest.mark.parametrize(("further", "is_fault"), [(9, False), (10, False), (13, True)])
+def test_walls_are_displaced_by_so_much_only(further, is_fault):
+    # 20 m away: half a metre are allowed, between cells of the same side of the wall.
+    held = np.array([(-15.0, 1.0)])
+    parts = corridor(200, end_at=100), slanted(0.0, further)
+    assert bool(wall_faults(*parts, SUBMAPS, *LIMITS[:2], held)) is is_fault
+
+
+@pytest.mark.parametrize(("slope", "is_fault"), [(0.0, False), (0.05, False), (0.25, True)])
+def test_displaced_walls_are_parallel(slope, is_fault):
+    held = np.array([(-25.0, 1.0)])
+    parts = corridor(200, end_at=100), slanted(slope, 10)
+    assert bool(wall_faults(*parts, SUBMAPS, *LIMITS[:2], held)) is is_fault
+
+
 def test_corridor_that_goes_on_contradicts_from_afar():
     held = np.array([(-25.0, 1.0)])
     assert wall_faults(corridor(200, end_at=100), corridor(200), SUBMAPS, *LIMITS[:2], held)

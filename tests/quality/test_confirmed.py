@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.quality.confirmed import confirmed_returns
+from cartoloop.quality.confirmed import ConfirmedReturns
 from cartoloop.quality.pairs import FLOOR, WALL, cell_value
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -41,7 +41,7 @@ def seen_from(*poses):
 @pytest.mark.parametrize("pose", [(0.0, 0.0, 0.0), (-1.0, 0.5, 0.7), (1.0, -2.0, -3.0)])
 def test_returns_on_own_walls_are_kept_in_order(pose):
     graph, scans = seen_from((0.0, 0.0, 0.0), pose)
-    kept = confirmed_returns(graph, [grid()], scans, np.array([0]))
+    kept = ConfirmedReturns().of(graph, [grid()], scans, np.array([0]))
     assert len(kept) == 2
     for node in range(2):
         np.testing.assert_allclose(kept[node], scans[node][[0, 2]])
@@ -49,7 +49,7 @@ def test_returns_on_own_walls_are_kept_in_order(pose):
 
 def test_nodes_of_other_submaps_have_no_returns_left():
     graph, scans = seen_from((0.0, 0.0, 0.0))
-    kept = confirmed_returns(graph, [grid()], scans, np.zeros(0, np.int64))
+    kept = ConfirmedReturns().of(graph, [grid()], scans, np.zeros(0, np.int64))
     assert kept.counts.tolist() == [0]
 
 
@@ -58,5 +58,16 @@ def test_one_submap_that_confirms_is_enough():
     graph.add_submap((0.0, 0.0, 0.0))
     graph.add_constraints(ConstraintKind.INTRA_SUBMAP, [1], [0], [(0.0, 0.0, 0.0)], [np.eye(3)])
     bare = FinishedGrid(np.full((121, 121), cell_value(FLOOR) - 1, np.uint8), -3.0, -3.0, 0.05)
-    kept = confirmed_returns(graph, [grid(), bare], scans, np.array([0, 1]))
+    kept = ConfirmedReturns().of(graph, [grid(), bare], scans, np.array([0, 1]))
     np.testing.assert_allclose(kept[0], SCAN[[0, 2]])
+
+
+def test_submaps_are_looked_at_once(monkeypatch):
+    graph, scans = seen_from((0.0, 0.0, 0.0), (-1.0, 0.5, 0.7))
+    confirmed = ConfirmedReturns()
+    first = confirmed.of(graph, [grid()], scans, np.array([0]))
+    monkeypatch.delattr("cartoloop.quality.confirmed._on_wall")
+    again = confirmed.of(graph, [grid()], scans, np.array([0]))
+    assert len(first[0]) == 2
+    for node in range(2):
+        np.testing.assert_array_equal(again[node], first[node])

@@ -10,6 +10,7 @@ from cartoloop.config import JoinConfig, QualityConfig
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.join_evidence import GeometryCheck, TwoParts
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
+from cartoloop.quality.confirmed import ConfirmedReturns
 from cartoloop.quality.joins import (
     MAX_FLOOR_SHARE,
     MIN_USUAL_RETURNS,
@@ -86,7 +87,9 @@ def seen_twice(on_floor, num_nodes=100, *, is_confirmed=True):
 
 def usual(part, parts):
     nodes = np.repeat(parts, part[0].num_nodes // 2)
-    return usual_floor_share(TwoParts(*part, nodes, np.array(parts)), QualityConfig())
+    return usual_floor_share(
+        TwoParts(*part, nodes, np.array(parts)), QualityConfig(), ConfirmedReturns()
+    )
 
 
 def test_usual_share_is_that_within_the_parts():
@@ -112,9 +115,26 @@ def test_returns_that_are_not_confirmed_are_not_counted():
         part = seen_twice(0.25, is_confirmed=is_confirmed)
         nodes = np.repeat(parts, part[0].num_nodes // 2)
         check = check_geometry(
-            TwoParts(*part, nodes, np.array(parts)), QualityConfig(), JoinConfig()
+            TwoParts(*part, nodes, np.array(parts)),
+            QualityConfig(),
+            JoinConfig(),
+            ConfirmedReturns(),
         )
         counts.append((check.on_floor > 0, check.on_wall))
     assert counts[0][0]
     assert not counts[1][0]
     assert counts[0][1] == counts[1][1] > 0
+
+
+@pytest.mark.parametrize(("usual", "limit"), [(0.05, 0.06), (0.3, MAX_FLOOR_SHARE)])
+def test_checks_state_how_much_floor_the_parts_allow(usual, limit, monkeypatch):
+    monkeypatch.setattr("cartoloop.quality.joins._usual", lambda parts, quality: usual)
+    part = seen_twice(0.25)
+    nodes = np.repeat([0, 1], part[0].num_nodes // 2)
+    lenient = JoinConfig(min_overlap=0.0, max_contradicted_share=1.0)
+    check = check_geometry(
+        TwoParts(*part, nodes, np.array([0, 1])), QualityConfig(), lenient, ConfirmedReturns()
+    )
+    assert check.floor_share == pytest.approx(0.25)
+    assert check.usual_limit == pytest.approx(limit)
+    assert "on floor of the other part" in check.fault

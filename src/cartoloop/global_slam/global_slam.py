@@ -24,10 +24,10 @@ from cartoloop.global_slam.graph_records import (
     submap_record,
 )
 from cartoloop.global_slam.join_evidence import CheckGeometry, OnePose
-from cartoloop.global_slam.joining import MAX_FOLLOWING, NUM_ROUNDS
 from cartoloop.global_slam.loading import load
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.part_joins import PartJoins
+from cartoloop.global_slam.parts_left import join_parts_left
 from cartoloop.global_slam.pose_graph import ClosureConstraints, ConstraintKind
 from cartoloop.global_slam.restoring import finished_submap, restore_closures, restore_nodes
 from cartoloop.global_slam.sessions import MappedSessions
@@ -208,7 +208,9 @@ class GlobalSlam:
         iterations = self._config.pose_adjustment.max_num_final_iterations
         announce("closing the last loops")
         self._close_loops(iterations, wait=True)
-        self._join_parts_left(iterations, announce)
+        join_parts_left(
+            self.joins, self.graph, lambda: self._close_loops(iterations, wait=True), announce
+        )
         self._search_until_nothing_new(iterations)
         passes = self._config.constraint_search.final_passes
         for number in range(1, passes + 1):
@@ -306,29 +308,6 @@ class GlobalSlam:
             self._close_loops(max_num_iterations, wait=True)
             if self.graph.num_loop_closures == before:
                 break
-
-    def _join_parts_left(self, max_num_iterations: int, announce: Callable[[str], None]) -> None:
-        """Search the composite scans of parts in the others, until all are joined."""
-        for number in range(NUM_ROUNDS):
-            if not self.joins.is_needed:
-                break
-            announce(f"searching parts in each other, {number + 1} of {NUM_ROUNDS}")
-            if self.joins.joining.request_round(number, self.graph):
-                self.joins.joining.start(self.graph)
-                self._close_loops(max_num_iterations, wait=True)
-        # Parts that have grown may be worth a search that they were not before.
-        while self.joins.is_needed and self.joins.joining.request_round(NUM_ROUNDS, self.graph):
-            announce("searching parts in each other again")
-            self.joins.joining.start(self.graph)
-            self._close_loops(max_num_iterations, wait=True)
-        for _ in range(MAX_FOLLOWING):
-            if not self.joins.is_needed:
-                break
-            announce("following places where parts may fit")
-            if not self.joins.joining.follow(self.graph):
-                break
-            self.joins.joining.start(self.graph)
-            self._close_loops(max_num_iterations, wait=True)
 
     def _submit(self, requests: Requests) -> None:
         if len(requests.submap):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.arrays import BoolArray, IntArray
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import JoinConfig
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.closure_search import FinishedSubmap
@@ -29,6 +29,8 @@ class GeometryCheck(NamedTuple):
     contradicted : of it, the path whose scans contradict the other part [m].
     on_wall, on_floor : returns that lie on walls and on floor of the other part.
     fault : why they cannot be joined, as a clause; "" if they can.
+    usual_limit : share of returns on floor that is allowed because of that within the parts; 0
+        where it was not asked for.
     """
 
     length: float
@@ -36,6 +38,7 @@ class GeometryCheck(NamedTuple):
     on_wall: int
     on_floor: int
     fault: str
+    usual_limit: float = 0.0
 
     @property
     def floor_share(self) -> float:
@@ -46,7 +49,7 @@ class GeometryCheck(NamedTuple):
         """Return whether the scans alone do not forbid the join, whatever walls say."""
         return (
             self.contradicted <= join.max_contradicted_share * self.length
-            and self.floor_share <= join.max_floor_share
+            and self.floor_share <= max(join.max_floor_share, self.usual_limit)
         )
 
 
@@ -93,10 +96,12 @@ class Nearby(NamedTuple):
     ----------
     requests : the windows, of n pairs.
     matches : n; without rows in the record of closures, -1, until the parts are joined.
+    min_score : float64, shape (n,), the threshold of each; NaN where it is not known.
     """
 
     requests: Requests
     matches: SearchMatches
+    min_score: FloatArray
 
 
 CheckGeometry = Callable[[TwoParts, Strictness], GeometryCheck]

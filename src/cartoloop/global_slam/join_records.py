@@ -29,6 +29,7 @@ from cartoloop.sensor.pose import Pose
 
 _SEARCH = struct.Struct("<Id")
 _DECISION = struct.Struct("<2I3dI")
+_THRESHOLD = (("<f8",), ((),))
 
 
 NO_REQUESTS = Requests(
@@ -36,7 +37,7 @@ NO_REQUESTS = Requests(
 )
 
 
-NO_NEARBY = Nearby(NO_REQUESTS, NO_MATCHES)
+NO_NEARBY = Nearby(NO_REQUESTS, NO_MATCHES, np.zeros(0))
 
 
 class JoinSearch(NamedTuple):
@@ -78,20 +79,17 @@ class JoinDecision(NamedTuple):
     is_joined: bool
 
 
-def with_rows(
-    nearby: Nearby, closures: Closures, num_nodes: int, min_score: float
-) -> SearchMatches:
+def with_rows(nearby: Nearby, closures: Closures, num_nodes: int) -> SearchMatches:
     """Return matches with rows in the record of closures, those of pairs that have none yet.
 
     Parameters
     ----------
     num_nodes : of the graph at this moment.
-    min_score : the threshold.
     """
-    requests, matches = nearby
+    requests, matches, min_score = nearby
     is_new = np.flatnonzero(~closures.has_rows(requests.submap, requests.node))
     rows = closures.request(requests.take(is_new), num_nodes)
-    closures.note_searched(rows, min_score)
+    closures.note_searched(rows, min_score[is_new])
     return SearchMatches._make(column[is_new] for column in matches)._replace(row=rows)
 
 
@@ -138,11 +136,16 @@ def join_decision_record(decision: JoinDecision) -> bytes:
             int(check.on_floor),
             check.fault,
             decision.is_joined,
+            float(check.usual_limit),
         ]
     ).encode()
     head = _DECISION.pack(decision.one, decision.other, *decision.tf_one_other, len(content))
-    requests, matches = decision.nearby
-    nearby = pack_columns(requests, REQUESTS[0]) + matches_record(matches)
+    requests, matches, min_score = decision.nearby
+    nearby = (
+        pack_columns(requests, REQUESTS[0])
+        + matches_record(matches)
+        + pack_columns([min_score], _THRESHOLD[0])
+    )
     return head + content + matches_record(decision.found) + nearby
 
 
@@ -157,22 +160,27 @@ def recorded_join_decision(payload: memoryview) -> JoinDecision:
     one, other, x, y, theta, length = _DECISION.unpack_from(payload)
     end = _DECISION.size + length
     content = json.loads(bytes(payload[_DECISION.size : end]))
-    count = len(GeometryCheck._fields)
-    if not isinstance(content, list) or len(content) not in (count, count + 1):
+    if not isinstance(content, list) or len(content) not in (5, 6, 7):
         raise ValueError("the examination of a join is damaged")
-    path, contradicted, on_wall, on_floor, fault = content[:count]
-    # Journals of earlier versions do not state it.
-    is_joined = bool(content[count]) if len(content) > count else not fault
-    check = GeometryCheck(float(path), float(contradicted), int(on_wall), int(on_floor), str(fault))
+    path, contradicted, on_wall, on_floor, fault = content[:5]
+    # Journals of earlier versions do not state these.
+    is_joined = bool(content[5]) if len(content) > 5 else not fault
+    usual_limit = float(content[6]) if len(content) > 6 else 0.0
+    check = GeometryCheck(
+        float(path), float(contradicted), int(on_wall), int(on_floor), str(fault), usual_limit
+    )
     placement: FloatArray = np.array((x, y, theta))
     if not np.isfinite(placement).all():
         raise ValueError("a pose is not finite")
     reader = FieldReader(payload[end:])
     found, nearby = SearchMatches(*reader.columns(*MATCHES)), NO_NEARBY
     if not reader.is_at_end:  # journals of earlier versions have none
-        nearby = Nearby(
-            Requests(*reader.columns(*REQUESTS)), SearchMatches(*reader.columns(*MATCHES))
-        )
-        if len(nearby.requests.submap) != len(nearby.matches.row):
-            raise ValueError("a match has no window")
+        requests = Requests(*reader.columns(*REQUESTS))
+        matches = SearchMatches(*reader.columns(*MATCHES))
+        count = len(matches.row)
+        # Earlier versions do not state the thresholds.
+        min_score = np.full(count, np.nan) if reader.is_at_end else reader.columns(*_THRESHOLD)[0]
+        if not len(requests.submap) == count == len(min_score):
+            raise ValueError("a match has no window or no threshold")
+        nearby = Nearby(requests, matches, min_score)
     return JoinDecision(one, other, Pose(x, y, theta), check, found, nearby, is_joined)

@@ -70,7 +70,9 @@ class Judging:
 
         Where two places that were followed fit, both are examined, the better one first: if the
         geometry contradicts one, the other one remains; if neither, the better one if far more
-        returns lie on floor at the other one. Else the parts stay apart.
+        returns lie on floor at the other one. Else the parts stay apart. Where few scans are
+        distinct, that too few fit of those that should is asked last: the geometry contradicts most
+        of such places, and the next one may be right.
         """
         join, wide = self._config.join, self._config.wide_search
         closed = closed_places(attempt, claims, wide)
@@ -93,8 +95,8 @@ class Judging:
                 if rival is None and not stands_out(examined, attempt, wide):
                     return why_not or "another place fits as well"
                 attempt.found, attempt.is_ambiguous = rival or found, rival is not None
-                if rival is not None:
-                    return ""
+            if attempt.is_ambiguous and (must_stand_out or examined is not None):
+                return ""
         elif why_not:
             return why_not
         expected = self._matches.expected_scans(

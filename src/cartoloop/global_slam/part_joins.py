@@ -161,8 +161,7 @@ class PartJoins:
             self.done.append(self._record(attempt, joined=True))
             place_part(parts, attempt.found.tf_one_other)
             self.joining.joined(attempt)
-            least = search.join.min_score
-            return Join(attempt, found, with_rows(nearby, self._closures, graph.num_nodes, least))
+            return Join(attempt, found, with_rows(nearby, self._closures, graph.num_nodes))
         return None
 
     def _examined(

@@ -17,7 +17,8 @@ from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.following import MIN_SEEN_SHARE, SeenAreas
 from cartoloop.global_slam.graph_adjustment import GraphAdjustment
 from cartoloop.global_slam.join_evidence import Nearby, TwoParts
-from cartoloop.global_slam.join_records import NO_REQUESTS
+from cartoloop.global_slam.join_records import NO_NEARBY, NO_REQUESTS
+from cartoloop.global_slam.part_drift import Drift, drift_of
 from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.global_slam.refinement import match_again, overlapping_nodes
 from cartoloop.global_slam.sessions import NodeSubmaps
@@ -108,7 +109,7 @@ def _overlap_matches(
                 found.append((index, nodes))
         found.sort(key=lambda each: (-len(each[1]), each[0]))
         overlaps += found[:MAX_SUBMAPS]
-    areas, own_submaps = SeenAreas(submaps), NodeSubmaps.of(graph).first
+    areas, own_submaps, drift = SeenAreas(submaps), NodeSubmaps.of(graph).first, drift_of(parts)
     accepted, searched = [], []
     for index, nodes in overlaps:
         pose: FloatArray = graph.submap_poses[index]
@@ -126,7 +127,7 @@ def _overlap_matches(
             )
         )
         left = nodes[np.isin(nodes, matches.node[fits], invert=True)]
-        requests = _requests_nearby(limits, parts, index, left, areas, own_submaps)
+        requests = _requests_nearby(limits, parts, index, left, areas, own_submaps, drift)
         searched.append(_searched(limits, submaps[index], requests, parts.node_points))
         submaps[index].release()
     return accepted, _as_one(searched)
@@ -139,10 +140,15 @@ def _requests_nearby(
     nodes: IntArray,
     areas: SeenAreas,
     own_submaps: IntArray,
+    drift: Drift,
 ) -> Requests:
     """Return the searches of nodes in a submap, in the window of pairs that are well constrained.
 
     Nodes that see hardly anything of what the submap has seen are left out.
+
+    Parameters
+    ----------
+    drift : by which the windows are larger.
     """
     graph = parts.graph
     expected = relative_all(graph.submap_poses[index], graph.node_poses[nodes])
@@ -160,7 +166,7 @@ def _requests_nearby(
         nodes.astype(np.int32),
         own_submaps[nodes].astype(np.int32),
         expected[is_seen],
-        np.full(len(nodes), config.min_linear_search_window),
+        config.min_linear_search_window + drift.between(nodes, index),
         np.full(len(nodes), math.radians(config.min_angular_search_window_deg)),
     )
 
@@ -176,15 +182,20 @@ def _searched(
     Where parts overlap a little, scores are low.
     """
     if len(requests.node) == 0:
-        return Nearby(requests, NO_MATCHES)
+        return NO_NEARBY
     join = config.join
     low = config.model_copy(
         update={"min_score": join.min_score, "min_score_ratio": join.min_score_ratio}
     )
     rows = np.arange(len(requests.node), dtype=np.int32)
-    found = search(submap, rows, requests, node_points, low).matches
+    outcome = search(submap, rows, requests, node_points, low)
+    found = outcome.matches
     chosen = found.row.astype(np.int64)
-    return Nearby(requests.take(chosen), found._replace(row=np.full_like(found.row, -1)))
+    return Nearby(
+        requests.take(chosen),
+        found._replace(row=np.full_like(found.row, -1)),
+        np.full(len(chosen), outcome.min_score),
+    )
 
 
 def _as_one(parts: Sequence[Nearby]) -> Nearby:
@@ -194,12 +205,13 @@ def _as_one(parts: Sequence[Nearby]) -> Nearby:
     return Nearby(
         Requests._make(map(np.concatenate, requests)),
         SearchMatches._make(map(np.concatenate, matches)),
+        np.concatenate([np.zeros(0), *(each.min_score for each in parts)]),
     )
 
 
 def _constraints(nearby: Nearby) -> ClosureConstraints:
     """Return matches as constraints that have no row in the record."""
-    requests, matches = nearby
+    requests, matches, _ = nearby
     return ClosureConstraints(
         matches.row,
         requests.submap,

@@ -41,12 +41,11 @@ accurate, and cost more."""
 MAX_CELLS = 2**26
 """Largest map [cells]: a square of 400 m; it takes 1.2 GB."""
 
-FOREIGN_SCORE, FOREIGN_LOW_SCORE = 0.65, 0.55
-"""Score that scans usually reach in a map without scans of its own, see :class:`Fit`, and that nine
-of ten reach."""
+FOREIGN_SCORE = 0.65
+"""Score that scans usually reach in a map without scans of its own, see :class:`Fit`."""
 
 FOREIGN_AGREEMENT, FOREIGN_LOW_AGREEMENT = 0.9, 0.8
-"""The same of their agreement."""
+"""Agreement that they usually reach, and that nine of ten reach."""
 
 FOREIGN_DISTINCTNESS, FOREIGN_LOW_DISTINCTNESS = 0.88, 0.78
 """The same of their distinctness."""
@@ -78,7 +77,8 @@ class KnownMap:
     tile_centres : float64, shape (n, 3), poses in the middle of the squares of `TILE_M` in which
         anything is known, grid frame.
     usual : the fit that scans usually reach.
-    low_score, low_agreement, low_distinctness : those that nine of ten scans reach.
+    low_score, low_agreement, low_distinctness : those that nine of ten scans reach; the score is 0
+        where it is not known.
     has_own_fits : whether these are of the map's own scans; otherwise they are assumed.
 
     Raises
@@ -114,7 +114,7 @@ class KnownMap:
         self.tile_centres = self._tile_centres()
         self.usual = Fit(FOREIGN_SCORE, FOREIGN_AGREEMENT, FOREIGN_DISTINCTNESS, 0)
         self.has_own_fits = False
-        self.low_score = FOREIGN_LOW_SCORE
+        self.low_score = 0.0
         self.low_agreement = FOREIGN_LOW_AGREEMENT
         self.low_distinctness = FOREIGN_LOW_DISTINCTNESS
 

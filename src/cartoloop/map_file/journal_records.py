@@ -79,7 +79,6 @@ class JournalRecords:
         self, num_bytes: int, header: RunHeader, mapped: MappedSessions | None = None
     ) -> None:
         self.num_bytes = num_bytes
-        self._join_config = header.config.global_slam.constraint_search.join
         self._first_node, self._first_submap = header.first_node, header.first_submap
         self._knows_all = mapped is not None or not header.continues
         self.loaded: Loaded = load([] if mapped is None else [mapped])
@@ -190,8 +189,7 @@ class JournalRecords:
         self._add_found(decision.found, is_trusted=True)
         self._check_requests(decision.nearby.requests)
         num_nodes = self.num_nodes_before + len(self.nodes)
-        least = self._join_config.min_score
-        nearby = with_rows(decision.nearby, self.closures, num_nodes, least)
+        nearby = with_rows(decision.nearby, self.closures, num_nodes)
         self._add_found(nearby, is_trusted=False)
 
     @property

@@ -4,13 +4,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.closures import Closures
+from cartoloop.global_slam.following import MIN_SCORE, MIN_SCORE_RATIO
 from cartoloop.global_slam.pair_selection import PairVerdict
 from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M
 from cartoloop.global_slam.search_windows import path_length_of
+
+TINY = 1e-6
+"""Thresholds that differ by less are the same one."""
 
 REQUESTS_NOT_RECORDED = (
     "Requests and searches are not known: the map file is of an earlier version and has no record "
@@ -23,11 +28,23 @@ class Sentences:
     """Describes rows of a record, given the parameters of the run.
 
     The values of a row are those of :class:`Explanation`.
+
+    Parameters
+    ----------
+    config, closures : of the run.
+    own_score_between_sessions : of a row, the mean score of the submap's own scans in it, if the
+        node is of another session; such pairs may be searched with other thresholds.
     """
 
-    def __init__(self, config: GlobalSlamConfig, closures: Closures) -> None:
+    def __init__(
+        self,
+        config: GlobalSlamConfig,
+        closures: Closures,
+        own_score_between_sessions: Callable[[int], float | None],
+    ) -> None:
         self._config = config
         self._closures = closures
+        self._own_score_between_sessions = own_score_between_sessions
 
     def of_request(self, row: int, values: dict[str, float]) -> list[str]:
         """Return the sentences about the request of a row, which must be a request."""
@@ -72,8 +89,7 @@ class Sentences:
         config = self._config
         sentences = []
         if "min_score" in values:
-            is_wide = self._path_length(values) is None
-            sentences.append(self._threshold_sentence(values["min_score"], is_wide=is_wide))
+            sentences.append(self._threshold_sentence(row, values))
         match Status(int(self._closures.search_status[row])):
             case Status.WAITING:
                 sentences.append("The search had not ended when the run was stopped.")
@@ -105,16 +121,29 @@ class Sentences:
                 sentences.append(_found_sentence(values))
         return sentences
 
-    def _threshold_sentence(self, min_score: float, *, is_wide: bool) -> str:
-        search = self._config.constraint_search
+    def _threshold_sentence(self, row: int, values: dict[str, float]) -> str:
+        search, min_score = self._config.constraint_search, values["min_score"]
+        is_wide = self._path_length(values) is None
         config = search.wide_search if is_wide else search
-        if min_score >= config.min_score:
-            return f"Minimum score: {min_score:.3f} (min_score)."
-        own = min_score / config.min_score_ratio
+        limits = [("", config.min_score, config.min_score_ratio)]
+        own = self._own_score_between_sessions(row)
+        if own is not None:
+            join = search.join
+            limits += [
+                (" of parts that were not joined yet", join.min_score, join.min_score_ratio),
+                (" near a place where parts may fit", MIN_SCORE, MIN_SCORE_RATIO),
+            ]
+            limits = [
+                each for each in limits if abs(min(each[1], each[2] * own) - min_score) < TINY
+            ]
+        if not limits:  # the submap has changed since
+            return f"Minimum score: {min_score:.3f}."
+        ((where, most, ratio), *_) = limits
+        if min_score >= most:
+            return f"Minimum score{where}: {min_score:.3f} (min_score)."
         return (
-            f"Minimum score: {min_score:.3f}, {config.min_score_ratio:g} of the mean score of the "
-            f"submap's own scans, {own:.3f} (min_score_ratio): less than min_score, "
-            f"{config.min_score:g}."
+            f"Minimum score{where}: {min_score:.3f}, {ratio:g} of the mean score of the submap's "
+            f"own scans, {min_score / ratio:.3f} (min_score_ratio): less than min_score, {most:g}."
         )
 
     def _last_pass_sentences(self, row: int, values: dict[str, float]) -> list[str]:

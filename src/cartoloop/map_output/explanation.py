@@ -11,6 +11,7 @@ import numpy as np
 
 from cartoloop.errors import InputError
 from cartoloop.global_slam.closure_residuals import residuals, weights
+from cartoloop.global_slam.closure_search import mean_score
 from cartoloop.global_slam.closure_status import Reason, Status
 from cartoloop.global_slam.pair_selection import PairSelection, PairVerdict, WhyNot
 from cartoloop.global_slam.pose_graph import (
@@ -23,6 +24,8 @@ from cartoloop.map_output.closure_sentences import (
     Sentences,
     why_not_requested,
 )
+from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.session import session_numbers
 
 NEAR_M = 1.0
 """Nodes this close to a position are considered by :meth:`Explainer.near` [m]."""
@@ -76,7 +79,9 @@ class Explainer:
     def __init__(self, result: MapData) -> None:
         self._result = result
         self._closures = result.closures
-        self._sentences = Sentences(result.config.global_slam, result.closures)
+        self._sentences = Sentences(
+            result.config.global_slam, result.closures, self._own_score_between_sessions
+        )
         self._selection: PairSelection | None = None
         # A map file of version 2 has no requests, but its report counts the searches.
         searched = result.report.constraints.searched
@@ -228,6 +233,22 @@ class Explainer:
             values["residual_m"] = float(metres[0])
             values["residual_deg"] = math.degrees(radians[0])
         return {name: value for name, value in values.items() if math.isfinite(value)}
+
+    def _own_score_between_sessions(self, row: int) -> float | None:
+        """Return how well the scans of a row's submap fit in it; None within one session."""
+        result, graph = self._result, self._result.graph
+        submap, node = int(self._closures.submap[row]), int(self._closures.node[row])
+        sessions = result.sessions
+        of_submap = session_numbers([each.first_submap for each in sessions], graph.num_submaps)
+        of_node = session_numbers([each.first_node for each in sessions], graph.num_nodes)
+        if of_submap[submap] == of_node[node]:
+            return None
+        own = np.flatnonzero(
+            (graph.index_a == submap) & (graph.kinds == ConstraintKind.INTRA_SUBMAP)
+        )
+        points = [result.node_points[each] for each in graph.index_b[own].tolist()]
+        grid = result.submap_grids[submap]
+        return mean_score(grid, ScanPoints.of(points), graph.relative_poses[own])
 
     def _verdict(self, submap: int, node: int) -> PairVerdict:
         if self._selection is None:

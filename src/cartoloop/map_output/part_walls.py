@@ -10,6 +10,7 @@ alike.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -28,10 +29,16 @@ WALL, MAYBE_WALL, FLOOR = 0.7, 0.5, 0.3
 NEAR_WALL_M = 0.3
 """A wall with none of the other part within this distance contradicts it, on its floor [m]."""
 
-BEND_SHARE, MAX_BEND_M, MIN_DISPLACED_SHARE = 0.01, 0.3, 0.5
-"""It is the same wall, displaced, if the last share of it lies on a parallel wall of the other part
-that is farther away by the first share of the distance to where the parts hold together: local SLAM
-drifts as much. At most by the second number [m]."""
+BEND_SHARE, MAX_BEND_M = 0.01, 0.3
+"""Farther than that, it may be the same wall, displaced: by the first share of the distance to
+where the parts hold together, at most by the second number [m]. Local SLAM drifts as much."""
+
+MIN_DISPLACED_SHARE = 0.5
+"""It is the same wall if this share of its length lies beside a wall of the other part, in one line
+with an accuracy of a cell."""
+
+PARALLEL, OBLIQUE = (-0.1, 0.0, 0.1), (-0.5, -0.4, -0.3, -0.2, 0.2, 0.3, 0.4, 0.5)
+"""Slopes of this line to the wall, and those with which an oblique wall lies beside more of it."""
 
 BRIDGED_M = 0.15
 """Pieces of wall closer than this belong together [m]."""
@@ -156,15 +163,13 @@ def _faults(
     from scipy import ndimage  # heavy, and rarely used
 
     floor = (seen >= 0.0) & (seen < FLOOR)
-    to_wall = ndimage.distance_transform_edt(seen <= MAYBE_WALL) * resolution
-    contradicted = (
-        (walls > WALL) & ndimage.binary_erosion(floor, iterations=1) & (to_wall > NEAR_WALL_M)
-    )
+    contradicted = (walls > WALL) & ndimage.binary_erosion(floor, iterations=1)
+    _clear_near(contradicted, seen > MAYBE_WALL, NEAR_WALL_M / resolution)
     if not contradicted.any():
         return []
     bridge = max(1, round(BRIDGED_M / resolution))
     pieces, _ = ndimage.label(_grown(contradicted, bridge), structure=np.ones((3, 3)))
-    behind, areas = _hidden(walls, seen, floor, resolution, bridge)
+    hidden_areas: tuple[IntArray, FloatArray] | None = None  # hardly any wall comes that far
     beside = max(1, round(BESIDE_M / resolution))
     faults = []
     for number, (rows, cols) in enumerate(ndimage.find_objects(pieces), start=1):
@@ -177,8 +182,12 @@ def _faults(
         if length < FURNITURE_M and _has_free_end(walls, places + corner, resolution):
             continue
         bend = _bend(places + corner, box, resolution, held)
-        if bend and _is_displaced(to_wall, places + corner, NEAR_WALL_M + bend, resolution):
+        reach = (NEAR_WALL_M + bend) / resolution
+        if bend and _is_displaced(seen > MAYBE_WALL, places + corner, reach):
             continue
+        if hidden_areas is None:
+            hidden_areas = _hidden(walls, seen, floor, resolution, bridge)
+        behind, areas = hidden_areas
         around = (
             slice(max(rows.start - beside, 0), rows.stop + beside),
             slice(max(cols.start - beside, 0), cols.stop + beside),
@@ -190,6 +199,17 @@ def _faults(
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
             faults.append(WallFault(x, y, length, hidden))
     return faults
+
+
+def _clear_near(cells: BoolArray, walls: BoolArray, distance: float) -> None:
+    """Clear cells within a distance of a wall, in place [cells]."""
+    from scipy.spatial import cKDTree
+
+    places, known = np.argwhere(cells), np.argwhere(walls)
+    if len(places) and len(known):
+        apart, _ = cKDTree(known).query(places, distance_upper_bound=distance + 1.0)
+        near = places[apart <= distance]
+        cells[near[:, 0], near[:, 1]] = False
 
 
 def _bend(places: IntArray, box: CellBox, resolution: float, held: FloatArray) -> float:
@@ -208,24 +228,47 @@ def _bend(places: IntArray, box: CellBox, resolution: float, held: FloatArray) -
     return float(min(BEND_SHARE * away, MAX_BEND_M))
 
 
-def _is_displaced(to_wall: FloatArray, places: IntArray, reach: float, resolution: float) -> bool:
+def _is_displaced(walls: BoolArray, places: IntArray, reach: float) -> bool:
     """Return whether the other part has the same wall within a distance, parallel to it.
 
     Parameters
     ----------
-    to_wall : distance from each cell to the nearest wall of the other part [m].
+    walls : cells of the other part that may be walls.
     places : int64, shape (n, 2), row and column of cells of the wall.
-    reach : the distance [m].
+    reach : the distance [cells].
     """
-    _, axes = np.linalg.eigh((places - places.mean(axis=0)).T @ (places - places.mean(axis=0)))
-    most = round(reach / resolution)
-    for shift in range(-most, most + 1):
-        cells = np.rint(places + shift * axes[:, 0]).astype(np.int64)
-        inside = ((cells >= 0) & (cells < np.array(to_wall.shape))).all(axis=1)
-        near = to_wall[tuple(cells[inside].T)] <= resolution
-        if np.count_nonzero(near) >= MIN_DISPLACED_SHARE * len(places):
-            return True
-    return False
+    middle = places.mean(axis=0)
+    _, axes = np.linalg.eigh((places - middle).T @ (places - middle))
+    across, along = ((places - middle) @ axes).T
+    most = reach + max(OBLIQUE) * np.abs(along).max()  # an oblique wall leads on
+    lower = np.maximum(np.floor(places.min(axis=0) - most).astype(np.int64), 0)
+    upper = np.ceil(places.max(axis=0) + most).astype(np.int64) + 1
+    others = np.argwhere(walls[lower[0] : upper[0], lower[1] : upper[1]]) + lower
+    aside, ahead = ((others - middle) @ axes).T
+    aside = aside - np.median(across)
+    is_beside = (np.abs(aside) <= most) & (ahead >= along.min()) & (ahead <= along.max())
+    aside, ahead = aside[is_beside], ahead[is_beside]
+    # Cells of an oblique line are up to 1.4 apart.
+    least = MIN_DISPLACED_SHARE * len(np.unique(np.floor(along / 2.0)))
+    parallel = max(_length_beside(ahead, aside, slope, reach) for slope in PARALLEL)
+    oblique = max(_length_beside(ahead, aside, slope, most) for slope in OBLIQUE)
+    return parallel >= max(least, oblique)
+
+
+def _length_beside(ahead: FloatArray, aside: FloatArray, slope: float, reach: float) -> int:
+    """Return how much of a wall lies beside cells in one line, at the best shift [2 cells].
+
+    Parameters
+    ----------
+    ahead, aside : where the cells are along and across the wall, from its middle [cells].
+    slope : of the line to the wall.
+    reach : largest shift [cells].
+    """
+    aside, numbers = aside - slope * ahead, np.floor(ahead / 2.0)
+    most = math.floor(reach)
+    return max(
+        len(np.unique(numbers[np.abs(aside - shift) <= 1.0])) for shift in range(-most, most + 1)
+    )
 
 
 def _straight_length(cells: BoolArray) -> float:

@@ -13,7 +13,7 @@ from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import JoinConfig, QualityConfig
 from cartoloop.global_slam.join_evidence import GeometryCheck, TwoParts
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.quality.confirmed import confirmed_returns
+from cartoloop.quality.confirmed import ConfirmedReturns
 from cartoloop.quality.encounters import encounters
 from cartoloop.quality.pairs import compared_pairs, path_lengths
 from cartoloop.session import Session
@@ -57,12 +57,14 @@ class _Content:
         return np.zeros(0, np.int64)
 
 
-def check_geometry(parts: TwoParts, quality: QualityConfig, join: JoinConfig) -> GeometryCheck:
+def check_geometry(
+    parts: TwoParts, quality: QualityConfig, join: JoinConfig, confirmed: ConfirmedReturns
+) -> GeometryCheck:
     """Return how well the scans of either of two parts agree with the submaps of the other.
 
     Only returns that are walls in their own part count: what passed by says nothing.
     """
-    parts = _confirmed(parts)
+    parts = _confirmed(parts, confirmed)
     content, points = _content(parts), parts.node_points
 
     def of_other_part(submap: int) -> BoolArray:
@@ -78,7 +80,9 @@ def check_geometry(parts: TwoParts, quality: QualityConfig, join: JoinConfig) ->
     check = GeometryCheck(length, contradicted, on_wall, on_floor, "")
     fault = _fault(check, join)
     if not fault and check.floor_share > join.max_floor_share:
-        fault = floor_fault(check, join.max_floor_share, _usual(parts, quality))
+        usual = _usual(parts, quality)
+        fault = floor_fault(check, join.max_floor_share, usual)
+        check = check._replace(usual_limit=_usual_limit(usual))
     return check._replace(fault=fault)
 
 
@@ -91,7 +95,7 @@ def floor_fault(check: GeometryCheck, limit: float, usual: float) -> str:
     usual : share on floor of their own parts; where that is large, more is allowed.
     """
     share = check.floor_share
-    if share <= max(limit, min(MAX_USUAL * usual, MAX_FLOOR_SHARE)):
+    if share <= max(limit, _usual_limit(usual)):
         return ""
     return (
         f"{share:.0%} of the returns lie on floor of the other part, which its scans saw free "
@@ -99,13 +103,20 @@ def floor_fault(check: GeometryCheck, limit: float, usual: float) -> str:
     )
 
 
-def usual_floor_share(parts: TwoParts, quality: QualityConfig) -> float:
+def _usual_limit(usual: float) -> float:
+    """Return the share of returns on floor that is allowed, given that within the parts."""
+    return min(MAX_USUAL * usual, MAX_FLOOR_SHARE)
+
+
+def usual_floor_share(
+    parts: TwoParts, quality: QualityConfig, confirmed: ConfirmedReturns
+) -> float:
     """Return the share of returns on floor of other submaps of their own part, the larger one.
 
     Glass, people and thin legs make it, and they do so between parts, too. Parts with few
     returns that can be compared count as without any.
     """
-    return _usual(_confirmed(parts), quality)
+    return _usual(_confirmed(parts, confirmed), quality)
 
 
 def _usual(parts: TwoParts, quality: QualityConfig) -> float:
@@ -126,11 +137,11 @@ def _usual(parts: TwoParts, quality: QualityConfig) -> float:
     return max(shares)
 
 
-def _confirmed(parts: TwoParts) -> TwoParts:
+def _confirmed(parts: TwoParts, confirmed: ConfirmedReturns) -> TwoParts:
     """Return parts with the returns that their own submaps confirm."""
     chosen = np.concatenate([parts.submaps_of(part) for part in (0, 1)])
     grids = [submap.grid for submap in parts.submaps]
-    points = confirmed_returns(parts.graph, grids, parts.node_points, chosen)
+    points = confirmed.of(parts.graph, grids, parts.node_points, chosen)
     return replace(parts, node_points=points)
 
 
