@@ -171,7 +171,9 @@ def corridor_match(along=0.06):
 def test_the_prior_decides_along_a_degenerate_direction(pixel_information, kept):
     prior, sigma = Pose(0.0, 0.0, 0.0), 0.01
     prior_information = np.array((sigma**-2, 0.0, 0.0, sigma**-2, 0.0, 1.0))
-    config = CONFIG.prediction.model_copy(update={"failure_scale": 1e6})
+    config = CONFIG.prediction.model_copy(
+        update={"failure_scale": 1e6, "spurious_information": 0.25}
+    )
     along = 0.06 * 1e5 / (1e5 + sigma**-2)  # where points of that weight and the prior balance
     held = constrain_degenerate_direction(
         corridor_match(along), prior, prior_information, 1e4, config, pixel_information
