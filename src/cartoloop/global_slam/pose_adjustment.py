@@ -147,18 +147,21 @@ class PoseAdjuster:
         options = options or AdjustmentOptions()
         share = options.chain_share
         result = self._solve(self._planner, graph_problem(self.graph, points, share), options)
+        iterations = result.iterations
         if options.flexible_share < share and self._leaves_out_many(result):
             bent = graph_problem(self.graph, points, options.flexible_share)
             flexible = self._solve(self._flexible_planner, bent, options)
+            iterations += flexible.iterations
             if self._is_agreed(flexible, result):
                 weights = np.concatenate((flexible.weights, flexible.control_weights))
                 problem = graph_problem(self.graph, points, share)
                 result = self._solve(self._planner, problem, options, weights)
+                iterations += result.iterations
             else:
                 self._move_to(result)
         self._believed = result.weights > 0.0
         return AdjustmentResult(
-            result.cost, result.initial_cost, result.iterations, result.converged, result.weights
+            result.cost, result.initial_cost, iterations, result.converged, result.weights
         )
 
     def _num_kept(self, solution: Solution) -> tuple[int, int]:
