@@ -36,7 +36,13 @@ RECORDINGS = {
     ),
     "other/exp2.dat.gz": (
         641, 63, 44.5, 0.16,
-        ["blind_beams 66", "no_return_is_zero 1", "odometry_offset 641", "repeated_scans 4"],
+        [
+            "blind_beams 66",
+            "no_return_is_zero 1",
+            "odometry_offset 641",
+            "odometry_scale 641",
+            "repeated_scans 4",
+        ],
     ),
     "other/loop5.log.gz": (
         551, 110, 56.1, 0.06, ["odometry_offset 551", "stamps_missing 551"],

@@ -23,8 +23,13 @@ def recording(two_rounds):
     return two_rounds
 
 
-def map_events(events, **global_slam):
-    mapper = Mapper(Config.model_validate({"global_slam": global_slam}))
+OPEN_WALLS = {"submaps": {"max_return_gap": 0.0}, "prediction": {"spurious_information": 0.25}}
+"""Local SLAM that drifts: with walls closed between beams it hardly does in a small world."""
+
+
+def map_events(events, local_slam=None, **global_slam):
+    config = {"global_slam": global_slam, "local_slam": local_slam or {}}
+    mapper = Mapper(Config.model_validate(config))
     for event in events:
         mapper.add(event)
     return mapper.finish()
@@ -35,11 +40,13 @@ def mean_error(result, recording):
 
 
 def test_closing_loops_at_least_halves_the_error(recording, two_rounds_result):
-    closed = two_rounds_result
-    drifted = map_events(recording.events(), optimize_every_n_nodes=0)
+    drifted = map_events(recording.events(), OPEN_WALLS, optimize_every_n_nodes=0)
+    mended = map_events(recording.events(), OPEN_WALLS)
+    assert mean_error(mended, recording) < 0.12
+    assert mean_error(mended, recording) < 0.5 * mean_error(drifted, recording)
 
-    assert mean_error(closed, recording) < 0.12
-    assert mean_error(closed, recording) < 0.5 * mean_error(drifted, recording)
+    closed = two_rounds_result
+    assert mean_error(closed, recording) < 0.02
     assert closed.report.constraints.precision > 0.95
     assert closed.report.constraints.found == len(closed.closures.found) > 0
     assert closed.report.constraints.rejected == closed.closures.counts()[Status.CONTRADICTED]

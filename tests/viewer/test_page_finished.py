@@ -260,6 +260,7 @@ def test_a_second_viewer_sees_the_same(page, chromium, server):
 
 
 def test_a_finished_map_can_be_looked_at_as_of_any_time(page, result):
+    page.layers(trajectory=False, closures=False, suspects=False, ends=False, scan=False)
     now = page.pixels()
     page.page.fill("#scrub", "300")
     time = page.settle("s.time !== null")["time"]
