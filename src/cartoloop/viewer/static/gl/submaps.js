@@ -72,6 +72,8 @@ export class Submaps {
     this.cellBytes = 0;
     this.numInflating = 0;
     this.uses = 0;
+    /** Which submaps squares wait for: their cells are not let go of. @type {() => Set<Submap>} */
+    this.awaited = () => new Set();
     /** Submaps that came while they grew: their workers have cells of them. @type {Set<number>} */
     this.grown = new Set();
     this.maxEdge = gl.getParameter(gl.MAX_TEXTURE_SIZE) - 2 * MARGIN;
@@ -138,11 +140,12 @@ export class Submaps {
     for (const submap of submaps) submap.used = this.uses;
   }
 
-  /** Let go of cells beyond the bound: not of those needed now, first of what was not for longest. */
+  /** Let go of cells beyond the bound: of none that are needed now, first of the longest unused. */
   trim() {
     if (this.cellBytes <= MAX_CELL_BYTES) return;
+    const awaited = this.awaited();
     const idle = [...this.all.values()]
-      .filter(({ packed, spans, used }) => packed && spans !== null && used < this.uses)
+      .filter((one) => one.packed && one.spans !== null && one.used < this.uses && !awaited.has(one))
       .sort((a, b) => b.used - a.used);
     while (this.cellBytes > MAX_CELL_BYTES && idle.length > 0) {
       const submap = idle.pop();

@@ -90,8 +90,9 @@ export class TileWork {
     this.tiles.equip(tile);
     const { dirty: box, revision } = tile;
     const left = this.tiles.submapsWithin([x + box[0], y + box[1], x + box[2], y + box[3]]);
-    tile.awaited = this.inflate(left);
-    if (tile.awaited.length > 0) return;
+    const isWaiting = this.inflate(left).length > 0;
+    tile.awaited = isWaiting ? left.map(([submap]) => submap) : [];
+    if (isWaiting) return;
     this.tiles.submaps.trim();
     this.job = { tile, left, box, revision };
     this.composer.clear([x, y], box);

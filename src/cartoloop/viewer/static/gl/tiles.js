@@ -27,7 +27,8 @@ const MAX_TEXTURES = 200;
  * @property {WebGLFramebuffer | null} target
  * @property {[number, number, number, number] | null} dirty left, bottom, right, top
  * @property {boolean} stale whether what it shows is wrong, and not only a little old
- * @property {import("./submaps.js").Submap[]} awaited submaps whose cells are being inflated for it
+ * @property {import("./submaps.js").Submap[]} awaited submaps of which it is made, while cells of
+ *   some are being inflated
  * @property {number} revision rises whenever more of it becomes dirty
  * @property {number} seen number of the frame in which it was last near the screen
  */
@@ -45,6 +46,7 @@ export class Tiles {
     this.gl = gl;
     this.composer = composer;
     this.submaps = submaps;
+    submaps.awaited = () => this.awaited();
     /** @type {Map<string, Tile>} */
     this.all = new Map();
     /** Where each submap is composed now. @type {Map<number, import("../poses.js").Pose>} */
@@ -190,6 +192,15 @@ export class Tiles {
       if (!best || rank(tile) > rank(best)) best = tile;
     }
     return best;
+  }
+
+  /**
+   * Return the submaps that squares near the screen wait for. If the cells of one square were let go
+   * of for those of another, and these for the first, neither would ever be composed.
+   */
+  awaited() {
+    const waiting = [...this.all.values()].filter(({ dirty, seen }) => dirty && seen > this.frame - 1);
+    return new Set(waiting.flatMap(({ awaited }) => awaited));
   }
 
   /** Whether there is a texture for a square, be it that of one that is further out of sight. */
