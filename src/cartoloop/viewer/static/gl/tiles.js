@@ -27,8 +27,8 @@ const MAX_TEXTURES = 200;
  * @property {WebGLFramebuffer | null} target
  * @property {[number, number, number, number] | null} dirty left, bottom, right, top
  * @property {boolean} stale whether what it shows is wrong, and not only a little old
- * @property {import("./submaps.js").Submap[]} awaited submaps of which it is made, while cells of
- *   some are being inflated
+ * @property {import("./submaps.js").Submap[]} awaited submaps that it shows, while cells of some
+ *   are being inflated
  * @property {number} revision rises whenever more of it becomes dirty
  * @property {number} seen number of the frame in which it was last near the screen
  */
