@@ -176,6 +176,7 @@ def _graph(collected: JournalRecords, config: Config) -> PoseGraph:
                 max_iterations=options.max_num_final_iterations,
                 relative_tolerance=options.tolerance,
                 chain_share=options.mapping_share,
+                flexible_share=options.flexible_share,
             ),
         )
     return graph
