@@ -197,7 +197,7 @@ def test_before_it_finds_its_place_the_session_is_apart(first, whole, tmp_path):
     before = cartoloop.load_map(first)
     count = before.graph.num_nodes
     apart = np.abs(opened.graph.node_poses[:count] - before.graph.node_poses)
-    assert apart.max() < 0.01
+    assert apart.max() < 0.05  # the chain counts less while mapping
 
 
 def test_without_the_map_before_the_session_opens_alone(whole, tmp_path):
