@@ -28,6 +28,7 @@ from cartoloop.local_slam.match_records import (
     recorded_wall_step,
     wall_record,
 )
+from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S
 from cartoloop.local_slam.odometry_trust import Evidence
 from cartoloop.local_slam.pose_extrapolator import (
     MAX_SWEEP_S,
@@ -90,10 +91,6 @@ class FilteredScan(NamedTuple):
     motion: SweepMotion | None
     data: RangeData
     points: FloatArray
-
-
-MAX_WAIT_S = 0.5
-"""Longest time for which a recorded scan waits for odometry [s]: no more is extrapolated."""
 
 
 class LocalSlam:
@@ -170,15 +167,15 @@ class LocalSlam:
     def is_ready(self, scan: LaserScan | PointCloud, time: float) -> bool:
         """Return whether the odometry and IMU readings that affect a scan have been read by a time.
 
-        Odometry is waited for until it reaches the end of the sweep, as its clock is known, but not
-        for long.
+        Odometry is waited for until it reaches the end of the sweep by its own clock, but for no
+        longer than it is extrapolated.
         """
         if not self.extrapolator.measures_motion:
             return True
         offset = self._clocks.offset_of(scan.geometry.sensor)
         end = scan.time + offset + min(scan.sweep[1], MAX_SWEEP_S)
         return end <= time and (
-            self.extrapolator.has_odometry_until(end) or time > end + MAX_WAIT_S
+            self.extrapolator.has_odometry_until(end) or time > end + MAX_EXTRAPOLATION_S
         )
 
     def add_scan(
