@@ -43,20 +43,11 @@ class PredictionConfig(Section):
     unknown_rotation_sigma: float = Field(
         0.1, gt=0, description="sigma of odometry that is not yet calibrated [rad]"
     )
-    num_slow_steps: int = Field(
-        3,
-        ge=1,
-        description="steps of the odometry in turn, all shorter than a pixel, from which a robot "
-        "is slow: the sigma of its steps is less, in proportion to their length",
-    )
-    min_sigma_share: float = Field(
-        0.2, gt=0, le=1, description="share of its sigma that the shortest steps have"
-    )
     num_young_scans: int = Field(
         10,
         ge=0,
-        description="first scans of a session from which a grid of walls is made: a slow robot, or "
-        "one without odometry, is matched to that, since the pixels of few scans hold it",
+        description="first scans of a session from which a grid of walls is made: a robot without "
+        "odometry is matched to that, since the pixels of few scans hold it",
     )
     acceleration: float = Field(
         1.0, gt=0, description="without odometry: typical change of the velocity [m/s^2]"
@@ -107,6 +98,13 @@ class WallStepConfig(Section):
         le=1,
         description="lines across over lines along the walls of a scan, below which the step is "
         "examined; 0: never",
+    )
+    max_match_ratio: float = Field(
+        0.1,
+        ge=0,
+        le=1,
+        description="with odometry: the same of the curvatures of a match, below which it may "
+        "follow wheels that slip; 1: always examined",
     )
     max_speed: float = Field(2.0, gt=0, description="of the robot [m/s]")
     max_step: float = Field(1.0, gt=0, description="longest step that is tried [m]")

@@ -37,7 +37,7 @@ class CorrelativeMatcherConfig(Section):
         0.02, gt=0, le=1, description="weight of a new match in the typical residual"
     )
     poor_residual_ratio: float = Field(
-        1.05,
+        1.2,
         ge=0,
         description="residual over typical residual above which a scan is matched again with this "
         "matcher; 0: always",

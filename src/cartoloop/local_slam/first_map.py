@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The walls that the first scans see, for matches alone: they hold no robot where it stands.
 
-A submap of few scans holds a slow robot. Far from the scanner a wall is a row of dots, and the dots
-of the next scan fit where the robot has not moved. And cells between the rays were not observed,
-which fits worse than free space: points lie in observed cells where the robot has not moved. After
-some scans, from elsewhere, the dots are walls and the rays meet.
+A submap of few scans holds a robot without odometry. Far from the scanner a wall is a row of dots,
+and the dots of the next scan fit where the robot has not moved. And cells between the rays were not
+observed, which fits worse than free space: points lie in observed cells where the robot has not
+moved. After some scans, from elsewhere, the dots are walls and the rays meet.
 
 Until then, such a robot is matched to walls without gaps, and free space is as good as none. Only
 matches are: the submap itself is as ever, since loop closures compare scans with it.

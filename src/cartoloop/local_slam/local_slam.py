@@ -250,7 +250,7 @@ class LocalSlam:
         Instead of a young one, whose pixels may hold the robot, to the walls that it shows.
         """
         submap, walls = self._active.submaps[0], self._first_map.submap
-        if walls is not None and (prediction.is_slow or not prediction.by_odometry):
+        if walls is not None and not prediction.by_odometry:
             submap = walls
         if (recorded := self._recorded.replay(Kind.MATCH)) is not None:
             match, matcher.memory = recorded_match(recorded)
@@ -312,7 +312,7 @@ class LocalSlam:
         Also returns whether it was repeated.
         """
         pose = self._step_along_walls(
-            scanner.wall_step, time, match.tf_local_tracking, filtered.data.returns, prediction
+            scanner.wall_step, time, match, filtered.data.returns, prediction
         )
         if pose is None:
             return match, False
@@ -338,7 +338,7 @@ class LocalSlam:
         self,
         wall_step: WallStep,
         time: float,
-        pose: Pose,
+        match: MatchedScan,
         returns: FloatArray,
         prediction: Prediction,
     ) -> Pose | None:
@@ -349,10 +349,11 @@ class LocalSlam:
         with self._timer.measure("match"):
             better = wall_step.better_pose(
                 time,
-                pose,
+                match.tf_local_tracking,
                 returns,
                 by_odometry=prediction.by_odometry,
                 stands=prediction.by_odometry and prediction.stands,
+                match_ratio=degenerate_direction(match.match)[0],
             )
         if self._recorded.is_replayable:
             self._recorded.record(Kind.WALL_STEP, wall_record(better, wall_step.memory))

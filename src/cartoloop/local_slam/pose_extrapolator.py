@@ -56,9 +56,6 @@ UNKNOWN_SHIFTS_S: tuple[float, ...] = tuple(0.1 * k for k in range(-4, 13) if k)
 STANDING_SPEED, STANDING_RATE = 0.05, 0.03
 """Velocities below which matched scans do not contradict rest [m/s], [rad/s]: their noise."""
 
-TURN_LEVER_M = 0.3
-"""A turn counts as the step of a point at this distance [m]: wheels slip as the robot turns."""
-
 
 class Prediction(NamedTuple):
     """The motion prior of a scan: all that the scan matcher needs besides scan and submap.
@@ -72,7 +69,6 @@ class Prediction(NamedTuple):
     fallbacks : returns other poses to try if the prediction fails: at rest and at constant
         velocity. Valid until the pose of the scan is added.
     stands : whether the odometry reports no motion at all.
-    is_slow : whether the robot moves by less than a pixel from scan to scan, by its odometry.
     """
 
     tf_local_tracking: Pose
@@ -80,7 +76,6 @@ class Prediction(NamedTuple):
     information: FloatArray
     fallbacks: Callable[[], tuple[Pose, Pose]]
     stands: bool = False
-    is_slow: bool = False
 
 
 def isotropic_information(translation_sigma: float, rotation_sigma: float) -> FloatArray:
@@ -128,7 +123,7 @@ class PoseExtrapolator:
         self._middle_time, self._middle = 0.0, IDENTITY
         self._middles: dict[str, tuple[float, Pose]] = {}
         self._recent: deque[tuple[float, Pose]] = deque(maxlen=MAX_RECENT)
-        self._num_late = self._num_short = 0
+        self._num_late = 0
         self._num_poses = 0
         self.imu: ImuTrack | None = None
         self.imu_calibration = ImuCalibration()
@@ -315,14 +310,12 @@ class PoseExtrapolator:
         step = self._with_overdue_motion(step)
         self._extrapolated = None if self.has_odometry_until(time) else (self._time, step)
         pose = compose(self._tf_local_tracking, self._with_gyro_turn(step, self._time, time))
-        self._num_short = self._num_short + 1 if self._is_short(step, time - self._time) else 0
         return Prediction(
             pose,
             True,
-            self._odometry_information(step),
+            self._odometry_information(),
             partial(self._fallbacks, time),
             stands=step == IDENTITY,
-            is_slow=self._is_slow,
         )
 
     def _with_overdue_motion(self, step: Pose) -> Pose:
@@ -357,7 +350,7 @@ class PoseExtrapolator:
         return Prediction(
             compose(pose, self._with_gyro_turn(step, begin, time)),
             True,
-            self._odometry_information(step) / (number + 1),
+            self._odometry_information() / (number + 1),
             partial(self._fallbacks, time),
         )
 
@@ -366,19 +359,14 @@ class PoseExtrapolator:
         information = self._velocity_information(time, tf_local_tracking)
         return Prediction(tf_local_tracking, False, information, partial(self._fallbacks, time))
 
-    def _odometry_information(self, step: Pose) -> FloatArray:
-        """Return the information of a step of the odometry.
-
-        Pixels of scans with wide gaps hold a scan in its place, with the same force at each scan. A
-        slow robot would be held for metres if its short steps were not known better than long ones.
-        """
+    def _odometry_information(self) -> FloatArray:
+        """Return the information of a step of the odometry."""
         config, model = self._prediction, self._calibration.model
-        share = max(self._pixels(step), config.min_sigma_share) if self._is_slow else 1.0
-        translation = share * config.unknown_translation_sigma
+        translation = config.unknown_translation_sigma
         if model.is_known:
             translation = max(
                 config.translation_error_factor * model.translation_error,
-                share * config.min_translation_sigma,
+                config.min_translation_sigma,
             )
         rotation = config.unknown_rotation_sigma
         if model.knows_rotation:
@@ -386,24 +374,6 @@ class PoseExtrapolator:
                 config.rotation_error_factor * model.rotation_error, config.min_rotation_sigma
             )
         return isotropic_information(translation, rotation)
-
-    @property
-    def _is_slow(self) -> bool:
-        """Whether the latest steps are all short; those of a robot that sets off soon grow."""
-        return self._num_short >= self._prediction.num_slow_steps
-
-    def _is_short(self, step: Pose, duration: float) -> bool:
-        """Return whether the odometry reports less than a pixel, and the scans no more than two.
-
-        Wheels that slip report little, too, but the robot moves on.
-        """
-        matched = self._pixels(self._velocity.step(duration))
-        return 0.0 < self._pixels(step) < 1.0 and matched < 2.0
-
-    def _pixels(self, step: Pose) -> float:
-        """Return the length of a step in pixels of the submaps."""
-        length = math.hypot(step.x, step.y) + TURN_LEVER_M * abs(step.theta)
-        return length / self._config.submaps.resolution
 
     def _velocity_information(self, time: float, moved: Pose) -> FloatArray:
         config, rest = self._prediction, self._tf_local_tracking

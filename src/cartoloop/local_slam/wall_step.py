@@ -6,14 +6,15 @@ and the dots of the next scan lie at the same places in the robot's frame, howev
 Between its dots a wall is taken for a straight line here. Then bare walls say nothing about the
 step, and the little that is not bare says it: the edge of a cupboard, a door post, the end wall.
 
-With odometry, matches along such walls follow it, wherever it leads. There the same comparison
-shows that wheels slip. It is less exact than wheels that do not, and leaves small errors to them.
+With odometry, matches along such walls follow it, wherever it leads. There, and only there, the same
+comparison shows that wheels slip. It is less exact than wheels that do not, and leaves small errors to them.
 """
 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -33,11 +34,16 @@ _NEIGHBOUR = 1.5
 """Steps that differ by less than this many are neighbours: noise decides between them."""
 
 
-class _LastScan(NamedTuple):
+@dataclass(frozen=True)
+class _LastScan:
     time: float
     pose: Pose
     tf_tracking_sensor: Pose
-    outline: Outline
+    returns: FloatArray
+
+    @cached_property
+    def outline(self) -> Outline:
+        return outline_of(self.returns, self.tf_tracking_sensor)
 
 
 class _Comparison(NamedTuple):
@@ -112,8 +118,7 @@ class WallStep:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
         if self._last is not None and not self._is_due:
             return
-        outline = outline_of(returns, tf_tracking_sensor)
-        self._last = _LastScan(time, pose, tf_tracking_sensor, outline)
+        self._last = _LastScan(time, pose, tf_tracking_sensor, returns)
 
     def better_pose(
         self,
@@ -123,6 +128,7 @@ class WallStep:
         *,
         by_odometry: bool = False,
         stands: bool = False,
+        match_ratio: float = 0.0,
     ) -> Pose | None:
         """Return a pose further along the walls that fits the scan before much better, or None.
 
@@ -135,6 +141,7 @@ class WallStep:
         returns : shape (n, 2), tracking frame [m].
         by_odometry : whether the match was predicted by odometry.
         stands : whether the odometry has not moved since the last scan.
+        match_ratio : of the curvatures of the match; it follows the odometry where this is small.
         """
         config, last = self._config, self._last
         if not stands:
@@ -150,6 +157,9 @@ class WallStep:
             or not self._is_comparable(last, pose, returns, by_odometry)
             or 0.0 < time - self._moved_at < config.max_standstill
         ):
+            return None
+        if by_odometry and match_ratio > config.max_match_ratio:
+            self._evidence = 0.0
             return None
         turn = abs(wrap_angle(pose.theta - last.pose.theta))
         turns_too_far = turn > math.radians(config.max_turn_deg)
@@ -200,7 +210,7 @@ class WallStep:
     ) -> bool:
         """Return whether two scans have enough returns and, against odometry, overlap enough."""
         config = self._config
-        if min(len(last.outline.points), len(returns)) < config.min_num_returns:
+        if min(len(last.returns), len(returns)) < config.min_num_returns:
             return False
         moved = math.hypot(pose.x - last.pose.x, pose.y - last.pose.y)
         return not by_odometry or moved <= config.max_odometry_step
