@@ -84,36 +84,6 @@ def test_what_was_extrapolated_wrongly_is_made_up_for(extrapolator, is_determine
     assert x == pytest.approx(0.08 if is_determined else 0.12)
 
 
-def sigmas_of_steps(extrapolator, steps):
-    """The standard deviations of the translations of steps that the odometry reports."""
-    pose, sigmas = IDENTITY, []
-    extrapolator.add_odometry(-0.2, Pose(-0.01, 0.0, 0.0))
-    extrapolator.add_odometry(0.0, pose)
-    extrapolator.add_pose(0.0, pose)
-    for number, step in enumerate(steps, 1):
-        pose = compose(pose, step)
-        extrapolator.add_odometry(0.2 * number, pose)
-        sigmas.append(extrapolator.predict(0.2 * number).information[0] ** -0.5)
-        extrapolator.add_pose(0.2 * number, pose)
-    return sigmas
-
-
-@pytest.mark.parametrize(
-    ("step", "share"),
-    [
-        (Pose(0.05, 0.0, 0.0), 1.0),
-        (Pose(0.024, 0.018, 0.0), 0.6),
-        (Pose(0.0, 0.0, 0.1), 0.6),
-        (Pose(0.001, 0.0, 0.0), 0.2),
-        (IDENTITY, 1.0),
-    ],
-)
-def test_steps_of_a_slow_robot_are_known_better(extrapolator, step, share):
-    full = LocalSlamConfig().prediction.unknown_translation_sigma
-    sigmas = sigmas_of_steps(extrapolator, [step] * 4)
-    assert sigmas == pytest.approx([full, full, share * full, share * full])
-
-
 def test_odometry_that_never_moved_predicts_nothing(extrapolator):
     for number in range(4):
         extrapolator.add_odometry(0.2 * number, IDENTITY)
@@ -121,12 +91,6 @@ def test_odometry_that_never_moved_predicts_nothing(extrapolator):
         extrapolator.add_pose(0.2 * number, IDENTITY)
     extrapolator.add_odometry(0.8, Pose(0.1, 0.0, 0.0))
     assert extrapolator.predict(0.8).by_odometry
-
-
-def test_a_robot_that_sets_off_is_not_slow(extrapolator):
-    full = LocalSlamConfig().prediction.unknown_translation_sigma
-    steps = [Pose(x, 0.0, 0.0) for x in (0.01, 0.03, 0.06, 0.03, 0.01, 0.0, 0.01, 0.03, 0.06)]
-    assert sigmas_of_steps(extrapolator, steps) == pytest.approx([full] * len(steps))
 
 
 def test_odometry_has_precedence_over_the_velocity(extrapolator):

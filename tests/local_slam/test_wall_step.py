@@ -113,6 +113,18 @@ def test_wheels_that_slip_are_contradicted(said):
     assert pose.x == pytest.approx(1.4, abs=0.1)
 
 
+@pytest.mark.parametrize(("ratio", "is_left_alone"), [(0.05, False), (0.5, True)])
+def test_matches_that_do_not_follow_wheels_are_left_alone(ratio, is_left_alone):
+    rng, wall_step, found = np.random.default_rng(0), WallStep(CONFIG), []
+    for k in range(8):
+        returns, pose = corridor_scan(0.2 * k, rng, CUPBOARDS), Pose(0.03 * k, 0.0, 0.0)
+        found.append(
+            wall_step.better_pose(0.2 * k, pose, returns, by_odometry=True, match_ratio=ratio)
+        )
+        wall_step.add(0.2 * k, pose, IDENTITY, returns)
+    assert (found == [None] * 8) == is_left_alone
+
+
 @pytest.mark.parametrize(("reach", "sigma"), [(3.0, 0.01), (RANGE - 0.5, 0.02)])
 def test_wheels_are_right_where_bare_walls_say_nothing(reach, sigma):
     rng, wall_step = np.random.default_rng(1), WallStep(CONFIG)

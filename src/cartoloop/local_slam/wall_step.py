@@ -6,8 +6,9 @@ and the dots of the next scan lie at the same places in the robot's frame, howev
 Between its dots a wall is taken for a straight line here. Then bare walls say nothing about the
 step, and the little that is not bare says it: the edge of a cupboard, a door post, the end wall.
 
-With odometry, matches along such walls follow it, wherever it leads. There, and only there, the same
-comparison shows that wheels slip. It is less exact than wheels that do not, and leaves small errors to them.
+With odometry, matches along such walls follow it, wherever it leads. There, and only there, the
+same comparison shows that wheels slip. It is less exact than wheels that do not, and leaves small
+errors to them.
 """
 
 from __future__ import annotations
@@ -158,14 +159,14 @@ class WallStep:
             or 0.0 < time - self._moved_at < config.max_standstill
         ):
             return None
-        if by_odometry and match_ratio > config.max_match_ratio:
-            self._evidence = 0.0
-            return None
         turn = abs(wrap_angle(pose.theta - last.pose.theta))
         turns_too_far = turn > math.radians(config.max_turn_deg)
         if turns_too_far and self._evidence == 0.0:
             return None  # The comparison would only reduce the evidence.
-        found = _compare(last, time, pose, returns, config, stride=_STRIDE if by_odometry else 1)
+        found = None
+        if not by_odometry or match_ratio <= config.max_match_ratio:
+            stride = _STRIDE if by_odometry else 1
+            found = _compare(last, time, pose, returns, config, stride)
         if found is None:
             if by_odometry:
                 self._evidence = 0.0
