@@ -6,14 +6,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.kept_closures import with_kept_closures
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
 from cartoloop.global_slam.sessions import SessionRanges
 from tests.global_slam.closures import closure, final_matches, record
 
-CONFIG = ConstraintSearchConfig()
 NUM_NODES = 6
 """Of each session: three in each of two submaps."""
 
@@ -48,7 +46,7 @@ def kept(found, matched=(), reasons=None):
         for submap in range(4)
     ]
     found = record(found=found).found
-    done = with_kept_closures(passes, found, graph_of_two_sessions(), sessions, CONFIG)
+    done = with_kept_closures(passes, found, graph_of_two_sessions(), sessions)
     return [
         (submap, node, Reason(reason))
         for each in done
@@ -80,6 +78,6 @@ def test_closures_within_a_session_do_not_stay():
     assert kept([closure(0, 5)]) == []
 
 
-@pytest.mark.parametrize("pose", [(0.35, 0.0, 0.0), (0.0, 0.0, 0.1)])
+@pytest.mark.parametrize("pose", [(0.25, 0.0, 0.0), (0.0, 0.0, 0.02)])
 def test_closures_that_the_poses_contradict_do_not_stay(pose):
     assert kept([closure(1, 6, pose)]) == []

@@ -63,6 +63,7 @@ class GraphAdjustment:
         self._adjuster = PoseAdjuster(graph)
         self._revision = graph.revision
         self._share = share
+        self._decision_share = 1.0
         self.runs: list[AdjustmentRun] = []
 
     def run(self, max_num_iterations: int) -> NDArray[np.int64]:
@@ -74,6 +75,7 @@ class GraphAdjustment:
             max_iterations=max_num_iterations,
             relative_tolerance=config.tolerance,
             chain_share=self._share,
+            decision_share=self._decision_share,
             flexible_share=config.flexible_share,
         )
         start = perf_counter()
@@ -94,10 +96,17 @@ class GraphAdjustment:
         self._distrust_strained(closures)
         return closures[~is_violated | graph.is_trusted[closures]]
 
-    def weigh_chain(self) -> None:
-        """Use as much of the information of intra-submap constraints as the poses bear out."""
-        limit = self._config.pose_adjustment.max_chain_chi_square
-        self._share = chain_share(self._graph, limit)
+    def weigh_chain(self, *, decides_as_before: bool) -> None:
+        """Use as much of the information of intra-submap constraints as the poses bear out.
+
+        Parameters
+        ----------
+        decides_as_before : whether which loop closures are false is still decided with the share
+            that counts while mapping.
+        """
+        config = self._config.pose_adjustment
+        self._share = chain_share(self._graph, config.max_chain_chi_square)
+        self._decision_share = config.mapping_share if decides_as_before else 1.0
         self._adjuster = PoseAdjuster(self._graph)
 
     def forget_poses(self) -> None:

@@ -14,10 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from cartoloop.arrays import BoolArray, IntArray
-from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_matches import FinalMatches, Matched
 from cartoloop.global_slam.closure_status import Reason
-from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.global_slam.pose_graph import TRUE_ROTATION_RAD, TRUE_TRANSLATION_M, PoseGraph
 from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
 from cartoloop.sensor.pose import relative_all, wrap_angles
 from cartoloop.session import session_numbers
@@ -28,7 +27,6 @@ def with_kept_closures(
     found: Matched,
     graph: PoseGraph,
     sessions: SessionRanges,
-    config: ConstraintSearchConfig,
 ) -> list[FinalMatches]:
     """Return the matches of a last pass, and the closures of searches that stay.
 
@@ -43,7 +41,7 @@ def with_kept_closures(
     of_submaps = session_numbers(sessions.first_submaps, graph.num_submaps)
     of_nodes = session_numbers(sessions.first_nodes, graph.num_nodes)
     is_between = of_submaps[found.submap] != of_nodes[found.node]
-    between = np.flatnonzero(is_between & _agrees(found, graph, config))
+    between = np.flatnonzero(is_between & _agrees(found, graph))
     if len(between) == 0:
         return list(passes)
     own = NodeSubmaps.of(graph).first
@@ -62,13 +60,13 @@ def with_kept_closures(
     ]
 
 
-def _agrees(found: Matched, graph: PoseGraph, config: ConstraintSearchConfig) -> BoolArray:
-    """Return which closures the poses of a graph agree with, as a match of the pass has to."""
+def _agrees(found: Matched, graph: PoseGraph) -> BoolArray:
+    """Return which closures the poses of a graph agree with, so that they may be true."""
     poses = relative_all(graph.submap_poses[found.submap], graph.node_poses[found.node])
     error = found.tf_submap_node - poses
     turn = np.abs(wrap_angles(error[:, 2]))
-    agrees: BoolArray = np.hypot(error[:, 0], error[:, 1]) <= config.max_refinement
-    return agrees & (turn <= config.max_refinement / config.lever)
+    agrees: BoolArray = np.hypot(error[:, 0], error[:, 1]) <= TRUE_TRANSLATION_M
+    return agrees & (turn <= TRUE_ROTATION_RAD)
 
 
 def _keys(submaps: IntArray, own: IntArray) -> IntArray:

@@ -228,7 +228,7 @@ class LastPass:
         # All matches first: a run that is stopped meanwhile keeps the closures of the searches.
         passes = list(search.map(lambda index: self._match(index, nodes[index]), numbers))
         found = closures.found
-        passes = with_kept_closures(passes, found, graph, self._sessions, config)
+        passes = with_kept_closures(passes, found, graph, self._sessions)
         not_matched = why_not_matched(found, overlapping, nodes, config.final_every_nth_node)
         rows = closures.note_last_pass(not_matched, passes)
         graph.replace_loop_closures(map(_accepted, passes, rows))
