@@ -135,6 +135,9 @@ class PoseAdjuster:
         Fixed nodes and submaps stay. A part of the graph with nothing fixed and no control point is
         held at its first submap (or first node); a vertex without constraints stays where it is.
 
+        A truncated loss may decide what it leaves out with a share of the chain's information; the
+        poses follow from the chain as it is.
+
         Errors of scans in one submap are not independent, so that the chain of submaps is too sure
         of itself, and a truncated loss may leave out loop closures that are true. If with a
         flexible chain nearly all of them agree, this decision stands, and the poses follow from
