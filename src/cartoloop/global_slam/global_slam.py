@@ -218,11 +218,11 @@ class GlobalSlam:
             with self._timer.measure("match again"):
                 self._match_again()
             with self._timer.measure("adjust"):
-                self._weigh_chain()
+                self._adjustment.weigh_chain(len(self.sessions))
                 self._adjust(iterations)
         announce("last adjustment")
         with self._timer.measure("adjust"):
-            self._weigh_chain()
+            self._adjustment.weigh_chain(len(self.sessions))
             self._remove_contradicted(iterations)
 
     def finished_grids(self) -> dict[int, FinishedGrid]:
@@ -384,13 +384,6 @@ class GlobalSlam:
         self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
         self._poses.note(self.graph.submap_poses)
         self._pairs.note_adjusted(self.graph, holding)
-
-    def _weigh_chain(self) -> None:
-        """Weigh the chain of submaps as in the finished map.
-
-        It does not connect sessions. Where few closures do, it would outweigh them.
-        """
-        self._adjustment.weigh_chain(decides_as_before=len(self.sessions) > 1)
 
     def _remove_contradicted(self, max_num_iterations: int) -> None:
         """Remove the loop closures that the other constraints contradict, and adjust again."""

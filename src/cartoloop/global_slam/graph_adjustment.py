@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.config import GlobalSlamConfig
+from cartoloop.config import GlobalSlamConfig, PoseAdjustmentConfig
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
     PoseAdjuster,
@@ -96,17 +96,11 @@ class GraphAdjustment:
         self._distrust_strained(closures)
         return closures[~is_violated | graph.is_trusted[closures]]
 
-    def weigh_chain(self, *, decides_as_before: bool) -> None:
-        """Use as much of the information of intra-submap constraints as the poses bear out.
-
-        Parameters
-        ----------
-        decides_as_before : whether which loop closures are false is still decided with the share
-            that counts while mapping.
-        """
+    def weigh_chain(self, num_sessions: int) -> None:
+        """Use as much of the information of intra-submap constraints as the poses bear out."""
         config = self._config.pose_adjustment
         self._share = chain_share(self._graph, config.max_chain_chi_square)
-        self._decision_share = config.mapping_share if decides_as_before else 1.0
+        self._decision_share = final_decision_share(config, num_sessions)
         self._adjuster = PoseAdjuster(self._graph)
 
     def forget_poses(self) -> None:
@@ -130,6 +124,15 @@ class GraphAdjustment:
             self._graph.is_trusted[trusted[is_strained]] = False
             # The adjuster assumes that constraints stay as they are.
             self._adjuster = PoseAdjuster(self._graph)
+
+
+def final_decision_share(config: PoseAdjustmentConfig, num_sessions: int) -> float:
+    """Return the share of the chain's information that decides which closures of a map are false.
+
+    The chain of submaps does not connect sessions. Where few closures do, all of its information
+    would outweigh them: there it is the same share as while mapping.
+    """
+    return config.mapping_share if num_sessions > 1 else 1.0
 
 
 def violated_closures(graph: PoseGraph) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:

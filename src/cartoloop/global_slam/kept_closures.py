@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray, IntArray
 from cartoloop.global_slam.closure_matches import FinalMatches, Matched
@@ -69,7 +70,7 @@ def _agrees(found: Matched, graph: PoseGraph) -> BoolArray:
     return agrees & (turn <= TRUE_ROTATION_RAD)
 
 
-def _keys(submaps: IntArray, own: IntArray) -> IntArray:
+def _keys(submaps: NDArray[np.integer], own: IntArray) -> IntArray:
     """Return a number for each pair of submaps, the same whichever comes first."""
     low, high = np.minimum(submaps, own), np.maximum(submaps, own)
     keys: IntArray = low.astype(np.int64) << 32 | high.astype(np.int64)
@@ -101,5 +102,5 @@ def _with(matches: FinalMatches, kept: Matched) -> FinalMatches:
         nothing,
         np.full(len(kept), Reason.KEPT, dtype=np.int8),
     )
-    pairs = zip(matches, stay, strict=True)
-    return FinalMatches._make(np.concatenate((old[others], new)) for old, new in pairs)
+    both = (FinalMatches._make(column[others] for column in matches), stay)
+    return FinalMatches._make(map(np.concatenate, zip(*both, strict=True)))
