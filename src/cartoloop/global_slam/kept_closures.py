@@ -102,5 +102,5 @@ def _with(matches: FinalMatches, kept: Matched) -> FinalMatches:
         nothing,
         np.full(len(kept), Reason.KEPT, dtype=np.int8),
     )
-    both = (FinalMatches._make(column[others] for column in matches), stay)
+    both = [FinalMatches._make(column[others] for column in matches), stay]
     return FinalMatches._make(map(np.concatenate, zip(*both, strict=True)))
