@@ -272,7 +272,7 @@ def test_closures_that_agree_with_a_flexible_chain_are_kept():
     np.testing.assert_allclose(graph.node_poses, least_squares.node_poses, atol=1e-6)
 
 
-def test_closures_kept_with_a_share_of_the_chain_hold_with_all_of_it():
+def test_closures_kept_with_a_share_of_the_chain_hold():
     """The poses are least squares of the chain as it is."""
     graph, least_squares = stiff_chain(1), stiff_chain(1)
     assert closure_weights(graph, decision_share=0.01) == [1.0]
