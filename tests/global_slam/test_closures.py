@@ -214,3 +214,12 @@ def test_a_closure_that_an_edit_removed_can_be_added_again():
     assert measured.residual.tolist() == [0.125] * 3
     assert closures.found.tf_submap_node.tolist() == [[0.0, 0.0, 0.0]]  # as the search measured it
     assert closures.copy().with_status(Status.ADDED).row.tolist() == [0, 1, 2]
+
+
+def test_pairs_that_are_searched_again_keep_their_rows():
+    closures = record(found=[closure(0, 5), closure(1, 6)])
+    wanted = requests((1, 6))._replace(linear_window=np.array((2.5,)))
+    closures.request_again(np.array((1,)), wanted)
+    assert closures.linear_window.tolist() == [1.0, 2.5]
+    assert closures.num_requested == 2
+    assert closures.counts()[Status.FOUND] == 2

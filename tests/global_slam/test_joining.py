@@ -242,3 +242,13 @@ def test_place_behind_one_without_support_is_examined():
     joining.refuse(attempt, check(fault="scans contradict it", floor_share=0.4))
     again = joining.best(graph)
     assert again.found.tf_one_other.x == pytest.approx(-300.0)
+
+
+def test_matches_within_a_part_are_given_back_once_joined():
+    joining, graph = two_parts(4, 4)
+    for scan in (1, 3):
+        fits(joining, scan, 0.0)
+    assert joining.drop_within_parts(graph) == []
+    joining._sessions.join(1, 0)
+    assert joining.drop_within_parts(graph) == [1, 3]
+    assert joining.drop_within_parts(graph) == []

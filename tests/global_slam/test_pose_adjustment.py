@@ -272,6 +272,14 @@ def test_closures_that_agree_with_a_flexible_chain_are_kept():
     np.testing.assert_allclose(graph.node_poses, least_squares.node_poses, atol=1e-6)
 
 
+def test_closures_kept_with_a_share_of_the_chain_hold():
+    """The poses are least squares of the chain as it is."""
+    graph, least_squares = stiff_chain(1), stiff_chain(1)
+    assert closure_weights(graph, decision_share=0.01) == [1.0]
+    adjust(least_squares, to_the_end(Loss.NONE))
+    np.testing.assert_allclose(graph.node_poses, least_squares.node_poses, atol=1e-6)
+
+
 def test_two_closures_do_not_bend_a_stiff_chain():
     assert closure_weights(several_closures(2), flexible_share=0.01) == [0.0, 0.0]
 

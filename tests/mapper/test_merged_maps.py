@@ -11,6 +11,7 @@ import pytest
 import cartoloop
 from cartoloop import Mapper, UsageError
 from cartoloop.evaluation.trajectories import absolute_trajectory_error
+from cartoloop.global_slam.closure_status import Status
 from cartoloop.map_output.main_part import main_scans, main_submaps
 from cartoloop.result import load_map
 from cartoloop.sensor.events import LaserScan
@@ -77,6 +78,11 @@ def test_drives_of_one_building_are_joined(merged):
     assert join["joined"]
     assert join["agreeing_scans"] >= 3
     assert join["contradicted_m"] <= 0.1 * join["overlap_m"]
+
+
+def test_all_that_was_requested_is_searched(merged):
+    closures = merged.closures
+    assert not np.any(closures.search_status[: closures.num_requested] == Status.WAITING)
 
 
 def test_merged_map_is_as_true_as_its_drives(merged, maps, two_rounds):

@@ -89,6 +89,8 @@ class Reason(IntEnum):
     """FOUND: by the last pass over an earlier state of the map, from which mapping went on."""
     EDIT = 18
     """REMOVED, ADDED: ``cartoloop edit`` or the like."""
+    KEPT = 19
+    """FINAL: as a search measured it; between these sessions the last pass matched fewer pairs."""
 
     @property
     def text(self) -> str:
@@ -106,6 +108,7 @@ _STATUS_OF_REASON = {
     Reason.TRANSLATION: Status.MOVED_TOO_FAR,
     Reason.ROTATION: Status.MOVED_TOO_FAR,
     Reason.EDIT: Status.ADDED,
+    Reason.KEPT: Status.FINAL,
 }
 
 STATUS_OF_REASON: CodeArray = np.zeros(len(Reason), dtype=np.int8)

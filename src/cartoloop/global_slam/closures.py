@@ -55,6 +55,12 @@ class Closures(ClosureColumns):
         self._add_requests(requests, num_nodes)
         return np.arange(first, len(self), dtype=np.int32)
 
+    def request_again(self, rows: RowArray, requests: Requests) -> None:
+        """Note that pairs will be searched again, in other windows; what was found is kept."""
+        self.predicted[rows] = requests.tf_submap_node
+        self.linear_window[rows] = requests.linear_window
+        self.angular_window[rows] = requests.angular_window
+
     def note_dropped(self, rows: RowArray) -> None:
         """Note that requests will not be searched, because too many are waiting."""
         self._set_search_status(rows, Status.DROPPED, Reason.BACKLOG_FULL)

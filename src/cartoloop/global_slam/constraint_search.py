@@ -107,12 +107,17 @@ class ConstraintSearch:
     @property
     def backlog(self) -> int:
         """Number of searches that were submitted and are not done; for any thread."""
-        return len(self._waiting) + self.num_running
+        return self.num_waiting + self.num_running
 
     @property
     def num_running(self) -> int:
         """Number of searches that were started and are not done; for any thread."""
         return sum(len(task.rows) for task in self._pending if not task.is_done)
+
+    @property
+    def num_waiting(self) -> int:
+        """Number of searches that were submitted and not started."""
+        return len(self._waiting)
 
     def submit(self, rows: RowArray) -> None:
         """Add requests, ascending rows of the record; :meth:`start` starts their search."""

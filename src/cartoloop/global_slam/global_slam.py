@@ -218,11 +218,11 @@ class GlobalSlam:
             with self._timer.measure("match again"):
                 self._match_again()
             with self._timer.measure("adjust"):
-                self._adjustment.weigh_chain()
+                self._adjustment.weigh_chain(len(self.sessions))
                 self._adjust(iterations)
         announce("last adjustment")
         with self._timer.measure("adjust"):
-            self._adjustment.weigh_chain()
+            self._adjustment.weigh_chain(len(self.sessions))
             self._remove_contradicted(iterations)
 
     def finished_grids(self) -> dict[int, FinishedGrid]:
@@ -296,11 +296,11 @@ class GlobalSlam:
         wide = self._config.constraint_search.wide_search
         for _ in range(wide.max_final_rounds):
             before = self.graph.num_loop_closures
-            num_requested = len(self.closures)
             self._request_again()
             for scan in range(self._wide.num_scans):
                 self._request_wide(scan)
-            if len(self.closures) == num_requested:
+            # What was requested when the last closures joined waits, too.
+            if not (self.search.num_waiting or self._wide.num_waiting):
                 break
             self.search.start()
             self._wide.release()
@@ -356,6 +356,7 @@ class GlobalSlam:
                 self._request_again()
                 if not self.joins.is_needed:
                     break
+            self._wide.search_again(self.joins.joining.drop_within_parts(self.graph))
 
     def _take_in_closures(self, *, wait: bool) -> None:
         """Add the loop closures that were found to the record and to the graph."""

@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.config import GlobalSlamConfig
+from cartoloop.config import GlobalSlamConfig, PoseAdjustmentConfig
 from cartoloop.global_slam.pose_adjustment import (
     AdjustmentOptions,
     PoseAdjuster,
@@ -63,6 +63,7 @@ class GraphAdjustment:
         self._adjuster = PoseAdjuster(graph)
         self._revision = graph.revision
         self._share = share
+        self._decision_share = 1.0
         self.runs: list[AdjustmentRun] = []
 
     def run(self, max_num_iterations: int) -> NDArray[np.int64]:
@@ -74,6 +75,7 @@ class GraphAdjustment:
             max_iterations=max_num_iterations,
             relative_tolerance=config.tolerance,
             chain_share=self._share,
+            decision_share=self._decision_share,
             flexible_share=config.flexible_share,
         )
         start = perf_counter()
@@ -94,10 +96,11 @@ class GraphAdjustment:
         self._distrust_strained(closures)
         return closures[~is_violated | graph.is_trusted[closures]]
 
-    def weigh_chain(self) -> None:
+    def weigh_chain(self, num_sessions: int) -> None:
         """Use as much of the information of intra-submap constraints as the poses bear out."""
-        limit = self._config.pose_adjustment.max_chain_chi_square
-        self._share = chain_share(self._graph, limit)
+        config = self._config.pose_adjustment
+        self._share = chain_share(self._graph, config.max_chain_chi_square)
+        self._decision_share = final_decision_share(config, num_sessions)
         self._adjuster = PoseAdjuster(self._graph)
 
     def forget_poses(self) -> None:
@@ -121,6 +124,15 @@ class GraphAdjustment:
             self._graph.is_trusted[trusted[is_strained]] = False
             # The adjuster assumes that constraints stay as they are.
             self._adjuster = PoseAdjuster(self._graph)
+
+
+def final_decision_share(config: PoseAdjustmentConfig, num_sessions: int) -> float:
+    """Return the share of the chain's information that decides which closures of a map are false.
+
+    The chain of submaps does not connect sessions. Where few closures do, all of its information
+    would outweigh them: there it is the same share as while mapping.
+    """
+    return config.mapping_share if num_sessions > 1 else 1.0
 
 
 def violated_closures(graph: PoseGraph) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:

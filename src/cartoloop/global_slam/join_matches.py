@@ -190,6 +190,18 @@ class JoinMatches:
         one, other = (tf_own_scan, placed) if is_one else (placed, tf_own_scan)
         return Claim(candidate, one, other, evidence)
 
+    def drop_within_parts(self, graph: PoseGraph) -> list[int]:
+        """Forget the matches between what is one part by now; return their rows."""
+        node_parts = self._sessions.of_nodes(graph.num_nodes)[self._scans.nodes]
+        submap_parts = self._sessions.of_submaps(graph.num_submaps)
+        dropped = []
+        for scan, candidates in self.of_scan.items():
+            is_within = [submap_parts[each.submap] == node_parts[scan] for each in candidates]
+            pairs = list(zip(candidates, is_within, strict=True))
+            dropped += [each.row for each, within in pairs if within]
+            self.of_scan[scan] = [each for each, within in pairs if not within]
+        return dropped
+
     def drop(self, candidate: Candidate) -> None:
         """Forget a match that became a closure."""
         left = [each for each in self.of_scan[candidate.scan] if each.row != candidate.row]

@@ -307,6 +307,10 @@ class Joining:
         for claim in attempt.found.claims:
             self._matches.drop(claim.candidate)
 
+    def drop_within_parts(self, graph: PoseGraph) -> list[int]:
+        """Forget the matches between what is one part by now; return their rows."""
+        return self._matches.drop_within_parts(graph)
+
     def refuse(self, attempt: JoinAttempt, check: GeometryCheck) -> None:
         """Note that the geometry contradicts the placement of an attempt."""
         assert attempt.found is not None

@@ -44,6 +44,7 @@ class AdjustmentOptions:
         which may take as many.
     relative_tolerance : change of the cost, as a share of it, below which the result stands.
     chain_share : share of the information of intra-submap constraints that is used.
+    decision_share : share of it, if less, with which a truncated loss decides what it leaves out.
     flexible_share : share of it, if less, with which a truncated loss decides again if it leaves
         out more than a few loop closures; see :meth:`PoseAdjuster.adjust`.
     """
@@ -54,6 +55,7 @@ class AdjustmentOptions:
     max_iterations: int = 50
     relative_tolerance: float = 1e-6
     chain_share: float = 1.0
+    decision_share: float = 1.0
     flexible_share: float = 1.0
 
     def loss_of_kind(self) -> list[GroupLoss]:
@@ -117,13 +119,12 @@ class PoseAdjuster:
 
     Parameters
     ----------
-    graph : constraints may be added to it; those that it has must stay as they are, and so must
-        the share of the chain.
+    graph : constraints may be added to it; those that it has must stay as they are.
     """
 
     def __init__(self, graph: PoseGraph) -> None:
         self.graph = graph
-        self._planner, self._flexible_planner = Planner(), Planner()
+        self._planners: dict[float, Planner] = {}
         self._believed: BoolArray | None = None
 
     def adjust(
@@ -133,6 +134,9 @@ class PoseAdjuster:
 
         Fixed nodes and submaps stay. A part of the graph with nothing fixed and no control point is
         held at its first submap (or first node); a vertex without constraints stays where it is.
+
+        A truncated loss may decide what it leaves out with a share of the chain's information; the
+        poses follow from the chain as it is.
 
         Errors of scans in one submap are not independent, so that the chain of submaps is too sure
         of itself, and a truncated loss may leave out loop closures that are true. If with a
@@ -145,20 +149,20 @@ class PoseAdjuster:
         points : absolute measurements of nodes; the group of a point is a `ConstraintKind`.
         """
         options = options or AdjustmentOptions()
-        share = options.chain_share
-        result = self._solve(self._planner, graph_problem(self.graph, points, share), options)
+        share = min(options.decision_share, options.chain_share)
+        result = self._solve(share, points, options)
         iterations = result.iterations
         if options.flexible_share < share and self._leaves_out_many(result):
-            bent = graph_problem(self.graph, points, options.flexible_share)
-            flexible = self._solve(self._flexible_planner, bent, options)
+            flexible = self._solve(options.flexible_share, points, options)
             iterations += flexible.iterations
             if self._is_agreed(flexible, result):
-                weights = np.concatenate((flexible.weights, flexible.control_weights))
-                problem = graph_problem(self.graph, points, share)
-                result = self._solve(self._planner, problem, options, weights)
-                iterations += result.iterations
+                result, share = flexible, options.flexible_share
             else:
                 self._move_to(result)
+        if share < options.chain_share:
+            weights = np.concatenate((result.weights, result.control_weights))
+            result = self._solve(options.chain_share, points, options, weights)
+            iterations += result.iterations
         self._believed = result.weights > 0.0
         return AdjustmentResult(
             result.cost, result.initial_cost, iterations, result.converged, result.weights
@@ -181,14 +185,15 @@ class PoseAdjuster:
 
     def _solve(
         self,
-        planner: Planner,
-        problem: Problem,
+        share: float,
+        points: ControlPoints | None,
         options: AdjustmentOptions,
         weights: FloatArray | None = None,
     ) -> Solution:
-        """Solve a problem of the graph, and move the graph's poses there."""
+        """Adjust with a share of the chain's information, and move the graph's poses there."""
+        planner = self._planners.setdefault(share, Planner())
         solution = solve(
-            planner.plan(problem),
+            planner.plan(graph_problem(self.graph, points, share)),
             options.loss_of_kind(),
             max_iterations=options.max_iterations,
             relative_tolerance=options.relative_tolerance,

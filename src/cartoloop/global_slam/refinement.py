@@ -17,9 +17,10 @@ from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_matches import FinalMatches, Matched
 from cartoloop.global_slam.closure_search import FinishedSubmap, refine_all
-from cartoloop.global_slam.closure_status import Reason
+from cartoloop.global_slam.closure_status import STATUS_OF_REASON, Reason, Status
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.constraint_search import ConstraintSearch
+from cartoloop.global_slam.kept_closures import with_kept_closures
 from cartoloop.global_slam.pose_graph import ClosureConstraints, PoseGraph
 from cartoloop.global_slam.sessions import SessionRanges
 from cartoloop.scan_matching.least_squares import match_informations
@@ -212,6 +213,7 @@ class LastPass:
         self._submaps = submaps
         self._submap_nodes = submap_nodes
         self._node_points = node_points
+        self._sessions = sessions
         self._node_parts = sessions.of_nodes(graph.num_nodes)
         self._submap_parts = sessions.of_submaps(graph.num_submaps)
 
@@ -225,9 +227,9 @@ class LastPass:
         )
         # All matches first: a run that is stopped meanwhile keeps the closures of the searches.
         passes = list(search.map(lambda index: self._match(index, nodes[index]), numbers))
-        not_matched = why_not_matched(
-            closures.found, overlapping, nodes, config.final_every_nth_node
-        )
+        found = closures.found
+        passes = with_kept_closures(passes, found, graph, self._sessions)
+        not_matched = why_not_matched(found, overlapping, nodes, config.final_every_nth_node)
         rows = closures.note_last_pass(not_matched, passes)
         graph.replace_loop_closures(map(_accepted, passes, rows))
 
@@ -255,7 +257,7 @@ class LastPass:
 
 def _accepted(matches: FinalMatches, rows: NDArray[np.int64]) -> ClosureConstraints:
     """Return the matches of a pass that become constraints."""
-    fits = matches.reason == Reason.FITS
+    fits = STATUS_OF_REASON[matches.reason] == Status.FINAL
     return ClosureConstraints(
         rows[fits],
         matches.submap[fits],

@@ -9,7 +9,7 @@ the pose adjustment trusts: a robust loss would keep a few of them from moving a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
@@ -89,12 +89,18 @@ class WideSearch:
         self._released: list[tuple[int, int, int]] = []
         self._running: list[SearchTask] = []
         self._candidates: dict[int, list[Candidate]] = {}
+        self._of_other_parts: set[int] = set()
         self._has_news = False
 
     @property
     def num_scans(self) -> int:
         """Number of composite scans so far."""
         return len(self._scans)
+
+    @property
+    def num_waiting(self) -> int:
+        """Number of searches that were requested and not started."""
+        return len(self._waiting) + len(self._released)
 
     @property
     def scans(self) -> CompositeScans:
@@ -121,14 +127,28 @@ class WideSearch:
         found = pairs.wide_pairs(graph, node, self._submaps)
         if len(found.submap) == 0:
             return
-        requested = frozenset(self._closures.submap[self._closures.node == node].tolist())
-        new = [i for i, submap in enumerate(found.submap.tolist()) if submap not in requested]
-        if not new:
-            return
-        requests = found.take(np.array(new))
-        rows = record_requests(self._recorded, self._closures, requests, graph.num_nodes)
-        for submap, row in zip(requests.submap.tolist(), rows.tolist(), strict=True):
-            self._waiting.append((submap, scan, row))
+        own = np.flatnonzero(self._closures.node == node)
+        row_of = dict(zip(self._closures.submap[own].tolist(), own.tolist(), strict=True))
+        rows = np.array([row_of.get(submap, -1) for submap in found.submap.tolist()])
+        again = np.flatnonzero([row in self._of_other_parts for row in rows.tolist()])
+        if len(again):
+            self._of_other_parts.difference_update(rows[again].tolist())
+            self._closures.request_again(rows[again], found.take(again))
+        new = np.flatnonzero(rows < 0)
+        if len(new):
+            rows[new] = record_requests(
+                self._recorded, self._closures, found.take(new), graph.num_nodes
+            )
+        for i in np.concatenate((new, again)).tolist():
+            self._waiting.append((int(found.submap[i]), scan, int(rows[i])))
+
+    def search_again(self, rows: Iterable[int]) -> None:
+        """Let pairs that were searched as of two parts be requested: by now the parts are one.
+
+        They were searched at all angles, where most places look like others. In the window that the
+        drift allows, the true one may be distinct.
+        """
+        self._of_other_parts.update(rows)
 
     def release(self) -> None:
         """Let the next `start` pass what was requested so far to the threads."""

@@ -224,6 +224,10 @@ _LAST_PASS = {
         "not matched again, one in {config.final_every_nth_node} nodes is (final_every_nth_node)."
     ),
     Reason.NO_OVERLAP: "at the adjusted poses the node is outside the submap's grid.",
+    Reason.KEPT: (
+        "fewer pairs were matched between the two submaps than searches had found. They are of two "
+        "sessions, and the adjusted poses agree with this closure: it stays."
+    ),
     Reason.NEARER_SUBMAPS: (
         "{config.final_max_submaps_of_node} other submaps were nearer to the node "
         "(final_max_submaps_of_node)."
