@@ -183,9 +183,10 @@ def _claim_by_path(
     """Return the best place if the scans fit there, each matched, as a claim needs it."""
     if not followed or known.value_at(followed[0].pose) == 0:
         return None
+    listed = [place.tf_map_tracking for place in searched.candidates]
     rest = (place.tf_map_tracking for place in searched.rest)
     unlisted = (p.tf_map_tracking for p in unlisted_places(known, composite, path, searched))
-    is_proof = is_proved(known, composite, path, followed, chain(rest, unlisted))
+    is_proof = is_proved(known, composite, path, followed, listed, chain(rest, unlisted))
     return Claim(followed[0].pose) if is_proof else None
 
 
