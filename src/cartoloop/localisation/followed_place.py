@@ -213,7 +213,7 @@ def is_proved(
 def _outscores(
     known: KnownMap, composite: Composite, tf_map_newest: Pose, best: FollowedPlace, most: float
 ) -> bool:
-    """Return whether the scans, each matched, have a higher score in another place than the best."""
+    """Return whether the scans, each matched, have a score above `most` in another place."""
     place = follow_in(known, composite, tf_map_newest)
     return place.fit.score > most and not is_same_place(place.pose, best.pose)
 
