@@ -175,7 +175,7 @@ def is_proved(
 
     In a map without own scans it is not known how well scans fit where they were taken, so that
     nothing is proved. Nor is it where another place has a clearly higher score: beams may pass
-    through what is a wall of the map, as glass of which no scan of the map shows it, so that the
+    through what is a wall of the map, as glass that no scan of the map shows as such, so that the
     right place agrees less than a wrong one.
 
     Parameters
