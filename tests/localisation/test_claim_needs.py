@@ -68,7 +68,7 @@ def test_a_scan_fits_a_sharp_map_as_its_own_scans_do(learnt_map):
     learnt_map.low_score = 0.97 * usual
     of_sharp = [needed_of(learnt_map, path).score for path in (0.0, 1.0, 10.0)]
 
-    assert of_sharp[0] == pytest.approx(0.97 * usual)
+    assert of_sharp[0] == pytest.approx(0.985 * usual)  # the middle between low and usual
     assert of_sharp[1] > of_blurred[1]
     assert of_sharp[2] == pytest.approx(of_blurred[2])
 

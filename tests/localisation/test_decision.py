@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cartoloop.localisation import candidates as candidates_module
+from cartoloop.localisation import claim_needs as claim_needs_module
 from cartoloop.localisation import decision as decision_module
 from cartoloop.localisation.claim_needs import MARGIN_OF_SCAN
 from cartoloop.localisation.decision import Before, decide
@@ -69,7 +70,7 @@ def test_a_place_mapped_less_sharply_is_not_refuted(twins, monkeypatch):
     assert found == pytest.approx([START.x, START.x + shift], abs=0.1)
     assert abs(decision.places[0].score - decision.places[1].score) > MARGIN_OF_SCAN
     # By the score alone the sharper room would have been claimed.
-    monkeypatch.setattr(decision_module, "FITTING_MARGIN", 0.0)
+    monkeypatch.setattr(claim_needs_module, "FITTING_MARGIN", 0.0)
     monkeypatch.setattr(decision_module, "FITTING_LESS", -1.0)
     assert decide(known, composite, 0.0).claim is not None
 
@@ -87,6 +88,17 @@ def test_a_place_too_low_to_be_listed_is_not_refuted(twins, monkeypatch):
     assert len(decision.places) == 1
     monkeypatch.setattr(candidates_module, "_lower", lambda *_: iter(()))
     assert decide(known, composite, 0.0).claim is not None
+
+
+def test_a_scan_alone_does_not_refute_an_equal_score():
+    # In the second room a screen stands before the robot, which most beams would pass through.
+    second = tuple(tuple((x + 8.5, y) for x, y in polygon) for polygon in ROOM)
+    x, y = START.x + 8.5, START.y
+    screen = ((x - 0.8, y - 0.8), (x + 0.8, y - 0.8), (x + 0.8, y + 0.8), (x - 0.8, y + 0.8))
+    known, composite = known_map((*ROOM, *second, screen)), composite_of(ROOM, START)
+
+    assert decide(known, composite, 0.0).claim is None
+    assert apart(START, decide(known, composite, 1.5).claim.tf_map_tracking)[0] < 0.05
 
 
 def test_a_small_room_is_claimed_after_some_path_only():

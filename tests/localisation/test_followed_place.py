@@ -106,9 +106,9 @@ def test_a_place_is_proved_only_if_no_other_fits_as_well(known, bent):
     followed = follow_best(known, bent, [NEWEST])
     rival = followed[0]._replace(total=followed[0].total - 0.1)
 
-    assert is_proved(known, bent, PATH_M, followed, [])
-    assert not is_proved(known, bent, PATH_M, [*followed, rival], [])
-    assert is_proved(known, bent, PATH_M, followed, [NEWEST])
+    assert is_proved(known, bent, PATH_M, followed, [], [])
+    assert not is_proved(known, bent, PATH_M, [*followed, rival], [], [])
+    assert is_proved(known, bent, PATH_M, followed, [NEWEST], [NEWEST])
 
 
 def test_other_places_are_followed_before_one_is_proved():
@@ -120,8 +120,12 @@ def test_other_places_are_followed_before_one_is_proved():
     turned = Pose(10.0 - truth[-1].x, 7.0 - truth[-1].y, truth[-1].theta + math.pi)
     followed = follow_best(box, scans, [truth[-1]])
 
-    assert is_proved(box, scans, PATH_M, followed, [])
-    assert not is_proved(box, scans, PATH_M, followed, [turned])
+    assert is_proved(box, scans, PATH_M, followed, [], [])
+    assert not is_proved(box, scans, PATH_M, followed, [], [turned])
+    lower = followed[0].fit._replace(score=followed[0].fit.score - 0.1)
+    outscored = [followed[0]._replace(fit=lower)]
+    assert is_proved(box, scans, PATH_M, outscored, [], [])
+    assert not is_proved(box, scans, PATH_M, outscored, [turned], [])
 
 
 def test_nothing_is_proved_in_a_map_without_own_scans(bent):
@@ -129,7 +133,7 @@ def test_nothing_is_proved_in_a_map_without_own_scans(bent):
     followed = follow_best(foreign, bent, [NEWEST])
 
     assert followed[0].total > needed_sum(PATH_M, len(TRUTH))
-    assert not is_proved(foreign, bent, PATH_M, followed, [])
+    assert not is_proved(foreign, bent, PATH_M, followed, [], [])
 
 
 def test_newest_scans_that_contradict_forbid_a_claim(known, monkeypatch):
@@ -140,15 +144,15 @@ def test_newest_scans_that_contradict_forbid_a_claim(known, monkeypatch):
     composite = trail.composite(10.0)
     best = follow_best(known, composite, [NEWEST])[0]._replace(total=SUM_OF_SCAN)
 
-    assert not is_proved(known, composite, 10.0, [best], [])
+    assert not is_proved(known, composite, 10.0, [best], [], [])
     monkeypatch.setattr(followed_place, "NEWEST_SUM", 0.0)
-    assert is_proved(known, composite, 10.0, [best], [])
+    assert is_proved(known, composite, 10.0, [best], [], [])
 
 
 def test_a_single_scan_is_not_proved_by_being_matched(known):
     scan = path_of(ROOM, TRUTH[-1:])
 
-    assert not is_proved(known, scan, PATH_M, follow_best(known, scan, [NEWEST]), [])
+    assert not is_proved(known, scan, PATH_M, follow_best(known, scan, [NEWEST]), [], [])
 
 
 def test_less_is_needed_of_a_longer_path():

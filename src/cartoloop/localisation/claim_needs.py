@@ -23,9 +23,9 @@ SEARCHED_SCORE = 0.62
 
 SCORE_OF_SCAN, SCORE_OF_TRAIL = 0.9, 0.62
 """Score from which a place may be claimed, relative to the usual, by a single scan and by those of
-`LENGTH_M` of path; in between it falls linearly. A single scan also needs what nine of ten of the
-map's own scans reach: in rooms that resemble each other but for centimetres, scans agree, and in a
-sharp map their score shows the centimetres."""
+`LENGTH_M` of path; in between it falls linearly. A single scan also needs the middle between what
+nine of ten of the map's own scans reach and the usual: in rooms that resemble each other but for
+centimetres, scans agree, and in a sharp map their score shows the centimetres."""
 
 VIEW_M, FAR_SHARE = 6.0, 0.05
 """Distance from the robot [m] beyond which this share of the returns of a single scan must lie.
@@ -70,6 +70,11 @@ show much else than straight walls agree along corridors only roughly."""
 
 DETAILED_PATH_M = 1.3
 """Path from which details make up for a lower score [m]."""
+
+AGREEING_PATH_M = 1.3
+"""Path from which places are refuted by their agreement as well [m]. Where one spot of a map comes
+near another one in score, it is of a kind that other buildings have, too: a single scan shows
+little else."""
 
 DETAILED_SCORE = 0.55
 """The score that is then enough, relative to the usual one."""
@@ -174,7 +179,7 @@ def needed_of(known: KnownMap, path: float, num_refuted: int = 0) -> Needed | No
         return None
     agreement = AGREEMENT_OF_SCAN * known.usual.agreement
     distinctness = DISTINCTNESS_OF_SCAN * known.low_distinctness
-    score = max(SCORE_OF_SCAN * known.usual.score, known.low_score)
+    score = max(SCORE_OF_SCAN * known.usual.score, 0.5 * (known.low_score + known.usual.score))
     return Needed(
         _falling(score, SCORE_OF_TRAIL * known.usual.score, path),
         _falling(agreement, min(AGREEMENT_OF_TRAIL * known.low_agreement, agreement), path),
@@ -215,6 +220,27 @@ def shows_enough(points: FloatArray, path: float) -> bool:
     needed = VIEW_M * max(1.0 - path / VIEW_PATH_M, 0.0)
     num_far = int(np.count_nonzero(np.hypot(points[:, 0], points[:, 1]) >= needed))
     return num_far >= FAR_SHARE * len(points)
+
+
+class Margins(NamedTuple):
+    """What refutes other places than the best one.
+
+    Attributes
+    ----------
+    other, fitting : by which their score is lower at least; the second where the scans agree as a
+        claim needs it.
+    agreement_counts : whether a lower agreement is enough as well.
+    """
+
+    other: float
+    fitting: float
+    agreement_counts: bool
+
+
+def margins_of(known: KnownMap, path: float) -> Margins:
+    """Return what refutes other places, given a path length [m]."""
+    fitting = FITTING_MARGIN * known.usual.score
+    return Margins(needed_margin(path), fitting, path >= AGREEING_PATH_M)
 
 
 def needed_margin(path: float) -> float:

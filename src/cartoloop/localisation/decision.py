@@ -29,9 +29,9 @@ from cartoloop.localisation.candidates import (
 from cartoloop.localisation.claim_needs import (
     FITTING_DETAIL,
     FITTING_LESS,
-    FITTING_MARGIN,
+    Margins,
     Needed,
-    needed_margin,
+    margins_of,
     needed_of,
     shows_enough,
 )
@@ -169,8 +169,7 @@ def _claim_by_scans(
         earlier_places(known, composite, before.places, searched.listed),
         unlisted_places(known, composite, path, searched),
     )
-    margin, fitting_margin = needed_margin(path), FITTING_MARGIN * known.usual.score
-    is_refuted = partial(_is_refuted, best, margin, fitting_margin, needed)
+    is_refuted = partial(_is_refuted, best, margins_of(known, path), needed)
     return claim if all(map(is_refuted, others)) else None
 
 
@@ -184,28 +183,30 @@ def _claim_by_path(
     """Return the best place if the scans fit there, each matched, as a claim needs it."""
     if not followed or known.value_at(followed[0].pose) == 0:
         return None
+    listed = [place.tf_map_tracking for place in searched.candidates]
     rest = (place.tf_map_tracking for place in searched.rest)
     unlisted = (p.tf_map_tracking for p in unlisted_places(known, composite, path, searched))
-    is_proof = is_proved(known, composite, path, followed, chain(rest, unlisted))
+    is_proof = is_proved(known, composite, path, followed, listed, chain(rest, unlisted))
     return Claim(followed[0].pose) if is_proof else None
 
 
-def _is_refuted(
-    best: Candidate, margin: float, fitting_margin: float, needed: Needed, other: Candidate
-) -> bool:
+def _is_refuted(best: Candidate, margins: Margins, needed: Needed, other: Candidate) -> bool:
     """Return whether the best place fits so much better that the other is none.
 
     Parameters
     ----------
-    margin, fitting_margin : by which the other's score is lower at least; the second where it fits.
     needed : for a claim; where the other place agrees like that, it takes more to refute it.
     """
     behind = best.fit.agreement - other.fit.agreement
     lower = best.score - other.score
     if needed.fits(other.fit) and other.fit.detail >= FITTING_DETAIL * best.fit.detail:
         less = behind + best.fit.distinctness - other.fit.distinctness
-        return lower >= fitting_margin and less >= FITTING_LESS
-    if lower >= margin or (behind >= REFUTING_AGREEMENT and lower > -0.5 * margin):
+        return lower >= margins.fitting and less >= FITTING_LESS
+    if lower >= margins.other:
+        return True
+    if not margins.agreement_counts:
+        return False
+    if behind >= REFUTING_AGREEMENT and lower > -0.5 * margins.other:
         return True
     detailed = needed.detailed
     return detailed is not None and lower >= 0.0 and detailed.refutes(best.fit, other.fit)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import FloatArray
+from cartoloop.localisation.claim_needs import needed_margin
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import fit_of_composite, is_same_place, refine_within
 from cartoloop.localisation.known_map import KnownMap
@@ -167,17 +168,21 @@ def is_proved(
     composite: Composite,
     path: float,
     followed: Sequence[FollowedPlace],
+    listed: Iterable[Pose],
     others: Iterable[Pose],
 ) -> bool:
     """Return whether scans that are matched one by one prove the first of the places.
 
     In a map without own scans it is not known how well scans fit where they were taken, so that
-    nothing is proved.
+    nothing is proved. Nor is it where another place has a clearly higher score: beams may pass
+    through what is a wall of the map, as glass that no scan of the map shows as such, so that the
+    right place agrees less than a wrong one.
 
     Parameters
     ----------
     path : length of the path that the scans come from [m].
     followed : what :func:`follow_best` returned.
+    listed : the likeliest places where the scans, moved as one, fit.
     others : further places that have to be refuted.
     """
     best = followed[0]
@@ -194,12 +199,23 @@ def is_proved(
     least = best.total - REFUTING_SUM
     if any(place.total > least for place in followed[1:]):
         return False
+    most = best.fit.score + 0.5 * needed_margin(path)
+    if any(_outscores(known, composite, pose, best, most) for pose in listed):
+        return False
     return not any(
         _may_reach(known, composite, pose, least)
         and (place := follow_in(known, composite, pose)).total > least
         and not is_same_place(place.pose, best.pose)
         for pose in others
     )
+
+
+def _outscores(
+    known: KnownMap, composite: Composite, tf_map_newest: Pose, best: FollowedPlace, most: float
+) -> bool:
+    """Return whether the scans, each matched, have a score above `most` in another place."""
+    place = follow_in(known, composite, tf_map_newest)
+    return place.fit.score > most and not is_same_place(place.pose, best.pose)
 
 
 def _newest_agree(known: KnownMap, composite: Composite, place: FollowedPlace) -> bool:

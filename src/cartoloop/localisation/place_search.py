@@ -15,7 +15,7 @@ from cartoloop.localisation.search_runner import SearchRunner
 from cartoloop.localisation.trail import LENGTH_M, Composite, Trail
 from cartoloop.sensor.pose import IDENTITY, compose, relative
 
-SEARCH_STEP_M, SEARCH_TURN_RAD, SEARCH_PERIOD_S = 0.7, math.radians(30.0), 5.0
+SEARCH_STEP_M, SEARCH_TURN_RAD, SEARCH_PERIOD_S = 0.5, math.radians(30.0), 5.0
 """The map is searched again after this path, turn or time without a place [m], [rad], [s]."""
 
 LATER_STEP_M = 2.1
