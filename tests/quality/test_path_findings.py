@@ -10,7 +10,10 @@ import pytest
 
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality import motion
-from cartoloop.quality.motion_places import length_error
+from cartoloop.quality.encounters import Encounters
+from cartoloop.quality.motion_places import jump_places, length_error
+from cartoloop.quality.pairs import Pairs
+from cartoloop.quality.verdict import Severity
 
 
 @dataclass
@@ -131,6 +134,41 @@ def test_jumps_are_faster_than_robots():
 
     assert jump.scan == 50
     assert jump.moved == pytest.approx(2.01, abs=0.01)
+
+
+def visits(nodes, own_nodes, contradicts):
+    """Return 10 m of path on which nodes see a submap of others, or contradict it."""
+    count, nothing = len(nodes), np.zeros(len(nodes))
+    pairs = Pairs(
+        np.zeros(count, np.int64),
+        np.array(nodes),
+        np.array(own_nodes),
+        np.zeros((count, 3)),
+        nothing + 100.0,
+        np.full(count, 50),
+        np.zeros(count, np.int64),
+    )
+    first = np.arange(count)
+    length = np.full(count, 10.0 / count)
+    does = np.full(count, contradicts)
+    return Encounters(first, first + 1, pairs, length, nothing, nothing * np.nan, does)
+
+
+@pytest.mark.parametrize(
+    ("met", "severity"),
+    [
+        (visits([80, 90], [10, 20], False), Severity.MINOR),
+        (visits([80, 90], [10, 20], True), Severity.DOUBTFUL),
+        (visits([80, 90], [60, 70], False), Severity.DOUBTFUL),
+    ],
+)
+def test_a_jump_is_minor_where_visits_across_it_agree(met, severity):
+    run = drive()
+    run.local_trajectory[50:, 1] += 2.0
+
+    [place] = jump_places(motion.jumps(run), met, run)
+
+    assert place.severity is severity
 
 
 def test_scans_without_nodes_in_between_are_a_blind_stretch():

@@ -60,7 +60,7 @@ def examine(
         *contradictions.breaks(consecutive, content, config),
         *motion_places.gap_places(gaps, content),
         *motion_places.misfit_places(misfits, met, content),
-        *motion_places.jump_places(jumps, content),
+        *motion_places.jump_places(jumps, met, content),
         *motion_places.blind_places(blind, met, content, config),
         *motion_places.standing_places(stands, halls, content),
         *motion_places.corridor_places(halls, odometry, content, config),

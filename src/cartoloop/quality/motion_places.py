@@ -69,14 +69,17 @@ def _is_bridged(event: Event, met: Encounters, content: MapContent) -> bool:
     return agrees >= BRIDGED_M and share >= BRIDGED_SHARE
 
 
-def jump_places(found: list[Event], content: MapContent) -> list[Place]:
-    """Return the places where the pose jumped."""
+def jump_places(found: list[Event], met: Encounters, content: MapContent) -> list[Place]:
+    """Return the places where the pose jumped; minor ones where visits across them agree.
+
+    A robot that is pushed while its wheels stand jumps, too.
+    """
     return [
         at_scan(
             event,
             content,
             Kind.JUMP,
-            Severity.DOUBTFUL,
+            Severity.MINOR if _is_bridged(event, met, content) else Severity.DOUBTFUL,
             f"the pose jumps by {event.moved:.1f} m from one scan to the next",
             "the odometry may have jumped: try --set local_slam.use_odometry=false; "
             "`cartoloop doctor` examines it",
