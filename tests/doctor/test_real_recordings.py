@@ -40,7 +40,6 @@ RECORDINGS = {
             "blind_beams 66",
             "no_return_is_zero 1",
             "odometry_offset 641",
-            "odometry_scale 641",
             "repeated_scans 4",
         ],
     ),

@@ -99,7 +99,7 @@ def test_stale_rows_are_dropped(loss):
     for grown in in_parts(source, 40, 5):
         adjuster = adjuster or PoseAdjuster(grown)
         adjuster.adjust(AdjustmentOptions(loss, max_iterations=1))
-    rows = adjuster._planner._packed.layout.rows.ids
+    rows = adjuster._planners[1.0]._packed.layout.rows.ids
     assert rows.size < 6 * grown.num_constraints
 
 
