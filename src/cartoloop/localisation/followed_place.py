@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import FloatArray
-from cartoloop.localisation.claim_needs import needed_margin
+from cartoloop.localisation.claim_needs import least_score, needed_margin
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import fit_of_composite, is_same_place, refine_within
 from cartoloop.localisation.known_map import KnownMap
@@ -45,12 +45,6 @@ nine of ten right places it reached 2.6 to 2.8."""
 SCAN_M, MAX_SCANS_M = 0.1, 1.0
 """Each scan that is kept counts as the first on the path, and all as the second at most [m]: a
 robot that turns on the spot sees more, but not of other places."""
-
-SCORE_SPREADS, MOST_SCORE = 3.5, 0.85
-"""The score may be lower than the usual one by the first times the distance from the usual one to
-what nine of ten of the map's scans reach; the second, relative to the usual one, is always enough.
-Where buildings share walls to the centimetre, scans agree on many metres, and in a sharp map only
-their score shows that what stands between these walls is different."""
 
 KEPT_SUM = 2.3
 """Places are kept from one search to the next down to this sum; most wrong ones have less."""
@@ -98,12 +92,6 @@ def needed_sum(path: float, num_scans: int) -> float:
     """Return the sum from which a place is claimed, given a path length [m] and its scans."""
     length = path + min(SCAN_M * (num_scans - 1), MAX_SCANS_M)
     return SUM_OF_SCAN + min(length / FULL_M, 1.0) * (SUM_OF_PATH - SUM_OF_SCAN)
-
-
-def least_score(known: KnownMap) -> float:
-    """Return the score that a claim needs, see :data:`SCORE_SPREADS`."""
-    usual = known.usual.score
-    return min(usual - SCORE_SPREADS * (usual - known.low_score), MOST_SCORE * usual)
 
 
 def sum_of(known: KnownMap, fit: Fit) -> float:
