@@ -39,7 +39,7 @@ STRANGER_SCANS = 60
 """Single scans that are searched in the map of another building."""
 
 FIRST_PATH_M = 8.0
-"""Path of drives from nowhere of which many are begun in the map of another building [m]: there a
+"""Path of the many drives from nowhere in the map of another building [m]: on the first metres, a
 search comes after each half metre."""
 
 LAST_START = 0.9
