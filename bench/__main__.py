@@ -344,12 +344,14 @@ def bench_localisation(
     scans: Annotated[int, typer.Option(min=2, help="Single scans of each recording.")] = 300,
     drives: Annotated[int, typer.Option(min=1, help="Drives of each recording and world.")] = 40,
     seeds: Annotated[int, typer.Option(min=0, help="Simulated worlds.")] = 5,
+    first_seed: Annotated[int, typer.Option(min=0, help="First seed of 'strangers'.")] = 0,
     hours: Annotated[float, typer.Option(min=0.0, help="Of one drive again and again.")] = 10.0,
     only: Annotated[
         list[str] | None,
         typer.Option(
             "--only",
-            help="Recording, or 'worlds', 'changes', 'alike', 'times' or 'long'; may be repeated.",
+            help="Recording, or 'worlds', 'strangers', 'changes', 'alike', 'times' or 'long';"
+            " may be repeated.",
         ),
     ] = None,
     add: Annotated[
@@ -366,7 +368,7 @@ def bench_localisation(
     path = out / "localisation.json"
     kept = read_record(path) if add and path.exists() else None
     parts = tuple(only or (*benchmark.RECORDINGS, *benchmark.PARTS))
-    options = benchmark.Options(scans, drives, seeds, hours, parts)
+    options = benchmark.Options(scans, drives, seeds, hours, parts, first_seed)
     record = benchmark.run(_data_folder(data), options, lambda line: typer.echo(line, err=True))
     record = record if kept is None else record.with_rows_of(kept)
     _print_table(record)

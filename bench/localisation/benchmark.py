@@ -22,6 +22,7 @@ from bench.localisation.world_rows import (
     alike_rows,
     changed_rows,
     simulated_rows,
+    stranger_rows,
 )
 from bench.record import Case, Figure, Record, Row
 from cartoloop.evaluation.map_image import MapImage
@@ -32,9 +33,10 @@ from cartoloop.sensor.pose import Pose
 RECORDINGS = ("intel", "fr079", "mit-csail", "aces")
 """Recordings whose second half is localised in the map of the first."""
 
-PARTS = ("worlds", "changes", "alike", "times", "long")
-"""Parts of the benchmark beside the recordings: simulated worlds and later days in them, a building
-with two wings that look alike, times of searches, and one drive again and again."""
+PARTS = ("worlds", "strangers", "changes", "alike", "times", "long")
+"""Parts of the benchmark beside the recordings: simulated worlds, drives in the map of another one,
+later days, a building with two wings that look alike, times of searches, and one drive again and
+again."""
 
 LEAST_PATH_M = 12.0
 """Drives from nowhere begin where at least this path is left [m], where there is any such place."""
@@ -54,6 +56,7 @@ class Options:
     seeds : simulated worlds.
     hours : of the one drive that is driven again and again.
     parts : names of recordings, and of :data:`PARTS`.
+    first_stranger : seed of the first world whose map is used for another one.
     """
 
     scans: int
@@ -61,6 +64,7 @@ class Options:
     seeds: int
     hours: float
     parts: Sequence[str]
+    first_stranger: int = 0
 
 
 def run(data: Path, options: Options, progress: Progress) -> Record:
@@ -83,8 +87,10 @@ def run(data: Path, options: Options, progress: Progress) -> Record:
         progress(f"{name}: mapping both halves")
         drive = CutRecording(path).drive()
         rows += _reported(_recording_rows(drive, options, progress), progress)
+    strangers = range(options.first_stranger, options.first_stranger + options.seeds)
     makers: dict[str, Callable[[], Iterator[Row]]] = {
         "worlds": lambda: simulated_rows(options.seeds, options.drives, progress),
+        "strangers": lambda: stranger_rows(strangers, options.drives, progress),
         "changes": lambda: changed_rows(options.seeds, progress),
         "alike": lambda: alike_rows(options.seeds, progress),
         "times": lambda: time_rows(data, options.scans, progress),

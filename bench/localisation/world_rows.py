@@ -38,6 +38,13 @@ STRANGER_PATH_M = 20.0
 STRANGER_SCANS = 60
 """Single scans that are searched in the map of another building."""
 
+FIRST_PATH_M = 8.0
+"""Path of the many drives from nowhere in the map of another building [m]: on the first metres, a
+search comes after each half metre."""
+
+LAST_START = 0.9
+"""The last of them begins after this share of the scans."""
+
 Progress = Callable[[str], None]
 
 
@@ -122,6 +129,45 @@ def simulated_rows(seeds: int, drives: int, progress: Progress) -> Iterator[Row]
         found.carried += _carried(known, drive, seed, drives)
     if seeds:
         yield from found.rows({"drive": f"{WORLD}, {seeds} seeds", "map": "ours"})
+
+
+def first_metres_row(case: Case, runs: Sequence[measures.Followed]) -> Row:
+    """Return how often a place is claimed on the first metres in the map of another building."""
+    located = np.array([run.num_located for run in runs])
+    decisions = sum(sum(run.states.values()) for run in runs)
+    return Row(
+        {"what": "the first metres in the map of another building", **case},
+        {
+            "drives": Figure.exact(len(runs), better=None),
+            "drives with a wrong claim": share(located > 0, "less"),
+            "wrong": Figure.exact(100.0 * int(located.sum()) / max(decisions, 1), "%"),
+            "longest located": Figure.exact(max(run.longest_located_s for run in runs), "s"),
+        },
+    )
+
+
+def stranger_rows(seeds: Sequence[int], drives: int, progress: Progress) -> Iterator[Row]:
+    """Return how often a place is claimed in the map of another building, from nowhere.
+
+    Parameters
+    ----------
+    seeds : of worlds; each is driven in the map of the one before, the first in that of the last.
+    drives : in each map, from scans spread over the drive.
+    """
+    runs: list[measures.Followed] = []
+    claimed: list[bool] = []
+    for seed, other in zip(seeds, (*seeds[1:], *seeds[:1]), strict=True):
+        progress(f"{WORLD} {other} in the map of {seed}")
+        known = known_map_of(simulated_drive(WORLD, seed).result)
+        drive = simulated_drive(WORLD, other)
+        claimed += measures.single_scans(known, drive, STRANGER_SCANS).claimed
+        for share_of_drive in np.linspace(0.0, LAST_START, drives).tolist():
+            first = int(share_of_drive * len(drive.truth))
+            runs.append(measures.follow(known, drive, first, FIRST_PATH_M))
+    if runs:
+        case: Case = {"drive": f"{WORLD}, seeds {seeds[0]} to {seeds[-1]}", "map": "ours"}
+        yield first_metres_row(case, runs)
+        yield stranger_scans_row(case, claimed)
 
 
 @dataclass

@@ -15,7 +15,7 @@ from bench.localisation.benchmark import _reported
 from bench.localisation.drives import Drive, carried_away, corners_of, error, with_moved_boxes
 from bench.localisation.figures import driving_figures
 from bench.localisation.particle_filter import ParticleFilter
-from bench.localisation.world_rows import stranger_row
+from bench.localisation.world_rows import first_metres_row, stranger_row
 from bench.record import Figure, Record, Row, read_record
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.localizer import Localizer
@@ -151,6 +151,19 @@ def test_a_robot_says_that_it_is_in_another_building():
     assert values["says so within 20 m"] == pytest.approx(200.0 / 3.0)
     assert values["wrong"] == pytest.approx(40.0)
     assert values["longest located"] == 9.0
+
+
+def test_wrong_claims_of_the_first_metres_are_counted():
+    never, once = measures.Followed(), measures.Followed(num_located=3, longest_located_s=1.2)
+    never.states.update({"searching": 20})
+    once.states.update({"located": 3, "searching": 7})
+
+    row = first_metres_row({}, [never, once])
+
+    values = {name: figure.value for name, figure in row.figures.items()}
+    assert values["drives with a wrong claim"] == pytest.approx(50.0)
+    assert values["wrong"] == pytest.approx(10.0)
+    assert values["longest located"] == 1.2
 
 
 def test_rows_of_other_parts_are_kept(tmp_path):

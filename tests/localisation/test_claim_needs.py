@@ -9,16 +9,20 @@ import pytest
 from cartoloop.localisation.claim_needs import (
     AGREEMENT_OF_TRAIL,
     DETAILED_PATH_M,
+    DETAILED_SCORE,
     DISTINCTNESS_OF_TRAIL,
     MARGIN_OF_PATH,
     MARGIN_OF_SCAN,
     MAX_REFUTED_PATH_M,
     MIN_DETAIL,
+    MOST_SCORE,
     SCORE_OF_SCAN,
+    SCORE_SPREADS,
     VIEW_M,
     VIEW_PATH_M,
     Detailed,
     Needed,
+    least_score,
     needed_margin,
     needed_of,
     searched_score,
@@ -44,6 +48,19 @@ def test_scans_of_a_path_need_less_of_a_margin():
     assert needed_margin(0.0) == MARGIN_OF_SCAN
     assert needed_margin(100.0) == pytest.approx(MARGIN_OF_PATH)
     assert MARGIN_OF_PATH < needed_margin(2.0) < MARGIN_OF_SCAN
+
+
+def test_a_sharp_map_needs_a_higher_score(learnt_map):
+    usual = learnt_map.usual.score
+
+    learnt_map.low_score = 0.9 * usual
+    least = least_score(learnt_map)
+    assert least == pytest.approx((1.0 - 0.1 * SCORE_SPREADS) * usual)
+    assert needed_of(learnt_map, 3.0).detailed.score == least
+    learnt_map.low_score = 0.999 * usual
+    assert least_score(learnt_map) == pytest.approx(MOST_SCORE * usual)
+    learnt_map.low_score = 0.5 * usual
+    assert needed_of(learnt_map, 3.0).detailed.score == DETAILED_SCORE * usual
 
 
 def test_scans_of_a_path_need_less_agreement():

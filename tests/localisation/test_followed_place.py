@@ -111,6 +111,16 @@ def test_a_place_is_proved_only_if_no_other_fits_as_well(known, bent):
     assert is_proved(known, bent, PATH_M, followed, [NEWEST], [NEWEST])
 
 
+def test_a_low_score_proves_no_place(known, bent, monkeypatch):
+    followed = follow_best(known, bent, [NEWEST])
+    score = followed[0].fit.score
+
+    monkeypatch.setattr(followed_place, "least_score", lambda _: score - 0.01)
+    assert is_proved(known, bent, PATH_M, followed, [], [])
+    monkeypatch.setattr(followed_place, "least_score", lambda _: score + 0.01)
+    assert not is_proved(known, bent, PATH_M, followed, [], [])
+
+
 def test_other_places_are_followed_before_one_is_proved():
     box = known_map(BOX)
     truth = drive(Pose(3.0, 3.0, 0.1), 8, step=0.3)

@@ -77,7 +77,14 @@ near another one in score, it is of a kind that other buildings have, too: a sin
 little else."""
 
 DETAILED_SCORE = 0.55
-"""The score that is then enough, relative to the usual one."""
+"""The score that is then enough, relative to the usual one, unless :data:`SCORE_SPREADS` asks for
+more."""
+
+SCORE_SPREADS, MOST_SCORE = 3.5, 0.85
+"""The score may be lower than the usual one by the first times the distance from the usual one to
+what nine of ten of the map's scans reach; the second, relative to the usual one, is always enough.
+Where buildings share walls to the centimetre, scans agree on many metres, and in a sharp map only
+their score shows that what stands between these walls is different."""
 
 MIN_DETAIL = 0.4
 """Share of the counted returns that must lie on walls that are not straight: corridors of one
@@ -193,15 +200,22 @@ def _detailed_of(known: KnownMap, path: float) -> Detailed | None:
     if path < DETAILED_PATH_M or not known.has_own_fits:
         return None
     total = _falling(SUM_OF_SCAN, SUM_OF_PATH, path, FULL_PATH_M)
-    score = DETAILED_SCORE * known.usual.score
+    score = max(DETAILED_SCORE * known.usual.score, least_score(known))
     return Detailed(score, known.low_agreement, known.low_distinctness, total)
+
+
+def least_score(known: KnownMap) -> float:
+    """Return the score that a claim needs, see :data:`SCORE_SPREADS`."""
+    usual = known.usual.score
+    return min(usual - SCORE_SPREADS * (usual - known.low_score), MOST_SCORE * usual)
 
 
 def searched_score(known: KnownMap, path: float) -> float:
     """Return the score from which places are listed, given a path length [m]."""
     least = max(SEARCHED_SCORE, _claimed_score(path) - LISTED_BELOW) * known.usual.score
-    detailed = _detailed_of(known, path)
-    return least if detailed is None else min(least, detailed.score)
+    if _detailed_of(known, path) is None:
+        return least
+    return min(least, DETAILED_SCORE * known.usual.score)
 
 
 def _claimed_score(path: float) -> float:
