@@ -103,8 +103,8 @@ class WallStepConfig(Section):
         0.1,
         ge=0,
         le=1,
-        description="with odometry: the same of the curvatures of a match, below which it may "
-        "follow wheels that slip; 1: always examined",
+        description="with odometry: ratio of the curvatures of a match, along the walls over "
+        "across them, below which it may follow wheels that slip; 1: always examined",
     )
     max_speed: float = Field(2.0, gt=0, description="of the robot [m/s]")
     max_step: float = Field(1.0, gt=0, description="longest step that is tried [m]")
