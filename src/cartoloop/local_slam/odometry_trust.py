@@ -262,8 +262,19 @@ class OdometryTrust:
                 )
                 self._fault = _fault(begin, matched, odometry, _kind(matched, odometry, stands))
                 self.faults.append(self._fault)
+                self._forget_predictions(begin)
                 num_faulty = len(steps)
         return num_faulty
+
+    def _forget_predictions(self, begin: float) -> None:
+        """Forget the predictions of a fault, which may have been bad for some time before.
+
+        They say nothing about the odometry once the fault is over.
+        """
+        self._record.forget(begin - MAX_WINDOW_S)
+        if self._unsteady is not None and self._record.is_useful:
+            self.faults.remove(self._unsteady)
+            self._unsteady = None
 
     def _judge(
         self,

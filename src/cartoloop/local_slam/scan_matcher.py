@@ -201,7 +201,7 @@ class ScanMatcher:
         return weight * usual * usual + against
 
     def _fits_as_usual(self, points: FloatArray, match: LeastSquaresMatch) -> bool:
-        limit = self._typical_residual * self._window.poor_residual_ratio
+        limit = self._typical_residual * self._window.lost_residual_ratio
         return len(points) >= self._window.min_num_seen and match.residual <= limit
 
     def _share_of_seen(self, submap: Submap, points: FloatArray, match: LeastSquaresMatch) -> float:

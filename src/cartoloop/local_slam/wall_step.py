@@ -100,20 +100,21 @@ class WallStep:
     def __init__(self, config: WallStepConfig) -> None:
         self._config = config
         self._last: _LastScan | None = None
-        self._evidence, self._side = 0.0, np.zeros(2)
+        self._evidence, self._side, self._missed = 0.0, np.zeros(2), np.zeros(2)
         self._is_due = True
         self._moved_at = -math.inf
 
     @property
     def memory(self) -> WallMemory:
         """What it remembers from scan to scan, besides the scan."""
-        side_x, side_y = self._side.tolist()
-        return WallMemory(self._evidence, side_x, side_y, self._is_due, self._moved_at)
+        return WallMemory(
+            self._evidence, *self._side.tolist(), *self._missed.tolist(), self._is_due, self._moved_at
+        )
 
     @memory.setter
     def memory(self, memory: WallMemory) -> None:
-        self._evidence, side_x, side_y, self._is_due, self._moved_at = memory
-        self._side = np.array((side_x, side_y))
+        self._evidence, *places, self._is_due, self._moved_at = memory
+        self._side, self._missed = np.array(places[:2]), np.array(places[2:])
 
     def add(self, time: float, pose: Pose, tf_tracking_sensor: Pose, returns: FloatArray) -> None:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
@@ -133,7 +134,8 @@ class WallStep:
     ) -> Pose | None:
         """Return a pose further along the walls that fits the scan before much better, or None.
 
-        The evidence of scans that agree adds up, so that a little from each is enough.
+        The evidence of scans that agree adds up, so that a little from each is enough. Once it is,
+        the pose makes up for what the steps before have missed as well.
 
         Parameters
         ----------
@@ -169,22 +171,28 @@ class WallStep:
             found = _compare(last, time, pose, returns, config, stride)
         if found is None:
             if by_odometry:
-                self._evidence = 0.0
+                self._forget()
             return None
         self._evidence *= config.evidence_memory
         if turns_too_far or not _is_sharp(found, config):
             return None
-        if not self._is_proven(found, len(returns), by_odometry):
+        missed = self._missed_until(found, len(returns), by_odometry)
+        if missed is None:
             return None
-        x, y = (found.correction(config.step) * found.along).tolist()
+        x, y = missed.tolist()
         return Pose(pose.x + x, pose.y + y, pose.theta)
 
-    def _is_proven(self, found: _Comparison, num_returns: int, by_odometry: bool) -> bool:
-        """Add up the evidence for another step; return whether it is enough."""
+    def _missed_until(
+        self, found: _Comparison, num_returns: int, by_odometry: bool
+    ) -> FloatArray | None:
+        """Add up the evidence for another step; return what was missed [m] if it is enough.
+
+        With odometry, each comparison begins where the one before ended, and their steps add up.
+        """
         config, apart = self._config, found.apart
         side = apart * found.along
         if float(side @ self._side) < 0.0:
-            self._evidence = 0.0
+            self._forget()
         self._side = side
         # People who walk along fit another step, and all that stands the one of the odometry.
         if by_odometry and (
@@ -194,8 +202,8 @@ class WallStep:
                 and found.loss_share > config.max_loss_share
             )
         ):
-            self._evidence = 0.0
-            return False
+            self._forget()
+            return None
         evidence = found.matched_cost - found.cost
         if by_odometry:
             # The best of many steps that noise alone makes different is no evidence against wheels.
@@ -203,8 +211,17 @@ class WallStep:
         if abs(apart) < _NEIGHBOUR * config.step:
             evidence = max(evidence - config.evidence_of_noise, 0.0)
         self._evidence += evidence
-        least = config.min_odometry_evidence if by_odometry else config.min_evidence
-        return self._evidence >= least
+        step = found.correction(config.step) * found.along
+        missed = self._missed + step if by_odometry else step
+        is_proven = self._evidence >= (
+            config.min_odometry_evidence if by_odometry else config.min_evidence
+        )
+        self._missed = np.zeros(2) if is_proven else missed
+        return missed if is_proven else None
+
+    def _forget(self) -> None:
+        """Drop the evidence so far."""
+        self._evidence, self._missed = 0.0, np.zeros(2)
 
     def _is_comparable(
         self, last: _LastScan, pose: Pose, returns: FloatArray, by_odometry: bool
