@@ -24,6 +24,7 @@ from cartoloop.local_slam.odometry_trust import (
     OdometryFault,
     OdometryTrust,
     differ,
+    follows,
 )
 from cartoloop.local_slam.velocity_filter import VelocityFilter
 from cartoloop.sensor.events import Imu
@@ -305,6 +306,8 @@ class PoseExtrapolator:
                 return caught_up
         step = self._odometry_step(self._time, time)
         if step is None:
+            step = self._agreed_step(time)
+        if step is None:
             self._extrapolated = None
             return self.prediction_from(time, self._at_constant_velocity(time))
         step = self._with_overdue_motion(step)
@@ -491,6 +494,17 @@ class PoseExtrapolator:
         if self._is_stale or not self._trust.is_trusted or not self._odometry.has_moved:
             return None
         return self._measured_step(begin, end)
+
+    def _agreed_step(self, time: float) -> Pose | None:
+        """Return the step of odometry with a fault where it moves at the last velocity, or None.
+
+        Along bare walls it cannot show that it is good again, and is better than what they show.
+        """
+        if self._is_stale or not self._trust.has_fault:
+            return None
+        step = self._measured_step(self._time, time)
+        expected = self._velocity.step(time - self._time)
+        return step if step is not None and follows(step, expected) else None
 
     def _measured_step(self, begin: float, end: float) -> Pose | None:
         """Return the calibrated motion that the odometry measured between two times, or None."""
