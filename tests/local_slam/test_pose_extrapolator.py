@@ -68,6 +68,22 @@ def test_odometry_predicts_the_step_in_any_frame(extrapolator):
     assert prediction.tf_local_tracking == pytest.approx(compose(start, step))
 
 
+@pytest.mark.parametrize(("speed", "by_odometry"), [(1.0, True), (2.0, False), (0.0, False)])
+def test_after_a_fault_odometry_must_move_at_the_velocity(extrapolator, speed, by_odometry):
+    """Bare walls do not show whether it is good again."""
+    seen = Evidence(True, 0.0, lambda _: math.inf, lambda: math.inf)
+    unseen = Evidence(False, 0.0, lambda _: math.inf, lambda: 0.0)
+    measured = 0.0
+    for k in range(30):
+        extrapolator.add_odometry(0.2 * k, Pose(measured, 0.0, 0.0))
+        pose, evidence = Pose(0.2 * k, 0.0, 0.0), seen if k < 15 else unseen
+        extrapolator.add_pose(0.2 * k, pose, evidence=evidence)
+        measured += 0.2 * (0.3 if k < 15 else speed)
+    assert not extrapolator.trusts_odometry
+    extrapolator.add_odometry(6.0, Pose(measured, 0.0, 0.0))
+    assert extrapolator.predict(6.0).by_odometry == by_odometry
+
+
 @pytest.mark.parametrize("is_determined", [False, True])
 def test_what_was_extrapolated_wrongly_is_made_up_for(extrapolator, is_determined):
     """Only where the match has followed the odometry."""

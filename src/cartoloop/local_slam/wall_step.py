@@ -108,7 +108,11 @@ class WallStep:
     def memory(self) -> WallMemory:
         """What it remembers from scan to scan, besides the scan."""
         return WallMemory(
-            self._evidence, *self._side.tolist(), *self._missed.tolist(), self._is_due, self._moved_at
+            self._evidence,
+            *self._side.tolist(),
+            *self._missed.tolist(),
+            self._is_due,
+            self._moved_at,
         )
 
     @memory.setter
