@@ -186,7 +186,7 @@ def test_a_room_is_mapped_in_spite_of_frozen_odometry(begin):
     poses, _, slam = run(faulty(recording.events(), freeze))
 
     assert errors(poses, recording.true_poses)[0].max() < 0.1
-    (fault,) = slam.extrapolator.odometry_faults
+    (fault,) = slam.extrapolator.odometry.faults
     assert fault.end is None
     assert fault.begin - recording.stamps[begin] < 6.0
 

@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.config import LocalSlamConfig
-from cartoloop.local_slam.pose_extrapolator import (
-    Prediction,
-    isotropic_information,
-)
+from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.scan_matcher import (
     ScanMatcher,
     constrain_degenerate_direction,

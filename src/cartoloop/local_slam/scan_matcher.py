@@ -11,7 +11,7 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.config import CorrelativeMatcherConfig, LocalSlamConfig, PredictionConfig
 from cartoloop.local_slam.match_records import MatcherMemory
-from cartoloop.local_slam.pose_extrapolator import Prediction, isotropic_information
+from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.scan_matching import correlative, least_squares
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose, compose, relative, transform_points, wrap_angle
