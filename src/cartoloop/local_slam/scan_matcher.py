@@ -18,6 +18,14 @@ from cartoloop.sensor.pose import Pose, compose, relative, transform_points, wra
 from cartoloop.submaps.probability_grid import ProbabilityGrid
 from cartoloop.submaps.submap import Submap
 
+OPEN_FACTOR = 2.0
+"""A match far from where odometry leads must determine where it is: its curvature along a direction
+must be this many times what pixel noise alone makes."""
+
+ASIDE_SHARE, LEVER_M = 0.25, 1.0
+"""Otherwise it may differ from odometry only along that direction: by up to this share across it and
+by its turn, which counts as the motion of a point at the second distance [m]."""
+
 
 class MatchedScan(NamedTuple):
     """A scan's pose and its match.
@@ -163,6 +171,8 @@ class ScanMatcher:
             centre = relative(submap.tf_local_submap, tf_local_fallback)
             start = self._search(submap, points, centre, self._lost_window)
             found = self._refine(submap, points, start, start, self._lost_information)
+            if prediction.by_odometry:
+                found = self._where_odometry_leads(submap, points, prediction, found)
             if found.residual < min(limit, best.residual) and (
                 not prediction.by_odometry
                 or (
@@ -175,6 +185,27 @@ class ScanMatcher:
             ):
                 best = found
         return best
+
+    def _where_odometry_leads(
+        self, submap: Submap, points: FloatArray, prediction: Prediction, match: LeastSquaresMatch
+    ) -> LeastSquaresMatch:
+        """Return a match, moved along the direction that it leaves open to where odometry leads.
+
+        Between bare walls a scan fits as well where the robot was before the recording paused.
+        Odometry that is wrong across them, or turned, is not believed along them.
+        """
+        ratio, direction = degenerate_direction(match)
+        if ratio > OPEN_FACTOR * self._prediction.spurious_information:
+            return match
+        prior = relative(submap.tf_local_submap, prediction.tf_local_tracking)
+        cos, sin = math.cos(direction), math.sin(direction)
+        x, y, theta = match.tf_submap_scan
+        back = cos * (prior.x - x) + sin * (prior.y - y)
+        aside = cos * (prior.y - y) - sin * (prior.x - x)
+        if math.hypot(aside, LEVER_M * wrap_angle(prior.theta - theta)) > ASIDE_SHARE * abs(back):
+            return match
+        start = Pose(x + back * cos, y + back * sin, theta)
+        return self._refine(submap, points, start, start, self._lost_information)
 
     def _cost_against(
         self,
