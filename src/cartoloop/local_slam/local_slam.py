@@ -21,6 +21,7 @@ from cartoloop.config import (
 from cartoloop.errors import InputError
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes, unfit
+from cartoloop.local_slam.degenerate_direction import degenerate_direction
 from cartoloop.local_slam.first_map import FirstMap
 from cartoloop.local_slam.match_records import (
     match_record,
@@ -35,7 +36,6 @@ from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.scan_matcher import (
     MatchedScan,
     ScanMatcher,
-    degenerate_direction,
     matched_scan,
 )
 from cartoloop.local_slam.scanner import Scanner
