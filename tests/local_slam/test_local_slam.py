@@ -101,7 +101,7 @@ def test_late_and_miscalibrated_odometry_is_corrected():
     distance, angle = errors(poses, recording.true_poses)
     assert distance.max() < 0.08
     assert math.degrees(angle.max()) < 1.5
-    assert slam.extrapolator.odometry_model.rotation_scale == pytest.approx(1 / 1.15, rel=0.05)
+    assert slam.extrapolator.odometry.model.rotation_scale == pytest.approx(1 / 1.15, rel=0.05)
 
 
 def test_a_recorded_scan_waits_for_its_odometry(recording):
@@ -262,7 +262,7 @@ def test_a_robot_at_rest_keeps_its_pose(recording):
     poses, results, slam = run(still)
     assert np.abs(poses[:, :2]).max() < 0.02
     assert np.abs(poses[:, 2]).max() < 0.005
-    assert not slam.extrapolator.odometry_model.is_known
+    assert not slam.extrapolator.odometry.model.is_known
     assert sum(result.node is not None for result in results) < 8
 
 
@@ -275,7 +275,7 @@ def test_a_gyroscope_that_contradicts_scans_is_not_used(recording, mapped):
     poses, _, slam = run(with_imu())
     distance, _ = errors(poses, recording.true_poses)
     assert distance.max() < 0.1
-    assert not slam.extrapolator.imu_calibration.agrees
+    assert not slam.extrapolator.gyroscope.calibration.agrees
 
 
 def test_an_imu_can_be_disabled(recording, mapped):

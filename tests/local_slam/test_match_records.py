@@ -22,7 +22,7 @@ from cartoloop.sensor.pose import Pose
 
 MATCH = LeastSquaresMatch(Pose(1.0, -2.0, 0.5), np.diag((3.0, 4.0, 5.0)), 0.25, 7.5, 6)
 MEMORY = MatcherMemory(0.31, 12, 5, 3)
-WALLS = WallMemory(17.0, 0.6, -0.8, True, 42.5)
+WALLS = WallMemory(17.0, 0.6, -0.8, 0.3, -0.4, True, 42.5)
 
 
 def test_a_match_is_read_as_it_was_recorded():

@@ -113,8 +113,8 @@ def test_a_robot_that_is_on_for_days_keeps_minutes_of_odometry(monkeypatch, has_
         extrapolator.add_odometry(time, pose)
         if has_scans and number % 5 == 0:
             extrapolator.add_pose(time, pose)
-        if extrapolator.has_much_odometry:
-            extrapolator.forget_odometry([])
-        longest = max(longest, len(extrapolator._odometry._readings))
-    assert len(extrapolator._odometry) == 60_000
+        if extrapolator.odometry.is_long:
+            extrapolator.odometry.forget([])
+        longest = max(longest, len(extrapolator.odometry._track._readings))
+    assert len(extrapolator.odometry._track) == 60_000
     assert 200 <= longest < most

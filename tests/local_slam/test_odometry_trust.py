@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from cartoloop.local_slam.odometry_trust import Evidence, OdometryTrust
+from cartoloop.local_slam.odometry_trust import Evidence, OdometryTrust, follows
 from cartoloop.sensor.pose import Pose, compose
 from cartoloop.simulation import drive, simulate
 from tests.local_slam.small_world import LIDAR, errors, furnished_room, run
@@ -186,7 +186,7 @@ def test_a_room_is_mapped_in_spite_of_frozen_odometry(begin):
     poses, _, slam = run(faulty(recording.events(), freeze))
 
     assert errors(poses, recording.true_poses)[0].max() < 0.1
-    (fault,) = slam.extrapolator.odometry_faults
+    (fault,) = slam.extrapolator.odometry.faults
     assert fault.end is None
     assert fault.begin - recording.stamps[begin] < 6.0
 
@@ -223,3 +223,25 @@ def test_a_fault_that_the_odometry_explains_is_forgotten():
     assert not trust.forgive(since=10.0)
     assert trust.forgive(since=2.0)
     assert not trust.faults
+
+
+def test_bad_predictions_before_a_fault_are_part_of_it():
+    """Odometry is used again as soon as the fault is over."""
+    said = [STEP] * 20 + [STAND, STAND, Pose(0.3, 0.0, 0.06)] * 6 + [STAND] * 10 + [STEP] * 15
+    trust = follow_steady(said)
+    assert [fault.kind for fault in trust.faults] == ["stands still"]
+    assert trust.is_trusted
+
+
+@pytest.mark.parametrize(
+    ("step", "is_followed"),
+    [
+        (Pose(0.11, 0.0, 0.02), True),
+        (Pose(0.2, 0.0, 0.02), False),
+        (Pose(0.1, 0.0, 0.2), False),
+        (STAND, False),
+    ],
+)
+def test_odometry_follows_where_it_moves_as_expected(step, is_followed):
+    assert follows(step, STEP) == is_followed
+    assert not follows(STAND, STAND)

@@ -247,6 +247,6 @@ def test_the_veer_of_a_simulated_drive_is_found():
 
     _, _, slam = run(recording.events())
 
-    veer = slam.extrapolator.odometry_model.veer
+    veer = slam.extrapolator.odometry.model.veer
     assert abs(missing) > 0.01
     assert veer.constant == pytest.approx(missing, abs=0.008)

@@ -68,6 +68,22 @@ def test_odometry_predicts_the_step_in_any_frame(extrapolator):
     assert prediction.tf_local_tracking == pytest.approx(compose(start, step))
 
 
+@pytest.mark.parametrize(("speed", "by_odometry"), [(1.0, True), (2.0, False), (0.0, False)])
+def test_after_a_fault_odometry_must_move_at_the_velocity(extrapolator, speed, by_odometry):
+    """Bare walls do not show whether it is good again."""
+    seen = Evidence(True, 0.0, lambda _: math.inf, lambda: math.inf)
+    unseen = Evidence(False, 0.0, lambda _: math.inf, lambda: 0.0)
+    measured = 0.0
+    for k in range(30):
+        extrapolator.add_odometry(0.2 * k, Pose(measured, 0.0, 0.0))
+        pose, evidence = Pose(0.2 * k, 0.0, 0.0), seen if k < 15 else unseen
+        extrapolator.add_pose(0.2 * k, pose, evidence=evidence)
+        measured += 0.2 * (0.3 if k < 15 else speed)
+    assert not extrapolator.odometry.is_trusted
+    extrapolator.add_odometry(6.0, Pose(measured, 0.0, 0.0))
+    assert extrapolator.predict(6.0).by_odometry == by_odometry
+
+
 @pytest.mark.parametrize("is_determined", [False, True])
 def test_what_was_extrapolated_wrongly_is_made_up_for(extrapolator, is_determined):
     """Only where the match has followed the odometry."""
@@ -178,7 +194,7 @@ def test_the_gyroscope_has_precedence_over_wheels(extrapolator):
 def test_an_imu_can_be_disabled_and_old_readings_are_not_used():
     extrapolator = PoseExtrapolator(LocalSlamConfig(use_imu=False))
     turning(extrapolator, 1.5, 0.2)
-    assert extrapolator.imu is None
+    assert extrapolator.gyroscope.track is None
     stopped = PoseExtrapolator(LocalSlamConfig())
     turning(stopped, 1.5, 0.2)
     stopped.add_pose(0.2, Pose(1.0, 0.0, 0.0))
@@ -272,7 +288,7 @@ def test_the_offset_of_the_odometrys_clock_is_corrected():
     for time in times:
         extrapolator.add_odometry(time, true_pose(time + offset))
         extrapolator.add_pose(time, true_pose(time))
-    assert extrapolator.odometry_model.time_offset == pytest.approx(offset, abs=0.03)
+    assert extrapolator.odometry.model.time_offset == pytest.approx(offset, abs=0.03)
     extrapolator.add_odometry(times[-1] + period, true_pose(times[-1] + period + offset))
     expected = true_pose(times[-1] + period)
     predicted = extrapolator.predict(times[-1] + period).tf_local_tracking
@@ -294,7 +310,7 @@ def test_the_offset_of_the_imus_clock_is_corrected():
             rate = 1.5 * 0.9 * math.cos(0.9 * (time + offset))
             extrapolator.add_imu(Imu(time, time, (0.0, 0.0, 9.81), (0.0, 0.0, rate)))
         extrapolator.add_pose(begin, Pose(0.0, 0.0, heading(begin)))
-    assert extrapolator.imu_calibration.time_offset == pytest.approx(offset, abs=0.02)
+    assert extrapolator.gyroscope.calibration.time_offset == pytest.approx(offset, abs=0.02)
     expected = heading(300 * period)
     predicted = extrapolator.predict(300 * period).tf_local_tracking.theta
     assert predicted == pytest.approx(expected, abs=0.01)
@@ -309,6 +325,6 @@ def test_a_gyroscope_mounted_upside_down_is_not_used():
                 Imu(time + 0.02 * j, time + 0.02 * j, (0.0, 0.0, 9.81), (0.0, 0.0, -0.5))
             )
         extrapolator.add_pose(time, Pose(0.0, 0.0, math.remainder(0.5 * time, math.tau)))
-    assert not extrapolator.imu_calibration.agrees
+    assert not extrapolator.gyroscope.calibration.agrees
     ahead = extrapolator.predict(20.0).tf_local_tracking.theta
     assert math.remainder(ahead - 10.0, math.tau) == pytest.approx(0.0, abs=0.01)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cartoloop.local_slam.prediction_record import DOUBTFUL, MAX_SCORE, PredictionRecord
+from cartoloop.local_slam.prediction_record import DOUBTFUL, MAX_SCORE, MEMORY_S, PredictionRecord
 from cartoloop.sensor.pose import Pose
 
 STEP = Pose(0.1, 0.0, 0.02)
@@ -78,3 +78,25 @@ def test_small_errors_of_the_odometry_do_not_matter():
 @pytest.mark.parametrize("shift", [STAND, Pose(0.01, 0.0, 0.01)])
 def test_a_robot_at_rest_says_nothing(shift):
     assert not judged([shift] * 300, [STAND] * 300, [shift] * 300)[1]
+
+
+@pytest.mark.parametrize("earlier", [0.0, DOUBTFUL])
+def test_steps_that_are_forgotten_leave_no_trace(earlier):
+    record, _ = judged(STEADY, LEAPING, STEADY, earlier)
+    for k in range(20):
+        record.add(30.0 + 0.2 * k, STEP, STAND if k % 2 else LEAP, STEP)
+    record.forget(since=30.0)
+    expected, _ = judged(STEADY, LEAPING, STEADY, earlier)
+    assert (record.is_useful, record.since, record.largest) == (
+        expected.is_useful,
+        expected.since,
+        expected.largest,
+    )
+
+
+def test_only_recent_steps_can_be_forgotten():
+    record, _ = judged(STEADY[:60], LEAPING[:60], STEADY[:60])
+    assert not record.is_useful
+    record.add(0.2 * 60 + 2 * MEMORY_S, STEP, STEP, STEP)
+    record.forget(since=0.0)
+    assert not record.is_useful

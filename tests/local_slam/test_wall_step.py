@@ -113,6 +113,21 @@ def test_wheels_that_slip_are_contradicted(said):
     assert pose.x == pytest.approx(1.4, abs=0.1)
 
 
+def test_steps_missed_before_slip_is_proven_are_made_up_for():
+    """The evidence of one comparison is too little."""
+    wall_step = WallStep(WallStepConfig(min_odometry_evidence=150.0))
+    scan = partial(corridor_scan, rng=Silent(), cupboards=CUPBOARDS)
+    found = []
+    for k in range(4):
+        pose = Pose(0.02 * k, 0.0, 0.0)
+        found.append(wall_step.better_pose(0.4 * k, pose, scan(0.2 * k), by_odometry=True))
+        if found[-1] is not None:
+            break
+        wall_step.add(0.4 * k, pose, IDENTITY, scan(0.2 * k))
+    assert len(found) > 2
+    assert found[-1].x == pytest.approx(0.2 * (len(found) - 1), abs=0.03)
+
+
 @pytest.mark.parametrize(("ratio", "is_left_alone"), [(0.05, False), (0.5, True)])
 def test_matches_that_do_not_follow_wheels_are_left_alone(ratio, is_left_alone):
     rng, wall_step, found = np.random.default_rng(0), WallStep(CONFIG), []

@@ -87,7 +87,7 @@ def calibrate(
             num_matched += slam.add_scan(event).was_matched
             num_scans += 1
             last = event.time
-    return Calibration(first, num_scans, num_matched, slam.extrapolator.odometry_model)
+    return Calibration(first, num_scans, num_matched, slam.extrapolator.odometry.model)
 
 
 def _between(log: Log, start: float, end: float) -> Iterator[SensorEvent]:

@@ -21,6 +21,7 @@ from cartoloop.config import (
 from cartoloop.errors import InputError
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes, unfit
+from cartoloop.local_slam.degenerate_direction import degenerate_direction
 from cartoloop.local_slam.first_map import FirstMap
 from cartoloop.local_slam.match_records import (
     match_record,
@@ -30,16 +31,11 @@ from cartoloop.local_slam.match_records import (
 )
 from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S
 from cartoloop.local_slam.odometry_trust import Evidence
-from cartoloop.local_slam.pose_extrapolator import (
-    MAX_SWEEP_S,
-    PoseExtrapolator,
-    Prediction,
-    isotropic_information,
-)
+from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator
+from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.scan_matcher import (
     MatchedScan,
     ScanMatcher,
-    degenerate_direction,
     matched_scan,
 )
 from cartoloop.local_slam.scanner import Scanner
@@ -142,7 +138,7 @@ class LocalSlam:
     def calibration(self) -> SensorCalibration:
         """What is known about the sensors by now."""
         motion = self.extrapolator
-        return SensorCalibration(motion.odometry_model, self._clocks.offsets, motion.odometry_score)
+        return SensorCalibration(motion.odometry.model, self._clocks.offsets, motion.odometry.score)
 
     def summary(self) -> dict[str, Any]:
         """Return the estimates about odometry, IMU and scanners, for the report."""
@@ -156,9 +152,9 @@ class LocalSlam:
     def add_odometry(self, odometry: Odometry) -> None:
         """Add a wheel-odometry reading."""
         self.extrapolator.add_odometry(odometry.time, odometry.tf_odom_tracking)
-        if self.extrapolator.has_much_odometry:
+        if self.extrapolator.odometry.is_long:
             begins = [scanner.distance_meter.begin for scanner in self._scanners.values()]
-            self.extrapolator.forget_odometry([time for time in begins if time is not None])
+            self.extrapolator.odometry.forget([time for time in begins if time is not None])
 
     def add_imu(self, imu: Imu) -> None:
         """Add an inertial reading."""
@@ -175,7 +171,7 @@ class LocalSlam:
         offset = self._clocks.offset_of(scan.geometry.sensor)
         end = scan.time + offset + min(scan.sweep[1], MAX_SWEEP_S)
         return end <= time and (
-            self.extrapolator.has_odometry_until(end) or time > end + MAX_EXTRAPOLATION_S
+            self.extrapolator.odometry.reaches(end) or time > end + MAX_EXTRAPOLATION_S
         )
 
     def add_scan(
@@ -326,13 +322,13 @@ class LocalSlam:
     def _measure_distance(self, time: float, pose: Pose, data: RangeData, scanner: Scanner) -> None:
         """Measure the distance from a scan about a metre back, to calibrate the odometry."""
         meter = scanner.distance_meter
-        if not self.extrapolator.trusts_odometry:
+        if not self.extrapolator.odometry.is_trusted:
             meter.forget()
             return
         with self._timer.measure("match"):
             distance = meter.add(time, pose, data.tf_tracking_sensor, data.returns)
         if distance is not None:
-            self.extrapolator.add_distance(distance)
+            self.extrapolator.odometry.add_distance(distance)
 
     def _step_along_walls(
         self,

@@ -41,6 +41,7 @@ class WallMemory(NamedTuple):
     ----------
     evidence : for another step, so far.
     side_x, side_y : to which side it was.
+    missed_x, missed_y : what the steps that it is for have missed so far [m].
     is_due : whether the next scan that is added takes the place of the last.
     moved_at : when the odometry last moved [s].
     """
@@ -48,12 +49,14 @@ class WallMemory(NamedTuple):
     evidence: float
     side_x: float
     side_y: float
+    missed_x: float
+    missed_y: float
     is_due: bool
     moved_at: float
 
 
 _MATCH = struct.Struct("<3d9d2dId3I")
-_WALL = struct.Struct("<?3d3d?d")
+_WALL = struct.Struct("<?3d5d?d")
 _NOWHERE = (0.0, 0.0, 0.0)
 
 
@@ -81,9 +84,8 @@ def recorded_match(payload: memoryview) -> tuple[LeastSquaresMatch, MatcherMemor
 
 def wall_record(pose: Pose | None, memory: WallMemory) -> bytes:
     """Return a better pose, if there is one, and the memory after the comparison as a payload."""
-    evidence, side_x, side_y, is_due, moved_at = memory
     place = _NOWHERE if pose is None else pose
-    return _WALL.pack(pose is not None, *place, evidence, side_x, side_y, is_due, moved_at)
+    return _WALL.pack(pose is not None, *place, *memory)
 
 
 def recorded_wall_step(payload: memoryview) -> tuple[Pose | None, WallMemory]:

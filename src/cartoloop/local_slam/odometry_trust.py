@@ -58,6 +58,9 @@ PROOF_M, PROOF_RAD = 0.3, 0.3
 """Motion of a window that shows that the odometry is good again [m], [rad]; a robot at rest does
 not."""
 
+MIN_FOLLOWED_M = 0.02
+"""Shorter steps of two predictions agree by chance [m]."""
+
 
 class Evidence(NamedTuple):
     """What a match says about the motion.
@@ -186,6 +189,11 @@ class OdometryTrust:
         return self._fault is None and self._record.is_useful
 
     @property
+    def has_fault(self) -> bool:
+        """Whether it moved otherwise than the scans when that was last seen."""
+        return self._fault is not None
+
+    @property
     def largest_score(self) -> float:
         """The largest score of the predictions so far, that of an earlier pass included."""
         return self._record.largest
@@ -262,8 +270,19 @@ class OdometryTrust:
                 )
                 self._fault = _fault(begin, matched, odometry, _kind(matched, odometry, stands))
                 self.faults.append(self._fault)
+                self._forget_predictions(begin)
                 num_faulty = len(steps)
         return num_faulty
+
+    def _forget_predictions(self, begin: float) -> None:
+        """Forget the predictions of a fault, which may have been bad for some time before.
+
+        They say nothing about the odometry once the fault is over.
+        """
+        self._record.forget(begin - MAX_WINDOW_S)
+        if self._unsteady is not None and self._record.is_useful:
+            self.faults.remove(self._unsteady)
+            self._unsteady = None
 
     def _judge(
         self,
@@ -345,6 +364,16 @@ def differ(matched: Pose, odometry: Pose, *, is_calibrated: bool) -> bool:
     share = CALIBRATED_FAULT_SHARE if is_calibrated else FAULT_SHARE
     return apart > max(FAULT_M + lever * turn, share * length) or turned_apart > max(
         FAULT_RAD, FAULT_SHARE * turn
+    )
+
+
+def follows(step: Pose, expected: Pose) -> bool:
+    """Return whether a step of odometry moves as expected of it; one at rest does not."""
+    apart, length, turned_apart, turn = _sizes(expected, step)
+    return (
+        length >= MIN_FOLLOWED_M
+        and apart <= GOOD_SHARE * length
+        and turned_apart <= GOOD_RAD + GOOD_SHARE * turn
     )
 
 

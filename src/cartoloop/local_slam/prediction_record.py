@@ -10,6 +10,8 @@ without it, step by step, and left out as long as that is better.
 from __future__ import annotations
 
 import math
+from collections import deque
+from typing import NamedTuple
 
 from cartoloop.sensor.pose import Pose
 
@@ -36,6 +38,20 @@ DOUBTFUL = 6.0
 predicted well for a while. While it is used, matches follow it, and speak for it."""
 
 
+MEMORY_S = 10.0
+"""For this time a step can be forgotten again [s]."""
+
+
+class _State(NamedTuple):
+    """The record before the step that began at a time [s]."""
+
+    begin: float
+    score: float
+    since: float
+    largest: float
+    is_useful: bool
+
+
 class PredictionRecord:
     """The sum of what steps between scans say against the odometry.
 
@@ -55,6 +71,7 @@ class PredictionRecord:
         self.since = math.nan
         self.largest = earlier
         self._score = 0.0 if self.is_useful else WORSE
+        self._states: deque[_State] = deque()
 
     def add(self, begin: float, matched: Pose, reported: Pose, expected: Pose) -> None:
         """Add a step that the scans determine.
@@ -67,6 +84,7 @@ class PredictionRecord:
         """
         if max(_size(matched), _size(reported)) < MIN_MOTION_M:
             return
+        self._remember(begin)
         by_odometry, without = _apart(matched, reported), _apart(matched, expected)
         score = (by_odometry - without) / (by_odometry + without + MATCH_ERROR_M)
         if score > 0.0:
@@ -76,6 +94,20 @@ class PredictionRecord:
         self._score = min(max(self._score + score, 0.0), MAX_SCORE)
         self.largest = max(self.largest, self._score)
         self.is_useful = self._score < (WORSE if self.is_useful else BETTER)
+
+    def forget(self, since: float) -> None:
+        """Forget the steps that began at a time or later [s], as something else explains them.
+
+        Those that began more than `MEMORY_S` before the last one stay.
+        """
+        while self._states and self._states[-1].begin >= since:
+            _, self._score, self.since, self.largest, self.is_useful = self._states.pop()
+
+    def _remember(self, begin: float) -> None:
+        states = self._states
+        states.append(_State(begin, self._score, self.since, self.largest, self.is_useful))
+        while states[0].begin < begin - MEMORY_S:
+            states.popleft()
 
 
 def _size(motion: Pose) -> float:

@@ -9,9 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import FloatArray
-from cartoloop.config import CorrelativeMatcherConfig, LocalSlamConfig, PredictionConfig
+from cartoloop.config import CorrelativeMatcherConfig, LocalSlamConfig
+from cartoloop.local_slam.degenerate_direction import (
+    constrain_degenerate_direction,
+    where_prior_leads,
+)
 from cartoloop.local_slam.match_records import MatcherMemory
-from cartoloop.local_slam.pose_extrapolator import Prediction, isotropic_information
+from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.scan_matching import correlative, least_squares
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose, compose, relative, transform_points, wrap_angle
@@ -159,10 +163,16 @@ class ScanMatcher:
         cost = weight * best.cost
         if prediction.by_odometry:
             limit_of_seen = ratio * self._residual_of_seen(submap, points, best)
+        prior = relative(submap.tf_local_submap, prediction.tf_local_tracking)
         for tf_local_fallback in prediction.fallbacks():
             centre = relative(submap.tf_local_submap, tf_local_fallback)
             start = self._search(submap, points, centre, self._lost_window)
             found = self._refine(submap, points, start, start, self._lost_information)
+            if prediction.by_odometry:
+                spurious = self._prediction.spurious_information
+                start = where_prior_leads(found, prior, spurious)
+                if start != found.tf_submap_scan:
+                    found = self._refine(submap, points, start, start, self._lost_information)
             if found.residual < min(limit, best.residual) and (
                 not prediction.by_odometry
                 or (
@@ -201,7 +211,7 @@ class ScanMatcher:
         return weight * usual * usual + against
 
     def _fits_as_usual(self, points: FloatArray, match: LeastSquaresMatch) -> bool:
-        limit = self._typical_residual * self._window.poor_residual_ratio
+        limit = self._typical_residual * self._window.lost_residual_ratio
         return len(points) >= self._window.min_num_seen and match.residual <= limit
 
     def _share_of_seen(self, submap: Submap, points: FloatArray, match: LeastSquaresMatch) -> float:
@@ -279,53 +289,3 @@ def values_at(grid: ProbabilityGrid, points: FloatArray, tf_submap_scan: Pose) -
     values = np.zeros(len(points))
     values[is_inside] = grid.cells[rows[is_inside], columns[is_inside]]
     return values
-
-
-def constrain_degenerate_direction(
-    match: LeastSquaresMatch,
-    prior: Pose,
-    prior_information: FloatArray,
-    point_weight: float,
-    config: PredictionConfig,
-    pixel_information: float = 0.0,
-) -> Pose:
-    """Return the pose of a match, moved towards the prior along its degenerate direction.
-
-    Along a featureless corridor, pixel noise adds to (CS) a curvature that is a share of the
-    curvature across it and attracts the scan to where the map happens to be rough. That share is
-    not information: it is subtracted, and the rest is weighted against the prior again.
-
-    Parameters
-    ----------
-    prior, prior_information : the motion prior; information as upper triangle, shape (6,).
-    point_weight : factor of the points' information.
-    pixel_information : information that the pixel noise is credited with [1/m^2].
-    """
-    ratio, direction = degenerate_direction(match)
-    if not 0.0 < ratio < 1.0:
-        return match.tf_submap_scan
-    (xx, xy), (_, yy) = match.information[:2, :2].tolist()
-    strong = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
-    seeming = point_weight * ratio * strong
-    true = point_weight * max(ratio - config.spurious_information, 0.0) * strong
-    true = min(seeming, true + pixel_information)
-    cos, sin = math.cos(direction), math.sin(direction)
-    pose = match.tf_submap_scan
-    along = cos * (pose.x - prior.x) + sin * (pose.y - prior.y)
-    trust = float(prior_information[0])
-    trust = trust / (1.0 + along * along * trust / config.failure_scale**2)
-    kept = true / (true + trust) * (seeming + trust) / seeming
-    back = (min(kept, 1.0) - 1.0) * along
-    return Pose(pose.x + back * cos, pose.y + back * sin, pose.theta)
-
-
-def degenerate_direction(match: LeastSquaresMatch) -> tuple[float, float]:
-    """Return the ratio of the eigenvalues of a match's translation, and the weaker's direction.
-
-    A small ratio indicates a corridor: the scan hardly determines the position along the direction
-    [rad, grid axes].
-    """
-    (xx, xy), (_, yy) = match.information[:2, :2].tolist()
-    mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
-    ratio = max(mean - half, 0.0) / (mean + half) if mean + half > 0.0 else 0.0
-    return ratio, 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi

@@ -14,76 +14,17 @@ errors to them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import WallStepConfig
-from cartoloop.kernels.outline_shift import Fit, best_step, open_direction
 from cartoloop.local_slam.match_records import WallMemory
-from cartoloop.local_slam.outline import Outline, outline_of
-from cartoloop.sensor.pose import Pose, compose, inverse, wrap_angle
-
-_STRIDE = 3
-"""Of the steps that are tried against odometry, every third is tried first: most often none of them
-fits better than the matched one, since the wheels do not slip."""
+from cartoloop.local_slam.wall_comparison import Comparison, EarlierScan, compare, is_sharp
+from cartoloop.sensor.pose import Pose, wrap_angle
 
 _NEIGHBOUR = 1.5
 """Steps that differ by less than this many are neighbours: noise decides between them."""
-
-
-@dataclass(frozen=True)
-class _LastScan:
-    time: float
-    pose: Pose
-    tf_tracking_sensor: Pose
-    returns: FloatArray
-
-    @cached_property
-    def outline(self) -> Outline:
-        return outline_of(self.returns, self.tf_tracking_sensor)
-
-
-class _Comparison(NamedTuple):
-    """The step along the open direction by which a scan fits one before best.
-
-    Attributes
-    ----------
-    apart : how much further it is than the matched step [m].
-    costs : of the steps by `max_distance` shorter, next to it, it, next to it, by `max_distance`
-        longer; NaN where that was not tried.
-    matched_cost : of the pose as matched.
-    noise : standard deviation of the difference of both costs, if noise alone made it.
-    loss : by how much more stretches of returns cost at the step than as matched, in all.
-    along : float64, (2,), unit vector of the direction, local frame.
-    """
-
-    apart: float
-    costs: tuple[float, ...]
-    matched_cost: float
-    noise: float
-    loss: float
-    along: FloatArray
-
-    @property
-    def cost(self) -> float:
-        """Cost of the step."""
-        return self.costs[2]
-
-    @property
-    def loss_share(self) -> float:
-        """What speaks against the step, as a share of what speaks for it."""
-        return self.loss / max(self.matched_cost - self.cost + self.loss, 1e-9)
-
-    def correction(self, step: float) -> float:
-        """Return `apart` between the steps that were tried, which are `step` apart [m]."""
-        _, before, here, after, _ = self.costs
-        bend = before - 2.0 * here + after
-        between = 0.5 * step * (before - after) / bend if bend > 0.0 else 0.0
-        return self.apart + between
 
 
 class WallStep:
@@ -99,27 +40,29 @@ class WallStep:
 
     def __init__(self, config: WallStepConfig) -> None:
         self._config = config
-        self._last: _LastScan | None = None
-        self._evidence, self._side = 0.0, np.zeros(2)
+        self._last: EarlierScan | None = None
+        self._evidence, self._side, self._missed = 0.0, np.zeros(2), np.zeros(2)
         self._is_due = True
         self._moved_at = -math.inf
 
     @property
     def memory(self) -> WallMemory:
         """What it remembers from scan to scan, besides the scan."""
-        side_x, side_y = self._side.tolist()
-        return WallMemory(self._evidence, side_x, side_y, self._is_due, self._moved_at)
+        (side_x, side_y), (missed_x, missed_y) = self._side.tolist(), self._missed.tolist()
+        return WallMemory(
+            self._evidence, side_x, side_y, missed_x, missed_y, self._is_due, self._moved_at
+        )
 
     @memory.setter
     def memory(self, memory: WallMemory) -> None:
-        self._evidence, side_x, side_y, self._is_due, self._moved_at = memory
-        self._side = np.array((side_x, side_y))
+        self._evidence, *places, self._is_due, self._moved_at = memory
+        self._side, self._missed = np.array(places[:2]), np.array(places[2:])
 
     def add(self, time: float, pose: Pose, tf_tracking_sensor: Pose, returns: FloatArray) -> None:
         """Remember a scan, with its pose in the local frame; `returns` in the tracking frame."""
         if self._last is not None and not self._is_due:
             return
-        self._last = _LastScan(time, pose, tf_tracking_sensor, returns)
+        self._last = EarlierScan(time, pose, tf_tracking_sensor, returns)
 
     def better_pose(
         self,
@@ -133,7 +76,8 @@ class WallStep:
     ) -> Pose | None:
         """Return a pose further along the walls that fits the scan before much better, or None.
 
-        The evidence of scans that agree adds up, so that a little from each is enough.
+        The evidence of scans that agree adds up, so that a little from each is enough. Once it is,
+        the pose makes up for what the steps before have missed as well.
 
         Parameters
         ----------
@@ -165,26 +109,31 @@ class WallStep:
             return None  # The comparison would only reduce the evidence.
         found = None
         if not by_odometry or match_ratio <= config.max_match_ratio:
-            stride = _STRIDE if by_odometry else 1
-            found = _compare(last, time, pose, returns, config, stride)
+            found = compare(last, time, pose, returns, config, by_odometry=by_odometry)
         if found is None:
             if by_odometry:
-                self._evidence = 0.0
+                self._forget()
             return None
         self._evidence *= config.evidence_memory
-        if turns_too_far or not _is_sharp(found, config):
+        if turns_too_far or not is_sharp(found, config):
             return None
-        if not self._is_proven(found, len(returns), by_odometry):
+        missed = self._missed_until(found, len(returns), by_odometry)
+        if missed is None:
             return None
-        x, y = (found.correction(config.step) * found.along).tolist()
+        x, y = missed.tolist()
         return Pose(pose.x + x, pose.y + y, pose.theta)
 
-    def _is_proven(self, found: _Comparison, num_returns: int, by_odometry: bool) -> bool:
-        """Add up the evidence for another step; return whether it is enough."""
+    def _missed_until(
+        self, found: Comparison, num_returns: int, by_odometry: bool
+    ) -> FloatArray | None:
+        """Add up the evidence for another step; return what was missed [m] if it is enough.
+
+        With odometry, each comparison begins where the one before ended, and their steps add up.
+        """
         config, apart = self._config, found.apart
         side = apart * found.along
         if float(side @ self._side) < 0.0:
-            self._evidence = 0.0
+            self._forget()
         self._side = side
         # People who walk along fit another step, and all that stands the one of the odometry.
         if by_odometry and (
@@ -194,8 +143,8 @@ class WallStep:
                 and found.loss_share > config.max_loss_share
             )
         ):
-            self._evidence = 0.0
-            return False
+            self._forget()
+            return None
         evidence = found.matched_cost - found.cost
         if by_odometry:
             # The best of many steps that noise alone makes different is no evidence against wheels.
@@ -203,11 +152,20 @@ class WallStep:
         if abs(apart) < _NEIGHBOUR * config.step:
             evidence = max(evidence - config.evidence_of_noise, 0.0)
         self._evidence += evidence
-        least = config.min_odometry_evidence if by_odometry else config.min_evidence
-        return self._evidence >= least
+        step = found.correction(config.step) * found.along
+        missed = self._missed + step if by_odometry else step
+        is_proven = self._evidence >= (
+            config.min_odometry_evidence if by_odometry else config.min_evidence
+        )
+        self._missed = np.zeros(2) if is_proven else missed
+        return missed if is_proven else None
+
+    def _forget(self) -> None:
+        """Drop the evidence so far."""
+        self._evidence, self._missed = 0.0, np.zeros(2)
 
     def _is_comparable(
-        self, last: _LastScan, pose: Pose, returns: FloatArray, by_odometry: bool
+        self, last: EarlierScan, pose: Pose, returns: FloatArray, by_odometry: bool
     ) -> bool:
         """Return whether two scans have enough returns and, against odometry, overlap enough."""
         config = self._config
@@ -216,7 +174,7 @@ class WallStep:
         moved = math.hypot(pose.x - last.pose.x, pose.y - last.pose.y)
         return not by_odometry or moved <= config.max_odometry_step
 
-    def _is_far(self, last: _LastScan, time: float, pose: Pose, by_odometry: bool) -> bool:
+    def _is_far(self, last: EarlierScan, time: float, pose: Pose, by_odometry: bool) -> bool:
         """Return whether a scan is so far from the last one that a step can be judged."""
         config = self._config
         longest = config.max_odometry_duration if by_odometry else config.max_duration
@@ -226,70 +184,3 @@ class WallStep:
             > 0.5 * math.radians(config.max_turn_deg)
             or not 0.0 <= time - last.time < longest
         )
-
-
-def _compare(
-    last: _LastScan,
-    time: float,
-    pose: Pose,
-    returns: FloatArray,
-    config: WallStepConfig,
-    stride: int,
-) -> _Comparison | None:
-    """Compare a scan with one before; None where lines determine all directions well.
-
-    With a stride above 1, also None where no step of that grid fits so much better than the matched
-    one as odometry must fit worse.
-    """
-    outline, max_gap = last.outline, math.radians(config.max_gap_deg)
-    ratio, direction = open_direction(*outline, max_gap)
-    if ratio > config.max_ratio or time <= last.time:
-        return None
-    tf_sensor_local = inverse(compose(last.pose, last.tf_tracking_sensor))
-    axis = math.cos(direction), math.sin(direction)
-    direction -= tf_sensor_local.theta
-    along = math.cos(direction), math.sin(direction)
-    moved = along[0] * (pose.x - last.pose.x) + along[1] * (pose.y - last.pose.y)
-    reach = min(config.max_speed * (time - last.time), config.max_step) + config.max_distance
-    steps = _steps_to_try(math.ceil(reach / config.step), config.step)
-    by_odometry = stride > 1
-    matched_cost, best, noise, loss, costs = best_step(
-        *outline,
-        max_gap,
-        returns,
-        compose(tf_sensor_local, pose)[:],
-        axis,
-        moved,
-        steps,
-        stride,
-        (1.0 / config.odometry_cost_ratio, config.close_fit),
-        round(config.max_distance / config.step),
-        _fit(config, by_odometry=by_odometry),
-    )
-    if best < 0:
-        return None
-    apart = float(steps[best]) - moved
-    return _Comparison(apart, costs, matched_cost, noise, loss, np.array(along))
-
-
-def _fit(config: WallStepConfig, *, by_odometry: bool) -> Fit:
-    """Return what distances from the outline cost, see `best_step`.
-
-    What leaves the view of a scanner is no evidence against odometry. Without odometry it keeps
-    noise from making steps of any length along walls that show none.
-    """
-    unseen = math.nan if by_odometry else config.outside_cost
-    return config.sigma, config.max_distance, config.outside_cost, unseen, unseen
-
-
-@lru_cache(maxsize=256)
-def _steps_to_try(count: int, step: float) -> FloatArray:
-    """Return steps [m], ascending: all that the robot can make, and a margin to judge them by."""
-    return step * np.arange(-count, count + 1, dtype=np.float64)
-
-
-def _is_sharp(found: _Comparison, config: WallStepConfig) -> bool:
-    """Return whether steps on both sides fit worse: a slope alone is a wrong heading."""
-    shorter, *_, longer = found.costs
-    # Neither is true of a cost that is NaN, next to the end of the steps.
-    return shorter - found.cost >= config.min_rise and longer - found.cost >= config.min_rise

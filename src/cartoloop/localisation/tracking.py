@@ -14,8 +14,8 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
-from cartoloop.local_slam.pose_extrapolator import isotropic_information
-from cartoloop.local_slam.scan_matcher import degenerate_direction
+from cartoloop.local_slam.degenerate_direction import degenerate_direction
+from cartoloop.local_slam.prediction import isotropic_information
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import find_near
 from cartoloop.localisation.known_map import KnownMap

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cartoloop.arrays import FloatArray
-from cartoloop.local_slam.scan_matcher import degenerate_direction
+from cartoloop.local_slam.degenerate_direction import degenerate_direction
 from cartoloop.runtime.process_memory import peak_memory_mb
 from cartoloop.sensor.pose import wrap_angle
 from cartoloop.viewer.feed import Update

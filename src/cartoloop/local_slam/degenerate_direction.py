@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The direction along which a match hardly determines the position, as along a corridor."""
+
+from __future__ import annotations
+
+import math
+
+from cartoloop.arrays import FloatArray
+from cartoloop.config import PredictionConfig
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch
+from cartoloop.sensor.pose import Pose, wrap_angle
+
+OPEN_FACTOR = 2.0
+"""A match far from where odometry leads must determine where it is: its curvature along a direction
+must be this many times what pixel noise alone makes."""
+
+ASIDE_SHARE, LEVER_M = 0.25, 1.0
+"""Otherwise it may differ from odometry only along that direction: by up to this share across it,
+and by its turn, which counts as the motion of a point at the second distance [m]."""
+
+
+def constrain_degenerate_direction(
+    match: LeastSquaresMatch,
+    prior: Pose,
+    prior_information: FloatArray,
+    point_weight: float,
+    config: PredictionConfig,
+    pixel_information: float = 0.0,
+) -> Pose:
+    """Return the pose of a match, moved towards the prior along its degenerate direction.
+
+    Along a featureless corridor, pixel noise adds to (CS) a curvature that is a share of the
+    curvature across it and attracts the scan to where the map happens to be rough. That share is
+    not information: it is subtracted, and the rest is weighted against the prior again.
+
+    Parameters
+    ----------
+    prior, prior_information : the motion prior; information as upper triangle, shape (6,).
+    point_weight : factor of the points' information.
+    pixel_information : information that the pixel noise is credited with [1/m^2].
+    """
+    ratio, direction = degenerate_direction(match)
+    if not 0.0 < ratio < 1.0:
+        return match.tf_submap_scan
+    (xx, xy), (_, yy) = match.information[:2, :2].tolist()
+    strong = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
+    seeming = point_weight * ratio * strong
+    true = point_weight * max(ratio - config.spurious_information, 0.0) * strong
+    true = min(seeming, true + pixel_information)
+    cos, sin = math.cos(direction), math.sin(direction)
+    pose = match.tf_submap_scan
+    along = cos * (pose.x - prior.x) + sin * (pose.y - prior.y)
+    trust = float(prior_information[0])
+    trust = trust / (1.0 + along * along * trust / config.failure_scale**2)
+    kept = true / (true + trust) * (seeming + trust) / seeming
+    back = (min(kept, 1.0) - 1.0) * along
+    return Pose(pose.x + back * cos, pose.y + back * sin, pose.theta)
+
+
+def degenerate_direction(match: LeastSquaresMatch) -> tuple[float, float]:
+    """Return the ratio of the eigenvalues of a match's translation, and the weaker's direction.
+
+    A small ratio indicates a corridor: the scan hardly determines the position along the direction
+    [rad, grid axes].
+    """
+    (xx, xy), (_, yy) = match.information[:2, :2].tolist()
+    mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+    ratio = max(mean - half, 0.0) / (mean + half) if mean + half > 0.0 else 0.0
+    return ratio, 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+
+
+def where_prior_leads(match: LeastSquaresMatch, prior: Pose, spurious_information: float) -> Pose:
+    """Return the pose of a match, moved along the direction that it leaves open to the prior.
+
+    Between bare walls a scan fits as well where the robot was before the recording paused. A prior
+    that is wrong across them, or turned, is not believed along them.
+
+    Parameters
+    ----------
+    match : far from the prior.
+    prior : pose by odometry, in the same frame.
+    spurious_information : share of the curvature that pixel noise alone makes.
+    """
+    ratio, direction = degenerate_direction(match)
+    pose = match.tf_submap_scan
+    if ratio > OPEN_FACTOR * spurious_information:
+        return pose
+    cos, sin = math.cos(direction), math.sin(direction)
+    x, y = prior.x - pose.x, prior.y - pose.y
+    along, across = cos * x + sin * y, cos * y - sin * x
+    turn = wrap_angle(prior.theta - pose.theta)
+    if math.hypot(across, LEVER_M * turn) > ASIDE_SHARE * abs(along):
+        return pose
+    return Pose(pose.x + along * cos, pose.y + along * sin, pose.theta)

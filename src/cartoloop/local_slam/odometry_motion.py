@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The motion between two times as calibrated odometry measured it, and whether it is trusted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from cartoloop.arrays import FloatArray
+from cartoloop.config import PredictionConfig
+from cartoloop.local_slam.measured_distance import MeasuredDistance
+from cartoloop.local_slam.odometry_calibration import OdometryCalibration
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.odometry_track import OdometryTrack
+from cartoloop.local_slam.odometry_trust import (
+    Evidence,
+    OdometryFault,
+    OdometryTrust,
+    differ,
+    follows,
+)
+from cartoloop.local_slam.prediction import isotropic_information
+from cartoloop.sensor.pose import IDENTITY, Pose, relative
+
+STALE_M, STALE_RAD, STALE_SHARE = 0.03, 0.03, 0.5
+"""Odometry that does not change at all while the scans move by more than this [m], [rad] repeats an
+old reading. It is new again when it agrees with the scans up to that and a share of the motion."""
+
+ODOMETRY_REACH_S = 4.0
+"""Time around a scan for which the odometry is asked [s]: as many seconds as the clock offsets and
+delays that are tried add up to, and half a sweep."""
+
+KNOWN_SHIFTS_S: tuple[float, ...] = (-0.1, 0.1)
+"""Times by which odometry may be late once its clock is known [s]."""
+
+UNKNOWN_SHIFTS_S: tuple[float, ...] = tuple(0.1 * k for k in range(-4, 13) if k)
+"""The same before its clock is known [s]."""
+
+
+class OdometryMotion:
+    """Wheel odometry, calibrated and compared with matched scans.
+
+    Parameters
+    ----------
+    model : what is known about it before; by default nothing.
+    score : largest score against its predictions in an earlier pass.
+    """
+
+    def __init__(self, model: OdometryParameters | None = None, score: float = 0.0) -> None:
+        self._track = OdometryTrack()
+        self._calibration = OdometryCalibration(model)
+        self._trust = OdometryTrust(score)
+        self._step_key: _StepKey | None = None
+        self._step: Pose | None = None
+        self._is_stale = False
+        self._num_late = 0
+
+    @property
+    def model(self) -> OdometryParameters:
+        """Its estimated calibration."""
+        return self._calibration.model
+
+    @property
+    def score(self) -> float:
+        """The largest score against its predictions so far."""
+        return self._trust.largest_score
+
+    @property
+    def faults(self) -> list[OdometryFault]:
+        """The times at which it did not move as the scans did, so far."""
+        return self._trust.faults
+
+    @property
+    def has_readings(self) -> bool:
+        """Whether there is any."""
+        return len(self._track) > 0
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether it repeats an old reading while the scans move."""
+        return self._is_stale
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether there is odometry that moves as the scans do."""
+        return self.has_readings and not self._is_stale and self._trust.is_trusted
+
+    @property
+    def is_long(self) -> bool:
+        """Whether it is time to forget some of it."""
+        return self._track.is_long
+
+    def summary(self) -> dict[str, Any]:
+        """Return the estimates about it, for the report."""
+        track = {
+            "jumps": self._track.num_jumps,
+            "catch_ups": self._track.num_late,
+            "faults": [asdict(fault) for fault in self._trust.faults],
+        }
+        return self.model.summary() | track
+
+    def add(self, time: float, tf_odom_tracking: Pose) -> None:
+        """Add a reading."""
+        self._track.add(time, tf_odom_tracking)
+
+    def forget(self, needed: Sequence[float]) -> None:
+        """Forget what cannot change any pose or calibration any more.
+
+        Parameters
+        ----------
+        needed : times of earlier scans from which a distance will be measured [s].
+        """
+        used = np.concatenate((self._calibration.used_times(), needed))
+        self._track.forget(used, ODOMETRY_REACH_S + abs(self.model.time_offset))
+
+    def reaches(self, time: float) -> bool:
+        """Return whether it has been read up to a time of the scans, or there is none.
+
+        Beyond its readings it is extrapolated, and what that is wrong by stays in the next step.
+        """
+        return not self.has_readings or self._track.latest + self.model.time_offset >= time
+
+    def add_pose(self, time: float, pose: Pose, num_faulty: int, scanner: str) -> None:
+        """Calibrate with a matched pose; `num_faulty` of the latest steps are left out."""
+        if self.has_readings:
+            self._calibration.add(time, pose, self._track, num_faulty, scanner)
+
+    def add_distance(self, distance: MeasuredDistance) -> None:
+        """Add a distance between two scans that these alone measure."""
+        self._calibration.add_distance(distance)
+
+    def shift(self, scanner: str, by: float) -> None:
+        """Correct the times of a scanner's scans so far, since its clock offset changes [s]."""
+        self._calibration.shift(scanner, by)
+
+    def compare(
+        self,
+        last: tuple[float, Pose] | None,
+        time: float,
+        pose: Pose,
+        evidence: Evidence | None,
+        scanner: str,
+        expected: Pose | None,
+    ) -> int:
+        """Compare it with a matched pose; return how many latest steps are faulty.
+
+        Parameters
+        ----------
+        last : time and pose of the scanner's last scan.
+        time, pose : of this one.
+        evidence : of its match; None if it was not matched.
+        expected : the motion at constant velocity; None where that is not known.
+        """
+        if not self.has_readings:
+            return 0
+        reported = None if last is None else self.measured_step(last[0], time)
+        is_known = self.model.is_known
+        num_faulty = self._trust.add(
+            time, pose, reported, evidence, self._is_late, is_known, scanner, expected
+        )
+        if last is None or reported is None or evidence is None or not evidence.is_determined:
+            return num_faulty
+        matched = relative(last[1], pose)
+        apart = math.hypot(matched.x - reported.x, matched.y - reported.y)
+        turned_apart = abs(matched.theta - reported.theta)
+        if self._is_stale:
+            self._is_stale = apart > STALE_M + STALE_SHARE * math.hypot(
+                matched.x, matched.y
+            ) or turned_apart > STALE_RAD + STALE_SHARE * abs(matched.theta)
+        elif reported == IDENTITY:
+            self._is_stale = apart > STALE_M or turned_apart > STALE_RAD
+        return max(num_faulty, int(self._is_stale))
+
+    def _is_late(self, begin: float, end: float, matched: Pose) -> bool:
+        """Return whether the odometry reports about such a motion shortly before or after."""
+        shifts = KNOWN_SHIFTS_S if self.model.knows_rotation else UNKNOWN_SHIFTS_S
+        length = math.hypot(matched.x, matched.y)
+        for shift in shifts:
+            step = self.measured_step(begin - shift, end - shift)
+            if step is not None and not differ(
+                Pose(length, 0.0, matched.theta),
+                Pose(math.hypot(step.x, step.y), 0.0, step.theta),
+                is_calibrated=False,
+            ):
+                return True
+        return False
+
+    def caught_up_since(self) -> float | None:
+        """Return since when it had repeated a reading [s] if it has caught up, once; else None."""
+        if self._num_late == self._track.num_late:
+            return None
+        self._num_late = self._track.num_late
+        return self._track.late_since + self.model.time_offset
+
+    def forgive(self, since: float) -> bool:
+        """Forget a fault that began after a time [s]; return whether it is trusted."""
+        return self._trust.forgive(since)
+
+    def renew(self) -> None:
+        """Note that it repeats no old reading any more."""
+        self._is_stale = False
+
+    def information(self, config: PredictionConfig) -> FloatArray:
+        """Return the information of a step, upper triangle, shape (6,)."""
+        model = self.model
+        translation = config.unknown_translation_sigma
+        if model.is_known:
+            translation = max(
+                config.translation_error_factor * model.translation_error,
+                config.min_translation_sigma,
+            )
+        rotation = config.unknown_rotation_sigma
+        if model.knows_rotation:
+            rotation = max(
+                config.rotation_error_factor * model.rotation_error, config.min_rotation_sigma
+            )
+        return isotropic_information(translation, rotation)
+
+    def step(self, begin: float, end: float) -> Pose | None:
+        """Return the calibrated motion between two times, None if it is not known or trusted."""
+        if self._is_stale or not self._trust.is_trusted or not self._track.has_moved:
+            return None
+        return self.measured_step(begin, end)
+
+    def agreed_step(self, begin: float, end: float, expected: Pose) -> Pose | None:
+        """Return the step of odometry with a fault where it moves as expected, or None.
+
+        Along bare walls it cannot show that it is good again, and is better than what they show.
+        """
+        if self._is_stale or not self._trust.has_fault:
+            return None
+        step = self.measured_step(begin, end)
+        return step if step is not None and follows(step, expected) else None
+
+    def measured_step(self, begin: float, end: float) -> Pose | None:
+        """Return the calibrated motion that it measured between two times, or None."""
+        model = self.model
+        key = begin, end, len(self._track), model
+        # The prediction of a scan and its comparison with the match ask for the same step.
+        if self._step_key is not None and _same(key, self._step_key):
+            return self._step
+        begin, end = begin - model.time_offset, end - model.time_offset
+        before, after = self._track.at(begin), self._track.at(end)
+        step = None
+        if before is not None and after is not None and not self._track.jumps_between(begin, end):
+            step = model.predict(relative(before, after), before.theta)
+        self._step_key, self._step = key, step
+        return step
+
+
+_StepKey = tuple[float, float, int, OdometryParameters]
+
+
+def _same(key: _StepKey, other: _StepKey) -> bool:
+    return key[:3] == other[:3] and key[3] is other[3]

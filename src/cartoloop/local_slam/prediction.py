@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The motion prior of a scan: a predicted pose and its uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from cartoloop.arrays import FloatArray
+from cartoloop.sensor.pose import Pose
+
+
+class Prediction(NamedTuple):
+    """The motion prior of a scan: all that the scan matcher needs besides scan and submap.
+
+    Attributes
+    ----------
+    tf_local_tracking : predicted pose.
+    by_odometry : whether it is predicted by odometry; by constant velocity otherwise.
+    information : float64, shape (6,), information matrix of the pose, upper triangle (xx, xy, xt,
+        yy, yt, tt).
+    fallbacks : returns other poses to try if the prediction fails: at rest and at constant
+        velocity. Valid until the pose of the scan is added.
+    stands : whether the odometry reports no motion at all.
+    """
+
+    tf_local_tracking: Pose
+    by_odometry: bool
+    information: FloatArray
+    fallbacks: Callable[[], tuple[Pose, Pose]]
+    stands: bool = False
+
+
+def isotropic_information(translation_sigma: float, rotation_sigma: float) -> FloatArray:
+    """Return an information matrix as its upper triangle (xx, xy, xt, yy, yt, tt), shape (6,)."""
+    translation, rotation = 1.0 / translation_sigma**2, 1.0 / rotation_sigma**2
+    return np.array((translation, 0.0, 0.0, translation, 0.0, rotation))
