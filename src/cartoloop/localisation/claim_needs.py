@@ -77,18 +77,20 @@ near another one in score, it is of a kind that other buildings have, too: a sin
 little else."""
 
 DETAILED_SCORE = 0.55
-"""The score that is then enough, relative to the usual one, unless too much is missing, see
-:data:`LEAST_SPREAD`."""
+"""The score that is then enough, relative to the usual one, unless :data:`SCORE_SPREADS` asks for
+more."""
 
-LEAST_SPREAD = 0.04
-"""Score and agreement spread by this share of the usual ones at least: what nine of ten of the
-map's scans reach is lower by more."""
+SCORE_SPREADS, MOST_SCORE = 3.5, 0.85
+"""The score may be lower than the usual one by the first times the distance from the usual one to
+what nine of ten of the map's scans reach; the second, relative to the usual one, is always enough.
+Where buildings share walls to the centimetre, scans agree on many metres, and in a sharp map only
+their score shows that what stands between these walls is different."""
 
-MISSING_OF_SCAN, MISSING_OF_PATH, MISSING_PATH_M = 3.0, 4.0, 4.0
-"""What may be missing of score and agreement together, in spreads, of a single view and of a path
-of the third [m]; in between it rises linearly. Where buildings share walls to the centimetre, scans
-agree with a map roughly on many metres. In a sharp map both show that what stands between these
-walls is different: there 4 to 6 spreads were missing, and at most 3 in right places."""
+MORE_ON_FLOOR = 0.01
+"""Share of the returns that may lie on floor with no wall near, beyond that which nine of ten of the
+map's own scans do not exceed. Where buildings share walls to the centimetre, what stands between
+these walls shows on free floor, in a few returns of each scan; in the own building, such returns
+are of people and of what was moved."""
 
 MIN_DETAIL = 0.4
 """Share of the counted returns that must lie on walls that are not straight: corridors of one
@@ -204,30 +206,19 @@ def _detailed_of(known: KnownMap, path: float) -> Detailed | None:
     if path < DETAILED_PATH_M or not known.has_own_fits:
         return None
     total = _falling(SUM_OF_SCAN, SUM_OF_PATH, path, FULL_PATH_M)
-    score = DETAILED_SCORE * known.usual.score
+    score = max(DETAILED_SCORE * known.usual.score, least_score(known))
     return Detailed(score, known.low_agreement, known.low_distinctness, total)
 
 
-def is_too_much_missing(known: KnownMap, fit: Fit, path: float) -> bool:
-    """Return whether scans fit less than they may, see :data:`MISSING_OF_SCAN`.
+def least_score(known: KnownMap) -> float:
+    """Return the score that a claim needs, see :data:`SCORE_SPREADS`."""
+    usual = known.usual.score
+    return min(usual - SCORE_SPREADS * (usual - known.low_score), MOST_SCORE * usual)
 
-    In a map without own scans it is not known.
 
-    Parameters
-    ----------
-    path : length of the path that they come from [m].
-    """
-    if not known.has_own_fits:
-        return False
-    usual = known.usual
-    missing = sum(
-        max(common - value, 0.0) / max(common - low, LEAST_SPREAD * common)
-        for value, common, low in (
-            (fit.score, usual.score, known.low_score),
-            (fit.agreement, usual.agreement, known.low_agreement),
-        )
-    )
-    return missing > _falling(MISSING_OF_SCAN, MISSING_OF_PATH, path, MISSING_PATH_M)
+def most_on_floor(known: KnownMap) -> float:
+    """Return the share of returns that may lie on floor, see :data:`MORE_ON_FLOOR`."""
+    return known.high_floor + MORE_ON_FLOOR
 
 
 def searched_score(known: KnownMap, path: float) -> float:

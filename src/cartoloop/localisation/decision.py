@@ -31,8 +31,8 @@ from cartoloop.localisation.claim_needs import (
     FITTING_LESS,
     Margins,
     Needed,
-    is_too_much_missing,
     margins_of,
+    most_on_floor,
     needed_of,
     shows_enough,
 )
@@ -175,7 +175,7 @@ def _claim_by_scans(
     if not all(map(is_refuted, others)):
         return None
     matched = follow_in(known, composite, claim.tf_map_tracking)
-    return None if is_too_much_missing(known, matched.fit, path) else claim
+    return claim if matched.fit.on_floor <= most_on_floor(known) else None
 
 
 def _claim_by_path(

@@ -41,6 +41,11 @@ where things were moved; and the limit of the sum."""
 NEW_SHARE, NEW_LIMIT = 1.0, 0.15
 """The same for the first metres after a claim, until it is proved."""
 
+FLOOR_M = 2.0
+"""Until a claim is proved, returns on floor beyond the share that a claim allows add up, and the
+robot is lost from what that share is on this path [m]: where buildings share walls, the scans agree
+for long, and what stands between these walls contradicts first."""
+
 PROOF_M = 15.0
 """Path on which a claim is proved [m]."""
 
@@ -73,6 +78,7 @@ class Doubt:
     Parameters
     ----------
     low : the agreement that nine of ten scans of the map reach, relative to the usual one.
+    most_on_floor : share of the returns that lie on floor in a place that may be claimed.
     is_proved : whether the pose was given by a user, and needs no proof.
 
     Attributes
@@ -80,10 +86,13 @@ class Doubt:
     level : of the doubt; lost from 1 on.
     """
 
-    def __init__(self, low: float = 1.0, *, is_proved: bool = True) -> None:
+    def __init__(
+        self, low: float = 1.0, most_on_floor: float = 1.0, *, is_proved: bool = True
+    ) -> None:
         slow = Watch(SLOW_SHARE * low, SLOW_LIMIT)
         self._watches = [QUICK, slow, Watch(NEW_SHARE * low, NEW_LIMIT)]
         self._sums = [0.0, 0.0, 0.0]
+        self._most_on_floor, self._on_floor = most_on_floor, 0.0
         self._mean = 1.0
         self._latest = (0.0, 0.0)
         self._trust = 0.0
@@ -93,9 +102,10 @@ class Doubt:
     @property
     def level(self) -> float:
         """The doubt: the robot is lost from 1 on."""
-        num_watches = 2 if self.is_proved else 3
-        pairs = zip(self._sums[:num_watches], self._watches[:num_watches], strict=True)
-        return max(total / watch.limit for total, watch in pairs) / self._trusted
+        pairs = zip(self._sums, self._watches, strict=True)
+        levels = [total / watch.limit for total, watch in pairs]
+        levels.append(self._on_floor / (FLOOR_M * self._most_on_floor))
+        return max(levels[:2] if self.is_proved else levels) / self._trusted
 
     @property
     def is_lost(self) -> bool:
@@ -117,13 +127,16 @@ class Doubt:
         """Multiple of the limits from which the robot is lost."""
         return 1.0 + (TRUSTED - 1.0) * self._trust
 
-    def add(self, agreement: float, path: float, duration: float) -> None:
+    def add(
+        self, agreement: float, path: float, duration: float, on_floor: float = 0.0
+    ) -> None:
         """Add a scan.
 
         Parameters
         ----------
         agreement : of the scan, relative to the usual one; NaN if the map is not known there.
         path, duration : since the scan before [m], [s].
+        on_floor : share of the returns that lie on floor.
         """
         if math.isnan(agreement):
             return
@@ -141,8 +154,11 @@ class Doubt:
         for i, (expected, limit) in enumerate(self._watches):
             total = self._sums[i] + weight * (expected - agreement)
             self._sums[i] = min(max(total, 0.0), 2.0 * limit * self._trusted)
+        more = weight * (on_floor - self._most_on_floor)
+        self._on_floor = max(self._on_floor + more, 0.0)
         self._unproved -= path
 
     def reduce(self) -> None:
         """Halve the doubt, as no other place fits better."""
         self._sums = [0.5 * total for total in self._sums]
+        self._on_floor *= 0.5
