@@ -103,5 +103,31 @@ def test_a_claim_is_proved_after_a_path_that_agrees():
     assert not doubt.is_lost
 
 
+def test_returns_on_free_floor_end_a_claim_until_it_is_proved():
+    most = 0.01
+    proved, claimed = Doubt(LOW, most), Doubt(LOW, most, is_proved=False)
+    for _ in range(15):  # 1.5 m
+        for doubt in (proved, claimed):
+            doubt.add(1.0, 0.1, 0.1, 0.03)
+
+    assert claimed.is_lost
+    assert not proved.is_lost
+
+
+def test_as_many_returns_on_floor_as_a_claim_allows_are_no_doubt():
+    doubt = Doubt(LOW, 0.05, is_proved=False)
+    for _ in range(10):
+        doubt.add(1.0, 0.1, 0.1, 0.08)
+    before = doubt.level
+    for _ in range(20):
+        doubt.add(1.0, 0.1, 0.1, 0.05)
+    assert 0.0 < before == doubt.level
+    doubt.reduce()
+    assert doubt.level == 0.5 * before
+    for _ in range(20):
+        doubt.add(1.0, 0.1, 0.1, 0.0)
+    assert doubt.level == 0.0
+
+
 def test_an_outdated_map_is_noticed_in_the_end():
     assert 5.0 < steps_until_lost(0.63, 0.1, 0.1) * 0.1 <= 40.0

@@ -87,10 +87,10 @@ Where buildings share walls to the centimetre, scans agree on many metres, and i
 their score shows that what stands between these walls is different."""
 
 MORE_ON_FLOOR = 0.01
-"""Share of the returns that may lie on floor with no wall near, beyond that which nine of ten of the
-map's own scans do not exceed. Where buildings share walls to the centimetre, what stands between
-these walls shows on free floor, in a few returns of each scan; in the own building, such returns
-are of people and of what was moved."""
+"""Share of the returns that may lie on floor with no wall near, more than nine of ten of the map's
+own scans have. Where buildings share walls to the centimetre, scans agree for metres, but some
+returns show what stands between these walls, on the floor of the map; in the own building, such
+returns are of people and of what was moved."""
 
 MIN_DETAIL = 0.4
 """Share of the counted returns that must lie on walls that are not straight: corridors of one

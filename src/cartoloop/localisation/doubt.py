@@ -127,9 +127,7 @@ class Doubt:
         """Multiple of the limits from which the robot is lost."""
         return 1.0 + (TRUSTED - 1.0) * self._trust
 
-    def add(
-        self, agreement: float, path: float, duration: float, on_floor: float = 0.0
-    ) -> None:
+    def add(self, agreement: float, path: float, duration: float, on_floor: float = 0.0) -> None:
         """Add a scan.
 
         Parameters
