@@ -6,9 +6,9 @@ share of returns on walls, of those where the map is known, relative to that of 
 Sums of what is missing, which never fall below zero, end in doubt and then in being lost
 (E. S. Page, Continuous inspection schemes, 1954). There are three of them: a quick one, which finds
 a robot that was carried away; a slow one, which finds a map that is of another building or
-outdated; and one of the first metres after a claim, which has to prove itself. A robot that is
-followed for long after that is lost later, unless the agreement falls at once: it was not carried
-away, so the place has changed.
+outdated; and one of the first metres after a claim, which has to prove itself. In these metres,
+returns on free floor count by themselves. A robot that is followed for long after that is lost
+later, unless the agreement falls at once: it was not carried away, so the place has changed.
 """
 
 from __future__ import annotations
