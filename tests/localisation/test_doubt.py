@@ -103,15 +103,25 @@ def test_a_claim_is_proved_after_a_path_that_agrees():
     assert not doubt.is_lost
 
 
-def test_returns_on_free_floor_end_a_claim_until_it_is_proved():
-    most = 0.01
-    proved, claimed = Doubt(LOW, most), Doubt(LOW, most, is_proved=False)
-    for _ in range(15):  # 1.5 m
-        for doubt in (proved, claimed):
-            doubt.add(1.0, 0.1, 0.1, 0.03)
+def path_until_lost(doubt, on_floor):
+    for step in range(1, 400):
+        doubt.add(1.0, 0.1, 0.1, on_floor)
+        if doubt.is_lost:
+            return 0.1 * step
+    return math.inf
 
-    assert claimed.is_lost
-    assert not proved.is_lost
+
+def test_returns_on_free_floor_end_a_claim_on_its_first_metres():
+    assert path_until_lost(Doubt(LOW, 0.01, is_proved=False), 0.03) <= 1.5
+
+    proved = Doubt(LOW, 0.01, is_proved=False)
+    proved.add(1.0, 0.1 + PROOF_M, 0.1)
+    assert path_until_lost(proved, 0.03) == math.inf
+
+
+def test_at_a_given_pose_more_returns_may_lie_on_floor():
+    assert path_until_lost(Doubt(LOW, 0.01), 0.04) == math.inf
+    assert path_until_lost(Doubt(LOW, 0.01), 0.07) <= 4.0
 
 
 def test_as_many_returns_on_floor_as_a_claim_allows_are_no_doubt():

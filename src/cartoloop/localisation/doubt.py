@@ -42,12 +42,16 @@ NEW_SHARE, NEW_LIMIT = 1.0, 0.15
 """The same for the first metres after a claim, until it is proved."""
 
 FLOOR_M = 2.0
-"""Until a claim is proved, returns on floor beyond the share that a claim allows add up, and the
-robot is lost from what that share is on this path [m]: where buildings share walls, the scans agree
-for long, and what stands between these walls contradicts first."""
+"""On the first metres, returns on floor beyond the share that a claim allows add up, and the robot
+is lost from what that share is on this path [m]: where buildings share walls, the scans agree for
+long, and what stands between these walls contradicts first."""
+
+GIVEN_ON_FLOOR = 0.03
+"""At a pose that a user gave, more returns may lie on floor by this share: much may have been moved
+there, and the robot is not to be lost for that."""
 
 PROOF_M = 15.0
-"""Path on which a claim is proved [m]."""
+"""Path on which a claim is proved, and on which returns on floor count [m]."""
 
 SUSPECT_AGREEMENT = 0.8
 """Mean agreement of the latest scans, relative to the usual one, below which the map is searched
@@ -92,7 +96,8 @@ class Doubt:
         slow = Watch(SLOW_SHARE * low, SLOW_LIMIT)
         self._watches = [QUICK, slow, Watch(NEW_SHARE * low, NEW_LIMIT)]
         self._sums = [0.0, 0.0, 0.0]
-        self._most_on_floor, self._on_floor = most_on_floor, 0.0
+        self._most_on_floor = most_on_floor + (GIVEN_ON_FLOOR if is_proved else 0.0)
+        self._on_floor, self._path = 0.0, 0.0
         self._mean = 1.0
         self._latest = (0.0, 0.0)
         self._trust = 0.0
@@ -102,10 +107,12 @@ class Doubt:
     @property
     def level(self) -> float:
         """The doubt: the robot is lost from 1 on."""
-        pairs = zip(self._sums, self._watches, strict=True)
-        levels = [total / watch.limit for total, watch in pairs]
-        levels.append(self._on_floor / (FLOOR_M * self._most_on_floor))
-        return max(levels[:2] if self.is_proved else levels) / self._trusted
+        num_watches = 2 if self.is_proved else 3
+        pairs = zip(self._sums[:num_watches], self._watches[:num_watches], strict=True)
+        level = max(total / watch.limit for total, watch in pairs) / self._trusted
+        if self._path >= PROOF_M:
+            return level
+        return max(level, self._on_floor / (FLOOR_M * self._most_on_floor))
 
     @property
     def is_lost(self) -> bool:
@@ -155,6 +162,7 @@ class Doubt:
         more = weight * (on_floor - self._most_on_floor)
         self._on_floor = max(self._on_floor + more, 0.0)
         self._unproved -= path
+        self._path += path
 
     def reduce(self) -> None:
         """Halve the doubt, as no other place fits better."""
