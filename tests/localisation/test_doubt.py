@@ -124,7 +124,7 @@ def test_at_a_given_pose_more_returns_may_lie_on_floor():
     assert path_until_lost(Doubt(LOW, 0.01), 0.07) <= 4.0
 
 
-def test_as_many_returns_on_floor_as_a_claim_allows_are_no_doubt():
+def test_returns_on_floor_that_a_claim_allows_are_no_doubt():
     doubt = Doubt(LOW, 0.05, is_proved=False)
     for _ in range(10):
         doubt.add(1.0, 0.1, 0.1, 0.08)
