@@ -86,11 +86,11 @@ what nine of ten of the map's scans reach; the second, relative to the usual one
 Where buildings share walls to the centimetre, scans agree on many metres, and in a sharp map only
 their score shows that what stands between these walls is different."""
 
-MORE_ON_FLOOR = 0.01
-"""Share of the returns that may lie on floor with no wall near, more than nine of ten of the map's
-own scans have. Where buildings share walls to the centimetre, scans agree for metres, but some
-returns show what stands between these walls, on the floor of the map; in the own building, such
-returns are of people and of what was moved."""
+FLOOR_SHARES, MORE_ON_FLOOR = 2.0, 0.01
+"""Of the returns, what may lie on floor with no wall near: the first times the share that nine of ten
+of the map's own scans do not exceed, as scans of another day see other people and what was moved,
+and the second. Where buildings share walls to the centimetre, scans agree for metres, but some
+returns show what stands between these walls, on the floor of the map."""
 
 MIN_DETAIL = 0.4
 """Share of the counted returns that must lie on walls that are not straight: corridors of one
@@ -217,8 +217,8 @@ def least_score(known: KnownMap) -> float:
 
 
 def most_on_floor(known: KnownMap) -> float:
-    """Return the share of returns that may lie on floor, see :data:`MORE_ON_FLOOR`."""
-    return known.high_floor + MORE_ON_FLOOR
+    """Return the share of returns that may lie on floor, see :data:`FLOOR_SHARES`."""
+    return FLOOR_SHARES * known.high_floor + MORE_ON_FLOOR
 
 
 def searched_score(known: KnownMap, path: float) -> float:
