@@ -87,10 +87,10 @@ Where buildings share walls to the centimetre, scans agree on many metres, and i
 their score shows that what stands between these walls is different."""
 
 FLOOR_SHARES, MORE_ON_FLOOR = 2.0, 0.01
-"""Of the returns, what may lie on floor with no wall near: the first times the share that nine of ten
-of the map's own scans do not exceed, as scans of another day see other people and what was moved,
-and the second. Where buildings share walls to the centimetre, scans agree for metres, but some
-returns show what stands between these walls, on the floor of the map."""
+"""Of the returns, what may lie on floor with no wall near: the first times the share that nine of
+ten of the map's own scans do not exceed, as scans of another day see other people and what was
+moved, and the second. Where buildings share walls to the centimetre, scans agree for metres, but
+some returns show what stands between these walls, on the floor of the map."""
 
 MIN_DETAIL = 0.4
 """Share of the counted returns that must lie on walls that are not straight: corridors of one
