@@ -123,7 +123,7 @@ class SessionEnds:
         slide = _place_along(parts, closures.direction(across), self._check)
         if slide is None:
             return None
-        placed = slid_along(closures, across, slide, STEP_M)
+        placed = slid_along(closures, across, slide, STEP_M / math.sqrt(12.0))
         adjusted = self._adjusted(graph, placed)
         check = self._check(
             self._two_parts(adjusted, end, other, node_points), Strictness.FEW_DISTINCT
