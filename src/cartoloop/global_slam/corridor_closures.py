@@ -21,7 +21,7 @@ from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.global_slam.closure_search import FinishedSubmap, refine_all
 from cartoloop.global_slam.join_evidence import Nearby
-from cartoloop.global_slam.join_records import as_one
+from cartoloop.global_slam.join_records import NO_REQUESTS, as_one
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import SessionRanges
@@ -92,7 +92,8 @@ def lines_of_end(
     of_submaps = session_numbers(sessions.first_submaps, len(submaps))
     parts = np.array(sessions.parts)
     is_other = (of_submaps != session) & (parts[of_submaps] == parts[session])
-    wanted = [pairs.wide_pairs(graph, node, submaps) for node in nodes.tolist()]
+    nodes = nodes[node_points.take(nodes).counts >= config.min_num_points]
+    wanted = [NO_REQUESTS, *(pairs.wide_pairs(graph, node, submaps) for node in nodes.tolist())]
     requests = Requests._make(map(np.concatenate, zip(*wanted, strict=True)))
     requests = requests.take(
         np.flatnonzero(is_other[requests.submap] & (requests.linear_window >= MIN_WINDOW_M))
@@ -138,19 +139,8 @@ def _lines_in(
     poses[:, 2] = wrap_angles(poses[:, 2])
     moved = fine.tf_submap_scan - starts
     tf_map_submap = graph.submap_poses[submap.index]
-    placed = np.array(
-        [
-            compose_all(tf_map_submap, compose_all(pose, to_end))[0]
-            for pose, to_end in zip(
-                poses,
-                (
-                    relative_all(graph.node_poses[node], graph.node_poses[end_node][np.newaxis])
-                    for node in nodes[met].tolist()
-                ),
-                strict=True,
-            )
-        ]
-    ).reshape(-1, 3)
+    to_end = relative_all(graph.node_poses[nodes[met]], graph.node_poses[[end_node] * len(met)])
+    placed = compose_all(tf_map_submap, compose_all(poses, to_end))
     xx, xy, yy = (fine.information[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
     weak = 0.5 * np.arctan2(2.0 * xy, xx - yy) + 0.5 * math.pi
     matches = SearchMatches(
@@ -183,7 +173,7 @@ def on_one_line(lines: Lines, path: FloatArray) -> tuple[IntArray, float] | None
     ----------
     path : float64, shape (n,), path length at the node of each match [m].
     """
-    best, direction = _most(lines, np.ones(len(lines.placed), dtype=bool))
+    best, direction = _most(lines)
     nodes = lines.nodes
     num_fitting = len(np.unique(nodes))
     count = len(np.unique(nodes[best]))
@@ -192,18 +182,18 @@ def on_one_line(lines: Lines, path: FloatArray) -> tuple[IntArray, float] | None
     return np.flatnonzero(best), direction
 
 
-def _most(lines: Lines, chosen: BoolArray) -> tuple[BoolArray, float]:
-    """Return the matches on the line with most nodes, of those chosen, and its direction."""
-    best, best_count, best_direction = np.zeros_like(chosen), 0, 0.0
-    for seed in np.flatnonzero(chosen).tolist():
+def _most(lines: Lines) -> tuple[BoolArray, float]:
+    """Return the matches on the line with the most nodes, and its direction."""
+    best, best_count, best_direction = np.zeros(len(lines.placed), dtype=bool), 0, 0.0
+    for seed in range(len(lines.placed)):
         direction = float(lines.direction[seed])
-        on_line = chosen & _on_line(lines, seed, direction, SLOPE)
+        on_line = _on_line(lines, seed, direction, SLOPE)
         # The line through the places shows the corridor better than one scan.
         offsets = lines.placed[on_line, :2] - lines.placed[on_line, :2].mean(axis=0)
         if np.hypot(*offsets.T).max(initial=0.0) > MIN_EXTENT_M:
             _, _, axes = np.linalg.svd(offsets, full_matrices=False)
             direction = math.atan2(axes[0, 1], axes[0, 0])
-        on_line = chosen & _on_line(lines, seed, direction, 0.0)
+        on_line = _on_line(lines, seed, direction, 0.0)
         count = len(np.unique(lines.nodes[on_line]))
         if count > best_count:
             best, best_count, best_direction = on_line, count, direction
@@ -211,6 +201,12 @@ def _most(lines: Lines, chosen: BoolArray) -> tuple[BoolArray, float]:
 
 
 def _on_line(lines: Lines, seed: int, direction: float, slope: float) -> BoolArray:
+    """Return which matches are on the line through one of them.
+
+    Parameters
+    ----------
+    slope : of other lines through it that count as well.
+    """
     away = lines.placed[:, :2] - lines.placed[seed, :2]
     along = away @ (math.cos(direction), math.sin(direction))
     across = away @ (-math.sin(direction), math.cos(direction))
