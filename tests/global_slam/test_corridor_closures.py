@@ -12,13 +12,14 @@ from cartoloop.global_slam.corridor_closures import (
     CorridorClosures,
     Lines,
     on_one_line,
+    placed_along,
     session_ends,
-    slid_along,
     widened,
 )
 from cartoloop.global_slam.join_evidence import Nearby
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import SessionRanges
+from cartoloop.sensor.pose import compose_all
 from tests.global_slam.closures import requests, search_matches
 
 DIRECTION = math.radians(85.0)
@@ -118,10 +119,19 @@ def test_closures_follow_the_graph_along_alone():
     axis, side = (np.array((math.cos(a), math.sin(a))) for a in (angle, angle + math.pi / 2))
     measured = closures.nearby.matches.tf_submap_node[0, :2]
     adjusted = graph_at((0.0, 0.0, 0.0), [(2.0, -1.0, 0.1)] * len(SLIDES))
-    moved = slid_along(closures, adjusted, 0.5, 0.07).matches
+    moved = placed_along(closures, adjusted, 0.5, 0.25).matches
     assert (moved.tf_submap_node[0, :2] - (2.0, -1.0)) @ axis == pytest.approx(0.5)
     assert (moved.tf_submap_node[0, :2] - measured) @ side == pytest.approx(0.0, abs=1e-9)
-    assert sigma(moved.information[0], angle) == pytest.approx(0.07, rel=0.01)
+    assert sigma(moved.information[0], angle) == pytest.approx(0.25 / math.sqrt(12.0), rel=0.01)
+
+
+def test_matches_at_the_place_stay_as_measured():
+    graph, closures = held()
+    poses = closures.nearby.matches.tf_submap_node.copy()
+    graph.node_poses[:] = compose_all(graph.submap_poses[0], poses)
+    placed = placed_along(closures, graph, 0.1, 0.25)
+    np.testing.assert_allclose(placed.matches.tf_submap_node, poses)
+    np.testing.assert_allclose(placed.matches.information, lines().nearby.matches.information)
 
 
 def test_an_open_place_stays_open_in_other_frames():

@@ -127,7 +127,7 @@ def two_sessions(doors):
 class LongPaths:
     """All pairs of sessions are far from each other along the path."""
 
-    def wide_pairs(self, graph, node, submaps):
+    def wide_pairs(self, graph, node, submaps, _):
         of_second = node >= np.count_nonzero(graph.index_a == 0)
         submap = 0 if of_second else 1
         seen = compose_all(

@@ -93,7 +93,10 @@ def lines_of_end(
     parts = np.array(sessions.parts)
     is_other = (of_submaps != session) & (parts[of_submaps] == parts[session])
     nodes = nodes[node_points.take(nodes).counts >= config.min_num_points]
-    wanted = [NO_REQUESTS, *(pairs.wide_pairs(graph, node, submaps) for node in nodes.tolist())]
+    wanted = [
+        NO_REQUESTS,
+        *(pairs.wide_pairs(graph, node, submaps, 0.0) for node in nodes.tolist()),
+    ]
     requests = Requests._make(map(np.concatenate, zip(*wanted, strict=True)))
     requests = requests.take(
         np.flatnonzero(is_other[requests.submap] & (requests.linear_window >= MIN_WINDOW_M))
@@ -228,10 +231,12 @@ class CorridorClosures(NamedTuple):
     ----------
     nearby : pairs and matches.
     angle : float64, shape (n,), of the corridor, submap axes [rad].
+    informations : float64, shape (n, 3, 3), as they were measured.
     """
 
     nearby: Nearby
     angle: FloatArray
+    informations: FloatArray
 
     def direction(self, graph: PoseGraph) -> float:
         """Return the direction of the corridor in the map, where a graph has the submaps [rad]."""
@@ -249,26 +254,35 @@ def widened(lines: Lines, which: IntArray, graph: PoseGraph, direction: float) -
     requests = nearby.requests
     angle = direction - graph.submap_poses[requests.submap, 2]
     matches = _with_sigma_along(nearby.matches, angle, requests.linear_window)
-    return CorridorClosures(nearby._replace(matches=matches), angle)
+    return CorridorClosures(nearby._replace(matches=matches), angle, nearby.matches.information)
 
 
-def slid_along(closures: CorridorClosures, graph: PoseGraph, slide: float, sigma: float) -> Nearby:
+def placed_along(closures: CorridorClosures, graph: PoseGraph, slide: float, step: float) -> Nearby:
     """Return closures with a place along the corridor.
+
+    Matches that are at that place are true as they were measured. If there are too few, the others
+    are moved there.
 
     Parameters
     ----------
     graph : adjusted with them.
     slide : by which the end is to be moved along the corridor from where the graph has it [m].
-    sigma : standard deviation of that [m].
+    step : between places that were compared [m].
     """
-    requests, matches, _ = closures.nearby
+    requests, matches, min_score = closures.nearby
     seen = relative_all(graph.submap_poses[requests.submap], graph.node_poses[requests.node])
     axes = np.column_stack((np.cos(closures.angle), np.sin(closures.angle)))
+    off = ((seen - matches.tf_submap_node)[:, :2] * axes) @ np.ones(2) + slide
+    there = np.flatnonzero(np.abs(off) <= step)
+    if len(np.unique(requests.node[there])) >= MIN_NODES:
+        as_measured = matches._replace(information=closures.informations)
+        return Nearby(requests, as_measured, min_score).take(there)
     poses = matches.tf_submap_node.copy()
-    along = ((seen - poses)[:, :2] * axes) @ np.ones(2)
-    poses[:, :2] += (along + slide)[:, np.newaxis] * axes
-    matches = _with_sigma_along(matches._replace(tf_submap_node=poses), closures.angle, sigma)
-    return closures.nearby._replace(matches=matches)
+    poses[:, :2] += off[:, np.newaxis] * axes
+    moved = matches._replace(tf_submap_node=poses)
+    # Errors are uniform between two places.
+    moved = _with_sigma_along(moved, closures.angle, step / math.sqrt(12.0))
+    return closures.nearby._replace(matches=moved)
 
 
 def _with_sigma_along(

@@ -21,8 +21,8 @@ from cartoloop.global_slam.corridor_closures import (
     CorridorClosures,
     lines_of_end,
     on_one_line,
+    placed_along,
     session_ends,
-    slid_along,
     widened,
 )
 from cartoloop.global_slam.following import WINDOW_M
@@ -123,7 +123,7 @@ class SessionEnds:
         slide = _place_along(parts, closures.direction(across), self._check)
         if slide is None:
             return None
-        placed = slid_along(closures, across, slide, STEP_M / math.sqrt(12.0))
+        placed = placed_along(closures, across, slide, STEP_M)
         adjusted = self._adjusted(graph, placed)
         check = self._check(
             self._two_parts(adjusted, end, other, node_points), Strictness.FEW_DISTINCT
