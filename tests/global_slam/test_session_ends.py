@@ -61,7 +61,7 @@ def test_otherwise_none_does(shares):
 
 
 def test_few_returns_show_nothing():
-    assert standing_out(SLIDES, checks(with_dip(), returns=400)) is None
+    assert standing_out(SLIDES, checks(with_dip(), returns=250)) is None
 
 
 def test_scans_that_contradict_forbid_the_place():

@@ -46,12 +46,13 @@ STRETCH_M = 30.0
 STEP_M = 0.25
 """Places along the corridor are so far from each other [m]: twice the width of a door post."""
 
-MIN_RETURNS = 500
-"""Returns that can be compared at a place, at least, so that it can stand out."""
-
 MAX_FLOOR_SHARE, MARGIN = 0.03, 0.03
 """At the right place at most this share of the returns lies on floor of the other session, and
 everywhere else more by the margin."""
+
+MIN_RETURNS = 300
+"""Returns that can be compared at a place, at least, so that it can stand out: with these, the
+margin is three standard errors of the share."""
 
 
 class SessionEnds:
