@@ -13,12 +13,10 @@ from cartoloop.global_slam.corridor_closures import (
     Lines,
     on_one_line,
     placed_along,
-    session_ends,
     widened,
 )
 from cartoloop.global_slam.join_evidence import Nearby
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.global_slam.sessions import SessionRanges
 from cartoloop.sensor.pose import compose_all
 from tests.global_slam.closures import requests, search_matches
 
@@ -139,21 +137,3 @@ def test_an_open_place_stays_open_in_other_frames():
     graph.submap_poses[0] = (7.0, -2.0, 0.5)
     assert isinstance(closures, CorridorClosures)
     assert closures.direction(graph) == pytest.approx(DIRECTION + 0.1)
-
-
-def test_ends_are_the_first_and_last_metres():
-    graph = graph_at(
-        (0.0, 0.0, 0.0), [(float(x), 0.0, 0.0) for x in [*range(20), *range(100, 103)]]
-    )
-    sessions = SessionRanges()
-    for first in (0, 20):
-        sessions.begin(first, 0, 0)
-    found = [
-        (session, end, nodes.tolist()) for session, end, nodes in session_ends(graph, sessions)
-    ]
-    assert found == [
-        (0, 0, [0, 1, 2, 3, 4, 5]),
-        (0, 19, [14, 15, 16, 17, 18, 19]),
-        (1, 20, [20, 21, 22]),
-        (1, 22, [20, 21, 22]),
-    ]

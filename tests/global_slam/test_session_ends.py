@@ -13,7 +13,7 @@ from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.join_evidence import GeometryCheck
 from cartoloop.global_slam.pair_selection import NO_REQUESTS
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.global_slam.session_ends import SessionEnds, standing_out
+from cartoloop.global_slam.session_ends import SessionEnds, session_ends, standing_out
 from cartoloop.global_slam.sessions import SessionRanges
 from cartoloop.part_check import part_check
 from cartoloop.sensor.pose import Pose, compose, compose_all, inverse, transform_points
@@ -187,3 +187,20 @@ def test_ends_that_the_drift_hardly_moves_are_left_alone():
 
     ends = SessionEnds(Config().global_slam, submaps, sessions, part_check(Config()))
     assert list(ends.closures(graph, ShortPaths(), points)) == []
+
+
+def test_ends_are_the_first_and_last_metres():
+    graph = PoseGraph()
+    graph.add_nodes([(float(x), 0.0, 0.0) for x in [*range(20), *range(100, 103)]])
+    sessions = SessionRanges()
+    for first in (0, 20):
+        sessions.begin(first, 0, 0)
+    found = [
+        (session, end, nodes.tolist()) for session, end, nodes in session_ends(graph, sessions)
+    ]
+    assert found == [
+        (0, 0, [0, 1, 2, 3, 4, 5]),
+        (0, 19, [14, 15, 16, 17, 18, 19]),
+        (1, 20, [20, 21, 22]),
+        (1, 22, [20, 21, 22]),
+    ]

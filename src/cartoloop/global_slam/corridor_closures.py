@@ -11,7 +11,7 @@ heading, with a covariance as wide along it as the window that was searched.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,9 +30,6 @@ from cartoloop.scan_matching.least_squares import match_informations
 from cartoloop.sensor.pose import compose_all, relative_all, wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.session import session_numbers
-
-END_M = 5.0
-"""Path at either end of a session whose scans are searched [m]."""
 
 MIN_WINDOW_M = 2.0
 """Where the drift is less, scans are found by other searches, or nothing stands twice [m]."""
@@ -63,19 +60,6 @@ class Lines(NamedTuple):
     def nodes(self) -> RowArray:
         """The nodes, int32, shape (n,)."""
         return self.nearby.requests.node
-
-
-def session_ends(graph: PoseGraph, sessions: SessionRanges) -> Iterator[tuple[int, int, IntArray]]:
-    """Yield session, end node and the nodes near it, of the beginning and the end of each."""
-    lasts = [*sessions.first_nodes[1:], graph.num_nodes]
-    for session, (first, last) in enumerate(zip(sessions.first_nodes, lasts, strict=True)):
-        nodes = np.arange(first, last)
-        if len(nodes) == 0:
-            continue
-        steps = np.hypot(*np.diff(graph.node_poses[nodes, :2], axis=0).T)
-        path = np.concatenate(([0.0], np.cumsum(steps)))
-        yield session, first, nodes[path <= END_M]
-        yield session, last - 1, nodes[path >= path[-1] - END_M]
 
 
 def lines_of_end(

@@ -22,7 +22,6 @@ from cartoloop.global_slam.corridor_closures import (
     lines_of_end,
     on_one_line,
     placed_along,
-    session_ends,
     widened,
 )
 from cartoloop.global_slam.following import WINDOW_M
@@ -39,6 +38,9 @@ from cartoloop.global_slam.pose_graph import ClosureConstraints, PoseGraph
 from cartoloop.global_slam.sessions import NodeSubmaps, SessionRanges
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.session import session_numbers
+
+END_M = 5.0
+"""Path at either end of a session whose scans are searched [m]."""
 
 STRETCH_M = 30.0
 """Path from an end along which its scans are compared with the other session [m]."""
@@ -171,6 +173,19 @@ class SessionEnds:
         nodes[stretch] = 0
         submaps[NodeSubmaps.of(graph).first[stretch]] = 0
         return TwoParts(graph, self._submaps, node_points, nodes, submaps)
+
+
+def session_ends(graph: PoseGraph, sessions: SessionRanges) -> Iterator[tuple[int, int, IntArray]]:
+    """Yield session, end node and the nodes near it, of the beginning and the end of each."""
+    lasts = [*sessions.first_nodes[1:], graph.num_nodes]
+    for session, (first, last) in enumerate(zip(sessions.first_nodes, lasts, strict=True)):
+        nodes = np.arange(first, last)
+        if len(nodes) == 0:
+            continue
+        steps = np.hypot(*np.diff(graph.node_poses[nodes, :2], axis=0).T)
+        path = np.concatenate(([0.0], np.cumsum(steps)))
+        yield session, first, nodes[path <= END_M]
+        yield session, last - 1, nodes[path >= path[-1] - END_M]
 
 
 def _place_along(parts: TwoParts, direction: float, check: CheckGeometry) -> float | None:
