@@ -22,7 +22,14 @@ import numpy as np
 from bench.environment import environment
 from bench.record import Case, Figure, Record, Row
 from bench.row_store import RowStore
-from bench.session_measures import Drive, errors, is_displaced, overlaps
+from bench.session_measures import (
+    MAX_SESSION_M,
+    Drive,
+    distances,
+    errors,
+    is_displaced,
+    overlaps,
+)
 from cartoloop.config import Config
 from cartoloop.errors import ConfigError
 from cartoloop.first_pass import calibrate
@@ -47,7 +54,7 @@ STRANGERS = (
 
 RELATIONS = {"intel": "intel-exact", "mit-csail": "mit-csail", "fr079": "fr079"}
 """Files of verified relations; of other recordings, relations of an earlier map may be given, else
-the uncut run is the measure."""
+the distance from the uncut run alone is the measure."""
 
 MIN_OVERLAP_M2 = 10.0
 """A session that overlaps the others by this area must be joined [m^2]."""
@@ -255,18 +262,26 @@ def cut_row(case: Case, drive: Drive, uncut: Result, maps: Sequence[Result]) -> 
         "joined": Figure.exact(int(np.sum(np.logical_and(is_due, is_joined))), better="more"),
         "overlapping": Figure.exact(sum(is_due), better=None),
     }
-    ours, before = errors(drive, uncut, merged, main)
-    if before > 0.0:
+    apart = distances(uncut, merged, main)
+    figures["wrong joins"] = Figure.exact(apart.num_wrong)
+    if (error := errors(drive, uncut, merged, main)) is not None:
+        ours, before = error
         figures["error"] = Figure.exact(ours, "m")
         figures["uncut"] = Figure.exact(before, "m", better=None)
         figures["ratio"] = Figure.exact(ours / before)
-    else:
-        figures["from uncut"] = Figure.exact(ours, "m")
+    figures["from uncut"] = Figure.exact(apart.mean, "m")
+    figures["farthest scan"] = Figure.exact(apart.largest, "m")
+    figures["farthest session"] = Figure.exact(float(np.nanmax(apart.of_sessions)), "m")
     figures["merging"] = Figure.of_samples([seconds], "CPU s")
     notes = [
         f"session {number + 1}, which shares {areas[number]:.0f} m2, is apart"
         for number, joined in sorted(zip(order, is_joined, strict=True))
         if not joined
+    ]
+    notes += [
+        f"session {number + 1} is {distance:.2f} m from the uncut run, and joined wrongly"
+        for number, distance in sorted(zip(order, apart.of_sessions.tolist(), strict=True))
+        if distance > MAX_SESSION_M
     ]
     return Row(case, figures, "; ".join(notes + sorted(set(_reasons(merged)))))
 

@@ -4,14 +4,21 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
+import numpy as np
 import pytest
 
 from bench import sessions
 from bench.record import Figure, Row, read_record
 from bench.results_page import write_results_page
 from bench.row_store import RowStore
+from bench.session_measures import distances
 from cartoloop.errors import ConfigError, InputError
+from cartoloop.result import Result
+from cartoloop.sensor.pose import compose_all
+from cartoloop.session import Session
 
 CASE = {"part": sessions.CUT, "case": "aces", "sessions": 2}
 
@@ -128,3 +135,41 @@ def test_relations_may_be_given_where_none_are_verified(
         "mit-killian": None,
         "intel": data / "intel-exact.relations",
     }
+
+
+def _walk(offset: tuple[float, float], stamps: np.ndarray) -> np.ndarray:
+    """Return poses along a bend, those of the third part of it displaced."""
+    poses = np.column_stack((stamps, 0.01 * stamps**2, 0.1 * stamps))
+    poses[20:30, :2] += offset
+    return poses
+
+
+def _sessions_at(offset: tuple[float, float], last_part: int = 0) -> SimpleNamespace:
+    """Return a map of three sessions of ten scans, in a frame of its own."""
+    stamps = np.arange(30.0)
+    turned = compose_all(np.array((5.0, -3.0, 2.0)), _walk(offset, stamps))
+    parts = (0, 0, last_part)
+    return SimpleNamespace(
+        stamps=stamps,
+        trajectory=turned,
+        scan_parts=np.repeat(parts, 10),
+        sessions=[Session(first_scan=10 * k, part=part) for k, part in enumerate(parts)],
+    )
+
+
+def test_a_session_far_off_is_a_wrong_join() -> None:
+    uncut = SimpleNamespace(stamps=np.arange(30.0), trajectory=_walk((0.0, 0.0), np.arange(30.0)))
+    found = distances(cast("Result", uncut), cast("Result", _sessions_at((0.0, 5.6))), 0)
+    assert found.num_wrong == 1
+    assert found.largest == pytest.approx(5.6, abs=0.05)
+    assert found.of_sessions == pytest.approx([0.0, 0.0, 5.6], abs=0.05)
+    assert found.mean == pytest.approx(5.6 / 3, abs=0.05)
+
+
+def test_sessions_apart_have_no_distance() -> None:
+    uncut = SimpleNamespace(stamps=np.arange(30.0), trajectory=_walk((0.0, 0.0), np.arange(30.0)))
+    merged = _sessions_at((0.0, 5.6), last_part=1)
+    found = distances(cast("Result", uncut), cast("Result", merged), 0)
+    assert found.num_wrong == 0
+    assert found.largest < 1e-6
+    assert np.isnan(found.of_sessions[2])

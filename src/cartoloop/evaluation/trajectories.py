@@ -81,19 +81,24 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
     return Trajectory(stamps=table[:, 0], poses=np.column_stack((table[:, 1:3], yaw)))
 
 
-def align(points: FloatArray, reference: FloatArray) -> Pose:
+def align(points: FloatArray, reference: FloatArray, weights: FloatArray | None = None) -> Pose:
     """Return tf_reference_points, the rigid transform that brings points to their reference.
 
     Parameters
     ----------
     points, reference : float64 (n, 2) [m], row by row the same places, n > 0.
+    weights : float64 (n,), not negative; all the same by default.
 
     Notes
     -----
     Least squares in closed form: Horn's method in the plane, O(n).
     """
-    centre, centre_reference = points.mean(axis=0), reference.mean(axis=0)
+    centre, centre_reference = (
+        np.average(each, axis=0, weights=weights) for each in (points, reference)
+    )
     a, b = points - centre, reference - centre_reference
+    if weights is not None:
+        b = b * weights[:, np.newaxis]
     theta = float(np.arctan2(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a * b)))
     cos, sin = np.cos(theta), np.sin(theta)
     return Pose(

@@ -30,6 +30,7 @@ from cartoloop.global_slam.part_joins import PartJoins
 from cartoloop.global_slam.parts_left import join_parts_left
 from cartoloop.global_slam.pose_graph import ClosureConstraints, ConstraintKind
 from cartoloop.global_slam.restoring import finished_submap, restore_closures, restore_nodes
+from cartoloop.global_slam.session_ends import SessionEnds
 from cartoloop.global_slam.sessions import MappedSessions
 from cartoloop.global_slam.wide_search import WideSearch, record_requests
 from cartoloop.journal.frames import Kind
@@ -111,6 +112,7 @@ class GlobalSlam:
             check_geometry,
             outcomes,
         )
+        self._ends = SessionEnds(config, self._finished, self.sessions, check_geometry)
         self._submap_nodes: list[set[int]] = []
         self._tf_local_last_submap = IDENTITY
         self._tf_map_local = IDENTITY
@@ -212,6 +214,8 @@ class GlobalSlam:
             self.joins, self.graph, lambda: self._close_loops(iterations, wait=True), announce
         )
         self._search_until_nothing_new(iterations)
+        if self._hold_ends(iterations):
+            self._search_until_nothing_new(iterations)
         passes = self._config.constraint_search.final_passes
         for number in range(1, passes + 1):
             announce(f"matching again, {number} of {passes}")
@@ -309,6 +313,25 @@ class GlobalSlam:
             if self.graph.num_loop_closures == before:
                 break
 
+    def _hold_ends(self, max_num_iterations: int) -> bool:
+        """Add the closures of ends of sessions in corridors, and adjust; return whether any is."""
+        before = self.graph.num_loop_closures
+        for held in self._ends.closures(self.graph, self._pairs, self.node_points):
+            is_new = ~self.closures.has_rows(held.requests.submap, held.requests.node)
+            requests, found, min_score = held.take(np.flatnonzero(is_new))
+            rows = record_requests(self._recorded, self.closures, requests, self.graph.num_nodes)
+            self.closures.note_searched(rows, min_score)
+            self._believe(found._replace(row=rows), max_num_iterations)
+        return self.graph.num_loop_closures > before
+
+    def _believe(self, found: SearchMatches, max_num_iterations: int) -> None:
+        """Add loop closures that agree with each other, and adjust."""
+        if self._recorded.replay(Kind.BELIEVED) is None and self._recorded.is_recording:
+            self._recorded.record(Kind.BELIEVED, matches_record(found))
+        self._add_closures(found, are_trusted=True)
+        with self._timer.measure("adjust"):
+            self._adjust(max_num_iterations)
+
     def _submit(self, requests: Requests) -> None:
         if len(requests.submap):
             num_nodes = self.graph.num_nodes
@@ -330,11 +353,7 @@ class GlobalSlam:
             self._timer.record("search", duration)
         is_new = False
         while (found := self._wide.decide(self._pairs, self.graph)) is not None:
-            if self._recorded.replay(Kind.BELIEVED) is None and self._recorded.is_recording:
-                self._recorded.record(Kind.BELIEVED, matches_record(found))
-            self._add_closures(found, are_trusted=True)
-            with self._timer.measure("adjust"):
-                self._adjust(max_num_iterations)
+            self._believe(found, max_num_iterations)
             is_new = True
         if is_new:
             self._request_again()

@@ -103,6 +103,14 @@ class Nearby(NamedTuple):
     matches: SearchMatches
     min_score: FloatArray
 
+    def take(self, which: IntArray) -> Nearby:
+        """Return some of them, by index."""
+        return Nearby(
+            self.requests.take(which),
+            SearchMatches._make(column[which] for column in self.matches),
+            self.min_score[which],
+        )
+
 
 CheckGeometry = Callable[[TwoParts, Strictness], GeometryCheck]
 """Examines two parts where they were placed, and how strictly."""

@@ -79,6 +79,17 @@ class JoinDecision(NamedTuple):
     is_joined: bool
 
 
+def as_one(parts: Sequence[Nearby]) -> Nearby:
+    """Return the matches of several searches as one."""
+    requests = zip(NO_REQUESTS, *(each.requests for each in parts), strict=True)
+    matches = zip(NO_MATCHES, *(each.matches for each in parts), strict=True)
+    return Nearby(
+        Requests._make(map(np.concatenate, requests)),
+        SearchMatches._make(map(np.concatenate, matches)),
+        np.concatenate([np.zeros(0), *(each.min_score for each in parts)]),
+    )
+
+
 def with_rows(nearby: Nearby, closures: Closures, num_nodes: int) -> SearchMatches:
     """Return matches with rows in the record of closures, those of pairs that have none yet.
 

@@ -234,7 +234,11 @@ class PairSelection:
         return length
 
     def wide_pairs(
-        self, graph: PoseGraph, node: int, submaps: Sequence[FinishedSubmap]
+        self,
+        graph: PoseGraph,
+        node: int,
+        submaps: Sequence[FinishedSubmap],
+        min_path_length: float | None = None,
     ) -> Requests:
         """Return the requests for a composite scan, wherever the drift may place it.
 
@@ -242,6 +246,7 @@ class PairSelection:
         ----------
         node : whose frame the composite scan has.
         submaps : all that are finished, the first ones of the graph.
+        min_path_length : to the submaps [m]; None: that of wide searches.
         """
         known = min(len(self._submap_paths), len(submaps))
         if known == 0:
@@ -254,6 +259,7 @@ class PairSelection:
             graph.submap_poses[: len(self._submap_paths)],
             self._submap_travelled.view,
             self._boxes_of(submaps[:known]),
+            min_path_length,
         )
         due = reach.due
         return Requests(

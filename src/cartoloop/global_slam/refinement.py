@@ -231,7 +231,12 @@ class LastPass:
         passes = with_kept_closures(passes, found, graph, self._sessions)
         not_matched = why_not_matched(found, overlapping, nodes, config.final_every_nth_node)
         rows = closures.note_last_pass(not_matched, passes)
+        trusted = graph.closure_rows[graph.is_trusted]
         graph.replace_loop_closures(map(_accepted, passes, rows))
+        # Few of them hold a session that the chain of submaps would let go again.
+        kept = [each[match.reason == Reason.KEPT] for each, match in zip(rows, passes, strict=True)]
+        stays = np.intersect1d(trusted, np.concatenate([np.zeros(0, np.int64), *kept]))
+        graph.is_trusted[np.isin(graph.closure_rows, stays[stays >= 0])] = True
 
     def _overlapping(self, submap: int) -> IntArray:
         graph = self._graph

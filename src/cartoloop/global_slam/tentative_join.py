@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,12 +12,12 @@ import numpy as np
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import ConstraintSearchConfig, GlobalSlamConfig
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
-from cartoloop.global_slam.closure_search import NO_MATCHES, FinishedSubmap, search
+from cartoloop.global_slam.closure_search import FinishedSubmap, search
 from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.following import MIN_SEEN_SHARE, SeenAreas
 from cartoloop.global_slam.graph_adjustment import GraphAdjustment
 from cartoloop.global_slam.join_evidence import Nearby, TwoParts
-from cartoloop.global_slam.join_records import NO_NEARBY, NO_REQUESTS
+from cartoloop.global_slam.join_records import NO_NEARBY, as_one
 from cartoloop.global_slam.part_drift import Drift, drift_of
 from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.global_slam.refinement import match_again, overlapping_nodes
@@ -130,7 +130,7 @@ def _overlap_matches(
         requests = _requests_nearby(limits, parts, index, left, areas, own_submaps, drift)
         searched.append(_searched(limits, submaps[index], requests, parts.node_points))
         submaps[index].release()
-    return accepted, _as_one(searched)
+    return accepted, as_one(searched)
 
 
 def _requests_nearby(
@@ -195,17 +195,6 @@ def _searched(
         requests.take(chosen),
         found._replace(row=np.full_like(found.row, -1)),
         np.full(len(chosen), outcome.min_score),
-    )
-
-
-def _as_one(parts: Sequence[Nearby]) -> Nearby:
-    """Return the matches of several searches as one."""
-    requests = zip(NO_REQUESTS, *(each.requests for each in parts), strict=True)
-    matches = zip(NO_MATCHES, *(each.matches for each in parts), strict=True)
-    return Nearby(
-        Requests._make(map(np.concatenate, requests)),
-        SearchMatches._make(map(np.concatenate, matches)),
-        np.concatenate([np.zeros(0), *(each.min_score for each in parts)]),
     )
 
 

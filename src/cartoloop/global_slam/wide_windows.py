@@ -55,6 +55,7 @@ def wide_reach(
     submap_poses: FloatArray,
     submap_travelled: FloatArray,
     boxes: FloatArray,
+    min_path_length: float | None = None,
 ) -> Reach:
     """Return the submaps with a long path to a node in which its window lies.
 
@@ -65,6 +66,7 @@ def wide_reach(
     submap_poses : shape (m, 3), of the submaps that `paths` knows.
     submap_travelled : path length when each was begun [m].
     boxes : shape (n, 4), of the first submaps, which are finished; n <= m.
+    min_path_length : of these paths [m]; None: that of wide searches.
     """
     wide, count = config.wide_search, len(boxes)
     anchor, step = place.anchor, place.anchor_length
@@ -75,7 +77,8 @@ def wide_reach(
         paths.lengths_from(anchor)[:count] + step,
         np.abs(place.travelled - submap_travelled[:count]),
     )
-    far = np.flatnonzero((lengths >= wide.min_path_length) & (lengths < FAR_M))
+    least = wide.min_path_length if min_path_length is None else min_path_length
+    far = np.flatnonzero((lengths >= least) & (lengths < FAR_M))
     if len(far) == 0:
         return Reach(far, np.zeros((0, 3)), np.zeros(0), np.zeros(0))
     drift = paths.drift_from(anchor, submap_poses[:, :2])[far]
