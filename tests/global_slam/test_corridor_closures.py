@@ -111,6 +111,18 @@ def test_closures_leave_the_place_along_open():
     assert np.linalg.eigvalsh(after).min() > 0.0
 
 
+def test_bare_walls_may_say_nothing_at_all_along_them():
+    flat = np.diag((0.0, 400.0, 900.0))
+    bare = lines()
+    nearby = bare.nearby._replace(
+        matches=bare.nearby.matches._replace(information=np.array([flat] * len(SLIDES)))
+    )
+    graph = graph_at((0.0, 0.0, 0.0), [(0.0, 0.0, 0.0)] * len(SLIDES))
+    closures = widened(bare._replace(nearby=nearby), np.arange(len(SLIDES)), graph, 0.0)
+    assert sigma(closures.nearby.matches.information[0], 0.0) == pytest.approx(17.0, rel=0.01)
+    assert sigma(closures.nearby.matches.information[0], math.pi / 2) == pytest.approx(0.05)
+
+
 def test_closures_follow_the_graph_along_alone():
     _, closures = held()
     angle = closures.angle[0]

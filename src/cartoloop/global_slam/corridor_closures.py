@@ -41,6 +41,12 @@ MIN_NODES, MIN_SHARE, MIN_EXTENT_M = 4, 0.6, 1.0
 """Nodes that must agree on a line, their share of those that fit anywhere, and how far apart they
 must be along the path [m]."""
 
+SLOPE = 0.15
+"""A single scan shows the direction of a corridor to some degrees."""
+
+UNKNOWN_M = 1e3
+"""Standard deviation of what is not known [m]."""
+
 
 class Lines(NamedTuple):
     """Where nodes of one end of a session fit in another session.
@@ -204,10 +210,6 @@ def _on_line(lines: Lines, seed: int, direction: float, slope: float) -> BoolArr
     return is_on
 
 
-SLOPE = 0.15
-"""A single scan shows the direction of a corridor to some degrees."""
-
-
 class CorridorClosures(NamedTuple):
     """Closures that say nothing of the position along a corridor.
 
@@ -280,11 +282,10 @@ def _with_sigma_along(
     """
     axes = np.column_stack((np.cos(angle), np.sin(angle), np.zeros(len(angle))))
     along = axes[:, :, np.newaxis] * axes[:, np.newaxis]
-    # Without what they said along the axis, then with what is known of it.
+    # Without what they said along the axis (Woodbury's identity: the information may be singular),
+    # then with what is known of it.
+    seen = np.einsum("nij,nj->ni", matches.information, axes)
+    total = np.einsum("ni,ni->n", axes, seen) + UNKNOWN_M**-2
+    outer = seen[:, :, np.newaxis] * seen[:, np.newaxis] / total[:, np.newaxis, np.newaxis]
     weight = (1.0 / np.broadcast_to(sigma, angle.shape) ** 2)[:, np.newaxis, np.newaxis]
-    wide = np.linalg.inv(np.linalg.inv(matches.information) + _UNKNOWN_M**2 * along)
-    return matches._replace(information=wide + weight * along)
-
-
-_UNKNOWN_M = 1e3
-"""Standard deviation of what is not known [m]."""
+    return matches._replace(information=matches.information - outer + weight * along)
