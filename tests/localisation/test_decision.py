@@ -113,17 +113,6 @@ def test_a_small_room_is_claimed_after_some_path_only():
     assert apart(pose, decide(known, composite, 2.0).claim.tf_map_tracking)[0] < 0.05
 
 
-def test_returns_on_free_floor_refute_the_best_place():
-    known, trail = known_map(ROOM), Trail()
-    seen = points(ROOM, START)
-    seen[::40] *= 0.6
-    trail.add(IDENTITY, seen, IDENTITY)
-
-    assert decide(known, trail.composite(0.0), 0.0).claim is not None
-    known.high_floor = 0.0
-    assert decide(known, trail.composite(0.0), 0.0).claim is None
-
-
 def test_a_scan_of_another_building_is_claimed_nowhere():
     hall = (((0, 0), (11, 0), (11, 2), (0, 2)), ((5, 0.5), (5.4, 0.5), (5.4, 0.9), (5, 0.9)))
 

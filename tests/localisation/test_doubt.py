@@ -103,41 +103,5 @@ def test_a_claim_is_proved_after_a_path_that_agrees():
     assert not doubt.is_lost
 
 
-def path_until_lost(doubt, on_floor):
-    for step in range(1, 400):
-        doubt.add(1.0, 0.1, 0.1, on_floor)
-        if doubt.is_lost:
-            return 0.1 * step
-    return math.inf
-
-
-def test_returns_on_free_floor_end_a_claim_on_its_first_metres():
-    assert path_until_lost(Doubt(LOW, 0.01, is_proved=False), 0.03) <= 1.5
-
-    proved = Doubt(LOW, 0.01, is_proved=False)
-    proved.add(1.0, 0.1 + PROOF_M, 0.1)
-    assert path_until_lost(proved, 0.03) == math.inf
-
-
-def test_at_a_given_pose_more_returns_may_lie_on_floor():
-    assert path_until_lost(Doubt(LOW, 0.01), 0.04) == math.inf
-    assert path_until_lost(Doubt(LOW, 0.01), 0.07) <= 4.0
-
-
-def test_returns_on_floor_that_a_claim_allows_are_no_doubt():
-    doubt = Doubt(LOW, 0.05, is_proved=False)
-    for _ in range(10):
-        doubt.add(1.0, 0.1, 0.1, 0.08)
-    before = doubt.level
-    for _ in range(20):
-        doubt.add(1.0, 0.1, 0.1, 0.05)
-    assert 0.0 < before == doubt.level
-    doubt.reduce()
-    assert doubt.level == 0.5 * before
-    for _ in range(20):
-        doubt.add(1.0, 0.1, 0.1, 0.0)
-    assert doubt.level == 0.0
-
-
 def test_an_outdated_map_is_noticed_in_the_end():
     assert 5.0 < steps_until_lost(0.63, 0.1, 0.1) * 0.1 <= 40.0

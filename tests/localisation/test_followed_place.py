@@ -121,17 +121,6 @@ def test_a_low_score_proves_no_place(known, bent, monkeypatch):
     assert not is_proved(known, bent, PATH_M, followed, [], [])
 
 
-def test_returns_on_free_floor_prove_no_place(known, bent, monkeypatch):
-    best = follow_best(known, bent, [NEWEST])[0]
-    on_floor = best._replace(fit=best.fit._replace(on_floor=0.03))
-
-    monkeypatch.setattr(known, "high_floor", 0.0)
-    assert is_proved(known, bent, PATH_M, [best], [], [])
-    assert not is_proved(known, bent, PATH_M, [on_floor], [], [])
-    monkeypatch.setattr(known, "high_floor", 0.03)
-    assert is_proved(known, bent, PATH_M, [on_floor], [], [])
-
-
 def test_other_places_are_followed_before_one_is_proved():
     box = known_map(BOX)
     truth = drive(Pose(3.0, 3.0, 0.1), 8, step=0.3)

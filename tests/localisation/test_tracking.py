@@ -33,9 +33,9 @@ def test_a_pose_that_slipped_is_found_nearby(tracker):
 def test_a_pose_is_not_moved_to_where_scans_do_not_fit(tracker):
     walls_elsewhere = points(ROOM, Pose(7.5, 8.0, -2.0))
 
-    fit = tracker.correct(walls_elsewhere, IDENTITY)
+    agreement = tracker.correct(walls_elsewhere, IDENTITY)
 
-    assert fit.agreement < 0.7
+    assert agreement < 0.7
     assert apart(START, tracker.pose)[0] < 0.2
 
 

@@ -86,12 +86,6 @@ what nine of ten of the map's scans reach; the second, relative to the usual one
 Where buildings share walls to the centimetre, scans agree on many metres, and in a sharp map only
 their score shows that what stands between these walls is different."""
 
-FLOOR_SHARES, MORE_ON_FLOOR = 2.0, 0.01
-"""Of the returns, what may lie on floor with no wall near: the first times the share that nine of
-ten of the map's own scans do not exceed, as scans of another day see other people and what was
-moved, and the second. Where buildings share walls to the centimetre, scans agree for metres, but
-some returns show what stands between these walls, on the floor of the map."""
-
 MIN_DETAIL = 0.4
 """Share of the counted returns that must lie on walls that are not straight: corridors of one
 building agree with those of another one on many metres."""
@@ -214,11 +208,6 @@ def least_score(known: KnownMap) -> float:
     """Return the score that a claim needs, see :data:`SCORE_SPREADS`."""
     usual = known.usual.score
     return min(usual - SCORE_SPREADS * (usual - known.low_score), MOST_SCORE * usual)
-
-
-def most_on_floor(known: KnownMap) -> float:
-    """Return the share of returns that may lie on floor, see :data:`FLOOR_SHARES`."""
-    return FLOOR_SHARES * known.high_floor + MORE_ON_FLOOR
 
 
 def searched_score(known: KnownMap, path: float) -> float:

@@ -32,7 +32,6 @@ from cartoloop.localisation.claim_needs import (
     Margins,
     Needed,
     margins_of,
-    most_on_floor,
     needed_of,
     shows_enough,
 )
@@ -40,7 +39,6 @@ from cartoloop.localisation.followed_place import (
     MIN_COUNTED_SHARE,
     FollowedPlace,
     follow_best,
-    follow_in,
     is_proved,
 )
 from cartoloop.localisation.global_search import fit_of_composite, refine
@@ -172,10 +170,7 @@ def _claim_by_scans(
         unlisted_places(known, composite, path, searched),
     )
     is_refuted = partial(_is_refuted, best, margins_of(known, path), needed)
-    if not all(map(is_refuted, others)):
-        return None
-    matched = follow_in(known, composite, claim.tf_map_tracking)
-    return claim if matched.fit.on_floor <= most_on_floor(known) else None
+    return claim if all(map(is_refuted, others)) else None
 
 
 def _claim_by_path(

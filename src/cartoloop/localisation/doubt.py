@@ -6,9 +6,9 @@ share of returns on walls, of those where the map is known, relative to that of 
 Sums of what is missing, which never fall below zero, end in doubt and then in being lost
 (E. S. Page, Continuous inspection schemes, 1954). There are three of them: a quick one, which finds
 a robot that was carried away; a slow one, which finds a map that is of another building or
-outdated; and one of the first metres after a claim, which has to prove itself. In these metres,
-returns on free floor count by themselves. A robot that is followed for long after that is lost
-later, unless the agreement falls at once: it was not carried away, so the place has changed.
+outdated; and one of the first metres after a claim, which has to prove itself. A robot that is
+followed for long after that is lost later, unless the agreement falls at once: it was not carried
+away, so the place has changed.
 """
 
 from __future__ import annotations
@@ -41,17 +41,8 @@ where things were moved; and the limit of the sum."""
 NEW_SHARE, NEW_LIMIT = 1.0, 0.15
 """The same for the first metres after a claim, until it is proved."""
 
-FLOOR_M = 2.0
-"""On the first metres, returns on floor beyond the share that a claim allows add up, and the robot
-is lost from what that share is on this path [m]: where buildings share walls, the scans agree for
-long, and what stands between these walls contradicts first."""
-
-GIVEN_ON_FLOOR = 0.03
-"""At a pose that a user gave, more returns may lie on floor by this share: much may have been moved
-there, and the robot is not to be lost for that."""
-
 PROOF_M = 15.0
-"""Path on which a claim is proved, and on which returns on floor count [m]."""
+"""Path on which a claim is proved [m]."""
 
 SUSPECT_AGREEMENT = 0.8
 """Mean agreement of the latest scans, relative to the usual one, below which the map is searched
@@ -82,7 +73,6 @@ class Doubt:
     Parameters
     ----------
     low : the agreement that nine of ten scans of the map reach, relative to the usual one.
-    most_on_floor : share of the returns that lie on floor in a place that may be claimed.
     is_proved : whether the pose was given by a user, and needs no proof.
 
     Attributes
@@ -90,14 +80,10 @@ class Doubt:
     level : of the doubt; lost from 1 on.
     """
 
-    def __init__(
-        self, low: float = 1.0, most_on_floor: float = 1.0, *, is_proved: bool = True
-    ) -> None:
+    def __init__(self, low: float = 1.0, *, is_proved: bool = True) -> None:
         slow = Watch(SLOW_SHARE * low, SLOW_LIMIT)
         self._watches = [QUICK, slow, Watch(NEW_SHARE * low, NEW_LIMIT)]
         self._sums = [0.0, 0.0, 0.0]
-        self._most_on_floor = most_on_floor + (GIVEN_ON_FLOOR if is_proved else 0.0)
-        self._on_floor, self._path = 0.0, 0.0
         self._mean = 1.0
         self._latest = (0.0, 0.0)
         self._trust = 0.0
@@ -109,10 +95,7 @@ class Doubt:
         """The doubt: the robot is lost from 1 on."""
         num_watches = 2 if self.is_proved else 3
         pairs = zip(self._sums[:num_watches], self._watches[:num_watches], strict=True)
-        level = max(total / watch.limit for total, watch in pairs) / self._trusted
-        if self._path >= PROOF_M:
-            return level
-        return max(level, self._on_floor / (FLOOR_M * self._most_on_floor))
+        return max(total / watch.limit for total, watch in pairs) / self._trusted
 
     @property
     def is_lost(self) -> bool:
@@ -134,14 +117,13 @@ class Doubt:
         """Multiple of the limits from which the robot is lost."""
         return 1.0 + (TRUSTED - 1.0) * self._trust
 
-    def add(self, agreement: float, path: float, duration: float, on_floor: float = 0.0) -> None:
+    def add(self, agreement: float, path: float, duration: float) -> None:
         """Add a scan.
 
         Parameters
         ----------
         agreement : of the scan, relative to the usual one; NaN if the map is not known there.
         path, duration : since the scan before [m], [s].
-        on_floor : share of the returns that lie on floor.
         """
         if math.isnan(agreement):
             return
@@ -159,12 +141,8 @@ class Doubt:
         for i, (expected, limit) in enumerate(self._watches):
             total = self._sums[i] + weight * (expected - agreement)
             self._sums[i] = min(max(total, 0.0), 2.0 * limit * self._trusted)
-        more = weight * (on_floor - self._most_on_floor)
-        self._on_floor = max(self._on_floor + more, 0.0)
         self._unproved -= path
-        self._path += path
 
     def reduce(self) -> None:
         """Halve the doubt, as no other place fits better."""
         self._sums = [0.5 * total for total in self._sums]
-        self._on_floor *= 0.5

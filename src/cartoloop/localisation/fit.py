@@ -69,7 +69,6 @@ class Fit(NamedTuple):
         counted.
     num_counted : number of returns where the map is known.
     detail : of these returns, the share on walls that are not straight.
-    on_floor : of them, the share on floor with no wall near.
     """
 
     score: float
@@ -77,7 +76,6 @@ class Fit(NamedTuple):
     distinctness: float
     num_counted: int
     detail: float = 0.0
-    on_floor: float = 0.0
 
     @property
     def mean_distinctness(self) -> float:
@@ -162,8 +160,7 @@ class FitJudge:
         agreement = on_wall / num_counted if num_counted else math.nan
         score = mean_probability(float(total) / num_points)
         detail = (on_wall - straight) / max(num_counted, 1)
-        floor = on_floor / max(num_counted, 1)
-        return Fit(score, agreement, _distinctness(counts), num_counted, detail, floor)
+        return Fit(score, agreement, _distinctness(counts), num_counted, detail)
 
 
 def _distinctness(counts: IntArray) -> float:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import FloatArray
-from cartoloop.localisation.claim_needs import least_score, most_on_floor, needed_margin
+from cartoloop.localisation.claim_needs import least_score, needed_margin
 from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.global_search import fit_of_composite, is_same_place, refine_within
 from cartoloop.localisation.known_map import KnownMap
@@ -192,7 +192,6 @@ def is_proved(
         or len(composite.scans) < 2
         or best.total < needed_sum(path, len(composite.scans))
         or best.fit.score < least_score(known)
-        or best.fit.on_floor > most_on_floor(known)
         or best.fit.num_counted < MIN_COUNTED_SHARE * num_points
     ):
         return False

@@ -9,7 +9,6 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
-from cartoloop.localisation.claim_needs import most_on_floor
 from cartoloop.localisation.decision import MIN_POINTS
 from cartoloop.localisation.doubt import Doubt
 from cartoloop.localisation.fit import Fit
@@ -51,7 +50,7 @@ class Following:
         self._last: LocalScan | None = None
         self._agreement = math.nan
         low = known.low_agreement / known.usual.agreement
-        self.doubt = Doubt(low, most_on_floor(known), is_proved=is_proved)
+        self.doubt = Doubt(low, is_proved=is_proved)
 
     @property
     def pose(self) -> Pose:
@@ -79,10 +78,9 @@ class Following:
         self._agreement = math.nan
         if len(scan.points) < MIN_POINTS:
             return
-        fit = self._tracker.correct(scan.points, scan.beam_origin)
-        self._agreement = fit.agreement
+        self._agreement = self._tracker.correct(scan.points, scan.beam_origin)
         relative_agreement = self._agreement / self._known.usual.agreement
-        self.doubt.add(relative_agreement, math.hypot(step.x, step.y), duration, fit.on_floor)
+        self.doubt.add(relative_agreement, math.hypot(step.x, step.y), duration)
 
     def fit(self, scan: LocalScan) -> Fit:
         """Return how well the last scan fits; its agreement is that of the correction."""

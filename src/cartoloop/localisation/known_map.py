@@ -79,7 +79,6 @@ class KnownMap:
     usual : the fit that scans usually reach.
     low_score, low_agreement, low_distinctness : those that nine of ten scans reach; the score is 0
         where it is not known.
-    high_floor : share of returns on floor that nine of ten do not exceed; 1 where not known.
     has_own_fits : whether these are of the map's own scans; otherwise they are assumed.
 
     Raises
@@ -118,7 +117,6 @@ class KnownMap:
         self.low_score = 0.0
         self.low_agreement = FOREIGN_LOW_AGREEMENT
         self.low_distinctness = FOREIGN_LOW_DISTINCTNESS
-        self.high_floor = 1.0
 
     @staticmethod
     def _raise_if_unusable(cells: ByteArray, name: str) -> None:
@@ -216,7 +214,7 @@ def known_map_of(data: MapData, name: str = "the map") -> KnownMap:
     if own is not None:
         known.usual, known.has_own_fits = own.usual, True
         known.low_score, known.low_agreement = own.low_score, own.low_agreement
-        known.low_distinctness, known.high_floor = own.low_distinctness, own.high_floor
+        known.low_distinctness = own.low_distinctness
     return known
 
 

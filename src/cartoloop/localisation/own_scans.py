@@ -39,7 +39,6 @@ class OwnFits:
     ----------
     usual : the medians.
     low_score, low_agreement, low_distinctness : those that nine of ten reach.
-    high_floor : share of returns on floor that nine of ten do not exceed.
     """
 
     def __init__(self, fits: list[Fit]) -> None:
@@ -48,7 +47,6 @@ class OwnFits:
         low = np.quantile(values, LOW_QUANTILE, axis=0)
         self.usual = Fit(score, agreement, distinctness, len(fits))
         self.low_score, self.low_agreement, self.low_distinctness = low.tolist()
-        self.high_floor = float(np.quantile([fit.on_floor for fit in fits], 1.0 - LOW_QUANTILE))
 
 
 def learn_from_own_scans(judge: FitJudge, data: MapData) -> OwnFits | None:

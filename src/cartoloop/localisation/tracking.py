@@ -106,8 +106,8 @@ class Tracker:
         self.covariance = jacobian @ self.covariance @ jacobian.T + noise
         self.pose = pose
 
-    def correct(self, points: FloatArray, beam_origin: Pose) -> Fit:
-        """Correct the pose by a match to the map; return the fit there.
+    def correct(self, points: FloatArray, beam_origin: Pose) -> float:
+        """Correct the pose by a match to the map; return the agreement there, NaN if none counts.
 
         Parameters
         ----------
@@ -126,10 +126,10 @@ class Tracker:
             self._mean += MEAN_SHARE * (min(usual, 1.0) - self._mean)
         share = fit.num_counted / len(points)
         if math.isnan(usual) or usual < MIN_AGREEMENT:
-            return known.fit(points, beam_origin, self.pose)
+            return known.fit(points, beam_origin, self.pose).agreement
         missing = max(FULL_TRUST_AGREEMENT / max(usual, 1e-3), 1.0) / max(share, 0.1)
         self._fuse(pose, covariance * missing**2)
-        return fit
+        return fit.agreement
 
     def _finds_nearby(self, points: FloatArray, beam_origin: Pose, fit: Fit) -> bool:
         """Move the pose to where the scan fits better nearby; return whether there is such a place.
