@@ -205,6 +205,20 @@ def test_the_model_is_estimated_while_scans_come_in():
     assert calibration.model.translation_scale == pytest.approx(1.05, rel=0.02)
 
 
+def test_what_readings_do_not_show_is_not_used():
+    """Those of half a minute are missing; between them the robot drove in curves."""
+    model = OdometryParameters(rotation_scale=1.1, translation_scale=0.95, lever_x=0.1)
+    way = winding_way()
+    stamps, reported = reported_by(model, way)
+    scans = matched(stamps, way)
+    is_there = (stamps < 40.0) | (stamps > 70.0)
+    whole = estimate(stamps, scans, stamps, reported, UNKNOWN)
+    found = estimate(stamps, scans, stamps[is_there], reported[is_there], UNKNOWN)
+    assert found.rotation_scale == pytest.approx(whole.rotation_scale, abs=0.01)
+    assert found.translation_scale == pytest.approx(whole.translation_scale, abs=0.01)
+    assert found.translation_error == pytest.approx(whole.translation_error, rel=0.2)
+
+
 def test_sparse_readings_do_not_show_an_offset():
     """Scans at irregular times between readings a second apart: averaging these explains a part."""
     rng = np.random.default_rng(8)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from cartoloop.config import Config
 from cartoloop.local_slam import odometry_calibration, odometry_readings
-from cartoloop.local_slam.odometry_readings import OdometryReadings
+from cartoloop.local_slam.odometry_readings import OdometryReadings, are_measured
 from cartoloop.local_slam.odometry_track import OdometryTrack
 from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator
 from cartoloop.sensor.pose import Pose, wrap_angle
@@ -118,3 +118,16 @@ def test_a_robot_that_is_on_for_days_keeps_minutes_of_odometry(monkeypatch, has_
         longest = max(longest, len(extrapolator.odometry._track._readings))
     assert len(extrapolator.odometry._track) == 60_000
     assert 200 <= longest < most
+
+
+@pytest.mark.parametrize(
+    ("period", "gap", "is_known"), [(0.1, 2.5, True), (0.1, 4.0, False), (5.0, 20.0, True)]
+)
+def test_between_readings_far_apart_nothing_is_known(period, gap, is_known):
+    before = period * np.arange(10.0)
+    readings = np.concatenate((before, before[-1] + gap + before))
+    times = np.array(
+        (-0.1, 0.0, before[-2], before[-1] + 0.5 * gap, readings[-1], readings[-1] + 0.1)
+    )
+    found = are_measured(times, readings)
+    assert found.tolist() == [False, True, True, is_known, True, False]

@@ -27,6 +27,7 @@ from cartoloop.local_slam.clock_offset import (
 from cartoloop.local_slam.matched_scans import ScanSeries, latest
 from cartoloop.local_slam.measured_distance import MeasuredDistance
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.odometry_readings import are_measured
 from cartoloop.local_slam.odometry_scale import (
     MATCHED_ERROR,
     MIN_DISTANCES,
@@ -165,8 +166,8 @@ def estimate(
         return previous
     steps = relative_all(poses[:-1], poses[1:])
     heading = odometry_poses[:, 2]
-    span = (times >= odometry_times[0]) & (times <= odometry_times[-1])
-    known = span[:-1] & span[1:]
+    is_measured = are_measured(times, odometry_times)
+    known = is_measured[:-1] & is_measured[1:]
     if is_usable is not None:
         known &= is_usable[1:]
     turning = (np.abs(steps[:, 2]) > MIN_TURN_RAD) & known
@@ -225,7 +226,7 @@ def with_measured_scale(
     """
     begins = np.array([one.begin for one in distances]) - model.time_offset
     ends = np.array([one.end for one in distances]) - model.time_offset
-    is_known = (begins >= odometry_times[0]) & (ends <= odometry_times[-1])
+    is_known = are_measured(begins, odometry_times) & are_measured(ends, odometry_times)
     estimates = [(model.translation_scale, MATCHED_ERROR)]
     noise, num_metres = known.metre_noise, known.num_metres
     if known.knows_scale:

@@ -22,6 +22,27 @@ decided by the readings some seconds before."""
 FEW = 20_000
 """Number of readings that are kept in any case: minutes of a fast odometry."""
 
+MAX_GAP_S, GAP_PERIODS = 3.0, 6.0
+"""Between readings further apart than the first [s], and than this many usual ones, the robot may
+have driven anywhere: a driver has failed, and readings that were no numbers were left out."""
+
+
+def are_measured(times: FloatArray, reading_times: FloatArray) -> BoolArray:
+    """Return at which times the odometry is known: neither outside its readings nor in a gap.
+
+    Parameters
+    ----------
+    times : float64, shape (n,) [s].
+    reading_times : float64, shape (k,), increasing [s]; k > 1.
+    """
+    steps = np.diff(reading_times)
+    longest = max(MAX_GAP_S, GAP_PERIODS * float(np.median(steps)))
+    after = np.searchsorted(reading_times, times, side="right").clip(1, len(steps))
+    known: BoolArray = (
+        (times >= reading_times[0]) & (times <= reading_times[-1]) & (steps[after - 1] <= longest)
+    )
+    return known
+
 
 class OdometryReadings:
     """Times, increasing, and poses; 40 bytes a reading.

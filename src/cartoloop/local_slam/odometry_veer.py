@@ -25,6 +25,7 @@ from cartoloop.local_slam.clock_offset import (
     log_likelihood,
 )
 from cartoloop.local_slam.matched_scans import MatchedScans
+from cartoloop.local_slam.odometry_readings import are_measured
 from cartoloop.sensor.pose import Pose, relative_all
 
 STRETCH_M = 1.0
@@ -120,8 +121,8 @@ def estimate_veer(
     if len(odometry_times) < 2:
         return previous, 0
     times = scans.times - time_offset
-    is_covered = (times >= odometry_times[0]) & (times <= odometry_times[-1])
-    is_used = scans.is_usable[1:] & is_covered[:-1] & is_covered[1:]
+    is_measured = are_measured(times, odometry_times)
+    is_used = scans.is_usable[1:] & is_measured[:-1] & is_measured[1:]
     readings = np.column_stack(
         [np.interp(times, odometry_times, column) for column in odometry_poses.T]
     )
