@@ -8,7 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from cartoloop.local_slam.odometry_trust import Evidence, OdometryTrust, follows
+from cartoloop.local_slam.odometry_trust import OdometryTrust, follows
+from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.sensor.pose import Pose, compose
 from cartoloop.simulation import drive, simulate
 from tests.local_slam.small_world import LIDAR, errors, furnished_room, run

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.config import LocalSlamConfig
-from cartoloop.local_slam.odometry_trust import Evidence
+from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator
 from cartoloop.sensor.events import Imu
 from cartoloop.sensor.pose import IDENTITY, Pose, compose

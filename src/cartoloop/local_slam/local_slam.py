@@ -30,7 +30,7 @@ from cartoloop.local_slam.match_records import (
     wall_record,
 )
 from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S
-from cartoloop.local_slam.odometry_trust import Evidence
+from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.scan_matcher import (

@@ -16,13 +16,8 @@ from cartoloop.local_slam.measured_distance import MeasuredDistance
 from cartoloop.local_slam.odometry_calibration import OdometryCalibration
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.local_slam.odometry_track import OdometryTrack
-from cartoloop.local_slam.odometry_trust import (
-    Evidence,
-    OdometryFault,
-    OdometryTrust,
-    differ,
-    follows,
-)
+from cartoloop.local_slam.odometry_trust import OdometryFault, OdometryTrust, differ, follows
+from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.prediction import isotropic_information
 from cartoloop.sensor.pose import IDENTITY, Pose, relative
 

@@ -10,22 +10,20 @@ Odometry that moves as far as the scans, but never when they do, predicts worse 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
+from cartoloop.local_slam.odometry_window import (
+    MIN_STEPS,
+    WINDOW_S,
+    Evidence,
+    StepWindow,
+    size_of,
+    step_between,
+)
 from cartoloop.local_slam.prediction_record import PredictionRecord
-from cartoloop.sensor.pose import IDENTITY, Pose, relative, wrap_angle
+from cartoloop.sensor.pose import Pose, relative, wrap_angle
 from cartoloop.sensor.wall_normals import CORRIDOR_RATIO
-
-WINDOW_S, MIN_STEPS = 1.0, 5
-"""Least time [s] and number of steps that are compared together: errors of single matches and of
-the clock average out."""
-
-SLOW_WINDOW_S, WINDOW_M = 4.0, 0.6
-"""Window of a slow robot: as long as scans and odometry have moved by less than the second [m], up
-to the first [s]. In a second, it moves by less than errors that are no fault."""
 
 MAX_WINDOW_S = 5.0
 """Longest window [s]: scans that come more slowly overlap too little to contradict wheels."""
@@ -62,24 +60,6 @@ MIN_FOLLOWED_M = 0.02
 """Shorter steps of two predictions agree by chance [m]."""
 
 
-class Evidence(NamedTuple):
-    """What a match says about the motion.
-
-    Attributes
-    ----------
-    is_determined : whether it determines the position in both directions.
-    direction : otherwise, the direction that it does not determine [rad], local frame.
-    change_since : returns by how much the ranges have changed since a time, in the median [m]; inf
-        if that is not known.
-    wall_ratio : returns which way walls face, see :func:`normal_ratio`.
-    """
-
-    is_determined: bool
-    direction: float
-    change_since: Callable[[float], float]
-    wall_ratio: Callable[[], float]
-
-
 @dataclass(slots=True)
 class OdometryFault:
     """A time in which the odometry was left out.
@@ -102,66 +82,6 @@ class OdometryFault:
     odometry_rad: float
 
 
-class _Step(NamedTuple):
-    """A step between two scans, in the local frame [m], [rad], as far as the scans determine it."""
-
-    begin: float
-    end: float
-    matched: Pose
-    reported: Pose
-
-
-class _Window:
-    """The latest steps of one scanner, and the sums of their motions.
-
-    Attributes
-    ----------
-    steps : the latest.
-    matched, reported : sums of the motions of scans and odometry.
-    """
-
-    def __init__(self) -> None:
-        self.steps: deque[_Step] = deque()
-        self.matched = self.reported = IDENTITY
-
-    def add(self, step: _Step) -> None:
-        """Add a step, and drop those that are not needed for a window."""
-        steps = self.steps
-        steps.append(step)
-        self.matched = _sum(self.matched, step.matched)
-        self.reported = _sum(self.reported, step.reported)
-        while len(steps) > MIN_STEPS and step.end - steps[1].begin >= WINDOW_S:
-            first = steps[0]
-            matched = _difference(self.matched, first.matched)
-            reported = _difference(self.reported, first.reported)
-            if (
-                step.end - steps[1].begin < SLOW_WINDOW_S
-                and max(_size(matched), _size(reported)) < WINDOW_M
-            ):
-                break
-            steps.popleft()
-            self.matched, self.reported = matched, reported
-
-    def clear(self) -> None:
-        """Drop all steps."""
-        self.steps.clear()
-        self.matched = self.reported = IDENTITY
-
-
-def _sum(one: Pose, other: Pose) -> Pose:
-    """Return the sum of two motions, number by number."""
-    x, y, theta = one
-    more_x, more_y, more_theta = other
-    return Pose(x + more_x, y + more_y, theta + more_theta)
-
-
-def _difference(one: Pose, other: Pose) -> Pose:
-    """Return the difference of two motions, number by number."""
-    x, y, theta = one
-    less_x, less_y, less_theta = other
-    return Pose(x - less_x, y - less_y, theta - less_theta)
-
-
 class OdometryTrust:
     """Compares the odometry with matched scans.
 
@@ -180,7 +100,7 @@ class OdometryTrust:
         self._fault: OdometryFault | None = None  # that lasts until now
         self._unsteady: OdometryFault | None = None
         self._record = PredictionRecord(earlier_score)
-        self._windows: dict[str, _Window] = {}
+        self._windows: dict[str, StepWindow] = {}
         self._last: dict[str, tuple[float, Pose]] = {}
 
     @property
@@ -229,11 +149,11 @@ class OdometryTrust:
             return 0
         window = self._windows.get(scanner)
         if window is None:
-            window = self._windows[scanner] = _Window()
+            window = self._windows[scanner] = StepWindow()
         if reported is None or time <= last[0]:
             window.clear()
         else:
-            window.add(_step(last, (time, tf_local_tracking), reported, evidence))
+            window.add(step_between(last, (time, tf_local_tracking), reported, evidence))
         num_faulty = self._compare(window, time, evidence, is_late, is_calibrated)
         if reported is not None and expected is not None:
             matched = relative(last[1], tf_local_tracking)
@@ -243,7 +163,7 @@ class OdometryTrust:
 
     def _compare(
         self,
-        window: _Window,
+        window: StepWindow,
         time: float,
         evidence: Evidence | None,
         is_late: Callable[[float, float, Pose], bool],
@@ -265,7 +185,7 @@ class OdometryTrust:
                 and not is_late(begin, time, matched)
             ):
                 stands = all(
-                    _size(step.reported) <= MIN_SHARE * _size(step.matched)
+                    size_of(step.reported) <= MIN_SHARE * size_of(step.matched)
                     for step in list(steps)[-2:]
                 )
                 self._fault = _fault(begin, matched, odometry, _kind(matched, odometry, stands))
@@ -315,36 +235,6 @@ class OdometryTrust:
         for window in self._windows.values():
             window.clear()
         return self.is_trusted
-
-
-def _step(
-    last: tuple[float, Pose], now: tuple[float, Pose], reported: Pose, evidence: Evidence | None
-) -> _Step:
-    """Return a step of scans and odometry, rotated into the local frame, as far as it counts."""
-    (begin, before), (end, after) = last, now
-    if evidence is None:
-        return _Step(begin, end, IDENTITY, IDENTITY)
-    matched = relative(before, after)
-    # Along the mean heading of the scans, so that a wrong turn is no wrong distance.
-    heading = before.theta + 0.5 * (matched.theta - reported.theta)
-    return _Step(
-        begin,
-        end,
-        _counted(matched, before.theta, evidence),
-        _counted(reported, heading, evidence),
-    )
-
-
-def _counted(motion: Pose, heading: float, evidence: Evidence) -> Pose:
-    """Return a motion in the local frame, as far as scans determine it."""
-    motion_x, motion_y, theta = motion
-    cos, sin = math.cos(heading), math.sin(heading)
-    x, y = cos * motion_x - sin * motion_y, sin * motion_x + cos * motion_y
-    if not evidence.is_determined:
-        across_x, across_y = -math.sin(evidence.direction), math.cos(evidence.direction)
-        length = across_x * x + across_y * y
-        x, y = length * across_x, length * across_y
-    return Pose(x, y, theta)
 
 
 def _sizes(matched: Pose, odometry: Pose) -> tuple[float, float, float, float]:
@@ -399,11 +289,6 @@ def _agree(matched: Pose, odometry: Pose, lever: float) -> bool:
         apart < GOOD_M + lever * turn + GOOD_SHARE * length
         and turned_apart < GOOD_RAD + GOOD_SHARE * turn
     )
-
-
-def _size(motion: Pose) -> float:
-    """Return the size of a step: distance, and the way of a point a metre away."""
-    return math.hypot(motion.x, motion.y) + abs(motion.theta)
 
 
 def _kind(matched: Pose, odometry: Pose, stands: bool) -> str:

@@ -15,7 +15,7 @@ from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.gyroscope import Gyroscope
 from cartoloop.local_slam.odometry_motion import OdometryMotion
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
-from cartoloop.local_slam.odometry_trust import Evidence
+from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.velocity_filter import VelocityFilter
 from cartoloop.sensor.events import Imu
