@@ -4,18 +4,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cartoloop.arrays import FloatArray
+from cartoloop.arrays import FloatArray, RowArray
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
 from cartoloop.kernels.sum_at_points import sum_at_points
 from cartoloop.scan_matching import least_squares
-from cartoloop.scan_matching.branch_and_bound import RunnerUp, SubmapMatcher
+from cartoloop.scan_matching.branch_and_bound import BranchAndBoundMatch, RunnerUp, SubmapMatcher
 from cartoloop.scan_matching.least_squares import LeastSquaresMatches, SmoothMap, match_informations
 from cartoloop.sensor.pose import wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
@@ -157,21 +158,8 @@ def search(
     matches = NO_MATCHES
     if hits:
         met = np.array([i for i, _ in hits])
-        starts = np.array([match.tf_submap_scan for _, match in hits])
-        fine = refine_all(submap.smooth_map, scans.take(met), starts, config, math.inf)
-        poses = fine.tf_submap_scan.copy()
-        poses[:, 2] = wrap_angles(fine.tf_submap_scan[:, 2])
-        moved = fine.tf_submap_scan - starts
-        matches = SearchMatches(
-            row=rows[met],
-            tf_submap_node=poses,
-            information=match_informations(fine.information, fine.residual),
-            residual=fine.residual,
-            score=np.array([match.score for _, match in hits]),
-            runner_up=np.array([match.runner_up for _, match in hits]),
-            moved_m=np.hypot(moved[:, 0], moved[:, 1]),
-            moved_rad=np.abs(wrap_angles(moved[:, 2])),
-        )
+        matched = [match for _, match in hits]
+        matches, _ = refined(submap, scans.take(met), rows[met], matched, config)
     return SearchOutcome(
         min_score,
         submap.grid.size == 0,
@@ -180,6 +168,37 @@ def search(
         rows[np.array(ambiguous, dtype=np.int64)],
         matches,
     )
+
+
+def refined(
+    submap: FinishedSubmap,
+    scans: ScanPoints,
+    rows: RowArray,
+    found: Sequence[BranchAndBoundMatch],
+    config: ConstraintSearchConfig,
+) -> tuple[SearchMatches, FloatArray]:
+    """Return matches of branch and bound, refined by (CS), and its curvatures, shape (n, 3, 3).
+
+    Parameters
+    ----------
+    scans, rows, found : n scans, their rows in the record, and their matches.
+    """
+    starts = np.array([match.tf_submap_scan for match in found]).reshape(-1, 3)
+    fine = refine_all(submap.smooth_map, scans, starts, config, math.inf)
+    poses = fine.tf_submap_scan.copy()
+    poses[:, 2] = wrap_angles(fine.tf_submap_scan[:, 2])
+    moved = fine.tf_submap_scan - starts
+    matches = SearchMatches(
+        row=rows,
+        tf_submap_node=poses,
+        information=match_informations(fine.information, fine.residual),
+        residual=fine.residual,
+        score=np.array([match.score for match in found]),
+        runner_up=np.array([match.runner_up for match in found]),
+        moved_m=np.hypot(moved[:, 0], moved[:, 1]),
+        moved_rad=np.abs(wrap_angles(moved[:, 2])),
+    )
+    return matches, fine.information
 
 
 def refine_all(

@@ -19,14 +19,13 @@ import numpy as np
 from cartoloop.arrays import BoolArray, FloatArray, IntArray, RowArray
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
-from cartoloop.global_slam.closure_search import FinishedSubmap, refine_all
+from cartoloop.global_slam.closure_search import FinishedSubmap, refined
 from cartoloop.global_slam.join_evidence import Nearby
 from cartoloop.global_slam.join_records import NO_REQUESTS, as_one
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.sessions import SessionRanges
 from cartoloop.scan_matching.branch_and_bound import NO_RUNNER_UP
-from cartoloop.scan_matching.least_squares import match_informations
 from cartoloop.sensor.pose import compose_all, relative_all, wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.session import session_numbers
@@ -122,30 +121,18 @@ def _lines_in(
         max_of_group=1,
         runner_up=NO_RUNNER_UP,
     )
-    met = np.array(
-        [i for i, match in enumerate(coarse.matches) if match is not None], dtype=np.int64
+    found = [(i, match) for i, match in enumerate(coarse.matches) if match is not None]
+    met = np.array([i for i, _ in found], dtype=np.int64)
+    unrecorded = np.full(len(met), -1, dtype=np.int32)
+    matches, curvatures = refined(
+        submap, scans.take(met), unrecorded, [match for _, match in found], config
     )
-    starts = np.array([each.tf_submap_scan for each in coarse.matches if each]).reshape(-1, 3)
-    fine = refine_all(submap.smooth_map, scans.take(met), starts, config, math.inf)
     submap.release()
-    poses = fine.tf_submap_scan.copy()
-    poses[:, 2] = wrap_angles(poses[:, 2])
-    moved = fine.tf_submap_scan - starts
     tf_map_submap = graph.submap_poses[submap.index]
     to_end = relative_all(graph.node_poses[nodes[met]], graph.node_poses[[end_node] * len(met)])
-    placed = compose_all(tf_map_submap, compose_all(poses, to_end))
-    xx, xy, yy = (fine.information[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
+    placed = compose_all(tf_map_submap, compose_all(matches.tf_submap_node, to_end))
+    xx, xy, yy = (curvatures[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
     weak = 0.5 * np.arctan2(2.0 * xy, xx - yy) + 0.5 * math.pi
-    matches = SearchMatches(
-        row=np.full(len(met), -1, dtype=np.int32),
-        tf_submap_node=poses,
-        information=match_informations(fine.information, fine.residual),
-        residual=fine.residual,
-        score=np.array([each.score for each in coarse.matches if each]),
-        runner_up=np.zeros(len(met)),
-        moved_m=np.hypot(moved[:, 0], moved[:, 1]),
-        moved_rad=np.abs(wrap_angles(moved[:, 2])),
-    )
     nearby = Nearby(requests.take(met), matches, np.full(len(met), min_score))
     return Lines(nearby, placed, weak + tf_map_submap[2])
 

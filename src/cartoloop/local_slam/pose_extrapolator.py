@@ -123,9 +123,10 @@ class PoseExtrapolator:
         self._recent.append((time, tf_local_tracking))
         self._num_poses += 1
         self.odometry.add_pose(middle_time, middle, num_faulty, scanner)
-        x, y, rate = self._velocity.step(1.0)
-        may_stand = math.hypot(x, y) < STANDING_SPEED and abs(rate) < STANDING_RATE
-        self.gyroscope.add_pose(middle_time, middle, may_stand=may_stand)
+        if self.gyroscope.track is not None:
+            x, y, rate = self._velocity.step(1.0)
+            may_stand = math.hypot(x, y) < STANDING_SPEED and abs(rate) < STANDING_RATE
+            self.gyroscope.add_pose(middle_time, middle, may_stand=may_stand)
 
     def shift(self, scanner: str, by: float) -> None:
         """Correct the times of a scanner's scans so far, since its clock offset changes [s]."""
