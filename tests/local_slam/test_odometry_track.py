@@ -168,6 +168,16 @@ def test_a_long_step_right_after_a_gap_may_be_of_the_gap():
     assert late.num_jumps == 0
 
 
+def test_a_second_reading_at_a_time_has_the_time_of_the_first():
+    readings = [(0.1 * k, 0.05 * k, 0.0) for k in range(200)]
+    # Several readings of a turn arrive with the stamp of the last one.
+    readings += [(20.2, 10.1, 0.2), (20.2, 10.15, 0.45), (20.2, 10.2, 0.6), (20.3, 10.2, 0.7)]
+    turning = track(*readings)
+    assert turning.num_jumps == 0
+    assert not turning.jumps_between(19.9, 20.3)
+    assert turning.at(20.2) == pytest.approx(Pose(10.2, 20.4, 0.6))
+
+
 def test_jitter_of_the_stamps_makes_no_resets():
     readings = [(time + 0.09 * (k % 3), x, theta) for k, (time, x, theta) in enumerate(drive(40.0))]
     assert track(*readings).num_jumps == 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
+from typing import NamedTuple
 
 import numpy as np
 
@@ -86,7 +87,7 @@ class OdometryTrack:
         self.late_since = math.nan
         self.has_moved = False
         self._is_repeating = False
-        self._pace = _Pace()
+        self._pace = self._pace_before = _Pace()  # now, and before the last reading
         self._jump_times: list[float] = []
         self._tf_track_odom = IDENTITY
         self._readings = OdometryReadings()
@@ -126,9 +127,13 @@ class OdometryTrack:
         self.latest = max(self.latest, time)
         if times and time <= times[-1]:
             if time == times[-1]:
-                self._pop()
-                self._append(time, tf_odom_tracking)
+                self._replace_last(time, tf_odom_tracking)
             return
+        self._append(time, tf_odom_tracking)
+
+    def _replace_last(self, time: float, tf_odom_tracking: Pose) -> None:
+        self._pop()
+        self._pace = self._pace_before
         self._append(time, tf_odom_tracking)
 
     def _pop(self) -> None:
@@ -144,7 +149,8 @@ class OdometryTrack:
             if self._drop_repeated(time, pose) or (was_repeating and pose != self._last):
                 self.num_late += 1
                 self.late_since = self._readings.times[-1]
-            self._pace.add(time, self._last, pose)
+            self._pace_before = self._pace
+            self._pace = self._pace.with_step(time, self._last, pose)
             self.has_moved = self.has_moved or pose != self._last
         self._readings.append(time, pose)
         self._last = pose
@@ -242,42 +248,57 @@ class OdometryTrack:
         return self._readings.rows()
 
 
-class _Pace:
-    """The largest speeds of the odometry so far."""
+class _Pace(NamedTuple):
+    """The largest speeds of the odometry so far.
 
-    def __init__(self) -> None:
-        self._begin, self._last, self._changed = math.nan, math.nan, math.nan
-        self._moved, self._turned = 0.0, 0.0
-        self._num_paces = 0
-        self._fastest, self._fastest_rate = LEAST_FASTEST, LEAST_FASTEST_RATE
+    Attributes
+    ----------
+    begin, moved, turned : of the time over which a speed is being measured [s], and the motion in
+        it [m], [rad].
+    last, changed : times of the last reading, and of the last one that differed from the one before
+        [s].
+    num_paces : number of such times in which the robot moved.
+    fastest, fastest_rate : the largest speeds [m/s], [rad/s].
+    """
 
-    def add(self, time: float, before: Pose, after: Pose) -> None:
-        """Add the step to a reading."""
-        if math.isnan(self._begin):
-            self._begin = self._last = self._changed = time
-            return
+    begin: float = math.nan
+    last: float = math.nan
+    changed: float = math.nan
+    moved: float = 0.0
+    turned: float = 0.0
+    num_paces: int = 0
+    fastest: float = LEAST_FASTEST
+    fastest_rate: float = LEAST_FASTEST_RATE
+
+    def with_step(self, time: float, before: Pose, after: Pose) -> _Pace:
+        """Return it with the step to another reading."""
+        if math.isnan(self.begin):
+            return self._replace(begin=time, last=time, changed=time)
         # The first reading after a gap in the recording may be of before it.
-        if after != before and time - self._last <= MAX_PERIOD_S:
-            self._changed = time
-        self._last = time
-        self._moved += math.hypot(after.x - before.x, after.y - before.y)
-        self._turned += abs(wrap_angle(after.theta - before.theta))
-        duration = time - self._begin
+        has_changed = after != before and time - self.last <= MAX_PERIOD_S
+        changed = time if has_changed else self.changed
+        moved = self.moved + math.hypot(after.x - before.x, after.y - before.y)
+        turned = self.turned + abs(wrap_angle(after.theta - before.theta))
+        duration = time - self.begin
         if duration < PACE_S:
-            return
-        self._num_paces += self._moved > MIN_PACE or self._turned > MIN_PACE
-        self._fastest = max(self._fastest, self._moved / duration)
-        self._fastest_rate = max(self._fastest_rate, self._turned / duration)
-        self._begin, self._moved, self._turned = time, 0.0, 0.0
+            return self._replace(last=time, changed=changed, moved=moved, turned=turned)
+        return _Pace(
+            begin=time,
+            last=time,
+            changed=changed,
+            num_paces=self.num_paces + (moved > MIN_PACE or turned > MIN_PACE),
+            fastest=max(self.fastest, moved / duration),
+            fastest_rate=max(self.fastest_rate, turned / duration),
+        )
 
     def is_hasty(self, before: Pose, after: Pose, duration: float) -> bool:
         """Return whether a step took longer than a duration, by the largest speeds so far."""
         distance = math.hypot(after.x - before.x, after.y - before.y)
         turn = abs(wrap_angle(after.theta - before.theta))
         times = HASTY_TIMES_FASTEST * duration
-        return self._num_paces >= NUM_PACES and (
-            distance > HASTY_M + times * self._fastest
-            or turn > HASTY_RAD + times * self._fastest_rate
+        return self.num_paces >= NUM_PACES and (
+            distance > HASTY_M + times * self.fastest
+            or turn > HASTY_RAD + times * self.fastest_rate
         )
 
     def is_exceeded(self, distance: float, turn: float, time: float) -> bool:
@@ -285,12 +306,12 @@ class _Pace:
 
         It may be that of all the time since the last reading that was another.
         """
-        if self._num_paces < NUM_PACES:
+        if self.num_paces < NUM_PACES:
             return False
-        duration = TIMES_FASTEST * (time - self._changed)
+        duration = TIMES_FASTEST * (time - self.changed)
         return (
-            distance > KNOWN_STEP_M + self._fastest * duration
-            or turn > KNOWN_STEP_RAD + self._fastest_rate * duration
+            distance > KNOWN_STEP_M + self.fastest * duration
+            or turn > KNOWN_STEP_RAD + self.fastest_rate * duration
         )
 
 
