@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -112,6 +114,36 @@ def test_scans_in_turn_weigh_together_against_odometry(submap, max_lost_scans):
         assert (matcher.lost_in_turn == 0) == followed[-1]
     assert not followed[0]
     assert any(followed) == (max_lost_scans > 1)
+
+
+@pytest.mark.parametrize("turn", [2.0, -2.5, math.pi])
+def test_lost_scans_find_the_heading_they_agree_on(submap, turn):
+    matcher = ScanMatcher(CONFIG)
+    for _ in range(30):
+        matched(submap, TRUTH, matcher=matcher)
+    # A wrong turn of the odometry, which is right about all steps but that one.
+    certain = isotropic_information(0.005, 0.002)
+    pose, relocated = off(0.0, 0.0, turn), []
+    for _ in range(5):
+        fallbacks = partial(itertools.repeat, pose, 2)
+        found = matcher.match(submap, points(), Prediction(pose, True, certain, fallbacks))
+        pose = found.tf_local_tracking
+        relocated.append(found.is_relocated)
+    assert relocated == [False, False, True, False, False]
+    assert_near(pose, TRUTH)
+
+
+def test_lost_scans_of_elsewhere_are_not_turned(submap):
+    matcher = ScanMatcher(CONFIG)
+    for _ in range(30):
+        matched(submap, TRUTH, matcher=matcher)
+    certain = isotropic_information(0.005, 0.002)
+    scan = np.random.default_rng(3).uniform(-3.0, 3.0, (200, 2))  # a crowd around the robot
+    for _ in range(5):
+        prior = Prediction(TRUTH, True, certain, lambda: (TRUTH, TRUTH))
+        found = matcher.match(submap, scan, prior)
+        assert not found.is_relocated
+        assert_near(found.tf_local_tracking, TRUTH)
 
 
 def test_scans_that_fit_well_need_no_wider_search(submap):

@@ -206,6 +206,9 @@ class LocalSlam:
             on_pose(pose)
         with self._timer.measure("predict"):
             evidence = self._evidence(match, scanner, filtered.points, by_walls=by_walls)
+            if match is not None and match.is_relocated:
+                self.extrapolator.relocate()
+                scanner.distance_meter.forget()
             self.extrapolator.add_pose(time, pose, filtered.motion, evidence, name)
             if match is not None and (by := self._clocks.add(name, time, pose)):
                 self.extrapolator.shift(name, by)
@@ -249,12 +252,13 @@ class LocalSlam:
         if walls is not None and not prediction.by_odometry:
             submap = walls
         if (recorded := self._recorded.replay(Kind.MATCH)) is not None:
-            match, matcher.memory = recorded_match(recorded)
-            return matched_scan(submap, match)
+            match, matcher.memory, is_relocated = recorded_match(recorded)
+            return matched_scan(submap, match, is_relocated=is_relocated)
         with self._timer.measure("match"):
             matched = matcher.match(submap, filtered.points, prediction)
         if self._recorded.is_replayable:
-            self._recorded.record(Kind.MATCH, match_record(matched.match, matcher.memory))
+            record = match_record(matched.match, matcher.memory, is_relocated=matched.is_relocated)
+            self._recorded.record(Kind.MATCH, record)
         return matched
 
     def _deskew_again(
@@ -307,6 +311,8 @@ class LocalSlam:
 
         Also returns whether it was repeated.
         """
+        if match.is_relocated:
+            return match, False
         pose = self._step_along_walls(
             scanner.wall_step, time, match, filtered.data.returns, prediction
         )

@@ -26,12 +26,14 @@ class MatcherMemory(NamedTuple):
     num_correlative : number of scans for which the correlative matcher ran.
     num_lost : number of scans that were searched in the wider window.
     lost_in_turn : number of latest scans by odometry that fitted nowhere as scans do.
+    tf_found_predicted : to where the latest of these fits at another heading, in the local frame.
     """
 
     typical_residual: float
     num_correlative: int
     num_lost: int
     lost_in_turn: int
+    tf_found_predicted: Pose | None
 
 
 class WallMemory(NamedTuple):
@@ -55,20 +57,29 @@ class WallMemory(NamedTuple):
     moved_at: float
 
 
-_MATCH = struct.Struct("<3d9d2dId3I")
+_MATCH = struct.Struct("<?3d9d2dId3I?3d")
 _WALL = struct.Struct("<?3d5d?d")
 _NOWHERE = (0.0, 0.0, 0.0)
 
 
-def match_record(match: LeastSquaresMatch, memory: MatcherMemory) -> bytes:
+def match_record(match: LeastSquaresMatch, memory: MatcherMemory, *, is_relocated: bool) -> bytes:
     """Return a match and the memory of the matcher after it as a payload."""
     information = match.information.ravel().tolist()
+    *numbers, place = memory
     return _MATCH.pack(
-        *match.tf_submap_scan, *information, match.residual, match.cost, match.iterations, *memory
+        is_relocated,
+        *match.tf_submap_scan,
+        *information,
+        match.residual,
+        match.cost,
+        match.iterations,
+        *numbers,
+        place is not None,
+        *(_NOWHERE if place is None else place),
     )
 
 
-def recorded_match(payload: memoryview) -> tuple[LeastSquaresMatch, MatcherMemory]:
+def recorded_match(payload: memoryview) -> tuple[LeastSquaresMatch, MatcherMemory, bool]:
     """Return what :func:`match_record` was given.
 
     Raises
@@ -76,10 +87,14 @@ def recorded_match(payload: memoryview) -> tuple[LeastSquaresMatch, MatcherMemor
     InputError
         The payload has another length: another version has written it.
     """
-    values = _unpacked(_MATCH, payload)
+    is_relocated, *values = _unpacked(_MATCH, payload)
     information = np.array(values[3:12]).reshape(3, 3)
     match = LeastSquaresMatch(Pose(*values[:3]), information, *values[12:15])
-    return match, MatcherMemory(*values[15:])
+    residual, num_correlative, num_lost, lost_in_turn, has_place, *place = values[15:]
+    memory = MatcherMemory(
+        residual, num_correlative, num_lost, lost_in_turn, Pose(*place) if has_place else None
+    )
+    return match, memory, is_relocated
 
 
 def wall_record(pose: Pose | None, memory: WallMemory) -> bytes:

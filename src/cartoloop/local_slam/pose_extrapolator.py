@@ -115,6 +115,8 @@ class PoseExtrapolator:
                 expected = self._velocity.step(middle_time - last[0])
             self._velocity.update(relative(last[1], middle), middle_time - last[0])
         num_faulty = self.odometry.compare(last, middle_time, middle, evidence, scanner, expected)
+        if last is None:
+            num_faulty = max(num_faulty, 1)  # there is no step to this scan
         if evidence is None or evidence.is_determined:
             self._extrapolated = None
         self._middle_time, self._middle = middle_time, middle
@@ -127,6 +129,11 @@ class PoseExtrapolator:
             x, y, rate = self._velocity.step(1.0)
             may_stand = math.hypot(x, y) < STANDING_SPEED and abs(rate) < STANDING_RATE
             self.gyroscope.add_pose(middle_time, middle, may_stand=may_stand)
+
+    def relocate(self) -> None:
+        """Note that the next pose does not follow from the latest: these were wrong."""
+        self._middles.clear()
+        self._recent.clear()
 
     def shift(self, scanner: str, by: float) -> None:
         """Correct the times of a scanner's scans so far, since its clock offset changes [s]."""

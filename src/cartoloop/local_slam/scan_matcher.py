@@ -14,6 +14,7 @@ from cartoloop.local_slam.degenerate_direction import (
     constrain_degenerate_direction,
     where_prior_leads,
 )
+from cartoloop.local_slam.lost_heading import HEADINGS_RAD, MIN_LOST_SCANS, LostHeading
 from cartoloop.local_slam.match_records import MatcherMemory
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.scan_matching import correlative, least_squares
@@ -30,10 +31,13 @@ class MatchedScan(NamedTuple):
     ----------
     tf_local_tracking : its pose.
     match : the match to the submap, in the submap's frame.
+    is_relocated : whether it was found at another heading than expected, after scans that were
+        lost: the robot did not move so.
     """
 
     tf_local_tracking: Pose
     match: LeastSquaresMatch
+    is_relocated: bool = False
 
 
 class ScanMatcher:
@@ -41,7 +45,8 @@ class ScanMatcher:
 
     The search widens as needed: least squares from the prediction; if the residual is larger than
     usual, the correlative matcher around it; if that is no better, the correlative matcher in a
-    wider window around the fallback poses of the prediction, since the odometry may have jumped.
+    wider window around the fallback poses of the prediction, since the odometry may have jumped;
+    if scans in turn fit nowhere, all headings: :class:`LostHeading`.
 
     Attributes
     ----------
@@ -65,6 +70,7 @@ class ScanMatcher:
         )
         self._typical_residual = self._window.initial_residual
         self._scratch = correlative.Scratch()
+        self._lost_heading = LostHeading()
         self.num_correlative = 0
         self.num_lost = 0
         self.lost_in_turn = 0
@@ -73,12 +79,22 @@ class ScanMatcher:
     def memory(self) -> MatcherMemory:
         """What it remembers from scan to scan."""
         return MatcherMemory(
-            self._typical_residual, self.num_correlative, self.num_lost, self.lost_in_turn
+            self._typical_residual,
+            self.num_correlative,
+            self.num_lost,
+            self.lost_in_turn,
+            self._lost_heading.tf_found_predicted,
         )
 
     @memory.setter
     def memory(self, memory: MatcherMemory) -> None:
-        self._typical_residual, self.num_correlative, self.num_lost, self.lost_in_turn = memory
+        (
+            self._typical_residual,
+            self.num_correlative,
+            self.num_lost,
+            self.lost_in_turn,
+            self._lost_heading.tf_found_predicted,
+        ) = memory
 
     def match(self, submap: Submap, points: FloatArray, prediction: Prediction) -> MatchedScan:
         """Return where in the submap the scan fits best.
@@ -89,7 +105,7 @@ class ScanMatcher:
         """
         window, information = self._window, prediction.information
         prior = relative(submap.tf_local_submap, prediction.tf_local_tracking)
-        is_lost = False
+        is_lost = is_relocated = False
         best = self._refine(submap, points, prior, prior, information)
         if best.residual > self._typical_residual * window.poor_residual_ratio:
             self.num_correlative += 1
@@ -104,10 +120,15 @@ class ScanMatcher:
             self.num_lost += 1
             self.lost_in_turn = self.lost_in_turn + 1 if prediction.by_odometry else 0
             found = self._search_as_lost(submap, points, prediction, best)
+            if found is best and self.lost_in_turn >= MIN_LOST_SCANS:
+                found = self._search_all_headings(submap, points, prediction, best)
+                is_relocated = found is not best
             is_lost = found is not best
             best = found
         if is_lost or best.residual <= self._typical_residual * window.lost_residual_ratio:
             self.lost_in_turn = 0
+        if self.lost_in_turn < MIN_LOST_SCANS:
+            self._lost_heading.tf_found_predicted = None
         point_weight = self._least_squares.occupied_space_weight / self._typical_residual**2
         self._typical_residual += window.residual_memory * (best.residual - self._typical_residual)
         if not is_lost:
@@ -120,7 +141,7 @@ class ScanMatcher:
                 self._pixel_information(prediction, submap.grid.resolution),
             )
             best = best._replace(tf_submap_scan=pose)
-        return matched_scan(submap, best)
+        return matched_scan(submap, best, is_relocated=is_relocated)
 
     def _may_correct(
         self,
@@ -185,6 +206,36 @@ class ScanMatcher:
             ):
                 best = found
         return best
+
+    def _search_all_headings(
+        self, submap: Submap, points: FloatArray, prediction: Prediction, best: LeastSquaresMatch
+    ) -> LeastSquaresMatch:
+        """Return the match at another heading that two scans in turn agree on, or `best`.
+
+        Each must fit as scans usually do, in observed cells, and outweigh the motion prior as any
+        match of a lost scan.
+        """
+        predicted = prediction.tf_local_tracking
+        prior = relative(submap.tf_local_submap, predicted)
+        turned = None
+        for angle in HEADINGS_RAD:
+            centre = prior._replace(theta=wrap_angle(prior.theta + angle))
+            start = self._search(submap, points, centre, self._lost_window)
+            found = self._refine(submap, points, start, start, self._lost_information)
+            if (
+                found.residual < (best if turned is None else turned).residual
+                and self._fits_as_usual(points, found)
+                and self._share_of_seen(submap, points, found) >= self._window.ample_seen_share
+            ):
+                turned = found
+        weight = min(self.lost_in_turn, self._window.max_lost_scans)
+        if turned is not None and weight * best.cost <= self._cost_against(
+            submap, points, prediction, turned, weight
+        ):
+            turned = None
+        pose = turned and compose(submap.tf_local_submap, turned.tf_submap_scan)
+        is_agreed = self._lost_heading.add(predicted, pose)
+        return turned if turned is not None and is_agreed else best
 
     def _cost_against(
         self,
@@ -269,9 +320,12 @@ class ScanMatcher:
         return noise if prediction.information[0] >= noise else math.inf
 
 
-def matched_scan(submap: Submap, match: LeastSquaresMatch) -> MatchedScan:
+def matched_scan(
+    submap: Submap, match: LeastSquaresMatch, *, is_relocated: bool = False
+) -> MatchedScan:
     """Return a match to a submap with the scan's pose."""
-    return MatchedScan(compose(submap.tf_local_submap, match.tf_submap_scan), match)
+    pose = compose(submap.tf_local_submap, match.tf_submap_scan)
+    return MatchedScan(pose, match, is_relocated)
 
 
 def values_at(grid: ProbabilityGrid, points: FloatArray, tf_submap_scan: Pose) -> FloatArray:
