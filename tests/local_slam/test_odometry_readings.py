@@ -98,6 +98,7 @@ def test_around_needed_times_forgetting_changes_no_bit(seed):
         assert found[0].tobytes() == found[1].tobytes()
     for one, other in zip(asked.tolist(), rng.permutation(asked).tolist(), strict=True):
         assert short.at(one) == whole.at(one)
+        assert short.reported_at(one) == whole.reported_at(one)
         assert short.jumps_between(one, other) == whole.jumps_between(one, other)
 
 

@@ -129,6 +129,16 @@ def test_motion_across_a_reset_is_not_known():
     assert not readings.jumps_between(1.4, 1.7)
 
 
+def test_across_resets_poses_are_known_as_they_were_reported():
+    reported = (1.0, 0.0, 0.0), (1.2, 0.1, 0.0), (1.4, 50.0, 2.0), (1.6, 50.1, 2.1), (1.8, 0.3, 0.1)
+    readings = track(*reported)
+    assert readings.num_jumps == 2
+    for time, x, theta in reported:
+        assert readings.reported_at(time) == pytest.approx(Pose(x, 2.0 * x, theta))
+    assert readings.reported_at(1.5) == pytest.approx(Pose(50.05, 100.1, 2.05))
+    assert readings.reported_at(0.9) is None
+
+
 def test_motion_after_a_reset_is_known_at_the_next_reading():
     readings = track((1.0, 0.0, 0.0), (1.2, 0.1, 0.0), (1.4, 50.0, 0.0))
     assert readings.jumps_between(1.4, 1.5)

@@ -133,6 +133,22 @@ def test_lost_scans_find_the_heading_they_agree_on(submap, turn):
     assert_near(pose, TRUTH)
 
 
+@pytest.mark.parametrize("by", [(0.0, 0.0, 2.2), (1.5, -1.0, -1.0)])
+def test_odometry_that_jumped_is_believed_where_the_scan_agrees(submap, by):
+    information = isotropic_information(0.2, 0.2)
+    for reported, expected in ((off(0.1, -0.05, 0.1), TRUTH), (off(9.0, 4.0, 1.0), None)):
+        matcher = ScanMatcher(CONFIG)
+        for _ in range(30):
+            matched(submap, TRUTH, matcher=matcher)
+        assumed = off(*by)
+        prior = Prediction(
+            assumed, False, information, lambda at=assumed: (at, at), over_jump=reported
+        )
+        found = matcher.match(submap, points(), prior).tf_local_tracking
+        # A jump that is none leads to where nothing was seen.
+        assert_near(found, expected or assumed, *((0.03, 0.02) if expected else (1.0, 1.1)))
+
+
 def test_lost_scans_of_elsewhere_are_not_turned(submap):
     matcher = ScanMatcher(CONFIG)
     for _ in range(30):

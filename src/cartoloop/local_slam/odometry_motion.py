@@ -246,6 +246,20 @@ class OdometryMotion:
         self._step_key, self._step = key, step
         return step
 
+    def step_over_jump(self, begin: float, end: float) -> Pose | None:
+        """Return the motion between two times across a jump, if there is one, as it was reported.
+
+        What seems too fast for a robot may be a motion whose stamps are wrong.
+        """
+        model = self.model
+        begin, end = begin - model.time_offset, end - model.time_offset
+        if not self.is_trusted or not self._track.jumps_between(begin, end):
+            return None
+        before, after = self._track.reported_at(begin), self._track.reported_at(end)
+        if before is None or after is None:
+            return None
+        return model.predict(relative(before, after), before.theta)
+
 
 _StepKey = tuple[float, float, int, OdometryParameters]
 

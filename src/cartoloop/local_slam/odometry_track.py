@@ -89,7 +89,7 @@ class OdometryTrack:
         self._is_repeating = False
         self._pace = self._pace_before = _Pace()  # now, and before the last reading
         self._jump_times: list[float] = []
-        self._tf_track_odom = IDENTITY
+        self._frames: list[Pose] = []  # tf_track_odom from each jump on
         self._readings = OdometryReadings()
         self._last = IDENTITY
         self._num_forgotten = 0
@@ -120,6 +120,7 @@ class OdometryTrack:
         after = np.searchsorted(np.array(self._readings.times), self._jump_times)
         is_last = np.append(after[1:] != after[:-1], True)[: len(after)]
         self._jump_times = np.array(self._jump_times)[is_last].tolist()
+        self._frames = [self._frames[row] for row in np.flatnonzero(is_last).tolist()]
 
     def add(self, time: float, tf_odom_tracking: Pose) -> None:
         """Add a reading; of several at one time the last is kept, older ones are ignored."""
@@ -173,12 +174,12 @@ class OdometryTrack:
     def _in_track(self, time: float, tf_odom_tracking: Pose) -> Pose:
         """Return a new reading in the frame of the track, which is shifted if it jumps."""
         pose = tf_odom_tracking
-        if self.num_jumps:
-            pose = compose(self._tf_track_odom, pose)
+        if self._frames:
+            pose = compose(self._frames[-1], pose)
         if len(self._readings) and self._is_jump(self._last, pose, time):
             self.num_jumps += 1
             self._jump_times.append(time)
-            self._tf_track_odom = compose(self._last, inverse(tf_odom_tracking))
+            self._frames.append(compose(self._last, inverse(tf_odom_tracking)))
             return self._last
         return pose
 
@@ -242,6 +243,14 @@ class OdometryTrack:
         after = bisect_left(times, last)  # the reading up to which the motion is interpolated
         until = times[after] if after < len(times) else last
         return bisect_right(jumps, first) < bisect_right(jumps, until)
+
+    def reported_at(self, time: float) -> Pose | None:
+        """Return tf_odom_tracking as it was reported, jumps included; None as :meth:`at`."""
+        pose = self.at(time)
+        number = bisect_right(self._jump_times, time)
+        if pose is None or number == 0:
+            return pose
+        return compose(inverse(self._frames[number - 1]), pose)
 
     def arrays(self) -> tuple[FloatArray, FloatArray]:
         """Return times and poses, whose headings are continuous, shapes (n,), (n, 3)."""

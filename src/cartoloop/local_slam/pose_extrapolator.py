@@ -154,7 +154,10 @@ class PoseExtrapolator:
             step = self.odometry.agreed_step(self._time, time, expected)
         if step is None:
             self._extrapolated = None
-            return self.prediction_from(time, self._at_constant_velocity(time))
+            prediction = self.prediction_from(time, self._at_constant_velocity(time))
+            step = self.odometry.step_over_jump(self._time, time)
+            over_jump = step and compose(self._tf_local_tracking, step)
+            return prediction._replace(over_jump=over_jump)
         step = self._with_overdue_motion(step)
         self._extrapolated = None if self.odometry.reaches(time) else (self._time, step)
         pose = compose(self._tf_local_tracking, self.gyroscope.with_turn(step, self._time, time))

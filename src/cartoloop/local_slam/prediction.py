@@ -24,6 +24,7 @@ class Prediction(NamedTuple):
     fallbacks : returns other poses to try if the prediction fails: at rest and at constant
         velocity. Valid until the pose of the scan is added.
     stands : whether the odometry reports no motion at all.
+    over_jump : pose by odometry that jumped, as it was reported; None if it did not jump.
     """
 
     tf_local_tracking: Pose
@@ -31,6 +32,7 @@ class Prediction(NamedTuple):
     information: FloatArray
     fallbacks: Callable[[], tuple[Pose, Pose]]
     stands: bool = False
+    over_jump: Pose | None = None
 
 
 def isotropic_information(translation_sigma: float, rotation_sigma: float) -> FloatArray:

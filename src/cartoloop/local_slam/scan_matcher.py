@@ -205,6 +205,13 @@ class ScanMatcher:
                 )
             ):
                 best = found
+        if prediction.over_jump is not None:
+            # Where the odometry and the scan agree, the jump was a motion with wrong stamps.
+            centre = relative(submap.tf_local_submap, prediction.over_jump)
+            start = self._search(submap, points, centre, self._window)
+            found = self._refine(submap, points, start, start, self._lost_information)
+            if found.residual < best.residual:
+                best = found
         return best
 
     def _search_all_headings(
