@@ -17,9 +17,11 @@ from cartoloop.sensor.events import Imu, LaserScan, Odometry
 from cartoloop.sensor.pose import IDENTITY, Pose
 from cartoloop.simulation import (
     Difficulties,
+    FloorPlan,
     Lidar,
     OdometryFault,
     OdometryModel,
+    World,
     drive,
     make_lidar,
     make_world,
@@ -189,6 +191,38 @@ def test_scans_without_returns_are_bridged_by_odometry(recording, value):
     assert all(results[k].node is None for k in blind[1:])
     distance, _ = errors(poses, recording.true_poses)
     assert distance.max() < 0.2
+
+
+def two_rooms(gap):
+    """Two rooms of 8 x 6 m, open to each other, so far apart, and a route through both."""
+    plan = FloorPlan()
+    for x, back in ((0.0, 0.0), (8.0 + gap, 16.0 + gap)):
+        plan.wall((x, 0.0), (x + 8.0, 0.0))
+        plan.wall((x, 6.0), (x + 8.0, 6.0))
+        plan.wall((back, 0.0), (back, 6.0))
+        plan.box((x + 1.0, 0.0), (x + 2.5, 0.8))
+        plan.pillar((x + 5.5, 4.8), 0.3)
+    route = [(1.5, 2.5), (7.0, 3.0), (10.0 + gap, 3.0), (14.5 + gap, 2.5)]
+    return World("two rooms", plan.segments(), np.array(route))
+
+
+@pytest.mark.parametrize(("gap", "is_blind"), [(24.0, True), (2.0, False)])
+def test_after_a_blind_stretch_a_new_submap_begins(gap, is_blind):
+    """What was seen before and after it is related by odometry alone."""
+    lidar = Lidar(range_max=6.0, no_return=6.5)
+    _, results, slam = run(simulate(two_rooms(gap), lidar, seed=4).events())
+    nodes = [result.node for result in results if result.node is not None]
+    here = [node for node in nodes if node.tf_local_tracking.x < 8.0 + 0.5 * gap - 1.5]
+    first, *there = nodes[len(here) :]
+    old = {submap.index for node in here for submap in node.submaps}
+    new = {submap.index for node in there for submap in node.submaps}
+    assert old.isdisjoint(new) == is_blind
+    if is_blind:
+        assert [submap.index for submap in first.submaps] == [max(old), min(new)]
+        # The odometry is less sure of the pose than matches are.
+        certain = np.median([node.information[2, 2] for node in there])
+        assert first.information[2, 2] < 0.2 * certain
+        assert slam.active_submaps[-1].index == max(new)
 
 
 def test_mapping_starts_with_the_first_returns(recording):

@@ -156,3 +156,38 @@ def test_walls_stay_open_where_gaps_are_not_closed():
     returns = np.array([(2.0, 0.3 * k) for k in range(-4, 5)])
     active.insert(Pose(0.0, 0.0, 0.0), returns, NO_POINTS)
     assert np.count_nonzero(active.submaps[0].grid.cells > 0.5) == len(returns)
+
+
+@pytest.mark.parametrize(("num_scans", "before"), [(3, [0]), (8, [0, 1]), (13, [1, 2])])
+def test_starting_over_ends_all_submaps_in_turn(num_scans, before):
+    active, _ = drive(5, num_scans)
+    assert [submap.index for submap in active.submaps] == before
+    counts = {submap.index: submap.num_scans for submap in active.submaps}
+    far, ends = Pose(30.0, 0.0, 0.0), np.array([(31.0, 0.0)])
+    first = active.insert(far, ends, NO_POINTS, starts_over=True)
+    new = before[-1] + 1
+    assert indices(first) == [before[-1], new]
+    assert [submap.index for submap in active.submaps] == [new]
+    finished = [first.finished]
+    for _ in range(4):
+        later = active.insert(far, ends, NO_POINTS)
+        assert indices(later) == [new]
+        finished.append(later.finished)
+    assert [submap.index for submap in finished if submap] == before
+    assert all(submap.num_scans == counts[submap.index] for submap in finished if submap)
+
+
+def test_submaps_that_wait_to_be_finished_are_unfinished():
+    active, _ = drive(5, 8)
+    active.insert(Pose(30.0, 0.0, 0.0), np.array([(31.0, 0.0)]), NO_POINTS, starts_over=True)
+    assert [submap.index for submap in active.unfinished] == [1, 2]
+    active.insert(Pose(30.0, 0.0, 0.0), np.array([(31.0, 0.0)]), NO_POINTS)
+    assert [submap.index for submap in active.unfinished] == [2]
+
+
+def test_starting_over_at_the_start_begins_the_first_submap():
+    insertion = ActiveSubmaps(config(5)).insert(
+        Pose(1.0, 2.0, 0.0), np.array([(2.0, 2.0)]), NO_POINTS, starts_over=True
+    )
+    assert indices(insertion) == [0]
+    assert insertion.finished is None

@@ -39,7 +39,7 @@ from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
 from cartoloop.sensor.scan_points import NodePoints, ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
-from cartoloop.submaps.node import Node
+from cartoloop.submaps.node import Node, information_in_begun
 from cartoloop.submaps.submap import Submap
 
 
@@ -243,21 +243,23 @@ class GlobalSlam:
         graph.add_node(compose(self._tf_map_local, pose))
         self._pairs.add_node(node)
         self._node_points.append(node.points)
-        for submap in node.submaps:
+        informations = [node.information for _ in node.submaps]
+        for number, submap in enumerate(node.submaps):
             if submap.index == graph.num_submaps:
+                informations[number] = information_in_begun(node.information)
                 graph.add_submap(compose(self._tf_map_local, submap.tf_local_submap))
                 self._tf_local_last_submap = submap.tf_local_submap
                 self._submap_nodes.append(set())
                 if submap.index == 0:
                     graph.fix_submap(0)
             self._submap_nodes[submap.index].add(node.index)
-        information = self._config.pose_adjustment.intra_submap_weight * node.information
+        weight = self._config.pose_adjustment.intra_submap_weight
         graph.add_constraints(
             ConstraintKind.INTRA_SUBMAP,
             [submap.index for submap in node.submaps],
             [node.index for _ in node.submaps],
             [relative(submap.tf_local_submap, pose) for submap in node.submaps],
-            [information for _ in node.submaps],
+            [weight * information for information in informations],
         )
 
     def _finish(self, submap: Submap) -> FinishedSubmap:

@@ -41,6 +41,7 @@ from cartoloop.local_slam.scan_matcher import (
 from cartoloop.local_slam.scanner import Scanner
 from cartoloop.local_slam.scanner_clocks import ScannerClocks
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
+from cartoloop.local_slam.unmatched_stretch import UnmatchedStretch
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
@@ -49,7 +50,7 @@ from cartoloop.sensor.pose import Pose, compose, transform_points
 from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
 from cartoloop.sensor.sweep_motion import SweepMotion
 from cartoloop.sensor.wall_normals import normal_ratio
-from cartoloop.submaps.node import Node
+from cartoloop.submaps.node import Node, shows_place
 from cartoloop.submaps.node_records import node_record, scan_record
 from cartoloop.submaps.submap import ActiveSubmaps, Submap
 
@@ -124,6 +125,7 @@ class LocalSlam:
         self._active = ActiveSubmaps(config.submaps, first_submap, outcomes.finished_submaps)
         self._first_map = FirstMap(config)
         self._clocks = ScannerClocks(known.scanner_offsets if known else None)
+        self._unmatched = UnmatchedStretch()
         self._next_node = first_node
         self.extrapolator = PoseExtrapolator(
             config, known.odometry if known else None, known.odometry_score if known else 0.0
@@ -131,8 +133,8 @@ class LocalSlam:
 
     @property
     def active_submaps(self) -> tuple[Submap, ...]:
-        """The growing submaps, the older first."""
-        return self._active.submaps
+        """The growing submaps, and those about to be finished, the oldest first."""
+        return self._active.unfinished
 
     @property
     def calibration(self) -> SensorCalibration:
@@ -214,9 +216,11 @@ class LocalSlam:
                 self.extrapolator.shift(name, by)
         scanner.wall_step.add(time, pose, filtered.data.tf_tracking_sensor, filtered.data.returns)
         self._measure_distance(time, pose, filtered.data, scanner)
+        information = self._information(match)
+        self._unmatched.add(pose, is_matched=match is not None and shows_place(information))
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
-            node = self._insert(scan, filtered.data, pose, self._information(match))
+            node = self._insert(scan, filtered.data, pose, information)
             scanner.is_in_map = True
         self._record_scan(scan.stamp, pose)
         fit = match.match if match else None
@@ -402,12 +406,17 @@ class LocalSlam:
         information: FloatArray,
     ) -> Node:
         """Insert a scan into the active submaps and return its node."""
+        starts_over = self._unmatched.ends_now()
+        if starts_over:
+            odometry = self.extrapolator.odometry
+            information = self._unmatched.information(odometry.model, information)
         with self._timer.measure("insert"):
             try:
                 insertion = self._active.insert(
                     compose(tf_local_tracking, data.tf_tracking_sensor),
                     transform_points(tf_local_tracking, data.returns),
                     transform_points(tf_local_tracking, data.misses),
+                    starts_over=starts_over,
                 )
             except InputError as error:
                 raise InputError(f"at the scan with stamp {scan.stamp:.6f}: {error}") from error

@@ -39,6 +39,7 @@ from cartoloop.sensor.pose import (
 )
 from cartoloop.session import whole_map
 from cartoloop.submaps.finished_grid import FinishedGrid
+from cartoloop.submaps.node import information_in_begun
 from cartoloop.submaps.probability_grid import (
     ProbabilityGrid,
     insert_cells,
@@ -147,7 +148,13 @@ def _graph(collected: JournalRecords, config: Config) -> PoseGraph:
     graph.add_submaps(poses[first:])
     if graph.num_submaps and not first:
         graph.fix_submap(0)
+    begun: set[int] = set()
     for node in collected.nodes:
+        informations = [
+            node.information if index in begun else information_in_begun(node.information)
+            for index, *_ in node.submaps
+        ]
+        begun.update(index for index, *_ in node.submaps)
         inside = [
             relative(collected.origins[index], node.tf_local_tracking) for index, *_ in node.submaps
         ]
@@ -158,7 +165,7 @@ def _graph(collected: JournalRecords, config: Config) -> PoseGraph:
             [first + index for index, *_ in node.submaps],
             [collected.num_nodes_before + node.number for _ in node.submaps],
             inside,
-            [options.intra_submap_weight * node.information for _ in node.submaps],
+            [options.intra_submap_weight * information for information in informations],
         )
     closures = collected.closures
     for found, is_trusted in collected.found:

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from cartoloop.arrays import FloatArray
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.submap import Submap
@@ -32,3 +34,31 @@ class Node:
     submaps: tuple[Submap, ...]
     information: FloatArray
     finished: Submap | None
+
+
+MIN_ROTATION_INFORMATION = 1e4
+"""A match that determines the heading less well shows no place [1/rad^2]: 0.6 degrees."""
+
+BEGINNING_INFORMATION = np.diag((1e4, 1e4, 1e5))
+"""Information of a node in the submap that it begins, which is where it is [1/m^2, 1/rad^2]."""
+
+
+def shows_place(information: FloatArray) -> bool:
+    """Return whether a match shows where in the submap a scan is.
+
+    Parameters
+    ----------
+    information : float64, shape (3, 3).
+    """
+    return float(information[2, 2]) >= MIN_ROTATION_INFORMATION
+
+
+def information_in_begun(information: FloatArray) -> FloatArray:
+    """Return the information of a node in a submap that it begins, shape (3, 3).
+
+    Parameters
+    ----------
+    information : in the older submap, shape (3, 3). What is uncertain about it is where the new one
+        is, not where the node is in it.
+    """
+    return information if shows_place(information) else BEGINNING_INFORMATION

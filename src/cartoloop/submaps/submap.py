@@ -59,7 +59,8 @@ class ActiveSubmaps:
 
     A new submap starts every `num_range_data` scans, or every `max_travel` metres where scans are
     sparse; each lasts twice as long, so that the older one is always at least half full,
-    except after the start.
+    except after the start, and after a stretch without a match: what was seen before and after it
+    does not belong into one submap, which is rigid.
 
     Parameters
     ----------
@@ -75,6 +76,7 @@ class ActiveSubmaps:
         self._config = config
         self._known = known
         self._submaps: list[Submap] = []
+        self._left: list[Submap] = []  # that are finished with the next scans
         self._next_index = first_index
         self._last_position: tuple[float, float] | None = None
 
@@ -83,8 +85,18 @@ class ActiveSubmaps:
         """The active submaps, the older first."""
         return tuple(self._submaps)
 
+    @property
+    def unfinished(self) -> tuple[Submap, ...]:
+        """All submaps that no scan has finished yet, the oldest first."""
+        return tuple(self._left + self._submaps)
+
     def insert(
-        self, tf_local_sensor: Pose, returns_local: FloatArray, misses_local: FloatArray
+        self,
+        tf_local_sensor: Pose,
+        returns_local: FloatArray,
+        misses_local: FloatArray,
+        *,
+        starts_over: bool = False,
     ) -> Insertion:
         """Insert a scan into the active submaps, starting and finishing submaps as they fill.
 
@@ -93,8 +105,15 @@ class ActiveSubmaps:
         tf_local_sensor : start of the rays.
         returns_local, misses_local : float64, shapes (n, 2), (k, 2), ends of rays with and
             without a return [m, local frame].
+        starts_over : whether a new submap begins, and no more scans go into the others: the last of
+            these is among the submaps of the insertion, but the scan is not drawn in it.
         """
         config = self._config
+        before: list[Submap] = []
+        if starts_over and self._submaps:
+            before = self._submaps[-1:]
+            self._left += self._submaps
+            self._submaps = []
         if not self._submaps or self._is_half_full(self._submaps[-1]):
             self._start_submap(tf_local_sensor)
         cells: ScanCells | None = None
@@ -111,11 +130,10 @@ class ActiveSubmaps:
                     cells = scan_cells(tf_local_sensor, returns, misses_local, config.resolution)
                 insert_cells(submap.grid, cells, config, self._lattice_origin(submap))
             submap.num_scans += 1
-        inserted = tuple(self._submaps)
-        finished = None
+        inserted = tuple(before + self._submaps)
         if len(self._submaps) == 2 and self._is_half_full(self._submaps[1]):
-            finished = self._submaps.pop(0)
-        return Insertion(inserted, finished)
+            self._left.append(self._submaps.pop(0))
+        return Insertion(inserted, self._left.pop(0) if self._left else None)
 
     def _is_half_full(self, submap: Submap) -> bool:
         """Return whether the next submap is due to start."""

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stretches of the path over which no scan was matched, as in a hall larger than the range.
+
+What was seen before and after one is related by the odometry alone. In one submap it would be
+rigid, whatever the odometry is wrong by, and no loop closure could correct it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cartoloop.arrays import FloatArray
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.sensor.pose import Pose
+
+MIN_STRETCH_M = 5.0
+"""Shorter stretches do not end a submap [m]: the odometry is right to centimetres there."""
+
+MAX_STRETCH_M = 1000.0
+"""Longer ones are no path of a robot: the odometry jumped [m]."""
+
+SCALE_ERROR = 0.01
+"""Error of the distance that calibrated odometry reports, as a share of it."""
+
+
+class UnmatchedStretch:
+    """The path since the last scan that was matched."""
+
+    def __init__(self) -> None:
+        self._last: Pose | None = None
+        self._length = self._ended = 0.0
+        self._num_scans = self._num_ended = 0
+
+    def add(self, tf_local_tracking: Pose, *, is_matched: bool) -> None:
+        """Add a scan."""
+        if self._last is not None:
+            x, y, _ = self._last
+            self._length += math.hypot(tf_local_tracking.x - x, tf_local_tracking.y - y)
+            self._num_scans += 1
+        self._last = tf_local_tracking
+        if is_matched:
+            self._length, self._num_scans = 0.0, 0
+
+    def ends_now(self) -> bool:
+        """Return whether the scan that is inserted now is the first after a long stretch."""
+        self._ended, self._num_ended = self._length, self._num_scans
+        self._length, self._num_scans = 0.0, 0
+        return MIN_STRETCH_M <= self._ended <= MAX_STRETCH_M
+
+    def information(self, model: OdometryParameters, matched: FloatArray) -> FloatArray:
+        """Return the information of a pose after it, by odometry; as matched without, shape (3, 3).
+
+        Errors of the steps add up at random. Those of the heading displace what comes after them.
+        """
+        if not (model.is_known and model.knows_rotation):
+            return matched
+        rotation = self._num_ended * model.rotation_error**2
+        translation = (
+            self._num_ended * model.translation_error**2
+            + (SCALE_ERROR * self._ended) ** 2
+            + rotation * self._ended**2 / 3.0
+        )
+        return np.diag((1.0 / translation, 1.0 / translation, 1.0 / rotation))

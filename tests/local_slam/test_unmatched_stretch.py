@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How long the robot drove without a match, and how well the odometry knows where it is then."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.unmatched_stretch import MAX_STRETCH_M, MIN_STRETCH_M, UnmatchedStretch
+from cartoloop.sensor.pose import Pose
+
+KNOWN = OdometryParameters(rotation_error=0.001, translation_error=0.002)
+
+
+def driven(metres, step=0.25):
+    stretch = UnmatchedStretch()
+    stretch.add(Pose(0.0, 0.0, 0.0), is_matched=True)
+    for k in range(1, round(metres / step) + 1):
+        stretch.add(Pose(step * k, 0.0, 0.0), is_matched=False)
+    return stretch
+
+
+def test_a_stretch_ends_where_it_was_long():
+    assert driven(MIN_STRETCH_M).ends_now()
+    assert not driven(MIN_STRETCH_M - 0.5).ends_now()
+    assert not driven(MAX_STRETCH_M + 200.0, step=100.0).ends_now()
+
+
+def test_a_stretch_ends_once():
+    stretch = driven(30.0)
+    assert stretch.ends_now()
+    stretch.add(Pose(30.3, 0.0, 0.0), is_matched=False)
+    assert not stretch.ends_now()
+
+
+def test_a_match_ends_the_stretch_without_a_break():
+    stretch = driven(30.0)
+    stretch.add(Pose(30.2, 0.0, 0.0), is_matched=True)
+    assert not stretch.ends_now()
+
+
+def test_pose_errors_are_those_of_steps_at_random():
+    """Many drives of 200 steps, whose headings and lengths err at random."""
+    rng = np.random.default_rng(4)
+    step, number, drives = 0.25, 200, 4000
+    headings = np.cumsum(rng.normal(0.0, 0.001, (drives, number)), axis=1)
+    lengths = step + rng.normal(0.0, 0.002, (drives, number))
+    across = (lengths * np.sin(headings)).sum(axis=1)
+    stretch = driven(step * number)
+    assert stretch.ends_now()
+    sigma = np.sqrt(1.0 / np.diag(stretch.information(KNOWN, np.eye(3))))
+    assert sigma[2] == pytest.approx(headings[:, -1].std(), rel=0.05)
+    # With the error of the scale, which is along the path, a little more than across it.
+    assert across.std() < sigma[1] < 2.5 * across.std()
+    assert sigma[0] == pytest.approx(sigma[1])
+    assert sigma[0] > 0.01 * step * number
+
+
+@pytest.mark.parametrize("model", [OdometryParameters(), OdometryParameters(rotation_error=0.001)])
+def test_without_calibrated_odometry_the_match_counts(model):
+    stretch = driven(10.0)
+    assert stretch.ends_now()
+    matched = np.diag((1.0, 2.0, 3.0))
+    np.testing.assert_array_equal(stretch.information(model, matched), matched)
+    assert not math.isnan(float(stretch.information(KNOWN, matched).max()))
