@@ -133,6 +133,27 @@ def test_lost_scans_find_the_heading_they_agree_on(submap, turn):
     assert_near(pose, TRUTH)
 
 
+def test_a_turn_must_fit_better_where_the_map_is_known():
+    """Where the odometry leads, a third of the returns is on known walls, the rest on unknown ones.
+
+    Turned, the rest is on known walls, and the third on floor.
+    """
+    active, nowhere = ActiveSubmaps(CONFIG.submaps), np.zeros((0, 2))
+    for seed in range(20):
+        room = walls(seed)
+        active.insert(Pose(0.37, -0.21, 0.0), room[room[:, 0] < -0.5], nowhere)
+    known = walls(99)[walls(99)[:, 0] < -0.5]
+    turned = off(0.0, 0.0, 0.3)
+    rest = transform_points(inverse(turned), known)
+    beyond = transform_points(TRUTH, rest)
+    outside = values_at(active.submaps[0].grid, beyond, Pose(0.0, 0.0, 0.0)) == 0.0
+    scan = np.concatenate((transform_points(inverse(TRUTH), known[::4]), rest[outside]))
+    information = isotropic_information(0.05, 0.1)
+    prior = Prediction(TRUTH, True, information, lambda: (TRUTH, TRUTH))
+    found = ScanMatcher(CONFIG).match(active.submaps[0], scan, prior)
+    assert_near(found.tf_local_tracking, TRUTH, 0.1, 0.05)
+
+
 @pytest.mark.parametrize("by", [(0.0, 0.0, 2.2), (1.5, -1.0, -1.0)])
 def test_odometry_that_jumped_is_believed_where_the_scan_agrees(submap, by):
     information = isotropic_information(0.2, 0.2)

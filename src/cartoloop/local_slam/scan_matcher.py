@@ -154,18 +154,17 @@ class ScanMatcher:
     ) -> bool:
         """Return whether a match near the prediction may replace the one at the odometry's word.
 
-        A scan of few points that leads to where little has been observed fits better wherever it
-        overlaps more of the map. So there only a small turn, a scan that fits as usual, or points
-        in observed cells may correct the odometry.
+        A scan that leads to where little has been observed fits better wherever it overlaps more
+        of the map. So there only a small turn, or points in observed cells, may correct the
+        odometry; where these are too few to judge, a scan that fits as usual.
         """
-        turn = found.tf_submap_scan.theta - prior.theta
-        return (
-            turn * turn * float(information[5]) <= 1.0
-            or self._share_of_seen(submap, points, best) >= self._window.ample_seen_share
-            or self._fits_as_usual(points, found)
-            or self._residual_of_seen(submap, points, found)
-            < self._residual_of_seen(submap, points, best)
-        )
+        turn = wrap_angle(found.tf_submap_scan.theta - prior.theta)
+        if turn * turn * float(information[5]) <= 1.0:
+            return True
+        at_prediction = self._residual_of_seen(submap, points, best)
+        if at_prediction == 0.0:
+            return self._fits_as_usual(points, found)
+        return self._residual_of_seen(submap, points, found) < at_prediction
 
     def _search_as_lost(
         self, submap: Submap, points: FloatArray, prediction: Prediction, best: LeastSquaresMatch
