@@ -17,9 +17,9 @@ KNOWN = OdometryParameters(rotation_error=0.001, translation_error=0.002)
 
 def driven(metres, step=0.25):
     stretch = UnmatchedStretch()
-    stretch.add(Pose(0.0, 0.0, 0.0), is_matched=True)
+    stretch.add(Pose(0.0, 0.0, 0.0))
     for k in range(1, round(metres / step) + 1):
-        stretch.add(Pose(step * k, 0.0, 0.0), is_matched=False)
+        stretch.add(Pose(step * k, 0.0, 0.0))
     return stretch
 
 
@@ -32,13 +32,14 @@ def test_a_stretch_ends_where_it_was_long():
 def test_a_stretch_ends_once():
     stretch = driven(30.0)
     assert stretch.ends_now()
-    stretch.add(Pose(30.3, 0.0, 0.0), is_matched=False)
+    stretch.add(Pose(30.3, 0.0, 0.0))
     assert not stretch.ends_now()
 
 
 def test_a_match_ends_the_stretch_without_a_break():
     stretch = driven(30.0)
-    stretch.add(Pose(30.2, 0.0, 0.0), is_matched=True)
+    stretch.add(Pose(30.2, 0.0, 0.0))
+    stretch.clear()
     assert not stretch.ends_now()
 
 

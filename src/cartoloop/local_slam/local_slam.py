@@ -216,10 +216,12 @@ class LocalSlam:
                 self.extrapolator.shift(name, by)
         scanner.wall_step.add(time, pose, filtered.data.tf_tracking_sensor, filtered.data.returns)
         self._measure_distance(time, pose, filtered.data, scanner)
-        information = self._information(match)
-        self._unmatched.add(pose, is_matched=match is not None and shows_place(information))
+        self._unmatched.add(pose)
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
+            information = self._information(match)
+            if match is not None and shows_place(information):
+                self._unmatched.clear()
             node = self._insert(scan, filtered.data, pose, information)
             scanner.is_in_map = True
         self._record_scan(scan.stamp, pose)

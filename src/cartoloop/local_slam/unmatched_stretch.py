@@ -26,27 +26,29 @@ SCALE_ERROR = 0.01
 
 
 class UnmatchedStretch:
-    """The path since the last scan that was matched."""
+    """The path since the last node that was matched."""
 
     def __init__(self) -> None:
         self._last: Pose | None = None
         self._length = self._ended = 0.0
         self._num_scans = self._num_ended = 0
 
-    def add(self, tf_local_tracking: Pose, *, is_matched: bool) -> None:
+    def add(self, tf_local_tracking: Pose) -> None:
         """Add a scan."""
         if self._last is not None:
             x, y, _ = self._last
             self._length += math.hypot(tf_local_tracking.x - x, tf_local_tracking.y - y)
             self._num_scans += 1
         self._last = tf_local_tracking
-        if is_matched:
-            self._length, self._num_scans = 0.0, 0
+
+    def clear(self) -> None:
+        """Note that the latest scan was matched."""
+        self._length, self._num_scans = 0.0, 0
 
     def ends_now(self) -> bool:
         """Return whether the scan that is inserted now is the first after a long stretch."""
         self._ended, self._num_ended = self._length, self._num_scans
-        self._length, self._num_scans = 0.0, 0
+        self.clear()
         return MIN_STRETCH_M <= self._ended <= MAX_STRETCH_M
 
     def information(self, model: OdometryParameters, matched: FloatArray) -> FloatArray:
