@@ -22,12 +22,18 @@ OPTIONAL := 'import tomllib; \
 LOWEST_TESTS := tests/readers tests/map_file tests/live tests/viewer tests/cli/test_command_line.py \
 	tests/test_kernel_cache.py tests/test_config_file.py
 
-.PHONY: demo test test-lowest quick boundscheck coverage check clean
+# Tests start hundreds of programs: these find modules compiled, whatever the environment says.
+export PYTHONDONTWRITEBYTECODE =
+
+.PHONY: demo test test-lowest quick boundscheck coverage check kernels clean
 
 demo: .venv/.installed
 	$(BIN)/cartoloop demo -o $(OUT)
 
-test: check boundscheck
+# Neither the check of types nor the first process that compiles kernels uses a second core.
+test: .venv/.installed-dev
+	@$(MAKE) --no-print-directory --jobs=2 check kernels
+	@$(MAKE) --no-print-directory boundscheck
 	@tests/viewer/install_browser.sh
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
@@ -55,6 +61,11 @@ check: .venv/.installed-dev
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy src bench
 	$(BIN)/lint-imports
+
+# Into the cache of the user, so that no test waits while another one compiles.
+kernels: .venv/.installed-dev
+	$(BIN)/python -c 'from cartoloop.compile_ahead import compile_ahead; \
+		from cartoloop.live.warm_up import warm_up; compile_ahead(); warm_up()'
 
 clean:
 	rm -rf .venv .venv-lowest
