@@ -18,6 +18,9 @@ SOURCES := src bench tests examples
 OPTIONAL := 'import tomllib; \
 	extras = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; \
 	print(*extras["dds"], *extras["oracles"])'
+KERNELS := 'from cartoloop.compile_ahead import compile_ahead; \
+	from cartoloop.live.warm_up import warm_up; compile_ahead(); warm_up()'
+LOCAL_KERNELS := 'from cartoloop.live.warm_up import warm_up; warm_up()'
 # Tests of what depends on the libraries below: recordings, sockets, the view, the command line.
 LOWEST_TESTS := tests/readers tests/map_file tests/live tests/viewer tests/cli/test_command_line.py \
 	tests/test_kernel_cache.py tests/test_config_file.py
@@ -37,8 +40,10 @@ test: .venv/.installed-dev
 	@tests/viewer/install_browser.sh
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
-# Warnings of new libraries about old ones are no faults.
+# Two processes compile at first, each what the other has not. Warnings of new libraries about old
+# ones are no faults.
 test-lowest: .venv-lowest/.installed
+	.venv-lowest/bin/python -c $(KERNELS) & .venv-lowest/bin/python -c $(LOCAL_KERNELS); wait
 	CI=1 .venv-lowest/bin/python -m pytest -q -n 2 --dist loadfile -W default -p no:cacheprovider \
 		-m "not slow and not browser and not data" $(LOWEST_TESTS)
 
@@ -64,8 +69,7 @@ check: .venv/.installed-dev
 
 # Into the cache of the user, so that no test waits while another one compiles.
 kernels: .venv/.installed-dev
-	$(BIN)/python -c 'from cartoloop.compile_ahead import compile_ahead; \
-		from cartoloop.live.warm_up import warm_up; compile_ahead(); warm_up()'
+	$(BIN)/python -c $(KERNELS)
 
 clean:
 	rm -rf .venv .venv-lowest
