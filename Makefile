@@ -18,21 +18,32 @@ SOURCES := src bench tests examples
 OPTIONAL := 'import tomllib; \
 	extras = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; \
 	print(*extras["dds"], *extras["oracles"])'
+KERNELS := 'from cartoloop.compile_ahead import compile_ahead; \
+	from cartoloop.live.warm_up import warm_up; compile_ahead(); warm_up()'
+LOCAL_KERNELS := 'from cartoloop.live.warm_up import warm_up; warm_up()'
 # Tests of what depends on the libraries below: recordings, sockets, the view, the command line.
 LOWEST_TESTS := tests/readers tests/map_file tests/live tests/viewer tests/cli/test_command_line.py \
 	tests/test_kernel_cache.py tests/test_config_file.py
 
-.PHONY: demo test test-lowest quick boundscheck coverage check clean
+# Tests start hundreds of programs: these find modules compiled, whatever the environment says.
+export PYTHONDONTWRITEBYTECODE =
+
+.PHONY: demo test test-lowest quick boundscheck coverage check kernels clean
 
 demo: .venv/.installed
 	$(BIN)/cartoloop demo -o $(OUT)
 
-test: check boundscheck
+# Neither the check of types nor the first process that compiles kernels uses a second core.
+test: .venv/.installed-dev
+	@$(MAKE) --no-print-directory --jobs=2 check kernels
+	@$(MAKE) --no-print-directory boundscheck
 	@tests/viewer/install_browser.sh
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
-# Warnings of new libraries about old ones are no faults.
+# Two processes compile at first, each what the other has not. Warnings of new libraries about old
+# ones are no faults.
 test-lowest: .venv-lowest/.installed
+	.venv-lowest/bin/python -c $(KERNELS) & .venv-lowest/bin/python -c $(LOCAL_KERNELS); wait
 	CI=1 .venv-lowest/bin/python -m pytest -q -n 2 --dist loadfile -W default -p no:cacheprovider \
 		-m "not slow and not browser and not data" $(LOWEST_TESTS)
 
@@ -55,6 +66,10 @@ check: .venv/.installed-dev
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy src bench
 	$(BIN)/lint-imports
+
+# Into the cache of the user, so that no test waits while another one compiles.
+kernels: .venv/.installed-dev
+	$(BIN)/python -c $(KERNELS)
 
 clean:
 	rm -rf .venv .venv-lowest

@@ -34,7 +34,7 @@ SETTINGS = load_config(None, OPTIONS)
 
 def drive(folder, name, seed):
     path = folder / name
-    simulate(ring(), seed=seed, duration=100.0).write_carmen(path)
+    simulate(ring(), seed=seed, duration=60.0).write_carmen(path)
     return path
 
 
@@ -73,7 +73,7 @@ def interrupted(first, whole, folder, share):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.7, 0.9, 1.0])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.7, 0.9])
 def test_a_resumed_run_ends_in_the_same_bytes(first, log, whole, tmp_path, share):
     interrupted(first, whole, tmp_path, share)
 
@@ -105,7 +105,7 @@ def test_a_place_where_few_scans_fit_is_followed(followed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [0.8, 0.95, 1.0])
+@pytest.mark.parametrize("share", [0.8, 0.95])
 def test_a_resumed_run_follows_the_same_places(first, log, followed, tmp_path, share):
     interrupted(first, followed, tmp_path, share)
 
@@ -132,6 +132,7 @@ def test_what_was_computed_is_not_computed_again(first, log, whole, tmp_path, mo
     resume_recording(log, out=tmp_path)
 
     assert contents(tmp_path) == contents(whole)
+    assert {path.name for path in tmp_path.iterdir()} == set(FILES)
 
 
 def test_the_journal_has_the_searches_and_the_join(whole):

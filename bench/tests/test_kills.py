@@ -15,7 +15,8 @@ from tests.map_output.small_result import small_result
 
 
 @pytest.mark.slow
-def test_killed_runs_leave_whole_maps():
+def test_killed_runs_leave_whole_maps(monkeypatch):
+    monkeypatch.setattr(kills, "DRIVE_S", 15.0)
     lines = []
 
     record = kills.run(4, 3, seed=1, progress=lines.append)

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import io
+from contextlib import redirect_stdout
+
 import pytest
 
 from cartoloop.cli.main import run
@@ -33,8 +36,18 @@ def own_ring_folder(ring_result, tmp_path):
 @pytest.fixture(scope="module")
 def strange_log(tmp_path_factory):
     path = tmp_path_factory.mktemp("strange") / "strange.log.gz"
-    simulate(ring(seed=7), seed=2, duration=60.0).write_log(path)
+    simulate(ring(seed=7), seed=2, duration=20.0).write_log(path)
     return path
+
+
+@pytest.fixture(scope="module")
+def added(ring_result, ring_log, tmp_path_factory):
+    """A map in whose folder a recording was added, and what the command said."""
+    folder, said = tmp_path_factory.mktemp("added"), io.StringIO()
+    ring_result.save(folder)
+    with redirect_stdout(said):
+        assert run(["map", str(ring_log), "--onto", str(folder)]) == 0
+    return folder, said.getvalue()
 
 
 def parts(folder):
@@ -45,18 +58,16 @@ def names(folder):
     return {path.name for path in folder.iterdir()}
 
 
-def test_recording_is_added_to_a_map_in_its_folder(own_ring_folder, ring_log, capsys):
-    assert run(["map", str(ring_log), "--onto", str(own_ring_folder)]) == 0
-    assert parts(own_ring_folder) == [MAIN_PART, MAIN_PART]
-    assert names(own_ring_folder) == FILES
-    said = capsys.readouterr().out
+def test_recording_is_added_to_a_map_in_its_folder(added):
+    folder, said = added
+    assert parts(folder) == [MAIN_PART, MAIN_PART]
+    assert names(folder) == FILES
     assert "2 of 2 in one map" in said
     assert "scans agree" in said
 
 
-def test_added_session_has_the_name_of_its_recording(own_ring_folder, ring_log):
-    run(["map", str(ring_log), "--onto", str(own_ring_folder)])
-    _, second = load_map(own_ring_folder).sessions
+def test_added_session_has_the_name_of_its_recording(added, ring_log):
+    _, second = load_map(added[0]).sessions
     assert second.recording == second.name == ring_log.name
     assert second.fingerprint
 

@@ -2,13 +2,16 @@
 """What the doctor says of real recordings, checked by hand; skipped where they are absent."""
 
 import os
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-from cartoloop.doctor import examine
+from cartoloop import doctor
 
 pytestmark = pytest.mark.data
+
+examine = cache(doctor.examine)
 
 DATA = Path(os.environ.get("CARTOLOOP_DATA", Path(__file__).parents[2] / "../shared/data"))
 

@@ -72,7 +72,7 @@ def drive(events, out, copy, onto=None, lifelong=False, **options):
 
 @pytest.mark.slow
 def test_a_map_is_continued_kill_after_kill(ring_events, tmp_path):
-    events = ring_events[: len(ring_events) // 2]
+    events = ring_events[: len(ring_events) // 3]
     out, one, two = tmp_path / "out", tmp_path / "one", tmp_path / "two"
     drive(events, out, one)
     assert [path.name for path in one.iterdir()] == [FILE_NAME]

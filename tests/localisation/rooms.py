@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+from functools import cache
 
 import numpy as np
 from PIL import Image
@@ -57,6 +58,9 @@ def image(polygons, resolution=0.05, origin=IDENTITY):
     return MapImage(occupancy.reshape(shape).astype(np.float32), resolution, origin, 0.65, 0.25)
 
 
+_image_of = cache(image)  # drawn once for all maps
+
+
 def _inside(polygons, points):
     """Return which points are inside of an odd number of polygons."""
     inside = np.zeros(len(points), dtype=bool)
@@ -71,7 +75,7 @@ def _inside(polygons, points):
 
 def known_map(polygons, resolution=0.05, origin=IDENTITY):
     """Return the map of a room for localisation."""
-    return known_map_of_image(image(polygons, resolution, origin))
+    return known_map_of_image(_image_of(polygons, resolution, origin))
 
 
 def ranges(polygons, pose, seed=0):

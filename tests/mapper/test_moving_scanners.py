@@ -79,9 +79,9 @@ def test_gravity_corrects_most_of_the_error_of_swaying():
     scanners = [MountedLidar(WIDE, sweep=0.075)]
     level, swaying, unprojected = [], [], []
     for seed in (1, 2):
-        plain = walk(seed, scanners=scanners, gait=Gait(start=STANDING_S), imu=ImuModel())
+        plain = walk(seed, rounds=1, scanners=scanners, gait=Gait(start=STANDING_S), imu=ImuModel())
         level.append(error(mapped(plain.events()), plain))
-        tilted = walk(seed, scanners=scanners, gait=walker, imu=ImuModel())
+        tilted = walk(seed, rounds=1, scanners=scanners, gait=walker, imu=ImuModel())
         swaying.append(error(mapped(tilted.events()), tilted))
         flat = mapped(tilted.events(), project_to_horizontal=False)
         unprojected.append(error(flat, tilted))
@@ -94,9 +94,11 @@ def test_deskewing_corrects_most_of_the_error_of_turning(source):
     sensors = {source: OdometryModel() if source == "odometry" else ImuModel()}
     still, undone, distorted = [], [], []
     for seed in (1, 2):
-        plain = walk(seed, 0.8, 2.0, scanners=[MountedLidar(WIDE)], **sensors)
+        plain = walk(seed, 0.8, 2.0, rounds=1, scanners=[MountedLidar(WIDE)], **sensors)
         still.append(error(mapped(plain.events()), plain))
-        moving = walk(seed, 0.8, 2.0, scanners=[MountedLidar(WIDE, sweep=0.075)], **sensors)
+        moving = walk(
+            seed, 0.8, 2.0, rounds=1, scanners=[MountedLidar(WIDE, sweep=0.075)], **sensors
+        )
         undone.append(error(mapped(moving.events()), moving))
         distorted.append(error(mapped(at_once(moving.events())), moving))
     assert np.mean(undone) < 1.3 * np.mean(still)
@@ -106,9 +108,9 @@ def test_deskewing_corrects_most_of_the_error_of_turning(source):
 def test_scans_alone_are_deskewed_nearly_as_well():
     still, undone = [], []
     for seed in (1, 2):
-        plain = walk(seed, 0.8, 2.0, scanners=[MountedLidar(WIDE)])
+        plain = walk(seed, 0.8, 2.0, rounds=1, scanners=[MountedLidar(WIDE)])
         still.append(error(mapped(plain.events()), plain))
-        moving = walk(seed, 0.8, 2.0, scanners=[MountedLidar(WIDE, sweep=0.075)])
+        moving = walk(seed, 0.8, 2.0, rounds=1, scanners=[MountedLidar(WIDE, sweep=0.075)])
         undone.append(error(mapped(moving.events()), moving))
     assert np.mean(undone) < 1.5 * np.mean(still)
 

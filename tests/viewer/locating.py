@@ -24,7 +24,7 @@ class Locating:
         self.localizer = Localizer(known_map(polygons))
         self.view = LocateView(self.localizer, "room", port=0, **options)
         self.poses = drive(start, 400, step=0.05, turn=0.04)
-        self._events = iter(list(events(inside or polygons, self.poses)))
+        self._events = events(inside or polygons, self.poses)
         self.answers = []
 
     @property
