@@ -12,10 +12,8 @@ import pytest
 
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
-from cartoloop.local_slam.scan_matcher import (
-    ScanMatcher,
-    values_at,
-)
+from cartoloop.local_slam.scan_matcher import ScanMatcher
+from cartoloop.local_slam.seen_points import values_at
 from cartoloop.sensor.pose import (
     Pose,
     compose,

@@ -56,8 +56,8 @@ class CorrelativeMatcherConfig(Section):
         0.6,
         ge=0,
         le=1,
-        description="share of a lost scan's points in observed cells from which a match at any "
-        "heading counts",
+        description="share of a scan's points in observed cells from which a better match nearby "
+        "may turn it by some degrees, and a match at any heading counts if it is lost",
     )
     min_num_seen: int = Field(20, ge=1, description="and number of these points")
     lost_improvement: float = Field(

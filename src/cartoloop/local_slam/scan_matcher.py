@@ -6,8 +6,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from cartoloop.arrays import FloatArray
 from cartoloop.config import CorrelativeMatcherConfig, LocalSlamConfig
 from cartoloop.local_slam.degenerate_direction import (
@@ -17,11 +15,15 @@ from cartoloop.local_slam.degenerate_direction import (
 from cartoloop.local_slam.lost_heading import HEADINGS_RAD, MIN_LOST_SCANS, LostHeading
 from cartoloop.local_slam.match_records import MatcherMemory
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
+from cartoloop.local_slam.seen_points import residual_of_seen, share_of_seen
 from cartoloop.scan_matching import correlative, least_squares
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
-from cartoloop.sensor.pose import Pose, compose, relative, transform_points, wrap_angle
-from cartoloop.submaps.probability_grid import ProbabilityGrid
+from cartoloop.sensor.pose import Pose, compose, relative, wrap_angle
 from cartoloop.submaps.submap import Submap
+
+LARGE_TURN_RAD = 0.05
+"""Turn against the odometry from which a match must fit better where the map is known [rad]: many
+times what dense scans turn, and a fraction of what sparse ones do where they overlap wrongly."""
 
 
 class MatchedScan(NamedTuple):
@@ -155,16 +157,21 @@ class ScanMatcher:
         """Return whether a match near the prediction may replace the one at the odometry's word.
 
         A scan that leads to where little has been observed fits better wherever it overlaps more
-        of the map. So there only a small turn, or points in observed cells, may correct the
-        odometry; where these are too few to judge, a scan that fits as usual.
+        of the map. So there only a small turn, a scan that fits as usual, or points in observed
+        cells may correct the odometry. Where scans are sparse, nearly each fits as usual, and the
+        turns are large: those of more than some degrees must fit better in observed cells.
         """
-        turn = wrap_angle(found.tf_submap_scan.theta - prior.theta)
+        turn = abs(wrap_angle(found.tf_submap_scan.theta - prior.theta))
         if turn * turn * float(information[5]) <= 1.0:
             return True
-        at_prediction = self._residual_of_seen(submap, points, best)
-        if at_prediction == 0.0:
-            return self._fits_as_usual(points, found)
-        return self._residual_of_seen(submap, points, found) < at_prediction
+        at_prediction = self._of_seen(submap, points, best)
+        if self._of_seen(submap, points, found) < at_prediction:
+            return True
+        if at_prediction > 0.0 and turn > LARGE_TURN_RAD:
+            return False
+        return self._fits_as_usual(points, found) or (
+            share_of_seen(submap.grid, points, best.tf_submap_scan) >= self._window.ample_seen_share
+        )
 
     def _search_as_lost(
         self, submap: Submap, points: FloatArray, prediction: Prediction, best: LeastSquaresMatch
@@ -182,7 +189,7 @@ class ScanMatcher:
         weight = min(self.lost_in_turn, self._window.max_lost_scans)
         cost = weight * best.cost
         if prediction.by_odometry:
-            limit_of_seen = ratio * self._residual_of_seen(submap, points, best)
+            limit_of_seen = ratio * self._of_seen(submap, points, best)
         prior = relative(submap.tf_local_submap, prediction.tf_local_tracking)
         for tf_local_fallback in prediction.fallbacks():
             centre = relative(submap.tf_local_submap, tf_local_fallback)
@@ -199,7 +206,7 @@ class ScanMatcher:
                     self._cost_against(submap, points, prediction, found, weight) < cost
                     and (
                         self._fits_as_usual(points, found)
-                        or self._residual_of_seen(submap, points, found) < limit_of_seen
+                        or self._of_seen(submap, points, found) < limit_of_seen
                     )
                 )
             ):
@@ -231,7 +238,8 @@ class ScanMatcher:
             if (
                 found.residual < (best if turned is None else turned).residual
                 and self._fits_as_usual(points, found)
-                and self._share_of_seen(submap, points, found) >= self._window.ample_seen_share
+                and share_of_seen(submap.grid, points, found.tf_submap_scan)
+                >= self._window.ample_seen_share
             ):
                 turned = found
         weight = min(self.lost_in_turn, self._window.max_lost_scans)
@@ -271,20 +279,8 @@ class ScanMatcher:
         limit = self._typical_residual * self._window.lost_residual_ratio
         return len(points) >= self._window.min_num_seen and match.residual <= limit
 
-    def _share_of_seen(self, submap: Submap, points: FloatArray, match: LeastSquaresMatch) -> float:
-        """Return the share of the points in observed cells."""
-        values = values_at(submap.grid, points, match.tf_submap_scan)
-        return np.count_nonzero(values > 0.0) / len(points)
-
-    def _residual_of_seen(
-        self, submap: Submap, points: FloatArray, match: LeastSquaresMatch
-    ) -> float:
-        """Return the residual of the points in observed cells; 0 if these are too few to judge."""
-        values = values_at(submap.grid, points, match.tf_submap_scan)
-        seen = values[values > 0.0]
-        if seen.size < max(self._window.min_num_seen, self._window.min_seen_share * len(points)):
-            return 0.0
-        return math.sqrt(float(np.square(1.0 - seen).mean()))
+    def _of_seen(self, submap: Submap, points: FloatArray, match: LeastSquaresMatch) -> float:
+        return residual_of_seen(submap.grid, points, match.tf_submap_scan, self._window)
 
     def _search(
         self, submap: Submap, points: FloatArray, centre: Pose, window: CorrelativeMatcherConfig
@@ -332,20 +328,3 @@ def matched_scan(
     """Return a match to a submap with the scan's pose."""
     pose = compose(submap.tf_local_submap, match.tf_submap_scan)
     return MatchedScan(pose, match, is_relocated)
-
-
-def values_at(grid: ProbabilityGrid, points: FloatArray, tf_submap_scan: Pose) -> FloatArray:
-    """Return the value of the cell of each point, shape (n,); 0 where nothing was observed.
-
-    Parameters
-    ----------
-    points : float64, shape (n, 2), tracking frame [m].
-    """
-    num_rows, num_columns = grid.cells.shape
-    at = transform_points(tf_submap_scan, points) - (grid.origin_x, grid.origin_y)
-    cells = np.floor(at / grid.resolution + 0.5).clip(-1, max(num_rows, num_columns))
-    columns, rows = cells.astype(np.int64).T
-    is_inside = (rows >= 0) & (rows < num_rows) & (columns >= 0) & (columns < num_columns)
-    values = np.zeros(len(points))
-    values[is_inside] = grid.cells[rows[is_inside], columns[is_inside]]
-    return values
