@@ -62,6 +62,24 @@ def _drop_every(count: int) -> Apply:
     return apply
 
 
+def _sparse(spacing: float, turn: float) -> Apply:
+    """Return the change that leaves a scan after each length [m] or turn [rad] of the odometry."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        last = None
+        for row in np.flatnonzero(log.is_scan).tolist():
+            pose = log.poses[row]
+            if last is not None:
+                x, y, theta = (pose - last).tolist()
+                if math.hypot(x, y) < spacing and abs(math.remainder(theta, math.tau)) < turn:
+                    log.ranges[row] = None
+                    log.tails[row] = ["0", "0", "0", *log.tails[row]]  # speeds, as ODOM has them
+                    continue
+            last = pose
+
+    return apply
+
+
 def _noise(sigma: float) -> Apply:
     def apply(log: CarmenText, rng: Rng) -> None:
         for ranges in log.ranges:
@@ -181,6 +199,7 @@ CHANGES: Final = {
         Change("start200", _start(200.0)),
         Change("start300", _start(300.0)),
         Change("drop2", _drop_every(2)),
+        Change("sparse", _sparse(1.0, math.radians(30.0))),
         Change("beams2", _thinned(2)),
         Change("missing10", _missing(0.1), seeds=2),
         Change("noise2cm", _noise(0.02), seeds=2),

@@ -93,6 +93,17 @@ def test_scans_are_left_out_and_odometry_is_kept(source, original, tmp_path):
     assert changed(source, tmp_path, "start60").times[0] >= original.times[0] + 60.0
 
 
+def test_sparse_scans_are_a_metre_or_a_turn_apart(source, original, tmp_path):
+    log = changed(source, tmp_path, "sparse")
+    assert len(log.ranges) == len(original.ranges)
+    assert np.array_equal(log.poses, original.poses)
+    assert np.array_equal(log.times, original.times)
+    steps = relative_all(log.poses[log.is_scan][:-1], log.poses[log.is_scan][1:])
+    moved, turned = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    assert ((moved >= 1.0) | (turned >= math.radians(30.0))).all()
+    assert np.median(moved) < 1.5
+
+
 def test_noise_has_the_size_that_its_name_says(source, original, tmp_path):
     log = changed(source, tmp_path, "noise1cm")
     before, after = ranges_of(original), ranges_of(log)
