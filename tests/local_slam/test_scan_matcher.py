@@ -131,6 +131,41 @@ def test_lost_scans_find_the_heading_they_agree_on(submap, turn):
     assert_near(pose, TRUTH)
 
 
+def test_a_robot_that_drives_is_not_turned(submap):
+    matcher = ScanMatcher(CONFIG)
+    for _ in range(30):
+        matched(submap, TRUTH, matcher=matcher)
+    certain, pose = isotropic_information(0.005, 0.002), off(0.0, 0.0, 2.0)
+    before = compose(pose, Pose(-0.2, 0.0, 0.0))
+    for _ in range(5):
+        fallbacks = partial(itertools.repeat, before, 2)
+        found = matcher.match(submap, points(), Prediction(pose, True, certain, fallbacks))
+        assert not found.is_relocated
+
+
+def test_a_corridor_looks_alike_in_both_directions():
+    """Lost scans between bare walls fit as well when turned by half a turn, and are not."""
+    rng = np.random.default_rng(5)
+
+    def corridor(noise):
+        along = np.arange(-8.0, 8.0, 0.05)
+        sides = np.concatenate([np.column_stack((along, np.full(320, y))) for y in (-1.0, 2.2)])
+        return sides + rng.normal(0.0, noise, sides.shape)
+
+    active, matcher = ActiveSubmaps(CONFIG.submaps), ScanMatcher(CONFIG)
+    for _ in range(20):
+        active.insert(Pose(0.0, 0.0, 0.0), corridor(0.005), np.zeros((0, 2)))
+    here = Pose(0.0, 0.0, 0.0)
+    prior = Prediction(here, True, isotropic_information(0.005, 0.002), lambda: (here, here))
+    for _ in range(60):
+        matcher.match(active.submaps[0], corridor(0.005), prior)
+    # A scan of the corridor from the other side, as if the heading were wrong by half a turn.
+    for _ in range(5):
+        found = matcher.match(active.submaps[0], -corridor(0.005), prior)
+        assert not found.is_relocated
+    assert matcher.lost_in_turn == 5
+
+
 def test_a_turn_must_fit_better_where_the_map_is_known():
     """Where the odometry leads, a third of the returns is on known walls, the rest on unknown ones.
 

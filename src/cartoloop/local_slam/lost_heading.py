@@ -19,6 +19,9 @@ search there cover all headings [rad]."""
 MIN_LOST_SCANS = 2
 """Number of scans in turn that fit nowhere, from which other headings are searched."""
 
+MAX_STEP_M = 0.1
+"""A robot that moves by more from scan to scan drives [m], and its wheels show the heading."""
+
 AGREE_M, AGREE_RAD = 0.3, math.radians(10.0)
 """Difference of the poses that two scans show up to which they agree [m], [rad]."""
 

@@ -10,9 +10,15 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import CorrelativeMatcherConfig, LocalSlamConfig
 from cartoloop.local_slam.degenerate_direction import (
     constrain_degenerate_direction,
+    degenerate_direction,
     where_prior_leads,
 )
-from cartoloop.local_slam.lost_heading import HEADINGS_RAD, MIN_LOST_SCANS, LostHeading
+from cartoloop.local_slam.lost_heading import (
+    HEADINGS_RAD,
+    MAX_STEP_M,
+    MIN_LOST_SCANS,
+    LostHeading,
+)
 from cartoloop.local_slam.match_records import MatcherMemory
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.seen_points import residual_of_seen, share_of_seen
@@ -216,7 +222,7 @@ class ScanMatcher:
             centre = relative(submap.tf_local_submap, prediction.over_jump)
             start = self._search(submap, points, centre, self._window)
             found = self._refine(submap, points, start, start, self._lost_information)
-            if found.residual < best.residual:
+            if found.residual < best.residual and self._is_determined(found):
                 best = found
         return best
 
@@ -225,10 +231,14 @@ class ScanMatcher:
     ) -> LeastSquaresMatch:
         """Return the match at another heading that two scans in turn agree on, or `best`.
 
-        Each must fit as scans usually do, in observed cells, and outweigh the motion prior as any
-        match of a lost scan.
+        The robot must stand or turn on the spot. Each scan must fit as scans usually do, in
+        observed cells, and outweigh the motion prior as any match of a lost scan. A corridor, which
+        looks alike in both directions, does not count.
         """
-        predicted = prediction.tf_local_tracking
+        predicted, (rest, _) = prediction.tf_local_tracking, prediction.fallbacks()
+        if math.hypot(predicted.x - rest.x, predicted.y - rest.y) > MAX_STEP_M:
+            self._lost_heading.tf_found_predicted = None
+            return best
         prior = relative(submap.tf_local_submap, predicted)
         turned = None
         for angle in HEADINGS_RAD:
@@ -238,6 +248,7 @@ class ScanMatcher:
             if (
                 found.residual < (best if turned is None else turned).residual
                 and self._fits_as_usual(points, found)
+                and self._is_determined(found)
                 and share_of_seen(submap.grid, points, found.tf_submap_scan)
                 >= self._window.ample_seen_share
             ):
@@ -274,6 +285,10 @@ class ScanMatcher:
         usual = match.residual / self._typical_residual
         against = self._window.lost_prior_weight * scale * math.log1p(squares / scale)
         return weight * usual * usual + against
+
+    def _is_determined(self, match: LeastSquaresMatch) -> bool:
+        """Return whether a match shows the place in all directions, other than along a corridor."""
+        return degenerate_direction(match)[0] > self._prediction.spurious_information
 
     def _fits_as_usual(self, points: FloatArray, match: LeastSquaresMatch) -> bool:
         limit = self._typical_residual * self._window.lost_residual_ratio
