@@ -67,3 +67,12 @@ def test_without_calibrated_odometry_the_match_counts(model):
     matched = np.diag((1.0, 2.0, 3.0))
     np.testing.assert_array_equal(stretch.information(model, matched), matched)
     assert not math.isnan(float(stretch.information(KNOWN, matched).max()))
+
+
+def test_odometry_without_any_error_is_not_certain():
+    stretch = driven(10.0)
+    assert stretch.ends_now()
+    exact = OdometryParameters(rotation_error=0.0, translation_error=0.0)
+    information = stretch.information(exact, np.eye(3))
+    assert np.isfinite(information).all()
+    assert 0.0 < information[2, 2] < 1e6

@@ -21,6 +21,9 @@ MIN_STRETCH_M = 5.0
 MAX_STRETCH_M = 1000.0
 """Longer ones are no path of a robot: the odometry jumped [m]."""
 
+MIN_ROTATION_SIGMA = 0.002
+"""Least error of the heading after a stretch [rad]: odometry that stands still errs by nothing."""
+
 SCALE_ERROR = 0.01
 """Error of the distance that calibrated odometry reports, as a share of it."""
 
@@ -58,7 +61,7 @@ class UnmatchedStretch:
         """
         if not (model.is_known and model.knows_rotation):
             return matched
-        rotation = self._num_ended * model.rotation_error**2
+        rotation = self._num_ended * model.rotation_error**2 + MIN_ROTATION_SIGMA**2
         translation = (
             self._num_ended * model.translation_error**2
             + (SCALE_ERROR * self._ended) ** 2
