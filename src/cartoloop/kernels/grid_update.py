@@ -20,6 +20,7 @@ def update_cells(
     first_row: int,
     hits: CellArray,
     free: CellArray,
+    hidden: CellArray,
     hit_probability: float,
     miss_probability: float,
     min_probability: float,
@@ -29,12 +30,15 @@ def update_cells(
 
     Parameters
     ----------
-    grid : float32, shape (num_rows, num_cols), C order, probabilities, 0 where never observed;
-        changed in place.
+    grid : float32, shape (num_rows, num_cols), C order, probabilities, 0 where never observed, and
+        negative where only hidden: what the probability is once observed; changed in place.
     first_col, first_row : lattice coordinates of ``grid[0, 0]``.
     hits : int32, shape (h, 2), lattice (column, row) of the cells that are hit.
     free : int32, shape (f, 3), runs of cells that are missed: lattice row, first column, column
         after the last. No cell is in two of them, nor also hit.
+    hidden : int32, shape (b, 2), lattice (column, row) of cells just behind walls, which are
+        neither hit nor missed. They count as missed, but are not observed thereby; they may lie
+        outside of the grid.
 
     Notes
     -----
@@ -47,6 +51,13 @@ def update_cells(
         col, row = hits[k, 0] - first_col, hits[k, 1] - first_row
         p = _updated(grid[row, col], hit_probability, hit_odds)
         grid[row, col] = np.float32(min(max(p, min_probability), max_probability))
+    num_rows, num_cols = grid.shape
+    for k in range(hidden.shape[0]):
+        col, row = hidden[k, 0] - first_col, hidden[k, 1] - first_row
+        if 0 <= row < num_rows and 0 <= col < num_cols:
+            p = _updated(grid[row, col], miss_probability, miss_odds)
+            value = np.float32(min(max(p, min_probability), max_probability))
+            grid[row, col] = value if grid[row, col] > 0.0 else -value
     grid_bits = grid.view(np.int32)
     known = np.full(MEMORY_SIZE, -1, dtype=np.int32)  # the bits of no probability
     outcome = np.empty(MEMORY_SIZE, dtype=np.float32)
@@ -66,7 +77,7 @@ def update_cells(
 @kernel
 def _updated(probability: np.float32, observed: float, observed_odds: float) -> float:
     """Return a cell's probability after an observation, before clamping."""
-    p: float = np.float64(probability)
+    p: float = abs(np.float64(probability))
     if p == 0.0:
         return observed
     odds = p / (1.0 - p) * observed_odds

@@ -55,6 +55,18 @@ def add_span(out_rows: PixelRows, row: int, first_col: int, last_col: int) -> No
 
 
 @kernel
+def pixels_across(rows: PixelRows) -> int:
+    """Return how many columns there is room for, with the bit to spare left out."""
+    return int((rows.shape[1] << _SHIFT) - 1)
+
+
+@kernel
+def has_pixel(rows: PixelRows, col: int, row: int) -> bool:
+    """Return whether a pixel is in the set."""
+    return bool(np.int64(rows[row, col >> _SHIFT]) >> (col & _LAST_BIT) & 1)
+
+
+@kernel
 def remove_pixel(out_rows: PixelRows, col: int, row: int) -> bool:
     """Take a pixel out of the set; return whether it was in."""
     bit = 1 << (col & _LAST_BIT)

@@ -16,7 +16,9 @@ from cartoloop.kernels.pixel_rows import (
     PixelRows,
     RunArray,
     add_span,
+    has_pixel,
     list_runs,
+    pixels_across,
     remove_pixel,
     words_across,
 )
@@ -31,15 +33,21 @@ MAX_CELLS = 1 << 27
 
 @kernel
 def scan_cells(
-    origin_x: float, origin_y: float, returns: FloatArray, misses: FloatArray, resolution: float
-) -> tuple[CellArray, RunArray, int, int, int, int]:
-    """Return the disjoint hit and miss sets of a scan, and the box that holds them.
+    origin_x: float,
+    origin_y: float,
+    returns: FloatArray,
+    misses: FloatArray,
+    behind: FloatArray,
+    resolution: float,
+) -> tuple[CellArray, RunArray, CellArray, int, int, int, int]:
+    """Return the disjoint sets of cells that a scan says something of, and the box around them.
 
     Parameters
     ----------
     origin_x, origin_y : the rays' common start, in the grid's frame [m].
     returns : float64, shape (n, 2), ends of rays that hit something, grid frame [m].
     misses : float64, shape (k, 2), ends of rays that did not, grid frame [m].
+    behind : float64, shape (m, 2), points just behind walls, grid frame [m].
     resolution : pixel edge r [m].
 
     Returns
@@ -47,19 +55,21 @@ def scan_cells(
     hits : int32, shape (h, 2), lattice (column, row), each cell once.
     free : int32, shape (f, 3), the misses, as runs along rows: row, first column, column after the
         last.
+    hidden : int32, shape (b, 2), lattice (column, row), each cell once: those of `behind` that are
+        within the box, and neither hit nor missed.
     first_col, first_row, last_col, last_row : lattice box around origin and ends, clipped to
         `FARTHEST`.
 
     Notes
     -----
-    A miss is every pixel that a ray intersects and that is not a hit. Both sets are empty where the
+    A miss is every pixel that a ray intersects and that is not a hit. All sets are empty where the
     box reaches beyond `FARTHEST` or has more than `MAX_CELLS` cells.
     """
     first_col, last_col = _lattice_range(origin_x, returns[:, 0], misses[:, 0], resolution)
     first_row, last_row = _lattice_range(origin_y, returns[:, 1], misses[:, 1], resolution)
     if not fits(first_col, first_row, last_col, last_row):
         nowhere = np.empty((0, 2), dtype=np.int32), np.empty((0, 3), dtype=np.int32)
-        return *nowhere, first_col, first_row, last_col, last_row
+        return *nowhere, nowhere[0], first_col, first_row, last_col, last_row
     num_returns = returns.shape[0]
     ends = np.empty((num_returns + misses.shape[0], 2), dtype=np.int64)
     for k in range(num_returns):
@@ -77,7 +87,9 @@ def scan_cells(
         marked,
     )
     hits = np.empty((num_returns, 2), dtype=np.int32)
-    num_hits = _take_hits(returns, resolution, first_col, first_row, marked, hits)
+    _mark_hits(returns, resolution, first_col, first_row, marked, hits)
+    hidden = _unmarked(behind, resolution, first_col, first_row, marked)
+    num_hits = _take_hits(first_col, first_row, marked, hits)
     # A run begins where a span does, or after a hit.
     free = np.empty((num_spans + num_hits, 3), dtype=np.int32)
     num_runs = list_runs(marked, free)
@@ -85,7 +97,7 @@ def scan_cells(
         free[k, 0] += first_row
         free[k, 1] += first_col
         free[k, 2] += first_col
-    return hits[:num_hits], free[:num_runs], first_col, first_row, last_col, last_row
+    return hits[:num_hits], free[:num_runs], hidden, first_col, first_row, last_col, last_row
 
 
 @kernel
@@ -125,15 +137,15 @@ def _subpixels(coordinate: float, resolution: float, first: int) -> int:
 
 
 @kernel
-def _take_hits(
+def _mark_hits(
     returns: FloatArray,
     resolution: float,
     first_col: int,
     first_row: int,
     out_marked: PixelRows,
     out_hits: CellArray,
-) -> int:
-    """Move the returns' cells from `out_marked` to `out_hits`, each once; return how many."""
+) -> None:
+    """Write the cells of the returns, and mark them."""
     for k in range(returns.shape[0]):
         col = int(np.floor(returns[k, 0] / resolution + 0.5))
         row = int(np.floor(returns[k, 1] / resolution + 0.5))
@@ -141,8 +153,41 @@ def _take_hits(
         out_hits[k, 1] = row
         # Already marked by its ray, except where the end was rounded to another pixel.
         add_span(out_marked, row - first_row, col - first_col, col - first_col)
+
+
+@kernel
+def _unmarked(
+    points: FloatArray, resolution: float, first_col: int, first_row: int, marked: PixelRows
+) -> CellArray:
+    """Return the cells of points that are within the box and not marked, each once."""
+    num_rows, num_cols = marked.shape[0], pixels_across(marked)
+    cells = np.empty((points.shape[0], 2), dtype=np.int32)
+    num_cells = 0
+    for k in range(points.shape[0]):
+        col = int(np.floor(points[k, 0] / resolution + 0.5)) - first_col
+        row = int(np.floor(points[k, 1] / resolution + 0.5)) - first_row
+        if 0 <= col < num_cols and 0 <= row < num_rows and not has_pixel(marked, col, row):
+            add_span(marked, row, col, col)
+            cells[num_cells, 0] = col
+            cells[num_cells, 1] = row
+            num_cells += 1
+    for k in range(num_cells):
+        remove_pixel(marked, cells[k, 0], cells[k, 1])
+        cells[k, 0] += first_col
+        cells[k, 1] += first_row
+    return cells[:num_cells]
+
+
+@kernel
+def _take_hits(
+    first_col: int, first_row: int, out_marked: PixelRows, out_hits: CellArray
+) -> int:
+    """Remove the hit cells from `out_marked`, and all but one of each from `out_hits`.
+
+    Returns how many there are.
+    """
     num_hits = 0
-    for k in range(returns.shape[0]):
+    for k in range(out_hits.shape[0]):
         col, row = out_hits[k, 0], out_hits[k, 1]
         if remove_pixel(out_marked, col - first_col, row - first_row):
             out_hits[num_hits, 0] = col

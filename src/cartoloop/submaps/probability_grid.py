@@ -13,6 +13,7 @@ from cartoloop.arrays import CellArray, FloatArray
 from cartoloop.config import SubmapConfig
 from cartoloop.errors import InputError
 from cartoloop.kernels import ray_casting
+from cartoloop.kernels.behind_walls import points_behind_walls
 from cartoloop.kernels.cell_values import known_box
 from cartoloop.kernels.grid_update import update_cells
 from cartoloop.kernels.wall_joints import wall_joints
@@ -28,8 +29,17 @@ from cartoloop.submaps.finished_grid import (
 GROWTH_CELLS = 64
 """Minimum growth of a grid, so that it rarely grows [cells]: 3.2 m at 0.05 m."""
 
+_NO_POINTS = np.empty((0, 2))
+
 _MEMORY = ReusedMemory(max_idle_bytes=16 << 20)
 """Memory of growing grids: that of four usual ones."""
+
+
+WALL_REACH_M = 0.3
+"""The direction of a wall is measured over so much to either side [m]: many times the noise."""
+
+WALL_STRAIGHTNESS = 0.9
+"""Least cosine of the angle between the two sides of a straight wall: 26 degrees, for noise."""
 
 
 class Extent(NamedTuple):
@@ -37,8 +47,9 @@ class Extent(NamedTuple):
 
     Attributes
     ----------
-    cells : float32, shape (num_rows, num_cols); 0 where never observed, otherwise within
-        [MIN_PROBABILITY, MAX_PROBABILITY].
+    cells : float32, shape (num_rows, num_cols); positive where observed, then within
+        [MIN_PROBABILITY, MAX_PROBABILITY]; negative where only hidden by walls, the probability
+        that an observation starts from; otherwise 0.
     first_col, first_row : lattice coordinates of ``cells[0, 0]``, whose centre is at
         (first_col * r, first_row * r) in the grid's frame.
     """
@@ -140,18 +151,20 @@ def _surrounded(
 
 
 class ScanCells(NamedTuple):
-    """The grid points that a scan hits and misses: disjoint sets.
+    """The grid points that a scan hits and misses, and those that its walls hide: disjoint sets.
 
     Attributes
     ----------
     hits : int32, shape (h, 2), lattice (column, row), each once.
     free : int32, shape (f, 3), the misses as runs along rows: lattice row, first column, column
         after the last.
+    hidden : int32, shape (b, 2), lattice (column, row), each once, of points just behind walls.
     first_col, first_row, last_col, last_row : lattice box around them all.
     """
 
     hits: CellArray
     free: CellArray
+    hidden: CellArray
     first_col: int
     first_row: int
     last_col: int
@@ -159,7 +172,11 @@ class ScanCells(NamedTuple):
 
 
 def scan_cells(
-    tf_grid_sensor: Pose, returns: FloatArray, misses: FloatArray, resolution: float
+    tf_grid_sensor: Pose,
+    returns: FloatArray,
+    misses: FloatArray,
+    resolution: float,
+    behind: FloatArray = _NO_POINTS,
 ) -> ScanCells:
     """Return the hit and miss sets of a scan.
 
@@ -168,16 +185,16 @@ def scan_cells(
     tf_grid_sensor : start of the rays.
     returns, misses : float64, shapes (n, 2), (k, 2), ends of the rays [m, grid frame].
     resolution : pixel edge r [m].
+    behind : float64, shape (m, 2), points just behind walls [m, grid frame].
 
     Raises
     ------
     InputError
         They are too far from each other, or from the origin, for any map.
     """
-    cells = ScanCells(
-        *ray_casting.scan_cells(tf_grid_sensor.x, tf_grid_sensor.y, returns, misses, resolution)
-    )
-    _check_extent(*cells[2:], resolution)
+    x, y, _ = tf_grid_sensor
+    cells = ScanCells(*ray_casting.scan_cells(x, y, returns, misses, behind, resolution))
+    _check_extent(*cells[3:], resolution)
     return cells
 
 
@@ -196,6 +213,29 @@ def with_joints(returns: FloatArray, config: SubmapConfig) -> FloatArray:
     straightness = math.cos(math.radians(config.max_wall_bend_deg))
     joints = wall_joints(returns, config.max_return_gap, straightness, config.resolution)
     return np.concatenate((returns, joints))
+
+
+def behind_walls(tf_grid_sensor: Pose, returns: FloatArray, config: SubmapConfig) -> FloatArray:
+    """Return points one pixel behind the straight walls that returns lie on.
+
+    A cell just in front of a wall is hit by some returns, because of their noise, and missed by all
+    others. One just behind it would be hit by some, and missed by none, so that the wall would
+    appear to be farther away, the more the longer it has been seen: a robot that has it on one side
+    would turn. So what a wall hides counts as missed, to the depth of a pixel.
+
+    Parameters
+    ----------
+    tf_grid_sensor : start of the rays.
+    returns : float64, shape (n, 2), in the order of the beams [m, grid frame].
+    """
+    return points_behind_walls(
+        tf_grid_sensor.x,
+        tf_grid_sensor.y,
+        returns,
+        WALL_REACH_M,
+        WALL_STRAIGHTNESS,
+        config.resolution,
+    )
 
 
 def insert_cells(
@@ -234,6 +274,7 @@ def insert_cells(
         grid.first_row + row,
         cells.hits,
         cells.free,
+        cells.hidden,
         config.hit_probability,
         config.miss_probability,
         MIN_PROBABILITY,

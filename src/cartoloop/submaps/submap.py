@@ -12,6 +12,7 @@ from cartoloop.config import SubmapConfig
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.probability_grid import (
     ProbabilityGrid,
+    behind_walls,
     ScanCells,
     insert_cells,
     scan_cells,
@@ -127,7 +128,10 @@ class ActiveSubmaps:
             if submap.index not in self._known:
                 if cells is None:
                     returns = with_joints(returns_local, config)
-                    cells = scan_cells(tf_local_sensor, returns, misses_local, config.resolution)
+                    behind = behind_walls(tf_local_sensor, returns_local, config)
+                    cells = scan_cells(
+                        tf_local_sensor, returns, misses_local, config.resolution, behind
+                    )
                 insert_cells(submap.grid, cells, config, self._lattice_origin(submap))
             submap.num_scans += 1
         inserted = tuple(before + self._submaps)
