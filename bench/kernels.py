@@ -37,7 +37,12 @@ from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
 from cartoloop.sensor.scan_points import ScanPoints
-from cartoloop.submaps.probability_grid import insert_cells, scan_cells, with_joints
+from cartoloop.submaps.probability_grid import (
+    behind_walls,
+    insert_cells,
+    scan_cells,
+    with_joints,
+)
 from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (
@@ -148,12 +153,14 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
 
     def insert() -> None:
         walls = with_joints(returns, config.local_slam.submaps)
-        cells = scan_cells(sensor, walls, misses, resolution)
+        behind = behind_walls(sensor, returns, config.local_slam.submaps)
+        cells = scan_cells(sensor, walls, misses, resolution, behind)
         insert_cells(submap.grid, cells, config.local_slam.submaps, origin)
 
     yield Workload(
-        "insert", ("wall_joints", "ray_casting", "grid_update"), case, insert, rays, "rays"
-    )
+        "insert", ("wall_joints", "behind_walls", "ray_casting", "grid_update"), case, insert,
+        rays, "rays",
+    )  # fmt: skip
 
 
 def _match_workloads(driven: Drive) -> Iterator[Workload]:

@@ -46,6 +46,7 @@ def test_hits_and_misses_update_the_odds(grid, cells, hit_share, hit_probability
         first_row,
         lattice[:num_hits],
         runs,
+        NO_HITS,
         hit_probability,
         miss_probability,
         0.1,
@@ -61,14 +62,15 @@ def test_more_values_than_are_cached_are_all_updated():
     rows = np.arange(8)
     runs = np.column_stack((rows, 0 * rows, 0 * rows + MEMORY_SIZE)).astype(np.int32)
     after = before.copy()
-    update_cells(after, 0, 0, NO_HITS, runs, 0.6, 0.45, 0.1, 0.9)
+    update_cells(after, 0, 0, NO_HITS, runs, NO_HITS, 0.6, 0.45, 0.1, 0.9)
     expected = [naive_update(p, 0.45, 0.1, 0.9) for p in before.ravel()]
     assert np.array_equal(after.ravel(), np.array(expected).astype(np.float32))
 
 
 def test_the_first_observation_sets_its_probability():
     grid = np.zeros((1, 2), dtype=np.float32)
-    update_cells(grid, 0, 0, FIRST_CELL, FIRST_RUN + np.int32([0, 1, 1]), 0.6, 0.45, 0.1, 0.9)
+    runs = FIRST_RUN + np.int32([0, 1, 1])
+    update_cells(grid, 0, 0, FIRST_CELL, runs, NO_HITS, 0.6, 0.45, 0.1, 0.9)
     assert grid[0].tolist() == pytest.approx([0.6, 0.45])
 
 
@@ -78,5 +80,39 @@ def test_the_first_observation_sets_its_probability():
 def test_repeated_observations_end_at_the_clamp(hits, free, limit):
     grid = np.zeros((1, 1), dtype=np.float32)
     for _ in range(100):
-        update_cells(grid, 0, 0, hits, free, 0.6, 0.45, 0.1, 0.9)
+        update_cells(grid, 0, 0, hits, free, NO_HITS, 0.6, 0.45, 0.1, 0.9)
     assert grid[0, 0] == np.float32(limit)
+
+
+def hide(grid, times):
+    for _ in range(times):
+        update_cells(grid, 0, 0, NO_HITS, NO_RUNS, FIRST_CELL, 0.6, 0.45, 0.1, 0.9)
+
+
+@pytest.mark.parametrize("times", [1, 2, 100])
+def test_a_hidden_cell_is_missed_but_not_observed(times):
+    grid, missed = np.zeros((2, 1, 1), dtype=np.float32)
+    hide(grid, times)
+    for _ in range(times):
+        update_cells(missed, 0, 0, NO_HITS, FIRST_RUN, NO_HITS, 0.6, 0.45, 0.1, 0.9)
+    assert grid[0, 0] == -missed[0, 0]
+
+
+@pytest.mark.parametrize(("hits", "free"), [(FIRST_CELL, NO_RUNS), (NO_HITS, FIRST_RUN)])
+def test_an_observation_goes_on_from_what_was_hidden(hits, free):
+    hidden, missed = np.full((2, 1, 1), 0.7, dtype=np.float32)
+    hide(hidden, 3)
+    for _ in range(3):
+        update_cells(missed, 0, 0, NO_HITS, FIRST_RUN, NO_HITS, 0.6, 0.45, 0.1, 0.9)
+    assert hidden[0, 0] == missed[0, 0]
+    unknown = -missed
+    for grid in (unknown, missed):
+        update_cells(grid, 0, 0, hits, free, NO_HITS, 0.6, 0.45, 0.1, 0.9)
+    assert unknown[0, 0] == missed[0, 0] > 0.0
+
+
+def test_hidden_cells_outside_of_the_grid_change_nothing():
+    grid = np.full((2, 2), 0.3, dtype=np.float32)
+    outside = np.array([(-1, 0), (2, 1), (0, -1), (1, 2)], dtype=np.int32)
+    update_cells(grid, 0, 0, NO_HITS, NO_RUNS, outside, 0.6, 0.45, 0.1, 0.9)
+    assert (grid == np.float32(0.3)).all()

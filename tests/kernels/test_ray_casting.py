@@ -19,13 +19,17 @@ coordinate = st.one_of(
 points = st.lists(st.tuples(coordinate, coordinate), max_size=8)
 
 
+NO_POINTS = np.empty((0, 2))
+
+
+def as_array(rows):
+    return np.array(rows, dtype=np.float64).reshape(-1, 2)
+
+
 def all_cells(origin, returns, misses, resolution):
     """Hits and misses of the kernel as lists, and those expected as sets."""
-    hits, free, *box = scan_cells(
-        *origin,
-        np.array(returns, dtype=np.float64).reshape(-1, 2),
-        np.array(misses, dtype=np.float64).reshape(-1, 2),
-        resolution,
+    hits, free, _, *box = scan_cells(
+        *origin, as_array(returns), as_array(misses), NO_POINTS, resolution
     )
     missed = [(col, row) for row, first, after in free.tolist() for col in range(first, after)]
     first_col, first_row, last_col, last_row = box
@@ -58,6 +62,30 @@ def test_a_hit_wins_over_rays_that_pass_through_its_pixel():
     assert missed == [(0, 0), (1, 0), (3, 0), (5, 0)]
 
 
+@settings(deadline=None, max_examples=60)
+@given(returns=points, misses=points, behind=points)
+def test_hidden_cells_are_neither_hit_nor_missed(returns, misses, behind):
+    hits, free, hidden, *box = scan_cells(
+        0.0, 0.0, as_array(returns), as_array(misses), as_array(behind), 0.1
+    )
+    without = scan_cells(0.0, 0.0, as_array(returns), as_array(misses), NO_POINTS, 0.1)
+    assert np.array_equal(hits, without[0])
+    assert np.array_equal(free, without[1])
+    known = {tuple(cell) for cell in hits.tolist()}
+    known |= {(col, row) for row, first, after in free.tolist() for col in range(first, after)}
+    first_col, first_row, last_col, last_row = box
+    cells = {tuple(cell) for cell in np.floor(as_array(behind) / 0.1 + 0.5).astype(int).tolist()}
+    found = [tuple(cell) for cell in hidden.tolist()]
+    assert len(set(found)) == len(found)
+    # a little more than the box may be looked at
+    assert set(found) <= cells - known
+    assert set(found) >= {
+        (col, row)
+        for col, row in cells - known
+        if first_col <= col <= last_col and first_row <= row <= last_row
+    }
+
+
 def test_an_empty_scan_has_no_cells():
     hits, missed, _ = all_cells((0.0, 0.0), [], [], 0.1)
     assert hits == missed == []
@@ -71,16 +99,16 @@ def test_a_scan_larger_than_any_submap_has_no_cells(far):
     if not np.isnan(far):  # ends of rays are numbers, or poses are not
         cases += [(0.0, 0.0, wide, nothing), (0.0, 0.0, near, wide)]
     for x, y, returns, misses in cases:
-        hits, free, *box = scan_cells(x, y, returns, misses, 0.05)
-        assert len(hits) == len(free) == 0
+        hits, free, hidden, *box = scan_cells(x, y, returns, misses, near, 0.05)
+        assert len(hits) == len(free) == len(hidden) == 0
         assert not fits(*box)
 
 
 def test_cells_far_from_the_origin_are_those_near_it_shifted():
     shift = np.array((1.0, -1.0)) * (FARTHEST - 100) * 0.125  # exact
     returns, misses = np.array([(1.0, 2.0), (-1.5, 0.25)]), np.array([(3.0, -1.0)])
-    near = scan_cells(0.0, 0.0, returns, misses, 0.125)
-    far = scan_cells(*shift, returns + shift, misses + shift, 0.125)
+    near = scan_cells(0.0, 0.0, returns, misses, NO_POINTS, 0.125)
+    far = scan_cells(*shift, returns + shift, misses + shift, NO_POINTS, 0.125)
     cells = FARTHEST - 100
     assert (far[0] - (cells, -cells)).tolist() == near[0].tolist()
     assert (far[1] - (-cells, cells, cells)).tolist() == near[1].tolist()

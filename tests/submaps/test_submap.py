@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 
 from cartoloop.config import SubmapConfig
 from cartoloop.sensor.pose import Pose
+from cartoloop.submaps.finished_grid import MIN_PROBABILITY
 from cartoloop.submaps.probability_grid import (
     ProbabilityGrid,
+    behind_walls,
     insert_cells,
     scan_cells,
     with_joints,
@@ -128,7 +130,9 @@ def test_all_submaps_show_the_same_world():
     insertion = active.insert(sensor, ends, NO_POINTS)
     in_local = ProbabilityGrid(RESOLUTION)
     walls = with_joints(ends, config_)
-    insert_cells(in_local, scan_cells(sensor, walls, NO_POINTS, RESOLUTION), config_)
+    behind = behind_walls(sensor, ends, config_)
+    cells = scan_cells(sensor, walls, NO_POINTS, RESOLUTION, behind)
+    insert_cells(in_local, cells, config_)
     expected = in_local.finish()
 
     assert len(insertion.submaps) == 2
@@ -137,6 +141,26 @@ def test_all_submaps_show_the_same_world():
         assert np.array_equal(shown.cells, expected.cells)
         assert shown.origin_x + submap.tf_local_submap.x == pytest.approx(expected.origin_x)
         assert shown.origin_y + submap.tf_local_submap.y == pytest.approx(expected.origin_y)
+
+
+@pytest.mark.parametrize(("noise_cells", "offset_cells"), [(0.2, 0.0), (0.4, 0.5), (0.6, 0.0)])
+def test_noise_does_not_move_a_wall(noise_cells, offset_cells):
+    """Other scans miss what is hit in front of it, and what is hit behind it is hidden."""
+    active, rng = ActiveSubmaps(config(200)), np.random.default_rng(0)
+    wall_x = 2.0 + offset_cells * RESOLUTION
+    angles = np.radians(np.arange(-70.0, 70.0, 0.5))
+    beams = np.column_stack((np.cos(angles), np.sin(angles)))
+    for _ in range(60):
+        noise = noise_cells * RESOLUTION * rng.standard_normal(len(angles))
+        ranges = wall_x / np.cos(angles) + noise
+        active.insert(Pose(0.0, 0.0, 0.0), ranges[:, np.newaxis] * beams, NO_POINTS)
+    grid = active.submaps[0].grid
+    rows = np.arange(-round(0.5 / RESOLUTION), round(0.5 / RESOLUTION)) - grid.first_row
+    around = np.arange(-3, 4)
+    columns = round(2.0 / RESOLUTION) + around - grid.first_col
+    profile = grid.cells[np.ix_(rows, columns)].clip(MIN_PROBABILITY).mean(axis=0)
+    weights = profile - MIN_PROBABILITY
+    assert weights @ around / weights.sum() == pytest.approx(offset_cells, abs=0.05)
 
 
 def test_a_coarse_scan_hits_the_wall_between_its_beams():

@@ -27,7 +27,7 @@ def points_behind_walls(
 
     The direction of a wall is that of the line between the first returns on either side that are
     at least `reach` away, or the last of `MAX_BEAMS` beams. It is straight if the lines from the
-    one and to the other go on in nearly the same direction, and neither is longer than three times that.
+    one and to the other go on in nearly the same direction, and neither is longer than `3 reach`.
 
     Parameters
     ----------

@@ -179,9 +179,7 @@ def _unmarked(
 
 
 @kernel
-def _take_hits(
-    first_col: int, first_row: int, out_marked: PixelRows, out_hits: CellArray
-) -> int:
+def _take_hits(first_col: int, first_row: int, out_marked: PixelRows, out_hits: CellArray) -> int:
     """Remove the hit cells from `out_marked`, and all but one of each from `out_hits`.
 
     Returns how many there are.

@@ -12,8 +12,8 @@ from cartoloop.config import SubmapConfig
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.probability_grid import (
     ProbabilityGrid,
-    behind_walls,
     ScanCells,
+    behind_walls,
     insert_cells,
     scan_cells,
     with_joints,
