@@ -17,7 +17,7 @@ import numpy as np
 
 from bench.robustness.carmen_text import CarmenText, read_carmen, write_carmen
 from cartoloop.arrays import BoolArray, FloatArray
-from cartoloop.errors import ConfigError, InputError
+from cartoloop.errors import CartoloopError, ConfigError, InputError
 from cartoloop.evaluation.relations import Relations
 from cartoloop.sensor.pose import compose_all, relative_all
 
@@ -283,9 +283,14 @@ def check_relations_left(relations: Relations, stamps: FloatArray, what: str) ->
 
 def main() -> None:
     """Write the changed log that the arguments name."""
+    if len(sys.argv) not in (4, 5):
+        sys.exit("usage: python -m bench.robustness.changes IN OUT CHANGE [SEED]")
     source, target, name = sys.argv[1:4]
-    seed = int(sys.argv[4]) if len(sys.argv) > 4 else 0
-    changed_log(Path(source), Path(target), change_of(name), seed)
+    try:
+        seed = int(sys.argv[4]) if len(sys.argv) > 4 else 0
+        changed_log(Path(source), Path(target), change_of(name), seed)
+    except (CartoloopError, ValueError) as error:
+        sys.exit(f"error: {error}")
 
 
 if __name__ == "__main__":

@@ -408,17 +408,14 @@ class LocalSlam:
         information: FloatArray,
     ) -> Node:
         """Insert a scan into the active submaps and return its node."""
-        starts_over = self._unmatched.ends_now()
-        if starts_over:
-            odometry = self.extrapolator.odometry
-            information = self._unmatched.information(odometry.model, information)
+        by_odometry = self._unmatched.end(self.extrapolator.odometry.model, information)
         with self._timer.measure("insert"):
             try:
                 insertion = self._active.insert(
                     compose(tf_local_tracking, data.tf_tracking_sensor),
                     transform_points(tf_local_tracking, data.returns),
                     transform_points(tf_local_tracking, data.misses),
-                    starts_over=starts_over,
+                    starts_over=by_odometry is not None,
                 )
             except InputError as error:
                 raise InputError(f"at the scan with stamp {scan.stamp:.6f}: {error}") from error
@@ -429,7 +426,7 @@ class LocalSlam:
                 tf_local_tracking,
                 thin(data.returns, self._node_filter),
                 insertion.submaps,
-                information,
+                information if by_odometry is None else by_odometry,
                 insertion.finished,
             )
         self._next_node += 1

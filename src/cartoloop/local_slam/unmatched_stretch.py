@@ -33,8 +33,8 @@ class UnmatchedStretch:
 
     def __init__(self) -> None:
         self._last: Pose | None = None
-        self._length = self._ended = 0.0
-        self._num_scans = self._num_ended = 0
+        self._length = 0.0
+        self._num_scans = 0
 
     def add(self, tf_local_tracking: Pose) -> None:
         """Add a scan."""
@@ -48,23 +48,28 @@ class UnmatchedStretch:
         """Note that the latest scan was matched."""
         self._length, self._num_scans = 0.0, 0
 
-    def ends_now(self) -> bool:
-        """Return whether the scan that is inserted now is the first after a long stretch."""
-        self._ended, self._num_ended = self._length, self._num_scans
-        self.clear()
-        return MIN_STRETCH_M <= self._ended <= MAX_STRETCH_M
+    def end(self, model: OdometryParameters, information: FloatArray) -> FloatArray | None:
+        """End it at a scan that becomes a node; return the node's information after a long one.
 
-    def information(self, model: OdometryParameters, matched: FloatArray) -> FloatArray:
-        """Return the information of a pose after it, by odometry; as matched without, shape (3, 3).
+        None if it was not long.
 
-        Errors of the steps add up at random. Those of the heading displace what comes after them.
+        Parameters
+        ----------
+        model : of the odometry, on which the scan's pose rests.
+        information : of the pose as matched, shape (3, 3): that after it where nothing is known of
+            the odometry's errors.
         """
+        length, num_scans = self._length, self._num_scans
+        self.clear()
+        if not MIN_STRETCH_M <= length <= MAX_STRETCH_M:
+            return None
         if not (model.is_known and model.knows_rotation):
-            return matched
-        rotation = self._num_ended * model.rotation_error**2 + MIN_ROTATION_SIGMA**2
+            return information
+        # Errors of the steps add up at random. Those of the heading displace what comes after them.
+        rotation = num_scans * model.rotation_error**2 + MIN_ROTATION_SIGMA**2
         translation = (
-            self._num_ended * model.translation_error**2
-            + (SCALE_ERROR * self._ended) ** 2
-            + rotation * self._ended**2 / 3.0
+            num_scans * model.translation_error**2
+            + (SCALE_ERROR * length) ** 2
+            + rotation * length**2 / 3.0
         )
         return np.diag((1.0 / translation, 1.0 / translation, 1.0 / rotation))
