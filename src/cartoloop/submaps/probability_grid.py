@@ -29,7 +29,7 @@ from cartoloop.submaps.finished_grid import (
 GROWTH_CELLS = 64
 """Minimum growth of a grid, so that it rarely grows [cells]: 3.2 m at 0.05 m."""
 
-_NO_POINTS = np.empty((0, 2))
+NO_POINTS = np.empty((0, 2))
 
 _MEMORY = ReusedMemory(max_idle_bytes=16 << 20)
 """Memory of growing grids: that of four usual ones."""
@@ -176,7 +176,7 @@ def scan_cells(
     returns: FloatArray,
     misses: FloatArray,
     resolution: float,
-    behind: FloatArray = _NO_POINTS,
+    behind: FloatArray = NO_POINTS,
 ) -> ScanCells:
     """Return the hit and miss sets of a scan.
 

@@ -11,6 +11,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import SubmapConfig
 from cartoloop.sensor.pose import Pose
 from cartoloop.submaps.probability_grid import (
+    NO_POINTS,
     ProbabilityGrid,
     ScanCells,
     behind_walls,
@@ -18,6 +19,10 @@ from cartoloop.submaps.probability_grid import (
     scan_cells,
     with_joints,
 )
+
+SPARSE_STEP_M = 0.5
+"""Steps from scan to scan from which scans are sparse [m]. A wall is seen a few times only, and
+where matching is wrong by more than the noise: what one scan hides, another may rightly show."""
 
 
 @dataclass(slots=True)
@@ -127,10 +132,8 @@ class ActiveSubmaps:
             submap.travelled += step if submap.num_scans else 0.0
             if submap.index not in self._known:
                 if cells is None:
-                    returns = with_joints(returns_local, config)
-                    behind = behind_walls(tf_local_sensor, returns_local, config)
-                    cells = scan_cells(
-                        tf_local_sensor, returns, misses_local, config.resolution, behind
+                    cells = self._cells(
+                        tf_local_sensor, returns_local, misses_local, is_dense=step < SPARSE_STEP_M
                     )
                 insert_cells(submap.grid, cells, config, self._lattice_origin(submap))
             submap.num_scans += 1
@@ -138,6 +141,20 @@ class ActiveSubmaps:
         if len(self._submaps) == 2 and self._is_half_full(self._submaps[1]):
             self._left.append(self._submaps.pop(0))
         return Insertion(inserted, self._left.pop(0) if self._left else None)
+
+    def _cells(
+        self,
+        tf_local_sensor: Pose,
+        returns_local: FloatArray,
+        misses_local: FloatArray,
+        *,
+        is_dense: bool,
+    ) -> ScanCells:
+        """Return the cells of a scan, those behind its walls among them where scans are dense."""
+        config = self._config
+        behind = behind_walls(tf_local_sensor, returns_local, config) if is_dense else NO_POINTS
+        returns = with_joints(returns_local, config)
+        return scan_cells(tf_local_sensor, returns, misses_local, config.resolution, behind)
 
     def _is_half_full(self, submap: Submap) -> bool:
         """Return whether the next submap is due to start."""
