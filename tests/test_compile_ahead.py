@@ -60,6 +60,7 @@ for name, signatures in compiled().items():
 """
 
 LOCAL_SLAM = {
+    "behind_walls",
     "correlative",
     "grid_update",
     "outline_lines",
