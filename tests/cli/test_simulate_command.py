@@ -34,6 +34,17 @@ def test_logs_hold_what_the_world_or_the_user_says(tmp_path, arguments, tag):
     assert tags_of(log) == {tag}
 
 
+def test_range_noise_replaces_that_of_the_scanner(tmp_path):
+    ranges = []
+    for noise in ("0", "0.05"):
+        log = tmp_path / f"{noise}.log"
+        options = ["--range-noise", noise, "--duration", "2", "-o", str(log)]
+        assert run(["simulate", "ring", *options]) == 0
+        scans = [line.split() for line in log.read_text().splitlines() if line[0] == "F"]
+        ranges.append(np.array([scan[2 : 2 + int(scan[1])] for scan in scans], dtype=float))
+    assert np.std(ranges[1] - ranges[0]) == pytest.approx(0.05, rel=0.1)
+
+
 def test_truth_relations_and_lines_lie_beside_the_log(tmp_path, capsys):
     files = {name: tmp_path / name for name in ("log", "truth", "relations", "lines")}
     beside = [f"--{name}={files[name]}" for name in ("truth", "relations", "lines")]
@@ -60,6 +71,8 @@ def test_a_recording_without_odometry_is_mapped(tmp_path):
     ("arguments", "message"),
     [
         (["ring", "--lidar", "sik"], "nearest: sick"),
+        (["ring", "--range-noise", "nan"], "must be 0 or more"),
+        (["ring", "--range-noise=-0.1"], "must be 0 or more"),
         (["ring", "--lines", "x.lines"], "has no tape lines"),
         (["ring", "--duration=-1"], "not negative"),
         (["ring", "--glass", "2"], "give 0 to 1"),

@@ -66,6 +66,14 @@ class SimulateOptions:
             help="Scanner: sick, sick-180, wide, backpack or lds; by default the world's own.",
         ),
     ] = None
+    range_noise: Annotated[
+        float | None,
+        typer.Option(
+            metavar="M",
+            show_default=False,
+            help="Standard deviation of a range [m], instead of the scanner's.",
+        ),
+    ] = None
     odometry: Annotated[
         bool | None,
         typer.Option(
@@ -237,6 +245,8 @@ def _recording(options: SimulateOptions) -> Recording:
     if options.speed is not None:
         world = replace(world, pace=world.pace._replace(speed=options.speed))
     scanner = None if options.lidar is None else make_lidar(options.lidar)
+    if options.range_noise is not None:
+        scanner = replace(scanner or world.lidar, range_noise=options.range_noise)
     if options.two_scanners:
         return _with_two_scanners(options, world, scanner or world.lidar, difficulties)
     if file_format == "bag":

@@ -66,9 +66,10 @@ class Lidar:
                 "or no_return 0"
             )
         noise = (self.range_noise, self.range_noise_share, self.range_noise_growth)
-        if min(*noise, self.range_quantum) < 0.0 or not 0.0 <= self.dropout <= 1.0:
+        are_valid = all(0.0 <= value < math.inf for value in (*noise, self.range_quantum))
+        if not are_valid or not 0.0 <= self.dropout <= 1.0:
             raise ConfigError(
-                "simulated scanner: noise and quantum must not be negative, dropout within [0, 1]"
+                "simulated scanner: noise and quantum must be 0 or more, dropout within [0, 1]"
             )
 
     @property
