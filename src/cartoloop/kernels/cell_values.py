@@ -54,7 +54,8 @@ def quantize_box(
 
     Parameters
     ----------
-    cells : float32, shape (num_rows, num_cols), C-contiguous, probabilities; 0: never observed.
+    cells : float32, shape (num_rows, num_cols), C-contiguous, probabilities; 0 or less where never
+        observed.
     first_row, first_col : first cell of the box.
     lowest, step : probability of value 1, and its increase from one value to the next.
     out_values : uint8, of the shape of the box; 0 where never observed.

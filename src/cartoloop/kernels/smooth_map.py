@@ -35,7 +35,7 @@ class SmoothMap(NamedTuple):
 
     Attributes
     ----------
-    cells : float32, shape (num_rows, num_cols), probabilities; 0 where never observed.
+    cells : float32, shape (num_rows, num_cols), probabilities; 0 or less where never observed.
     origin_x, origin_y : centre of cell (0, 0) [m, submap frame].
     resolution : edge of a cell [m].
     """
@@ -121,7 +121,7 @@ def copy_patches(grid: PatchArray, cells: IntArray, out_patches: PatchArray) -> 
 
     Parameters
     ----------
-    grid : float32, shape (num_rows, num_cols), probabilities; 0 where never observed.
+    grid : float32, shape (num_rows, num_cols), probabilities; 0 or less where never observed.
     cells : int64, shape (2, n), column and row of the cell below each point.
     out_patches : float32, shape (16, n); 0 outside of the grid.
     """
@@ -205,7 +205,7 @@ def interpolate_patches(p: PatchArray, unknown: float, samples: FloatArray) -> N
 
     Parameters
     ----------
-    p : float32, shape (16, n), the cells around each point; 0 where never observed.
+    p : float32, shape (16, n), the cells around each point; 0 or less where never observed.
     unknown : the value of cells never observed.
     samples : float64, shape (7, n), offsets of the points in their cells; the last three rows are
         written.

@@ -109,7 +109,7 @@ def quantize_cells(
 
     Parameters
     ----------
-    grid : float32, shape (num_rows, num_cols), probabilities; 0 where never observed.
+    grid : float32, shape (num_rows, num_cols), probabilities; 0 or less where never observed.
     unknown : the value of cells never observed or outside.
     part : of the grid.
     out_cells : uint8, shape (n,), row after row.

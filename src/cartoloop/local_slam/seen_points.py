@@ -43,7 +43,7 @@ def residual_of_seen(
 
 
 def values_at(grid: ProbabilityGrid, points: FloatArray, tf_submap_scan: Pose) -> FloatArray:
-    """Return the value of the cell of each point, shape (n,); 0 where nothing was observed.
+    """Return the value of the cell of each point, shape (n,); 0 or less where nothing was observed.
 
     Parameters
     ----------
