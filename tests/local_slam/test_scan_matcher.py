@@ -96,6 +96,19 @@ def test_after_a_jump_of_odometry_fallback_poses_are_searched(submap, jump):
     assert matcher.num_lost == before + 1
 
 
+@pytest.mark.parametrize("step", [Pose(0.7, 0.05, 0.1), Pose(1.1, -0.2, -0.3)])
+def test_a_step_backwards_that_is_reported_as_one_forwards_is_found(submap, step):
+    matcher = ScanMatcher(CONFIG)
+    for _ in range(30):
+        matched(submap, TRUTH, matcher=matcher)
+    last = compose(TRUTH, step)
+    reported = compose(last, Pose(step.x, -step.y, -step.theta))
+    certain = isotropic_information(0.03, 0.05)
+    prior = Prediction(reported, True, certain, lambda: (last, compose(last, step)))
+    found = matcher.match(submap, points(), prior)
+    assert_near(found.tf_local_tracking, TRUTH)
+
+
 @pytest.mark.parametrize("max_lost_scans", [1, 5])
 def test_scans_in_turn_weigh_together_against_odometry(submap, max_lost_scans):
     window = CONFIG.correlative_matcher.model_copy(update={"max_lost_scans": max_lost_scans})

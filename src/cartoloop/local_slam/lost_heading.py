@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 
+from cartoloop.local_slam.scan_fit import ScanFit
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose, compose, inverse, wrap_angle
 
 HEADINGS_RAD = (2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)
@@ -38,6 +40,29 @@ class LostHeading:
     def __init__(self) -> None:
         self.tf_found_predicted: Pose | None = None
 
+    def search(self, fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> LeastSquaresMatch:
+        """Return the match at another heading that two scans in turn agree on, or `best`.
+
+        The robot must stand or turn on the spot. Each scan must fit as scans usually do, in
+        observed cells, and outweigh the motion prior as any match of a lost scan. A corridor, which
+        looks alike in both directions, does not count.
+
+        Parameters
+        ----------
+        best : the match near the prediction.
+        num_lost : number of scans by odometry in turn that fit nowhere.
+        """
+        predicted, (rest, _) = fit.prediction.tf_local_tracking, fit.prediction.fallbacks()
+        if math.hypot(predicted.x - rest.x, predicted.y - rest.y) > MAX_STEP_M:
+            self.tf_found_predicted = None
+            return best
+        turned = _at_other_headings(fit, best)
+        weight = min(num_lost, fit.settings.window.max_lost_scans)
+        if turned is not None and weight * best.cost <= fit.cost_against_prior(turned, weight):
+            turned = None
+        is_agreed = self.add(predicted, None if turned is None else fit.in_local(turned))
+        return turned if turned is not None and is_agreed else best
+
     def add(self, predicted: Pose, found: Pose | None) -> bool:
         """Add a lost scan; return whether the one before shows the same.
 
@@ -57,3 +82,19 @@ class LostHeading:
             math.hypot(found.x - expected.x, found.y - expected.y) <= AGREE_M
             and abs(wrap_angle(found.theta - expected.theta)) <= AGREE_RAD
         )
+
+
+def _at_other_headings(fit: ScanFit, best: LeastSquaresMatch) -> LeastSquaresMatch | None:
+    """Return the match at a heading far from the predicted one that is better than `best`."""
+    turned = None
+    for angle in HEADINGS_RAD:
+        centre = fit.prior._replace(theta=wrap_angle(fit.prior.theta + angle))
+        found = fit.refine_freely(fit.search(centre, fit.settings.lost_window))
+        if (
+            found.residual < (best if turned is None else turned).residual
+            and fit.fits_as_usual(found)
+            and fit.is_determined(found)
+            and fit.is_amply_seen(found)
+        ):
+            turned = found
+    return turned

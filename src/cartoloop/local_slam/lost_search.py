@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a scan is searched that fits nowhere near its prediction."""
+
+from __future__ import annotations
+
+import math
+
+from cartoloop.local_slam.degenerate_direction import where_prior_leads
+from cartoloop.local_slam.scan_fit import ScanFit
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch
+from cartoloop.sensor.pose import Pose
+
+AROUND_STEP = 1.2
+"""Radius of the search around the last pose, in steps of the odometry: it may report the right
+distance in a wrong direction, such as driving backwards as driving forwards."""
+
+
+def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> LeastSquaresMatch:
+    """Return the best match elsewhere, or `best` if none fits much better.
+
+    Odometry may lead to where little has been observed yet. The points there fit badly, and would
+    fit better wherever the scan overlaps more of the map, but they contradict nothing. So against
+    odometry only points in observed cells count, unless the scan fits as usual, and the points must
+    outweigh the motion prior: those of all scans in turn that do not fit, since the odometry that
+    has missed one motion of the robot does not learn of it later.
+
+    Parameters
+    ----------
+    best : the match near the prediction.
+    num_lost : number of scans by odometry in turn that fit nowhere.
+    """
+    window = fit.settings.window
+    weight = min(num_lost, window.max_lost_scans)
+    by_odometry = fit.prediction.by_odometry
+    cost = weight * best.cost
+    limit = best.residual * window.lost_improvement
+    limit_of_seen = window.lost_improvement * fit.residual_of_seen(best) if by_odometry else 0.0
+    for tf_local_fallback in fit.prediction.fallbacks():
+        found = _near_fallback(fit, fit.in_submap(tf_local_fallback))
+        if found.residual < min(limit, best.residual) and (
+            not by_odometry
+            or (
+                fit.cost_against_prior(found, weight) < cost
+                and (fit.fits_as_usual(found) or fit.residual_of_seen(found) < limit_of_seen)
+            )
+        ):
+            best = found
+    if by_odometry and not fit.fits_as_usual(best):
+        found = _around_last_pose(fit, best)
+        # A wide window holds more places that look alike: all must speak for this one.
+        if (
+            found.residual < window.lost_improvement * best.residual
+            and fit.residual_of_seen(found) < limit_of_seen
+            and fit.fits_as_usual(found)
+            and fit.is_determined(found)
+            and fit.cost_against_prior(found, weight) < cost
+        ):
+            best = found
+    if fit.prediction.over_jump is not None:
+        # Where the odometry and the scan agree, the jump was a motion with wrong stamps.
+        centre = fit.in_submap(fit.prediction.over_jump)
+        found = fit.refine_freely(fit.search(centre, window))
+        if found.residual < best.residual and fit.is_determined(found):
+            best = found
+    return best
+
+
+def _near_fallback(fit: ScanFit, centre: Pose) -> LeastSquaresMatch:
+    """Return the match near a fallback pose, tf_submap_scan."""
+    found = fit.refine_freely(fit.search(centre, fit.settings.lost_window))
+    if fit.prediction.by_odometry:
+        start = where_prior_leads(found, fit.prior, fit.settings.prediction.spurious_information)
+        if start != found.tf_submap_scan:
+            found = fit.refine_freely(start)
+    return found
+
+
+def _around_last_pose(fit: ScanFit, best: LeastSquaresMatch) -> LeastSquaresMatch:
+    """Return the match as far around the last pose as the odometry says that the robot moved.
+
+    `best` where it moved no farther than lost scans are searched anyway.
+    """
+    last, _ = fit.prediction.fallbacks()
+    rest = fit.in_submap(last)
+    step = math.hypot(fit.prior.x - rest.x, fit.prior.y - rest.y)
+    window = fit.settings.lost_window
+    if step <= window.linear_search_window:
+        return best
+    wide = window.model_copy(update={"linear_search_window": AROUND_STEP * step})
+    return fit.refine_freely(fit.search(rest, wide))
