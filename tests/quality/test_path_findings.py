@@ -10,8 +10,10 @@ import pytest
 
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality import motion
+from cartoloop.quality.corridors import corridors
 from cartoloop.quality.encounters import Encounters
-from cartoloop.quality.motion_places import jump_places, length_error
+from cartoloop.quality.motion_places import jump_places
+from cartoloop.quality.odometry_use import length_error
 from cartoloop.quality.pairs import Pairs
 from cartoloop.quality.verdict import Severity
 
@@ -204,7 +206,7 @@ def test_corridors_are_seen_by_their_walls():
     walls = np.concatenate([np.column_stack((along, np.full(80, y))) for y in (-1.0, 1.0)])
     run.node_points = [room()] * 60 + [walls] * 40
 
-    halls = motion.corridors(run, 10.0)
+    halls = corridors(run, 10.0)
 
     assert not halls.is_corridor[halls.nodes < 40].any()
     assert halls.is_corridor[halls.nodes > 80].all()

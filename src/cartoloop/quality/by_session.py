@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.global_slam.pose_graph import PoseGraph
-from cartoloop.quality.motion import Corridors, Event, Standing, corridors
+from cartoloop.quality.corridors import Corridors, corridors
+from cartoloop.quality.motion import Event, Standing
 from cartoloop.quality.pairs import MapContent
 from cartoloop.session import Session, ranges
 from cartoloop.submaps.finished_grid import FinishedGrid
@@ -103,10 +104,11 @@ def corridors_of(content: MapContent, max_range: float) -> Corridors:
         for session, _, first_node in session_contents(content)
     ]
     if not parts:
-        return Corridors(np.zeros(0, np.int64), np.zeros(0, dtype=bool))
+        return Corridors(np.zeros(0, np.int64), np.zeros(0, dtype=bool), np.zeros(0))
     return Corridors(
         np.concatenate([found.nodes + first_node for found, first_node in parts]),
         np.concatenate([found.is_corridor for found, _ in parts]),
+        np.concatenate([found.gains for found, _ in parts]),
     )
 
 

@@ -8,10 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.quality.pairs import MapContent
 from cartoloop.sensor.pose import Pose, relative, transform_points, wrap_angle, wrap_angles
-from cartoloop.sensor.wall_normals import CORRIDOR_RATIO, normal_ratio
 
 MIN_GAP_S, GAP_INTERVALS = 1.5, 6.0
 """A gap is longer than this, and than this number of usual intervals between scans."""
@@ -258,35 +257,3 @@ def _is_in_view(bearings: FloatArray, outline: FloatArray) -> BoolArray:
     begin = outline[(widest + 1) % len(outline)]
     is_seen: BoolArray = np.mod(bearings - begin, math.tau) <= math.tau - gaps[widest]
     return is_seen
-
-
-class Corridors(NamedTuple):
-    """Where scans hardly measure the distance along the path.
-
-    Attributes
-    ----------
-    nodes : int64 (k,), the nodes that were examined.
-    is_corridor : bool (k,), whether walls around a node are parallel and nothing else.
-    """
-
-    nodes: IntArray
-    is_corridor: BoolArray
-
-
-EVERY_NTH_NODE, MAX_NODES, SMOOTHED_OVER = 3, 600, 11
-"""Nodes examined for corridors: one in three, but not more than 600 in all; the median is taken
-over 11 of them."""
-
-
-def corridors(content: MapContent, max_range: float) -> Corridors:
-    """Return where scans hardly measure the distance along the path."""
-    count = len(content.node_points)
-    nodes = np.arange(0, count, max(EVERY_NTH_NODE, -(-count // MAX_NODES)))
-    ratios = np.array(
-        [normal_ratio(content.node_points[node], max_range) for node in nodes.tolist()]
-    )
-    half = SMOOTHED_OVER // 2
-    smooth = np.array(
-        [np.median(ratios[max(i - half, 0) : i + half + 1]) for i in range(len(ratios))]
-    )
-    return Corridors(nodes, smooth < CORRIDOR_RATIO)

@@ -3,17 +3,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 
 from cartoloop.config import QualityConfig
+from cartoloop.quality.corridors import MEASURED_GAIN, Corridors, gain_elsewhere
 from cartoloop.quality.encounters import Encounters
-from cartoloop.quality.motion import SMOOTHED_OVER, Corridors, Event, Standing
+from cartoloop.quality.motion import Event, Standing
+from cartoloop.quality.odometry_use import without_odometry
 from cartoloop.quality.pairs import MapContent
-from cartoloop.quality.places import MAX_PLACES, at_scan, extent, place_around, stamps_of
+from cartoloop.quality.places import MAX_PLACES, at_scan, place_around, stamps_of
 from cartoloop.quality.verdict import Kind, Place, Severity
 
 
@@ -114,16 +115,35 @@ STANDS_S, STANDS_LONG_S = 10.0, 20.0
 are stuck: people make up a tenth. In a corridor less moves: only what stands out from its walls."""
 
 
-def standing_places(found: list[Standing], halls: Corridors, content: MapContent) -> list[Place]:
-    """Return the places where poses stand still though the scans change."""
+def standing_places(
+    found: list[Standing],
+    halls: Corridors,
+    odometry: Mapping[str, Any] | None,
+    content: MapContent,
+) -> list[Place]:
+    """Return the places where poses stand still though the scans change.
+
+    Or though the robot may have moved, for all that the scans of bare walls and odometry show.
+
+    Parameters
+    ----------
+    odometry : its calibration, as in the report; None without odometry.
+    """
     places = []
+    has_none = without_odometry(stamps_of(content, np.arange(content.graph.num_nodes)), odometry)
     for stand in found:
+        if stand.seconds < STANDS_S:
+            continue
         in_corridor = _is_in_corridor(halls, stand.first, stand.last)
-        is_long = stand.seconds >= STANDS_LONG_S
-        limit = STANDS_CHANGED
-        if is_long:
-            limit = STANDS_CHANGED_CORRIDOR if in_corridor else STANDS_CHANGED_LONG
-        if stand.seconds < STANDS_S or stand.changed < limit:
+        if _moves(stand, in_corridor=in_corridor):
+            what = f"{100 * stand.changed:.0f}% of the returns change"
+        elif (
+            in_corridor
+            and has_none[stand.last]
+            and gain_elsewhere(content, stand.first) >= MEASURED_GAIN
+        ):
+            what = "the walls there look alike from elsewhere, and no odometry shows that it does"
+        else:
             continue
         nodes = np.arange(stand.first, stand.last + 1)
         places.append(
@@ -132,8 +152,7 @@ def standing_places(found: list[Standing], halls: Corridors, content: MapContent
                 stamps_of(content, nodes),
                 Kind.CORRIDOR,
                 Severity.DOUBTFUL,
-                f"the pose stands still for {stand.seconds:.0f} s, but "
-                f"{100 * stand.changed:.0f}% of the returns change",
+                f"the pose stands still for {stand.seconds:.0f} s, but {what}",
                 "the robot probably moved and no scan showed by how far: record with odometry that "
                 "works; `cartoloop doctor` examines it",
             )
@@ -141,77 +160,14 @@ def standing_places(found: list[Standing], halls: Corridors, content: MapContent
     return places[:MAX_PLACES]
 
 
+def _moves(stand: Standing, *, in_corridor: bool) -> bool:
+    """Return whether more of the returns changes than where a robot stands."""
+    limit = STANDS_CHANGED
+    if stand.seconds >= STANDS_LONG_S:
+        limit = STANDS_CHANGED_CORRIDOR if in_corridor else STANDS_CHANGED_LONG
+    return stand.changed >= limit
+
+
 def _is_in_corridor(halls: Corridors, first: int, last: int) -> bool:
     chosen = (halls.nodes >= first - 3) & (halls.nodes <= last + 3)
     return bool(np.any(chosen)) and float(np.mean(halls.is_corridor[chosen])) > 0.5
-
-
-SCALE_ERROR, SCALE_OF_ROTATION, NO_ODOMETRY_ERROR = 0.002, 1.6, 0.05
-"""Expected error of a corridor's length, as a share of it: of good odometry; more for each radian
-of its typical error of a step, by which bad odometry is recognised; and without odometry."""
-
-NUM_SIGMAS = 2.0
-"""Errors of a length that are to be expected, in standard deviations."""
-
-
-def length_error(length: float, odometry: Mapping[str, Any] | None) -> float:
-    """Return the error to be expected of a length that rests on the odometry alone [m].
-
-    Where scans have measured some of its metres, it follows from their noise: that of the metres of
-    this length, and that of the scale, which is the mean of the metres that were measured.
-
-    Parameters
-    ----------
-    length : [m].
-    odometry : its calibration, as in the report; None without odometry.
-    """
-    if not has_odometry(odometry):
-        return NO_ODOMETRY_ERROR * length
-    noise, num_metres = odometry.get("metre_noise_m"), odometry.get("measured_metres")
-    if noise is not None and num_metres:
-        return NUM_SIGMAS * float(noise) * math.sqrt(length + length**2 / int(num_metres))
-    # Nothing known of turns means that there were none.
-    rotation_error = float(odometry.get("rotation_error_rad") or 0.0)
-    return (SCALE_ERROR + SCALE_OF_ROTATION * rotation_error) * length
-
-
-def has_odometry(odometry: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, Any]]:
-    """Return whether odometry was used."""
-    return odometry is not None and odometry.get("translation_error_m") is not None
-
-
-def corridor_places(
-    halls: Corridors,
-    odometry: Mapping[str, Any] | None,
-    content: MapContent,
-    config: QualityConfig,
-) -> list[Place]:
-    """Return the corridors whose lengths are not well known.
-
-    Parameters
-    ----------
-    odometry : its calibration, as in the report; None without odometry.
-    """
-    poses, places = content.graph.node_poses[:, :2], []
-    rows = np.flatnonzero(halls.is_corridor)
-    for run in np.split(rows, np.flatnonzero(np.diff(rows) > SMOOTHED_OVER) + 1):
-        nodes = halls.nodes[run]
-        if len(nodes) < 2:
-            continue
-        length = extent(poses[nodes])
-        if (error := length_error(length, odometry)) <= config.doubtful_length_error:
-            continue
-        on_what = "the odometry, which is poor" if has_odometry(odometry) else "nothing else"
-        places.append(
-            place_around(
-                poses[nodes],
-                stamps_of(content, nodes),
-                Kind.CORRIDOR,
-                Severity.DOUBTFUL,
-                f"a corridor of {length:.0f} m in which scans hardly measure the distance: it "
-                f"rests on {on_what}, and may be {error:.1f} m too long or too short",
-                "compare its length with a tape measure; record with better odometry, or put "
-                "boxes along the walls",
-            )
-        )
-    return places[:MAX_PLACES]

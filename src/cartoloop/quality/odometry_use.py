@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a map rests on besides its scans: where odometry was used, and how well it measures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, TypeGuard
+
+import numpy as np
+
+from cartoloop.arrays import BoolArray, FloatArray
+
+SCALE_ERROR, SCALE_OF_ROTATION, NO_ODOMETRY_ERROR = 0.002, 1.6, 0.05
+"""Expected error of a corridor's length, as a share of it: of good odometry; more for each radian
+of its typical error of a step, by which bad odometry is recognised; and without odometry."""
+
+NUM_SIGMAS = 2.0
+"""Errors of a length that are to be expected, in standard deviations."""
+
+
+def length_error(length: float, odometry: Mapping[str, Any] | None) -> float:
+    """Return the error to be expected of a length that rests on the odometry alone [m].
+
+    Where scans have measured some of its metres, it follows from their noise: that of the metres of
+    this length, and that of the scale, which is the mean of the metres that were measured.
+
+    Parameters
+    ----------
+    length : [m].
+    odometry : its calibration, as in the report; None without odometry.
+    """
+    if not has_odometry(odometry):
+        return NO_ODOMETRY_ERROR * length
+    noise, num_metres = odometry.get("metre_noise_m"), odometry.get("measured_metres")
+    if noise is not None and num_metres:
+        return NUM_SIGMAS * float(noise) * math.sqrt(length + length**2 / int(num_metres))
+    # Nothing known of turns means that there were none.
+    rotation_error = float(odometry.get("rotation_error_rad") or 0.0)
+    return (SCALE_ERROR + SCALE_OF_ROTATION * rotation_error) * length
+
+
+def has_odometry(odometry: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, Any]]:
+    """Return whether odometry was used."""
+    return odometry is not None and odometry.get("translation_error_m") is not None
+
+
+NOTICED_AFTER_S = 5.0
+"""Odometry that has stood still for this long may not have been noticed yet [s]: it is once the
+scans have moved a metre."""
+
+
+def without_odometry(stamps: FloatArray, odometry: Mapping[str, Any] | None) -> BoolArray:
+    """Return at which stamps no odometry was used, or wrongly, shape (n,).
+
+    Parameters
+    ----------
+    stamps : float64, shape (n,), as recorded [s].
+    odometry : its calibration, as in the report; None without odometry.
+    """
+    if not has_odometry(odometry):
+        return np.ones(len(stamps), dtype=np.bool_)
+    without = np.zeros(len(stamps), dtype=np.bool_)
+    for fault in odometry.get("faults", ()):
+        end = math.inf if fault["end"] is None else float(fault["end"])
+        without |= (stamps >= float(fault["begin"]) - NOTICED_AFTER_S) & (stamps <= end)
+    return without
