@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Corridors: what scans measure along them, what nothing measures, and what contradicts it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from cartoloop.config import QualityConfig
+from cartoloop.global_slam.pose_graph import PoseGraph
+from cartoloop.quality.corridor_places import corridor_places, displaced_step_places
+from cartoloop.quality.corridors import MEASURED_GAIN, Corridors, corridors, gain_elsewhere
+from cartoloop.quality.motion import standing
+from cartoloop.quality.motion_places import standing_places
+from cartoloop.quality.odometry_use import without_odometry
+
+STEP_M, SECONDS = 0.2, 0.2
+GOOD = {"translation_error_m": 0.002, "metre_noise_m": 0.005, "measured_metres": 100, "faults": []}
+FROZEN = {**GOOD, "faults": [{"begin": 120.0, "end": None, "kind": "stands still"}]}
+
+
+@dataclass
+class Run:
+    """Nodes on a line, each with the returns that it sees."""
+
+    positions: np.ndarray
+    node_points: list = field(default_factory=list)
+    seconds: float = SECONDS
+
+    @property
+    def stamps(self):
+        return 100.0 + self.seconds * np.arange(len(self.positions))
+
+    @property
+    def trajectory(self):
+        return np.column_stack((self.positions, np.zeros((len(self.positions), 2))))
+
+    @property
+    def node_scan_index(self):
+        return np.arange(len(self.positions))
+
+    @property
+    def graph(self):
+        graph = PoseGraph()
+        graph.add_nodes(self.trajectory)
+        return graph
+
+
+def seen_from(x, *, niches):
+    """Return the returns of two walls 2 m apart, with or without niches, seen from a position."""
+    bearings = np.radians(np.arange(-89.5, 90.0))
+    points = []
+    for bearing in np.concatenate((bearings, bearings + np.pi)).tolist():
+        for depth in (0.0, 0.3):
+            ahead = (1.0 + depth) / abs(np.sin(bearing)) * np.cos(bearing)
+            is_niche = niches and (x + ahead) % 3.0 < 0.8
+            if abs(ahead) < 10.0 and (not is_niche or depth > 0.0):
+                points.append((ahead, (1.0 + depth) * np.sign(np.sin(bearing))))
+                break
+    return np.array(points)
+
+
+def run_along(true, positions=None, *, niches=True, seconds=SECONDS):
+    """Return a run past some true positions, whose poses may be others."""
+    points = [seen_from(x, niches=niches) for x in true.tolist()]
+    return Run(true if positions is None else positions, points, seconds)
+
+
+@pytest.mark.parametrize("x", [0.0, 0.7, 1.4, 2.1])
+def test_a_step_past_niches_is_measured(x):
+    assert gain_elsewhere(run_along(np.array((x, x + STEP_M))), 0) < 2.0 * MEASURED_GAIN
+
+
+@pytest.mark.parametrize("x", [0.0, 0.7, 1.4, 2.1])
+def test_a_step_that_is_too_short_is_contradicted_by_niches(x):
+    run = run_along(np.array((x, x + 0.7)), np.array((0.0, STEP_M)))
+
+    assert gain_elsewhere(run, 0) > 20.0
+
+
+def test_between_bare_walls_no_step_is_measured():
+    run = run_along(np.array((0.0, STEP_M)), niches=False)
+
+    assert abs(gain_elsewhere(run, 0)) < 1.0
+
+
+def test_scans_of_few_returns_are_not_compared():
+    run = run_along(np.array((0.0, STEP_M)))
+    run.node_points[1] = run.node_points[1][:10]
+
+    assert np.isnan(gain_elsewhere(run, 0))
+
+
+@pytest.mark.parametrize("niches", [True, False])
+def test_corridors_are_compared_where_a_node_follows(niches):
+    halls = corridors(run_along(STEP_M * np.arange(40), niches=niches), 10.0)
+
+    assert halls.is_corridor.all()
+    assert np.isfinite(halls.gains).sum() == np.count_nonzero(halls.nodes < 39)
+    assert (halls.gains[:-1] < MEASURED_GAIN).all() == niches
+
+
+def hall(gain, count=300):
+    """Return a corridor of a node every 0.2 m, with one gain, and its run without returns."""
+    nodes = np.arange(0, count, 3)
+    run = Run(STEP_M * np.arange(count))
+    return Corridors(nodes, np.ones(len(nodes), bool), np.full(len(nodes), gain)), run
+
+
+@pytest.mark.parametrize(
+    ("gain", "odometry", "is_doubtful"),
+    [
+        (-50.0, None, False),
+        (0.0, None, True),
+        (-50.0, GOOD, False),
+        (0.0, GOOD, False),
+        (-50.0, FROZEN, False),
+        (0.0, FROZEN, True),
+    ],
+)
+def test_a_length_that_nothing_measures_is_doubtful(gain, odometry, is_doubtful):
+    halls, run = hall(gain)
+
+    places = corridor_places(halls, odometry, run, QualityConfig())
+
+    assert len(places) == int(is_doubtful)
+    assert all("nothing else along" in place.reason for place in places)
+
+
+@pytest.mark.parametrize(
+    ("share", "odometry", "is_doubtful"),
+    [(0.02, None, False), (0.2, None, True), (0.2, GOOD, False), (0.2, FROZEN, True)],
+)
+def test_steps_that_fit_better_elsewhere_are_doubtful_without_odometry(
+    share, odometry, is_doubtful
+):
+    halls, run = hall(-50.0)
+    halls.gains[:: round(1.0 / share)] = 30.0
+
+    assert len(displaced_step_places(halls, odometry, run)) == int(is_doubtful)
+
+
+@pytest.mark.parametrize(
+    ("niches", "odometry", "is_doubtful"),
+    [(False, None, True), (True, None, False), (False, GOOD, False)],
+)
+def test_a_pose_that_stands_between_bare_walls_without_odometry_is_doubtful(
+    niches, odometry, is_doubtful
+):
+    run = run_along(np.zeros(4), niches=niches, seconds=5.0)
+    halls = corridors(run, 10.0)
+
+    assert len(standing_places(standing(run), halls, odometry, run)) == int(is_doubtful)
+
+
+def test_odometry_that_stands_still_counts_as_none_until_it_moves_again():
+    fault = {"begin": 110.0, "end": 120.0, "kind": "stands still"}
+    stamps = np.array((100.0, 107.0, 115.0, 121.0))
+
+    without = without_odometry(stamps, {**GOOD, "faults": [fault]})
+
+    assert without.tolist() == [False, True, True, False]
+    assert without_odometry(stamps, None).all()
