@@ -215,3 +215,13 @@ def test_starting_over_at_the_start_begins_the_first_submap():
     )
     assert indices(insertion) == [0]
     assert insertion.finished is None
+
+
+def test_scanners_in_turn_do_not_count_as_travel():
+    active = ActiveSubmaps(SubmapConfig(resolution=RESOLUTION, max_travel=25.0))
+    robot, ends = Pose(0.0, 0.0, 0.0), np.array([(2.0, 0.0)])
+    for scan in range(60):
+        sensor = Pose(0.5 if scan % 2 else -0.5, 0.0, 0.0)
+        insertion = active.insert(sensor, ends, NO_POINTS, tf_local_robot=robot)
+    assert indices(insertion) == [0]
+    assert active.submaps[0].travelled == 0.0

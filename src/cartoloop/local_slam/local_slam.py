@@ -415,6 +415,7 @@ class LocalSlam:
                     compose(tf_local_tracking, data.tf_tracking_sensor),
                     transform_points(tf_local_tracking, data.returns),
                     transform_points(tf_local_tracking, data.misses),
+                    tf_local_robot=tf_local_tracking,
                     starts_over=by_odometry is not None,
                 )
             except InputError as error:

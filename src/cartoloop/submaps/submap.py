@@ -102,6 +102,7 @@ class ActiveSubmaps:
         returns_local: FloatArray,
         misses_local: FloatArray,
         *,
+        tf_local_robot: Pose | None = None,
         starts_over: bool = False,
     ) -> Insertion:
         """Insert a scan into the active submaps, starting and finishing submaps as they fill.
@@ -111,6 +112,8 @@ class ActiveSubmaps:
         tf_local_sensor : start of the rays.
         returns_local, misses_local : float64, shapes (n, 2), (k, 2), ends of rays with and
             without a return [m, local frame].
+        tf_local_robot : of which the steps count: scanners in turn are in different places of it.
+            By default the sensor's.
         starts_over : whether a new submap begins, and no more scans go into the others: the last of
             these is among the submaps of the insertion, but the scan is not drawn in it.
         """
@@ -123,11 +126,11 @@ class ActiveSubmaps:
         if not self._submaps or self._is_half_full(self._submaps[-1]):
             self._start_submap(tf_local_sensor)
         cells: ScanCells | None = None
-        step = 0.0
+        step, robot = 0.0, tf_local_robot or tf_local_sensor
         if self._last_position is not None:
             x, y = self._last_position
-            step = math.hypot(tf_local_sensor.x - x, tf_local_sensor.y - y)
-        self._last_position = (tf_local_sensor.x, tf_local_sensor.y)
+            step = math.hypot(robot.x - x, robot.y - y)
+        self._last_position = (robot.x, robot.y)
         for submap in self._submaps:
             submap.travelled += step if submap.num_scans else 0.0
             if submap.index not in self._known:
