@@ -219,5 +219,3 @@ def test_a_length_is_known_as_well_as_metres_were_measured():
     assert length_error(100.0, measured) == pytest.approx(2.0 * 0.03 * np.sqrt(200.0))
     assert length_error(100.0, measured | {"measured_metres": 10_000}) < 0.61
     assert length_error(100.0, known) == pytest.approx(1.8)
-    for without_odometry in (None, {"translation_error_m": None}):
-        assert length_error(100.0, without_odometry) == pytest.approx(5.0)

@@ -8,19 +8,30 @@ from typing import Any
 
 import numpy as np
 
-from cartoloop.arrays import IntArray
+from cartoloop.arrays import BoolArray, IntArray
 from cartoloop.config import QualityConfig
 from cartoloop.quality.corridors import MEASURED_GAIN, SMOOTHED_OVER, Corridors
-from cartoloop.quality.odometry_use import NO_ODOMETRY_ERROR, length_error, without_odometry
+from cartoloop.quality.odometry_use import has_odometry, length_error, without_odometry
 from cartoloop.quality.pairs import MapContent, path_lengths
 from cartoloop.quality.places import MAX_PLACES, extent, place_around, stamps_of
 from cartoloop.quality.verdict import Kind, Place, Severity
+
+UNMEASURED_ERROR = 0.12
+"""Expected error of a length that neither odometry nor scans measure, as a share of it."""
+
+MIN_PART_M = 0.5
+"""A corridor with less length that nothing measures is no place [m]."""
 
 DISPLACED_GAIN = 5.0
 """A step is contradicted where the scan costs so much less elsewhere."""
 
 MIN_DISPLACED, MIN_DISPLACED_SHARE = 4, 0.08
-"""A corridor is doubtful in which this number and share of the nodes examined is contradicted."""
+"""Corridors are doubtful in which this number and share of the nodes examined is contradicted."""
+
+MEASURE_IT = (
+    "compare its length with a tape measure; record with better odometry, or put boxes along the "
+    "walls"
+)
 
 
 def corridor_places(
@@ -29,76 +40,113 @@ def corridor_places(
     content: MapContent,
     config: QualityConfig,
 ) -> list[Place]:
-    """Return the corridors whose lengths are not well known.
-
-    With odometry, as far as it was used, it measures them; elsewhere, only scans do.
+    """Return the corridors whose lengths are not well known, or contradicted by scans.
 
     Parameters
     ----------
     odometry : its calibration, as in the report; None without odometry.
     """
-    poses, places = content.graph.node_poses[:, :2], []
-    has_none = without_odometry(stamps_of(content, halls.nodes), odometry)
-    for rows in _runs(halls):
-        nodes, alone = halls.nodes[rows], has_none[rows]
-        length = extent(poses[nodes])
-        unmeasured = _unmeasured_length(halls, rows[alone], content)
-        error = NO_ODOMETRY_ERROR * unmeasured
-        if not alone.all():
-            error += length_error(extent(poses[nodes[~alone]]), odometry)
-        if error <= config.doubtful_length_error:
-            continue
-        on_what = "the odometry, which is poor"
-        if alone.any():
-            on_what = f"nothing else along {unmeasured:.0f} m"
-        places.append(
-            place_around(
-                poses[nodes],
-                stamps_of(content, nodes),
-                Kind.CORRIDOR,
-                Severity.DOUBTFUL,
+    alone = without_odometry(stamps_of(content, halls.nodes), odometry)
+    return [
+        *_poor_odometry_places(halls, ~alone, odometry, content, config),
+        *_unmeasured_places(halls, alone, content, config),
+        *_displaced_step_places(halls, alone, content),
+    ]
+
+
+def _poor_odometry_places(
+    halls: Corridors,
+    chosen: BoolArray,
+    odometry: Mapping[str, Any] | None,
+    content: MapContent,
+    config: QualityConfig,
+) -> list[Place]:
+    """Return the corridors whose lengths odometry measures, but not well.
+
+    Parameters
+    ----------
+    chosen : which of the examined nodes have odometry, shape (k,).
+    """
+    if not has_odometry(odometry):
+        return []
+    places = []
+    for rows in _runs(halls, chosen):
+        length = extent(content.graph.node_poses[halls.nodes[rows], :2])
+        error = length_error(length, odometry)
+        if error > config.doubtful_length_error:
+            reason = (
                 f"a corridor of {length:.0f} m in which scans hardly measure the distance: it "
-                f"rests on {on_what}, and may be {error:.1f} m too long or too short",
-                "compare its length with a tape measure; record with better odometry, or put "
-                "boxes along the walls",
+                f"rests on the odometry, which is poor, and may be {error:.1f} m too long or too "
+                "short"
             )
-        )
+            places.append(_place(halls.nodes[rows], content, reason, MEASURE_IT))
     return places[:MAX_PLACES]
 
 
-def displaced_step_places(
-    halls: Corridors, odometry: Mapping[str, Any] | None, content: MapContent
+def _unmeasured_places(
+    halls: Corridors, chosen: BoolArray, content: MapContent, config: QualityConfig
 ) -> list[Place]:
+    """Return the corridors with lengths that nothing measures, if they are long in all.
+
+    Parameters
+    ----------
+    chosen : which of the examined nodes have no odometry, shape (k,).
+    """
+    found = [(rows, _unmeasured_length(halls, rows, content)) for rows in _runs(halls, chosen)]
+    error = UNMEASURED_ERROR * sum(length for _, length in found)
+    if error <= config.doubtful_length_error:
+        return []
+    return [
+        _place(
+            halls.nodes[rows],
+            content,
+            f"a corridor in which nothing measures the distance along {length:.0f} m, neither "
+            f"odometry nor scans: the map may be {error:.1f} m too long or too short there",
+            MEASURE_IT,
+        )
+        for rows, length in found
+        if length >= MIN_PART_M
+    ][:MAX_PLACES]
+
+
+def _displaced_step_places(halls: Corridors, chosen: BoolArray, content: MapContent) -> list[Place]:
     """Return the corridors along which consecutive scans fit better elsewhere.
 
     Only without odometry, which is better than scans between walls that are nearly bare.
+
+    Parameters
+    ----------
+    chosen : which of the examined nodes have no odometry, shape (k,).
     """
-    poses, places = content.graph.node_poses[:, :2], []
-    has_none = without_odometry(stamps_of(content, halls.nodes), odometry)
-    for rows in _runs(halls):
-        compared = rows[np.isfinite(halls.gains[rows]) & has_none[rows]]
-        displaced = compared[halls.gains[compared] > DISPLACED_GAIN]
-        if len(displaced) < max(MIN_DISPLACED, MIN_DISPLACED_SHARE * len(compared)):
-            continue
-        nodes = halls.nodes[displaced]
-        places.append(
-            place_around(
-                poses[nodes],
-                stamps_of(content, nodes),
-                Kind.CORRIDOR,
-                Severity.DOUBTFUL,
-                f"along a corridor {len(displaced)} of {len(compared)} scans fit to the ones "
-                "before them better if the robot moved by another distance",
-                "the robot probably moved farther than the map shows: record with odometry that "
-                "works; `cartoloop doctor` examines it",
-            )
+    runs = [rows[np.isfinite(halls.gains[rows])] for rows in _runs(halls, chosen)]
+    displaced = [rows[halls.gains[rows] > DISPLACED_GAIN] for rows in runs]
+    number, compared = (sum(map(len, each)) for each in (displaced, runs))
+    if number < max(MIN_DISPLACED, MIN_DISPLACED_SHARE * compared):
+        return []
+    return [
+        _place(
+            halls.nodes[rows],
+            content,
+            f"along corridors {number} of {compared} scans fit to the ones before them better if "
+            "the robot moved by another distance",
+            "the robot probably moved farther than the map shows: record with odometry that "
+            "works; `cartoloop doctor` examines it",
         )
-    return places[:MAX_PLACES]
+        for rows in displaced
+        if len(rows)
+    ][:MAX_PLACES]
 
 
-def _runs(halls: Corridors) -> Iterator[IntArray]:
-    """Yield the rows of each corridor."""
-    rows = np.flatnonzero(halls.is_corridor)
+def _place(nodes: IntArray, content: MapContent, reason: str, advice: str) -> Place:
+    """Return the place of a corridor."""
+    points = content.graph.node_poses[nodes, :2]
+    stamps = stamps_of(content, nodes)
+    return place_around(points, stamps, Kind.CORRIDOR, Severity.DOUBTFUL, reason, advice)
+
+
+def _runs(halls: Corridors, chosen: BoolArray) -> Iterator[IntArray]:
+    """Yield the rows of each corridor, of the chosen ones, shape (k,)."""
+    rows = np.flatnonzero(halls.is_corridor & chosen)
     for run in np.split(rows, np.flatnonzero(np.diff(rows) > SMOOTHED_OVER) + 1):
         if len(run) > 1:
             yield run

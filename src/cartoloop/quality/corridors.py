@@ -36,8 +36,8 @@ MIN_RETURNS = 20
 """Scans with fewer are not compared."""
 
 
-MEASURED_GAIN = -5.0
-"""The step to the next scan is measured where that costs so much more elsewhere, or more."""
+MEASURED_GAIN = 0.0
+"""The step to the next scan is measured where that costs more elsewhere, by more than this."""
 
 
 class Corridors(NamedTuple):
@@ -48,8 +48,8 @@ class Corridors(NamedTuple):
     nodes : int64 (k,), the nodes that were examined.
     is_corridor : bool (k,), whether walls around a node are parallel and nothing else.
     gains : float64 (k,), by how much less the scan of the next node costs elsewhere along the walls
-        than where it is, as a log-likelihood. Large negative numbers: the step between both is
-        measured; positive ones: the scans contradict it. NaN where they were not compared.
+        than where it is, as a log-likelihood. Negative ones: the step between both is measured;
+        large positive ones: the scans contradict it. NaN where they were not compared.
     """
 
     nodes: IntArray

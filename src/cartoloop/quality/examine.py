@@ -10,14 +10,8 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import QualityConfig
-from cartoloop.quality import (
-    by_session,
-    contradictions,
-    corridor_places,
-    motion,
-    motion_places,
-    weak_places,
-)
+from cartoloop.quality import by_session, contradictions, motion, motion_places, weak_places
+from cartoloop.quality.corridor_places import corridor_places
 from cartoloop.quality.encounters import Encounters, encounters
 from cartoloop.quality.pairs import MapContent, compared_pairs, path_lengths
 from cartoloop.quality.slides import slides
@@ -70,8 +64,7 @@ def examine(
         *motion_places.jump_places(jumps, met, content),
         *motion_places.blind_places(blind, met, content, config),
         *motion_places.standing_places(stands, halls, odometry, content),
-        *corridor_places.corridor_places(halls, odometry, content, config),
-        *corridor_places.displaced_step_places(halls, odometry, content),
+        *corridor_places(halls, odometry, content, config),
         *weak_places.weak_closure_places(weak_bundles(content.graph, paths, MIN_DETOUR_M), content),
         *weak_places.open_ends(met, paths, content, config),
     ]

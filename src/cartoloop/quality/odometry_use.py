@@ -11,15 +11,15 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
 
-SCALE_ERROR, SCALE_OF_ROTATION, NO_ODOMETRY_ERROR = 0.002, 1.6, 0.05
-"""Expected error of a corridor's length, as a share of it: of good odometry; more for each radian
-of its typical error of a step, by which bad odometry is recognised; and without odometry."""
+SCALE_ERROR, SCALE_OF_ROTATION = 0.002, 1.6
+"""Expected error of a corridor's length, as a share of it: of good odometry, and more for each
+radian of its typical error of a step, by which bad odometry is recognised."""
 
 NUM_SIGMAS = 2.0
 """Errors of a length that are to be expected, in standard deviations."""
 
 
-def length_error(length: float, odometry: Mapping[str, Any] | None) -> float:
+def length_error(length: float, odometry: Mapping[str, Any]) -> float:
     """Return the error to be expected of a length that rests on the odometry alone [m].
 
     Where scans have measured some of its metres, it follows from their noise: that of the metres of
@@ -28,10 +28,8 @@ def length_error(length: float, odometry: Mapping[str, Any] | None) -> float:
     Parameters
     ----------
     length : [m].
-    odometry : its calibration, as in the report; None without odometry.
+    odometry : its calibration, as in the report.
     """
-    if not has_odometry(odometry):
-        return NO_ODOMETRY_ERROR * length
     noise, num_metres = odometry.get("metre_noise_m"), odometry.get("measured_metres")
     if noise is not None and num_metres:
         return NUM_SIGMAS * float(noise) * math.sqrt(length + length**2 / int(num_metres))
