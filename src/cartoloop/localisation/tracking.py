@@ -63,6 +63,9 @@ NEARBY_M, NEARBY_RAD = 0.75, math.radians(10.0)
 BETTER_SCORE, BETTER_AGREEMENT = 0.02, 0.08
 """By which score and agreement must be better there."""
 
+MIN_COUNTED = 0.4
+"""Share of the returns that the map must show there: where it ends, few returns fit anywhere."""
+
 
 class Tracker:
     """The pose in the map, and its covariance.
@@ -145,7 +148,11 @@ class Tracker:
         if found is None:
             return False
         better = known.fit(points, beam_origin, found.tf_map_tracking)
-        if not (better.agreement >= fit.agreement + BETTER_AGREEMENT and better.score >= least):
+        if (
+            better.num_counted < MIN_COUNTED * len(points)
+            or better.agreement < fit.agreement + BETTER_AGREEMENT
+            or better.score < least
+        ):
             return False
         self.pose = found.tf_map_tracking
         sigma = known.grid.resolution
