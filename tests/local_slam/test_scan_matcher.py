@@ -12,7 +12,7 @@ import pytest
 
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
-from cartoloop.local_slam.scan_matcher import ScanMatcher
+from cartoloop.local_slam.scan_matcher import MAX_IGNORED_LOST, ScanMatcher
 from cartoloop.local_slam.seen_points import values_at
 from cartoloop.sensor.pose import (
     Pose,
@@ -125,6 +125,20 @@ def test_scans_in_turn_weigh_together_against_odometry(submap, max_lost_scans):
         assert (matcher.lost_in_turn == 0) == followed[-1]
     assert not followed[0]
     assert any(followed) == (max_lost_scans > 1)
+
+
+def test_scans_that_are_elsewhere_do_not_change_what_is_usual_unless_they_go_on(submap):
+    matcher = ScanMatcher(CONFIG)
+    for _ in range(30):
+        matched(submap, TRUTH, matcher=matcher)
+    usual = matcher.memory[0]
+    certain, residuals = isotropic_information(1e-4, 1e-4), []
+    prior = Prediction(TRUTH, True, certain, lambda: (TRUTH, TRUTH))
+    for _ in range(MAX_IGNORED_LOST + 10):
+        matcher.match(submap, 0.8 * points(), prior)  # a smaller room
+        residuals.append(matcher.memory[0])
+    assert residuals[MAX_IGNORED_LOST - 1] == usual
+    assert residuals[-1] > residuals[MAX_IGNORED_LOST] > usual
 
 
 @pytest.mark.parametrize("turn", [2.0, -2.5, math.pi])

@@ -21,6 +21,10 @@ search there cover all headings [rad]."""
 MIN_LOST_SCANS = 2
 """Number of scans in turn that fit nowhere, from which other headings are searched."""
 
+BETTER = 0.75
+"""A match at another heading must have this share of the residual near the prediction: what scans
+usually have rises while they fit nowhere."""
+
 MAX_STEP_M = 0.1
 """A robot that moves by more from scan to scan drives [m], and its wheels show the heading."""
 
@@ -91,7 +95,7 @@ def _at_other_headings(fit: ScanFit, best: LeastSquaresMatch) -> LeastSquaresMat
         centre = fit.prior._replace(theta=wrap_angle(fit.prior.theta + angle))
         found = fit.refine_freely(fit.search(centre, fit.settings.lost_window))
         if (
-            found.residual < (best if turned is None else turned).residual
+            found.residual < (BETTER * best.residual if turned is None else turned.residual)
             and fit.fits_as_usual(found)
             and fit.is_determined(found)
             and fit.is_amply_seen(found)

@@ -22,6 +22,10 @@ LARGE_TURN_RAD = 0.05
 """Turn against the odometry from which a match must fit better where the map is known [rad]: many
 times what dense scans turn, and a fraction of what sparse ones do where they overlap wrongly."""
 
+MAX_IGNORED_LOST = 50
+"""Number of lost scans in turn from which their residuals are taken for usual: the surroundings
+have changed, and not the place alone."""
+
 
 class MatchedScan(NamedTuple):
     """A scan's pose and its match.
@@ -91,7 +95,6 @@ class ScanMatcher:
         points : float64, shape (n, 2), tracking frame [m]; n > 0.
         """
         fit = ScanFit(self._settings, submap, points, prediction, self._typical_residual)
-        window = self._settings.window
         best = self._near_prediction(fit)
         found, is_relocated = self._elsewhere(fit, best) if fit.is_lost(best) else (best, False)
         is_lost, best = found is not best, found
@@ -99,7 +102,7 @@ class ScanMatcher:
             self.lost_in_turn = 0
         if self.lost_in_turn < MIN_LOST_SCANS:
             self._lost_heading.tf_found_predicted = None
-        self._typical_residual += window.residual_memory * (best.residual - self._typical_residual)
+        self._learn_residual(fit, best)
         if not is_lost:
             pose = constrain_degenerate_direction(
                 best,
@@ -111,6 +114,17 @@ class ScanMatcher:
             )
             best = best._replace(tf_submap_scan=pose)
         return matched_scan(submap, best, is_relocated=is_relocated)
+
+    def _learn_residual(self, fit: ScanFit, match: LeastSquaresMatch) -> None:
+        """Learn how well scans fit.
+
+        Those that the odometry leads to where the map is known, and that do not fit there, do not
+        count, unless they go on: they are elsewhere.
+        """
+        if 0 < self.lost_in_turn <= MAX_IGNORED_LOST and fit.is_amply_seen(match):
+            return
+        change = match.residual - self._typical_residual
+        self._typical_residual += self._settings.window.residual_memory * change
 
     def _near_prediction(self, fit: ScanFit) -> LeastSquaresMatch:
         """Return the match by (CS) from the prediction, or from the best pixel if that is poor."""
