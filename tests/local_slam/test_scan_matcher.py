@@ -97,7 +97,7 @@ def test_after_a_jump_of_odometry_fallback_poses_are_searched(submap, jump):
 
 
 @pytest.mark.parametrize("step", [Pose(0.7, 0.05, 0.1), Pose(1.1, -0.2, -0.3)])
-def test_a_step_backwards_that_is_reported_as_one_forwards_is_found(submap, step):
+def test_a_step_backwards_reported_as_forwards_is_found(submap, step):
     matcher = ScanMatcher(CONFIG)
     for _ in range(30):
         matched(submap, TRUTH, matcher=matcher)
@@ -127,7 +127,7 @@ def test_scans_in_turn_weigh_together_against_odometry(submap, max_lost_scans):
     assert any(followed) == (max_lost_scans > 1)
 
 
-def test_scans_that_are_elsewhere_do_not_change_what_is_usual_unless_they_go_on(submap):
+def test_lost_scans_change_what_is_usual_only_if_they_go_on(submap):
     matcher = ScanMatcher(CONFIG)
     for _ in range(30):
         matched(submap, TRUTH, matcher=matcher)

@@ -8,7 +8,7 @@ import pytest
 
 from cartoloop.config import LocalSlamConfig
 from cartoloop.localisation.tracking import Tracker
-from cartoloop.sensor.pose import IDENTITY, Pose
+from cartoloop.sensor.pose import IDENTITY, Pose, compose
 from tests.localisation.rooms import ROOM, START, apart, known_map, points
 
 
@@ -28,6 +28,18 @@ def test_a_pose_that_slipped_is_found_nearby(tracker):
     distance, angle = apart(START, tracker.pose)
     assert distance < 0.05
     assert angle < 1.0
+
+
+def test_where_the_map_shows_little_of_a_scan_no_pose_nearby_is_taken(tracker):
+    slip = Pose(0.5, -0.4, 0.06)
+    slipped = compose(tracker.pose, slip)
+    tracker.move(slip)
+    seen = points(ROOM, START)
+    beyond = np.column_stack((np.linspace(30.0, 38.0, 4 * len(seen)), np.full(4 * len(seen), 9.0)))
+
+    tracker.correct(np.concatenate((seen, beyond)), IDENTITY)
+
+    assert apart(slipped, tracker.pose)[0] < 0.15
 
 
 def test_a_pose_is_not_moved_to_where_scans_do_not_fit(tracker):

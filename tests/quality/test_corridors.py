@@ -133,9 +133,7 @@ def test_a_length_that_nothing_measures_is_doubtful(gain, odometry, is_doubtful)
     ("share", "odometry", "is_doubtful"),
     [(0.02, None, False), (0.2, None, True), (0.2, GOOD, False), (0.2, FROZEN, True)],
 )
-def test_steps_that_fit_better_elsewhere_are_doubtful_without_odometry(
-    share, odometry, is_doubtful
-):
+def test_steps_that_fit_better_elsewhere_are_doubtful(share, odometry, is_doubtful):
     halls, run = hall(-50.0)
     halls.gains[:: round(1.0 / share)] = DISPLACED_GAIN + 1.0
 
@@ -148,16 +146,14 @@ def test_steps_that_fit_better_elsewhere_are_doubtful_without_odometry(
     ("niches", "odometry", "is_doubtful"),
     [(False, None, True), (True, None, False), (False, GOOD, False)],
 )
-def test_a_pose_that_stands_between_bare_walls_without_odometry_is_doubtful(
-    niches, odometry, is_doubtful
-):
+def test_a_pose_that_stands_between_bare_walls_is_doubtful(niches, odometry, is_doubtful):
     run = run_along(np.zeros(4), niches=niches, seconds=5.0)
     halls = corridors(run, 10.0)
 
     assert len(standing_places(standing(run), halls, odometry, run)) == int(is_doubtful)
 
 
-def test_odometry_that_stands_still_counts_as_none_until_it_moves_again():
+def test_odometry_that_stands_still_counts_as_none():
     fault = {"begin": 110.0, "end": 120.0, "kind": "stands still"}
     stamps = np.array((100.0, 107.0, 115.0, 121.0))
 

@@ -112,8 +112,8 @@ class ActiveSubmaps:
         tf_local_sensor : start of the rays.
         returns_local, misses_local : float64, shapes (n, 2), (k, 2), ends of rays with and
             without a return [m, local frame].
-        tf_local_robot : of which the steps count: scanners in turn are in different places of it.
-            By default the sensor's.
+        tf_local_robot : its steps count as travel: scanners in turn are in different places of the
+            robot. By default the sensor's.
         starts_over : whether a new submap begins, and no more scans go into the others: the last of
             these is among the submaps of the insertion, but the scan is not drawn in it.
         """
