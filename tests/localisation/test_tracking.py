@@ -30,7 +30,7 @@ def test_a_pose_that_slipped_is_found_nearby(tracker):
     assert angle < 1.0
 
 
-def test_where_the_map_shows_little_of_a_scan_no_pose_nearby_is_taken(tracker):
+def test_where_the_map_ends_no_pose_nearby_is_taken(tracker):
     slip = Pose(0.5, -0.4, 0.06)
     slipped = compose(tracker.pose, slip)
     tracker.move(slip)
