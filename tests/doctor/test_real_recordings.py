@@ -34,7 +34,7 @@ RECORDINGS = {
         756, 75, 46.0, 0.15,
         [
             "blind_beams 79", "no_return_is_zero 1", "odometry_offset 756",
-            "repeated_scans 4",
+            "odometry_scale 756", "repeated_scans 4",
         ],
     ),
     "other/exp2.dat.gz": (

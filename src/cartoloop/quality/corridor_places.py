@@ -19,9 +19,6 @@ from cartoloop.quality.verdict import Kind, Place, Severity
 UNMEASURED_ERROR = 0.12
 """Expected error of a length that neither odometry nor scans measure, as a share of it."""
 
-MIN_PART_M = 0.5
-"""A corridor with less length that nothing measures is no place [m]."""
-
 DISPLACED_GAIN = 5.0
 """A step is contradicted where the scan costs so much less elsewhere."""
 
@@ -105,7 +102,7 @@ def _unmeasured_places(
             MEASURE_IT,
         )
         for rows, length in found
-        if length >= MIN_PART_M
+        if length > 0.0
     ][:MAX_PLACES]
 
 
