@@ -14,6 +14,7 @@ from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.scan_matcher import MAX_IGNORED_LOST, ScanMatcher
 from cartoloop.local_slam.seen_points import values_at
+from cartoloop.scan_matching import correlative
 from cartoloop.sensor.pose import (
     Pose,
     compose,
@@ -107,6 +108,23 @@ def test_a_step_backwards_reported_as_forwards_is_found(submap, step):
     prior = Prediction(reported, True, certain, lambda: (last, compose(last, step)))
     found = matcher.match(submap, points(), prior)
     assert_near(found.tf_local_tracking, TRUTH)
+
+
+def test_a_scan_is_not_searched_all_around_after_a_long_step(submap, monkeypatch):
+    matcher, windows = ScanMatcher(CONFIG), []
+    for _ in range(30):
+        matched(submap, TRUTH, matcher=matcher)
+    search = correlative.match
+    monkeypatch.setattr(
+        correlative,
+        "match",
+        lambda *args: windows.append(args[3].linear_search_window) or search(*args),
+    )
+    last, certain = off(0.0, 0.0, 2.0), isotropic_information(0.03, 0.05)
+    for length in (2.0, 60.0):
+        prior = Prediction(off(length, 0.0, 0.0), True, certain, lambda: (last, last))
+        matcher.match(submap, points(), prior)
+    assert max(windows) == pytest.approx(2.4)
 
 
 @pytest.mark.parametrize("max_lost_scans", [1, 5])

@@ -10,9 +10,10 @@ from cartoloop.local_slam.scan_fit import ScanFit
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose
 
-AROUND_STEP = 1.2
+AROUND_STEP, MAX_STEP_M = 1.2, 2.5
 """Radius of the search around the last pose, in steps of the odometry: it may report the right
-distance in a wrong direction, such as driving backwards as driving forwards."""
+distance in a wrong direction, such as driving backwards as driving forwards. After longer steps [m]
+scans overlap too little to be searched in so many places."""
 
 
 def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> LeastSquaresMatch:
@@ -78,13 +79,13 @@ def _near_fallback(fit: ScanFit, centre: Pose) -> LeastSquaresMatch:
 def _around_last_pose(fit: ScanFit, best: LeastSquaresMatch) -> LeastSquaresMatch:
     """Return the match as far around the last pose as the odometry says that the robot moved.
 
-    `best` where it moved no farther than lost scans are searched anyway.
+    `best` where it moved no farther than lost scans are searched anyway, or too far.
     """
     last, _ = fit.prediction.fallbacks()
     rest = fit.in_submap(last)
     step = math.hypot(fit.prior.x - rest.x, fit.prior.y - rest.y)
     window = fit.settings.lost_window
-    if step <= window.linear_search_window:
+    if not window.linear_search_window < step <= MAX_STEP_M:
         return best
     wide = window.model_copy(update={"linear_search_window": AROUND_STEP * step})
     return fit.refine_freely(fit.search(rest, wide))
