@@ -13,7 +13,7 @@ from cartoloop.sensor.pose import Pose
 AROUND_STEP, MAX_STEP_M = 1.2, 2.5
 """Radius of the search around the last pose, in steps of the odometry: it may report the right
 distance in a wrong direction, such as driving backwards as driving forwards. After longer steps [m]
-scans overlap too little to be searched in so many places."""
+scans overlap too little for a window of that size."""
 
 
 def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> LeastSquaresMatch:
