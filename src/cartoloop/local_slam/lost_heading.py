@@ -21,11 +21,11 @@ search there cover all headings [rad]."""
 MIN_LOST_SCANS = 2
 """Number of scans in turn that fit nowhere, from which other headings are searched."""
 
-BETTER = 0.75
-"""A match at another heading must have this share of the residual near the prediction: what scans
-usually have rises while they fit nowhere."""
+MAX_RESIDUAL_SHARE = 0.75
+"""Largest residual of a match at another heading, as a share of that near the prediction. It is not
+enough that it is usual: what scans usually have rises while they fit nowhere."""
 
-MAX_STEP_M = 0.1
+ON_THE_SPOT_M = 0.1
 """A robot that moves by more from scan to scan drives [m], and its wheels show the heading."""
 
 AGREE_M, AGREE_RAD = 0.3, math.radians(10.0)
@@ -57,7 +57,7 @@ class LostHeading:
         num_lost : number of scans by odometry in turn that fit nowhere.
         """
         predicted, (rest, _) = fit.prediction.tf_local_tracking, fit.prediction.fallbacks()
-        if math.hypot(predicted.x - rest.x, predicted.y - rest.y) > MAX_STEP_M:
+        if math.hypot(predicted.x - rest.x, predicted.y - rest.y) > ON_THE_SPOT_M:
             self.tf_found_predicted = None
             return best
         turned = _at_other_headings(fit, best)
@@ -90,15 +90,15 @@ class LostHeading:
 
 def _at_other_headings(fit: ScanFit, best: LeastSquaresMatch) -> LeastSquaresMatch | None:
     """Return the match at a heading far from the predicted one that is better than `best`."""
-    turned = None
+    turned, limit = None, MAX_RESIDUAL_SHARE * best.residual
     for angle in HEADINGS_RAD:
         centre = fit.prior._replace(theta=wrap_angle(fit.prior.theta + angle))
         found = fit.refine_freely(fit.search(centre, fit.settings.lost_window))
         if (
-            found.residual < (BETTER * best.residual if turned is None else turned.residual)
+            found.residual < limit
             and fit.fits_as_usual(found)
             and fit.is_determined(found)
             and fit.is_amply_seen(found)
         ):
-            turned = found
+            turned, limit = found, found.residual
     return turned

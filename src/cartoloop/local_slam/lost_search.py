@@ -10,7 +10,7 @@ from cartoloop.local_slam.scan_fit import ScanFit
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose
 
-AROUND_STEP, MAX_STEP_M = 1.2, 2.5
+AROUND_STEP, LONGEST_STEP_M = 1.2, 2.5
 """Radius of the search around the last pose, in steps of the odometry: it may report the right
 distance in a wrong direction, such as driving backwards as driving forwards. After longer steps [m]
 scans overlap too little for a window of that size."""
@@ -85,7 +85,7 @@ def _around_last_pose(fit: ScanFit, best: LeastSquaresMatch) -> LeastSquaresMatc
     rest = fit.in_submap(last)
     step = math.hypot(fit.prior.x - rest.x, fit.prior.y - rest.y)
     window = fit.settings.lost_window
-    if not window.linear_search_window < step <= MAX_STEP_M:
+    if not window.linear_search_window < step <= LONGEST_STEP_M:
         return best
     wide = window.model_copy(update={"linear_search_window": AROUND_STEP * step})
     return fit.refine_freely(fit.search(rest, wide))
