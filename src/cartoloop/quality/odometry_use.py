@@ -44,8 +44,8 @@ def has_odometry(odometry: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, A
 
 
 NOTICED_AFTER_S = 5.0
-"""Odometry that has stood still for this long may not have been noticed yet [s]: it is once the
-scans have moved a metre."""
+"""A fault may have begun this long before it was noticed [s]: that odometry stands still is noticed
+once the scans have moved a metre."""
 
 
 def without_odometry(stamps: FloatArray, odometry: Mapping[str, Any] | None) -> BoolArray:
