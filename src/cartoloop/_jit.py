@@ -25,7 +25,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar, cast
@@ -97,18 +97,15 @@ def kernel(function: F) -> F:
 
 
 def _compiled(function: F, *, _nrt: bool = True, **options: str) -> F:
-    previous = _config.CACHE_DIR
-    _config.CACHE_DIR = str(kernel_cache_folder())
-    try:
-        # Memory management (`_nrt`) is stated, as kernels would inherit it from their callers.
-        compile_with = _njit(
-            nogil=True, error_model="numpy", no_cfunc_wrapper=True, _nrt=_nrt, **options
-        )
-        compiled = compile_with(function)
-        if not _config.DISABLE_JIT:
-            _add_cache(compiled, function)
-    finally:
-        _config.CACHE_DIR = previous
+    # Memory management (`_nrt`) is stated, as kernels would inherit it from their callers.
+    compile_with = _njit(
+        nogil=True, error_model="numpy", no_cfunc_wrapper=True, _nrt=_nrt, **options
+    )
+    compiled = compile_with(function)
+    if not _config.DISABLE_JIT:
+        if knows_numba():
+            compiled.get_call_template = _without_literals(compiled.get_call_template)
+        compiled._cache = _CacheWhenUsed(function)
     return cast(F, compiled)
 
 
@@ -125,17 +122,35 @@ def knows_numba() -> bool:
     )
 
 
-def _add_cache(compiled: Any, function: Callable[..., Any]) -> None:  # noqa: ANN401 - not typed
-    """Have a kernel cached in the folder of kernels, or not at all if that cannot be written."""
-    if knows_numba():
-        compiled.get_call_template = _without_literals(compiled.get_call_template)
+def _cache_of(function: Callable[..., Any]) -> Any:  # noqa: ANN401 - not typed
+    """Return the cache of a kernel in the folder of kernels; one of nothing if it is not writable.
+
+    Numba falls back to folders next to the sources, where kernels would become stale.
+    """
+    folder = kernel_cache_folder()
+    previous = _config.CACHE_DIR
+    _config.CACHE_DIR = str(folder)
     try:
         cached = cast(Any, _KernelCache if knows_numba() else caching.FunctionCache)(function)
     except RuntimeError:
-        return
-    # Numba falls back to folders next to the sources, where kernels would become stale.
-    if kernel_cache_folder() in Path(cached.cache_path).parents:
-        compiled._cache = cached
+        return caching.NullCache()
+    finally:
+        _config.CACHE_DIR = previous
+    return cached if folder in Path(cached.cache_path).parents else caching.NullCache()
+
+
+class _CacheWhenUsed:
+    """The cache of a kernel, opened when the kernel is first called: a run calls one in four."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+
+    @cached_property
+    def _cache(self) -> Any:  # noqa: ANN401 - not typed
+        return _cache_of(self._function)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._cache, name)
 
 
 def _without_literals(template: Callable[..., Any]) -> Callable[..., Any]:

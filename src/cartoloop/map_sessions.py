@@ -10,7 +10,6 @@ from cartoloop.config import Config
 from cartoloop.earlier_sessions import EarlierMaps
 from cartoloop.errors import UsageError
 from cartoloop.map_data import MapData
-from cartoloop.map_editing.open_map import open_map
 
 
 def earlier_maps(
@@ -39,7 +38,11 @@ def earlier_maps(
 
 def map_of(given: MapData | str | PathLike[str], name: str) -> MapData:
     """Return a map, given itself or its path as the argument `name`."""
-    return given if isinstance(given, MapData) else open_map(as_path(given, name))
+    if isinstance(given, MapData):
+        return given
+    from cartoloop.map_editing.open_map import open_map
+
+    return open_map(as_path(given, name))
 
 
 def require_resolution(content: MapData, config: Config) -> None:
