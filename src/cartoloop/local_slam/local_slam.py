@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,25 +18,15 @@ from cartoloop.config import (
     SensorConfig,
 )
 from cartoloop.errors import InputError
-from cartoloop.journal.frames import Kind
-from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes, unfit
+from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes
 from cartoloop.local_slam.degenerate_direction import degenerate_direction
 from cartoloop.local_slam.first_map import FirstMap
-from cartoloop.local_slam.match_records import (
-    match_record,
-    recorded_match,
-    recorded_wall_step,
-    wall_record,
-)
 from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
-from cartoloop.local_slam.scan_matcher import (
-    MatchedScan,
-    ScanMatcher,
-    matched_scan,
-)
+from cartoloop.local_slam.recorded_steps import RecordedSteps
+from cartoloop.local_slam.scan_matcher import MatchedScan, ScanMatcher
 from cartoloop.local_slam.scanner import Scanner
 from cartoloop.local_slam.scanner_clocks import ScannerClocks
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
@@ -51,7 +40,6 @@ from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
 from cartoloop.sensor.sweep_motion import SweepMotion
 from cartoloop.sensor.wall_normals import normal_ratio
 from cartoloop.submaps.node import Node, shows_place
-from cartoloop.submaps.node_records import node_record, scan_record
 from cartoloop.submaps.submap import ActiveSubmaps, Submap
 
 
@@ -117,7 +105,7 @@ class LocalSlam:
         first_submap: int = 0,
     ) -> None:
         self._config = config
-        self._recorded = outcomes.local
+        self._recorded = RecordedSteps(outcomes.local)
         self._node_filter = node_filter
         self._timer = timer
         self._range_filter = RangeFilter(sensor)
@@ -224,7 +212,7 @@ class LocalSlam:
                 self._unmatched.clear()
             node = self._insert(scan, filtered.data, pose, information)
             scanner.is_in_map = True
-        self._record_scan(scan.stamp, pose)
+        self._recorded.add_scan(scan.stamp, pose)
         fit = match.match if match else None
         return LocalSlamResult(pose, match is not None, node, filtered.data.returns, fit)
 
@@ -257,15 +245,12 @@ class LocalSlam:
         submap, walls = self._active.submaps[0], self._first_map.submap
         if walls is not None and not prediction.by_odometry:
             submap = walls
-        if (recorded := self._recorded.replay(Kind.MATCH)) is not None:
-            match, matcher.memory, is_relocated = recorded_match(recorded)
-            return matched_scan(submap, match, is_relocated=is_relocated)
-        with self._timer.measure("match"):
-            matched = matcher.match(submap, filtered.points, prediction)
-        if self._recorded.is_replayable:
-            record = match_record(matched.match, matcher.memory, is_relocated=matched.is_relocated)
-            self._recorded.record(Kind.MATCH, record)
-        return matched
+
+        def compute() -> MatchedScan:
+            with self._timer.measure("match"):
+                return matcher.match(submap, filtered.points, prediction)
+
+        return self._recorded.match(matcher, submap, compute)
 
     def _deskew_again(
         self,
@@ -351,37 +336,19 @@ class LocalSlam:
         prediction: Prediction,
     ) -> Pose | None:
         """Return a better pose along bare walls; see `WallStep.better_pose`."""
-        if (recorded := self._recorded.replay(Kind.WALL_STEP)) is not None:
-            better, wall_step.memory = recorded_wall_step(recorded)
-            return better
-        with self._timer.measure("match"):
-            better = wall_step.better_pose(
-                time,
-                match.tf_local_tracking,
-                returns,
-                by_odometry=prediction.by_odometry,
-                stands=prediction.by_odometry and prediction.stands,
-                match_ratio=degenerate_direction(match.match)[0],
-            )
-        if self._recorded.is_replayable:
-            self._recorded.record(Kind.WALL_STEP, wall_record(better, wall_step.memory))
-        return better
 
-    def _record_scan(self, stamp: float, pose: Pose) -> None:
-        """Record a mapped scan, or check that it is the same as recorded."""
-        if not self._recorded.is_recording:
-            return
-        record = scan_record(stamp, pose)
-        recorded = self._recorded.replay(Kind.SCAN)
-        if recorded is None:
-            self._recorded.record(Kind.SCAN, record)
-        elif recorded != record:
-            raise unfit(f"the scan with stamp {stamp:.6f} has another pose")
+        def compute() -> Pose | None:
+            with self._timer.measure("match"):
+                return wall_step.better_pose(
+                    time,
+                    match.tf_local_tracking,
+                    returns,
+                    by_odometry=prediction.by_odometry,
+                    stands=prediction.by_odometry and prediction.stands,
+                    match_ratio=degenerate_direction(match.match)[0],
+                )
 
-    def _record_calibration(self) -> None:
-        """Record what is known about the sensors, once for each submap."""
-        if self._recorded.replay(Kind.CALIBRATION) is None and self._recorded.is_recording:
-            self._recorded.record(Kind.CALIBRATION, json.dumps(self.calibration.to_dict()).encode())
+        return self._recorded.wall_step(wall_step, compute)
 
     def _information(self, match: MatchedScan | None) -> FloatArray:
         """Return the information matrix of a scan's pose in the older active submap."""
@@ -431,8 +398,7 @@ class LocalSlam:
                 insertion.finished,
             )
         self._next_node += 1
-        if self._recorded.replay(Kind.NODE) is None and self._recorded.is_recording:
-            self._recorded.record(Kind.NODE, node_record(node, data.tf_tracking_sensor))
+        self._recorded.add_node(node, data.tf_tracking_sensor)
         if insertion.finished is not None:
-            self._record_calibration()
+            self._recorded.add_calibration(self.calibration)
         return node
