@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from cartoloop.local_slam.lost_heading import AGREE_M, AGREE_RAD, LostHeading
+from cartoloop.local_slam.lost_heading import AGREE_M, AGREE_RAD, LostHeading, is_searched
 from cartoloop.sensor.pose import Pose, compose
 
 TURN = Pose(0.2, -0.1, 2.0)
@@ -49,3 +49,8 @@ def test_headings_agree_across_the_half_turn():
     lost.add(first, Pose(-1.0, -2.0, math.pi - 0.01))
     found = compose(turn, second)
     assert lost.add(second, found._replace(theta=found.theta - 2.0 * math.pi))
+
+
+def test_other_headings_are_searched_for_pairs_of_scans_ever_more_rarely():
+    searched = [number for number in range(40) if is_searched(number)]
+    assert searched == [2, 3, 6, 7, 14, 15, 30, 31]

@@ -18,9 +18,6 @@ HEADINGS_RAD = (2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)
 """Centres of the searches, from the predicted heading: with the window of lost scans they and the
 search there cover all headings [rad]."""
 
-MIN_LOST_SCANS = 2
-"""Number of scans in turn that fit nowhere, from which other headings are searched."""
-
 MAX_RESIDUAL_SHARE = 0.75
 """Largest residual of a match at another heading, as a share of that near the prediction. It is not
 enough that it is usual: what scans usually have rises while they fit nowhere."""
@@ -30,6 +27,15 @@ ON_THE_SPOT_M = 0.1
 
 AGREE_M, AGREE_RAD = 0.3, math.radians(10.0)
 """Difference of the poses that two scans show up to which they agree [m], [rad]."""
+
+
+def is_searched(num_lost: int) -> bool:
+    """Return whether other headings are searched for a lost scan.
+
+    That is the 2nd and 3rd in turn, the 6th and 7th, the 14th and 15th, and so on: scans that fit
+    at no other heading are mostly of a place that has changed or is new.
+    """
+    return num_lost > 1 and ((num_lost + 2) & ~1).bit_count() == 1
 
 
 class LostHeading:

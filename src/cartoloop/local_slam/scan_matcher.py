@@ -9,7 +9,7 @@ from typing import NamedTuple
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.degenerate_direction import constrain_degenerate_direction
-from cartoloop.local_slam.lost_heading import MIN_LOST_SCANS, LostHeading
+from cartoloop.local_slam.lost_heading import LostHeading, is_searched
 from cartoloop.local_slam.lost_search import search_as_lost
 from cartoloop.local_slam.match_records import MatcherMemory
 from cartoloop.local_slam.prediction import Prediction
@@ -100,7 +100,7 @@ class ScanMatcher:
         is_lost, best = found is not best, found
         if is_lost or not fit.is_lost(best):
             self.lost_in_turn = 0
-        if self.lost_in_turn < MIN_LOST_SCANS:
+        if not is_searched(self.lost_in_turn):
             self._lost_heading.tf_found_predicted = None
         self._learn_residual(fit, best)
         if not is_lost:
@@ -145,7 +145,7 @@ class ScanMatcher:
         self.num_lost += 1
         self.lost_in_turn = self.lost_in_turn + 1 if fit.prediction.by_odometry else 0
         found = search_as_lost(fit, best, self.lost_in_turn)
-        if found is best and self.lost_in_turn >= MIN_LOST_SCANS:
+        if found is best and is_searched(self.lost_in_turn):
             found = self._lost_heading.search(fit, best, self.lost_in_turn)
             return found, found is not best
         return found, False
