@@ -51,6 +51,6 @@ def test_headings_agree_across_the_half_turn():
     assert lost.add(second, found._replace(theta=found.theta - 2.0 * math.pi))
 
 
-def test_other_headings_are_searched_for_pairs_of_scans_ever_more_rarely():
+def test_other_headings_are_searched_ever_more_rarely():
     searched = [number for number in range(40) if is_searched(number)]
     assert searched == [2, 3, 6, 7, 14, 15, 30, 31]
