@@ -14,7 +14,8 @@ from PIL import Image
 
 from tests.limits import LIMIT_S
 
-SIZE = (1280, 800)
+SIZE = (960, 640)
+"""Of the window: pictures of larger ones take the renderer without a graphics card longer."""
 
 SCREENSHOTS = "CARTOLOOP_SCREENSHOTS"
 """Environment variable: a folder in which pictures of the page are kept, for the documentation."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.viewer.real_page import opened
+from tests.viewer.real_page import SIZE, opened
 
 OVERTAKEN = """async () => {
   const { Submaps } = await import(new URL("gl/submaps.js", location.origin));
@@ -66,8 +66,8 @@ def test_cells_out_of_sight_are_let_go_and_come_back(chromium, server):
     ):
         for one in (all_held, page):
             one.settle()
-        left, bottom = all_held.page.evaluate("cartoloop.toMap([0, 800])")
-        right, top = all_held.page.evaluate("cartoloop.toMap([1280, 0])")
+        left, bottom = all_held.page.evaluate(f"cartoloop.toMap([0, {SIZE[1]}])")
+        right, top = all_held.page.evaluate(f"cartoloop.toMap([{SIZE[0]}, 0])")
         held = []
         # Across the map and back; at another scale each, so that the whole picture is drawn again.
         for step, share in enumerate((0.3, 0.4, 0.5, 0.6, 0.7, 0.4)):

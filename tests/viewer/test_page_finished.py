@@ -105,14 +105,15 @@ def test_the_tape_measures_from_wall_to_wall_within_a_cell(page):
 def test_a_tape_is_in_the_picture_that_is_saved(page):
     page.look(0.0, 0.0, 40.0)
     page.page.keyboard.press("m")
-    for x in (420, 620):
-        page.page.mouse.click(x, 400)
+    middle = SIZE[1] // 2
+    for x in (340, 540):
+        page.page.mouse.click(x, middle)
     page.page.keyboard.press("s")
     with page.page.expect_download() as download:
         page.page.click("#save-view")
     page.page.keyboard.press("Escape")
     with Image.open(download.value.path()) as picture:
-        around = np.asarray(picture.convert("RGB"))[380:420, 480:560]
+        around = np.asarray(picture.convert("RGB"))[middle - 20 : middle + 20, 400:480]
     assert np.count_nonzero((around == (0, 114, 178)).all(axis=2)) > 500  # its label
 
 
@@ -217,19 +218,19 @@ def test_it_is_dark_when_it_is_wanted_dark(page):
 
 def test_mouse_and_keys_move_the_map(page):
     page.look(5.0, 5.0, 20.0)
-    mouse = page.page.mouse
-    mouse.move(640, 400)
+    mouse, (x, y) = page.page.mouse, (SIZE[0] // 2, SIZE[1] // 2)
+    mouse.move(x, y)
     mouse.down()
-    mouse.move(700, 400)
-    mouse.move(740, 350)
+    mouse.move(x + 60, y)
+    mouse.move(x + 100, y - 50)
     mouse.up()
     view = page.settle() and page.view
     assert (view["x"], view["y"]) == (pytest.approx(0.0), pytest.approx(2.5))
-    under = page.page.evaluate("cartoloop.toMap([900, 300])")
-    mouse.move(900, 300)
+    under = page.page.evaluate("cartoloop.toMap([700, 240])")
+    mouse.move(700, 240)
     mouse.wheel(0, -300)
     page.wait("cartoloop.view.scale > 25")
-    assert page.page.evaluate("cartoloop.toMap([900, 300])") == pytest.approx(under)
+    assert page.page.evaluate("cartoloop.toMap([700, 240])") == pytest.approx(under)
     page.page.keyboard.press("]")
     page.wait("cartoloop.view.rotation !== 0")
     page.page.keyboard.press("n")

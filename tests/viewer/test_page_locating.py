@@ -12,13 +12,13 @@ import pytest
 from cartoloop.sensor.pose import Pose, compose
 from tests.localisation.rooms import BOX, ROOM, START, apart
 from tests.viewer.locating import go, locating
-from tests.viewer.real_page import opened
+from tests.viewer.real_page import SIZE, opened
 
 HANGAR = (((0, 0), (40, 0), (40, 40), (0, 40)),)
 
 
 @contextmanager
-def looking(chromium, polygons, start=START, size=(1280, 800), **options):
+def looking(chromium, polygons, start=START, size=SIZE, **options):
     """Yield a localisation and a page that looks at it."""
     with (
         locating(polygons, start, **options) as one,
@@ -97,7 +97,7 @@ def test_a_robot_elsewhere_is_searched_for_and_lost(chromium):
 
 
 def test_a_pose_is_given_with_a_drag(chromium):
-    with looking(chromium, BOX) as (one, page):
+    with looking(chromium, BOX, size=(1280, 800)) as (one, page):
         go(one, page, 5)
         page.page.keyboard.press("p")
         page.page.locator("#pose").wait_for()

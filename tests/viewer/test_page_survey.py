@@ -103,7 +103,12 @@ def test_the_building_fills_the_screen_and_not_stray_rays(page, result):
     left, top = page.to_screen(extent.left, extent.top)
     right, bottom = page.to_screen(extent.right, extent.bottom)
 
-    free = (288, 0, 1214, 726)  # beside the panel and the tools, above the bar of time
+    free = (
+        288,
+        0,
+        SIZE[0] - 66,
+        SIZE[1] - 74,
+    )  # beside the panel and the tools, above the bar of time
     assert free[0] <= left < right <= free[2] and free[1] <= top < bottom <= free[3]
     assert max((right - left) / (free[2] - free[0]), (bottom - top) / (free[3] - free[1])) > 0.9
 
@@ -143,9 +148,10 @@ def test_zooming_out_ends_while_the_map_can_be_seen(page, result):
 
 def test_coordinates_under_the_pointer_are_shown(page):
     page.look(3.0, -2.0, 50.0)
-    page.page.mouse.move(640, 400)
+    x, y = SIZE[0] // 2, SIZE[1] // 2
+    page.page.mouse.move(x, y)
     assert page.page.text_content("#readout") == "x 3.00  y −2.00 m"
-    page.page.mouse.move(740, 350)
+    page.page.mouse.move(x + 100, y - 50)
     assert page.page.text_content("#readout") == "x 5.00  y −1.00 m"
     page.page.mouse.move(100, 100)  # over the panel
     page.page.locator("#readout").wait_for(state="hidden")
@@ -180,7 +186,7 @@ def test_start_and_end_of_the_way_are_marked(page, result):
 
 def test_what_was_measured_is_listed_and_can_be_deleted(page):
     page.page.keyboard.press("m")
-    page.look(4.0, 0.0, 60.0)
+    page.look(4.0, 0.0, 40.0)
     measure(page, "length", [(3.95, -0.95), (4.05, 1.15)])
     measure(page, "angle", [(1.0, 0.0), (2.0, 0.0), (2.0, 0.8)])
     measure(page, "area", [(0.0, -0.5), (1.5, -0.5), (1.5, 0.5), (0.0, 0.5)], end=True)
@@ -224,7 +230,7 @@ def test_an_area_ends_at_its_first_corner_and_escape_drops_it(page):
 
 def test_evaluate_lines_reads_what_the_view_saves(page, result, tmp_path):
     page.page.keyboard.press("m")
-    page.look(4.0, 0.0, 60.0)
+    page.look(4.0, 0.0, 40.0)
     measure(page, "angle", [(1.0, 0.0), (2.0, 0.0), (2.0, 0.8)])
     page.page.click("#measures-save")
     assert "measure one first" in page.page.text_content("#hint")
