@@ -193,19 +193,14 @@ def _claim_by_path(
 def _is_refuted(best: Candidate, margins: Margins, needed: Needed, other: Candidate) -> bool:
     """Return whether the best place fits so much better that the other is none.
 
-    Where the best place needs no glass in the map, the other one is given none either.
-
     Parameters
     ----------
     needed : for a claim; where the other place agrees like that, it takes more to refute it.
     """
-    here, there = best.fit, other.fit
-    if needed.fits(here.if_solid):
-        here, there = here.if_solid, there.if_solid
-    behind = here.agreement - there.agreement
+    behind = best.fit.agreement - other.fit.agreement
     lower = best.score - other.score
-    if needed.fits(there) and there.detail >= FITTING_DETAIL * here.detail:
-        less = behind + here.distinctness - there.distinctness
+    if needed.fits(other.fit) and other.fit.detail >= FITTING_DETAIL * best.fit.detail:
+        less = behind + best.fit.distinctness - other.fit.distinctness
         return lower >= margins.fitting and less >= FITTING_LESS
     if lower >= margins.other:
         return True
@@ -214,7 +209,7 @@ def _is_refuted(best: Candidate, margins: Margins, needed: Needed, other: Candid
     if behind >= REFUTING_AGREEMENT and lower > -0.5 * margins.other:
         return True
     detailed = needed.detailed
-    return detailed is not None and lower >= 0.0 and detailed.refutes(here, there)
+    return detailed is not None and lower >= 0.0 and detailed.refutes(best.fit, other.fit)
 
 
 def _claim(known: KnownMap, composite: Composite, best: Candidate, needed: Needed) -> Claim | None:

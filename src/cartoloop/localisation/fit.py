@@ -16,7 +16,6 @@ from cartoloop.kernels.scan_fit import (
     ON_FLOOR,
     ON_STRAIGHT_WALL,
     ON_WALL,
-    ON_WALL_BEHIND,
     SEEN_THROUGH,
     STRAIGHT,
     FitLimits,
@@ -54,6 +53,9 @@ MIN_DISTINCT = 5.0
 """Scans with less than this to count are not looked at for distinctness."""
 
 
+_COLUMNS = [ON_WALL, ON_STRAIGHT_WALL, ON_FLOOR, BEHIND_WALL]
+
+
 class Fit(NamedTuple):
     """How well scans fit to the map at their poses.
 
@@ -61,15 +63,12 @@ class Fit(NamedTuple):
     ----------
     score : mean probability at the returns.
     agreement : of the returns where the map is known, the share on walls; the others lie on floor
-        or behind walls. Where a map does not show through which of its walls beams pass, as those
-        of other programs, returns on walls behind walls are not counted: the first may be glass.
-        NaN where none is counted.
+        or behind walls. NaN where none is counted.
     distinctness : the same with a lower weight of returns on straight walls, which lie on walls in
         many wrong places as well. Of several scans, nine of ten reach it. NaN where too few are
         counted.
     num_counted : number of returns where the map is known.
     detail : of these returns, the share on walls that are not straight.
-    solid_agreement : the agreement if all walls were solid.
     """
 
     score: float
@@ -77,12 +76,6 @@ class Fit(NamedTuple):
     distinctness: float
     num_counted: int
     detail: float = 0.0
-    solid_agreement: float = math.nan
-
-    @property
-    def if_solid(self) -> Fit:
-        """The fit if no beam passed through any wall."""
-        return self._replace(agreement=self.solid_agreement)
 
     @property
     def mean_distinctness(self) -> float:
@@ -120,7 +113,6 @@ class FitJudge:
             self._marks,
         )
         self._marks *= STRAIGHT
-        self._knows_passes = False
 
     def passes(self, scans: ScanPoints, beam_origins: FloatArray, poses: FloatArray) -> IntArray:
         """Return how many beams pass through each wall, int64, shape of the map.
@@ -140,7 +132,6 @@ class FitJudge:
         """Set which walls are seen through, given how many beams of the map's scans pass."""
         self._marks &= STRAIGHT
         self._marks[passes >= MIN_PASSES] |= SEEN_THROUGH
-        self._knows_passes = True
 
     def fit(self, scans: ScanPoints, beam_origins: FloatArray, poses: FloatArray) -> Fit:
         """Return how well scans fit together.
@@ -159,26 +150,17 @@ class FitJudge:
             grid.cells, 1, grid.origin_x, grid.origin_y, grid.resolution,
             scans.points, scans.firsts, scans.ends, poses,
         )  # fmt: skip
-        counts = np.zeros((len(scans), 5), dtype=np.int64)
+        counts = np.zeros((len(scans), 4), dtype=np.int64)
         count_fit(
             grid, self._marks, self._limits, ScanBatch(scans.points, scans.firsts, scans.ends),
             np.ascontiguousarray(beam_origins), poses, counts,
         )  # fmt: skip
-        solid, _ = _agreement(counts)
-        if not self._knows_passes:
-            counts[:, BEHIND_WALL] -= counts[:, ON_WALL_BEHIND]
-        agreement, num_counted = _agreement(counts)
-        on_wall, straight = counts[:, [ON_WALL, ON_STRAIGHT_WALL]].sum(axis=0).tolist()
+        on_wall, straight, on_floor, behind = counts.sum(axis=0)[_COLUMNS].tolist()
+        num_counted = on_wall + on_floor + behind
+        agreement = on_wall / num_counted if num_counted else math.nan
         score = mean_probability(float(total) / num_points)
         detail = (on_wall - straight) / max(num_counted, 1)
-        return Fit(score, agreement, _distinctness(counts), num_counted, detail, solid)
-
-
-def _agreement(counts: IntArray) -> tuple[float, int]:
-    """Return the share of returns on walls, NaN of none, and the number that is counted."""
-    on_wall, on_floor, behind = counts[:, [ON_WALL, ON_FLOOR, BEHIND_WALL]].sum(axis=0).tolist()
-    num_counted = on_wall + on_floor + behind
-    return on_wall / num_counted if num_counted else math.nan, num_counted
+        return Fit(score, agreement, _distinctness(counts), num_counted, detail)
 
 
 def _distinctness(counts: IntArray) -> float:
