@@ -23,7 +23,8 @@ MAX_RESIDUAL_SHARE = 0.75
 enough that it is usual: what scans usually have rises while they fit nowhere."""
 
 ON_THE_SPOT_M = 0.1
-"""A robot that moves by more from scan to scan drives [m], and its wheels show the heading."""
+"""A robot that moves by more from scan to scan drives [m], and its wheels show the heading. Where
+scans come fast, a slow robot that drives moves less."""
 
 AGREE_M, AGREE_RAD = 0.3, math.radians(10.0)
 """Difference of the poses that two scans show up to which they agree [m], [rad]."""
@@ -35,7 +36,9 @@ def is_searched(num_lost: int) -> bool:
     That is the 2nd and 3rd in turn, the 6th and 7th, the 14th and 15th, and so on: scans that fit
     at no other heading are mostly of a place that has changed or is new.
     """
-    return num_lost > 1 and ((num_lost + 2) & ~1).bit_count() == 1
+    # The first of each pair is by two less than a power of two.
+    first = num_lost - num_lost % 2
+    return first > 0 and (first + 2).bit_count() == 1
 
 
 class LostHeading:
