@@ -48,6 +48,7 @@ def browser() -> Iterator[Browser]:
     from playwright.sync_api import Error, sync_playwright
 
     arguments = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    arguments.append("--disable-gpu-rasterization")  # which would be by software too, and slower
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         arguments.append("--no-sandbox")  # it does not start as root otherwise
     with sync_playwright() as playwright:

@@ -154,7 +154,7 @@ def _logs(folder: Path, data: Path | None, is_quick: bool) -> Iterator[Path]:
         yield csail
     path = folder / "office.log"
     if is_quick:
-        simulate(ring(), seed=1, duration=60.0).write_carmen(path)
+        simulate(ring(), seed=1, duration=30.0).write_carmen(path)
     else:
         simulate(make_world("office", 3), seed=3).write_carmen(path)
     yield path

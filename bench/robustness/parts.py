@@ -171,7 +171,7 @@ class Runner:
             source = self._given(f"radish/{name}.clf.gz")
             changed_log(source, log, change, seed)
             options = [word for setting in change.settings for word in ("--set", setting)]
-            mapped = map_log(log, out, options)
+            mapped = self._mapped(log, out, options)
             relations = self._relations_of(name)
             if unchanged is None and relations.parent == self._options.folder:
                 run_command("evaluate", "make-relations", out, "-o", relations)
@@ -211,7 +211,7 @@ class Runner:
             words += ["-o", log, "--truth", truth]
             run_command(*words)
             options = [word for setting in world.settings for word in ("--set", setting)]
-            mapped = map_log(log, out, options)
+            mapped = self._mapped(log, out, options)
             figures = mapped.true_figures(truth)
             if math.isfinite(world.bar):
                 figures["bar"] = world.bar
@@ -221,7 +221,7 @@ class Runner:
 
     def _sparse(self, name: str) -> Run:
         def make(_: Path, out: Path) -> Run:
-            mapped = map_log(self._given(f"radish-sparse/{name}.clf.gz"), out)
+            mapped = self._mapped(self._given(f"radish-sparse/{name}.clf.gz"), out)
             figures = mapped.figures()
             other = self._options.data / f"radish-sparse/{name}.gmapping.tum"
             if other.exists():
@@ -236,7 +236,7 @@ class Runner:
     def _bag(self, name: str, case: str, alone: Sequence[Run]) -> Run:
         def make(_: Path, out: Path) -> Run:
             options = [word for topic in TOPICS[case] for word in ("--scan-topic", topic)]
-            mapped = map_log(self._given(f"bags/{name}.bag"), out, options)
+            mapped = self._mapped(self._given(f"bags/{name}.bag"), out, options)
             odometry = mapped.report.get("odometry") or {}
             figures = mapped.figures()
             for key, figure, factor in (
@@ -263,7 +263,6 @@ class Runner:
         known = self._store.find(*run.key)
         if known is not None and not (self._options.again if again is None else again):
             return known
-        self._warm_up()
         name = f"{run.case}-{run.seed}".replace(", ", "-")
         folder = self._options.folder / run.part.replace(" ", "-")
         folder.mkdir(parents=True, exist_ok=True)
@@ -284,12 +283,13 @@ class Runner:
         self._progress(_line(done))
         return done
 
-    def _warm_up(self) -> None:
-        """Compile kernels where they are not yet: that is no cost of the first run."""
+    def _mapped(self, log: Path, out: Path, options: Sequence[str] = ()) -> OneMap:
+        """Map a recording; kernels are compiled before the first: that is no cost of it."""
         if not self._is_warm:
             self._is_warm = True
             self._progress("warming up: compiling kernels where they are not yet")
             run_command("demo", "-o", self._options.folder / "demo")
+        return map_log(log, out, options)
 
     def _relations_of(self, name: str) -> Path:
         """Return where the relations of a recording are, or are to be written."""
