@@ -8,12 +8,16 @@ import math
 from cartoloop.local_slam.degenerate_direction import where_prior_leads
 from cartoloop.local_slam.scan_fit import ScanFit
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
-from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.pose import Pose, relative
 
 AROUND_STEP, LONGEST_STEP_M = 1.2, 2.5
 """Radius of the search around the last pose, in steps of the odometry: it may report the right
 distance in a wrong direction, such as driving backwards as driving forwards. After longer steps [m]
 scans overlap too little for a window of that size."""
+
+ONE_SEARCH_M, ONE_SEARCH_RAD = 0.1, math.radians(3.0)
+"""Fallback poses that differ by no more [m], [rad] are searched together: the window around one
+covers most of that around the other. Where scans come fast, they hardly ever differ by more."""
 
 
 def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> LeastSquaresMatch:
@@ -36,8 +40,8 @@ def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> Leas
     cost = weight * best.cost
     limit = best.residual * window.lost_improvement
     limit_of_seen = window.lost_improvement * fit.residual_of_seen(best) if by_odometry else 0.0
-    for tf_local_fallback in fit.prediction.fallbacks():
-        found = _near_fallback(fit, fit.in_submap(tf_local_fallback))
+    for centre in _fallbacks(fit):
+        found = _near_fallback(fit, centre)
         if found.residual < min(limit, best.residual) and (
             not by_odometry
             or (
@@ -64,6 +68,15 @@ def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> Leas
         if found.residual < best.residual and fit.is_determined(found):
             best = found
     return best
+
+
+def _fallbacks(fit: ScanFit) -> tuple[Pose, ...]:
+    """Return the fallback poses to search around, tf_submap_scan: one of those nearly the same."""
+    rest, moving = map(fit.in_submap, fit.prediction.fallbacks())
+    step = relative(rest, moving)
+    if math.hypot(step.x, step.y) <= ONE_SEARCH_M and abs(step.theta) <= ONE_SEARCH_RAD:
+        return (rest,)
+    return rest, moving
 
 
 def _near_fallback(fit: ScanFit, centre: Pose) -> LeastSquaresMatch:
