@@ -156,6 +156,20 @@ def test_odometry_can_be_disabled():
     assert prediction.tf_local_tracking == pytest.approx(IDENTITY)
 
 
+def test_odometry_that_never_moved_predicts_nothing_but_stands(extrapolator):
+    for k in range(3):
+        extrapolator.add_odometry(float(k), IDENTITY)
+    extrapolator.add_pose(0.0, IDENTITY)
+    prediction = extrapolator.predict(1.0)
+    assert not prediction.by_odometry
+    assert prediction.stands
+
+
+def test_without_readings_no_odometry_stands(extrapolator):
+    extrapolator.add_pose(0.0, IDENTITY)
+    assert not extrapolator.predict(1.0).stands
+
+
 def test_fallbacks_are_at_rest_and_at_constant_velocity(extrapolator):
     extrapolator.add_pose(0.0, IDENTITY)
     extrapolator.add_pose(1.0, Pose(1.0, 0.0, 0.0))

@@ -35,6 +35,17 @@ def corridor_scan(x, rng, cupboards=(6.0, 7.5, 12.0, 14.0), reach=RANGE - 0.5, s
     return np.column_stack((ranges * np.cos(BEARINGS), ranges * np.sin(BEARINGS)))[seen]
 
 
+def with_person(returns, x, y=0.3, radius=0.25):
+    """Return returns as they are with a person, a disc, standing before the scanner."""
+    distances = np.hypot(*returns.T)
+    directions = returns / distances[:, np.newaxis]
+    along = directions @ (x, y)
+    across = directions @ (-y, x)
+    is_hit = (along > 0.0) & (np.abs(across) < radius)
+    near = along - np.sqrt(np.maximum(radius**2 - across**2, 0.0))
+    return np.where(is_hit, np.minimum(distances, near), distances)[:, np.newaxis] * directions
+
+
 def walk(wall_step, places, matched, cupboards, frame=IDENTITY, sigma=0.01, **odometry):
     """Return the poses found at `places`, scans that a match holds at `matched`; in the frame."""
     rng, found = np.random.default_rng(0), []
@@ -74,6 +85,19 @@ def test_a_match_that_is_right_is_left_alone():
 
 def test_a_robot_that_stands_still_is_left_alone():
     assert walk(WallStep(CONFIG), np.zeros(8), np.zeros(8), (6.0, 7.5)) == [None] * 8
+
+
+def test_a_person_who_walks_by_moves_no_robot_that_stands():
+    def steps(*, stands):
+        rng, wall_step, found = np.random.default_rng(0), WallStep(CONFIG), []
+        for k in range(8):
+            returns = with_person(corridor_scan(0.0, rng, CUPBOARDS), 1.5 + 0.2 * k)
+            found.append(wall_step.better_pose(0.2 * k, IDENTITY, returns, stands=stands))
+            wall_step.add(0.2 * k, IDENTITY, IDENTITY, returns)
+        return [pose for pose in found if pose is not None]
+
+    assert steps(stands=True) == []
+    assert steps(stands=False)  # a person may be part of the building, as far as scans alone show
 
 
 def test_bare_walls_show_no_step():

@@ -344,7 +344,7 @@ class LocalSlam:
                     match.tf_local_tracking,
                     returns,
                     by_odometry=prediction.by_odometry,
-                    stands=prediction.by_odometry and prediction.stands,
+                    stands=prediction.stands,
                     match_ratio=degenerate_direction(match.match)[0],
                 )
 

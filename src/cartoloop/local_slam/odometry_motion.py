@@ -221,6 +221,15 @@ class OdometryMotion:
             return None
         return self.measured_step(begin, end)
 
+    def has_stood(self, begin: float, end: float) -> bool:
+        """Return whether it has reported no motion so far, and contradicts no scans.
+
+        It may be broken, so that it predicts nothing, or of a robot that has not set off.
+        """
+        if self._track.has_moved or self._is_stale or self._trust.has_fault:
+            return False
+        return self.measured_step(begin, end) is not None
+
     def agreed_step(self, begin: float, end: float, expected: Pose) -> Pose | None:
         """Return the step of odometry with a fault where it moves as expected, or None.
 

@@ -117,14 +117,22 @@ class WallStep:
         self._evidence *= config.evidence_memory
         if turns_too_far or not is_sharp(found, config):
             return None
-        missed = self._missed_until(found, len(returns), by_odometry)
+        # People who walk along fit another step, and all that stands the one of the odometry.
+        is_contradicted = (by_odometry or stands) and self._is_contradicted(found, len(returns))
+        missed = self._missed_until(found, by_odometry, is_contradicted)
         if missed is None:
             return None
         x, y = missed.tolist()
         return Pose(pose.x + x, pose.y + y, pose.theta)
 
+    def _is_contradicted(self, found: Comparison, num_returns: int) -> bool:
+        """Return whether too much fits the matched step that does not fit the other one."""
+        config = self._config
+        fits_closely = found.cost <= config.close_fit * num_returns
+        return not fits_closely and found.loss_share > config.max_loss_share
+
     def _missed_until(
-        self, found: Comparison, num_returns: int, by_odometry: bool
+        self, found: Comparison, by_odometry: bool, is_contradicted: bool
     ) -> FloatArray | None:
         """Add up the evidence for another step; return what was missed [m] if it is enough.
 
@@ -135,14 +143,7 @@ class WallStep:
         if float(side @ self._side) < 0.0:
             self._forget()
         self._side = side
-        # People who walk along fit another step, and all that stands the one of the odometry.
-        if by_odometry and (
-            abs(apart) < config.min_odometry_error
-            or (
-                found.cost > config.close_fit * num_returns
-                and found.loss_share > config.max_loss_share
-            )
-        ):
+        if is_contradicted or (by_odometry and abs(apart) < config.min_odometry_error):
             self._forget()
             return None
         evidence = found.matched_cost - found.cost
