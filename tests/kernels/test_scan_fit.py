@@ -14,6 +14,7 @@ from cartoloop.kernels.scan_fit import (
     ON_FLOOR,
     ON_STRAIGHT_WALL,
     ON_WALL,
+    ON_WALL_BEHIND,
     SEEN_THROUGH,
     STRAIGHT,
     FitLimits,
@@ -28,7 +29,7 @@ LIMITS = FitLimits(wall=150, floor=80, on_wall=2, off_wall=4, clearance=3.5, max
 
 
 def counts_of(cells, marks, scans, origins, poses):
-    batch, counts = ScanPoints.of(scans), np.full((len(scans), 4), -1, dtype=np.int64)
+    batch, counts = ScanPoints.of(scans), np.full((len(scans), 5), -1, dtype=np.int64)
     count_fit(
         CellGrid(cells, *ORIGIN, RESOLUTION), marks, LIMITS,
         ScanBatch(batch.points, batch.firsts, batch.ends), origins, poses, counts,
@@ -60,12 +61,13 @@ def test_a_return_is_on_a_wall_on_floor_or_behind_a_wall():
     cells[:, 40] = 200  # at x = 1.3 m
     marks = np.zeros_like(cells)
     marks[:20] = STRAIGHT  # up to y = 1.15 m
-    points = np.array(((1.3, 0.5), (1.3, 1.5), (0.5, 0.5), (1.8, 0.5)))
+    cells[10, 51] = 200  # at (1.85, 0.7)
+    points = np.array(((1.3, 0.5), (1.3, 1.5), (0.5, 0.5), (1.8, 0.3), (1.85, 0.7)))
 
     counts = counts_of(cells, marks, [points], np.array(((0.0, 0.5),)), np.zeros((1, 3)))[0]
 
-    assert (counts[ON_WALL], counts[ON_FLOOR], counts[BEHIND_WALL]) == (2, 1, 1)
-    assert counts[ON_STRAIGHT_WALL] == 1
+    assert (counts[ON_WALL], counts[ON_FLOOR], counts[BEHIND_WALL]) == (2, 1, 2)
+    assert (counts[ON_STRAIGHT_WALL], counts[ON_WALL_BEHIND]) == (1, 1)
 
 
 def test_a_wall_that_is_seen_through_blocks_no_beam():

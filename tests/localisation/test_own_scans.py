@@ -85,3 +85,31 @@ def test_straight_walls_alone_make_no_distinct_place():
 
     assert math.isclose(fit.agreement, 0.75, abs_tol=0.02)
     assert fit.distinctness < 0.6
+
+
+def with_screen():
+    """Return the room with a screen around the robot, which is no obstacle to its beams."""
+    (x, y), half = START[:2], 0.8
+    screen = (
+        (x - half, y - half),
+        (x + half, y - half),
+        (x + half, y + half),
+        (x - half, y + half),
+    )
+    return known_map((*ROOM, screen))
+
+
+def test_most_beams_end_on_walls_behind_glass():
+    fit = with_screen().fit(points(ROOM, START), IDENTITY, START)
+
+    assert fit.solid_agreement < 0.5
+    assert fit.agreement > 0.95
+
+
+def test_beams_behind_walls_that_end_on_floor_contradict_the_place():
+    scan = points(ROOM, START)
+    scan[::4] *= 0.8
+
+    fit = with_screen().fit(scan, IDENTITY, START)
+
+    assert fit.agreement == fit.solid_agreement < 0.5

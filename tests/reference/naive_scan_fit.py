@@ -9,25 +9,27 @@ import numpy as np
 
 
 def fit(cells, marks, origin, resolution, limits, points, beam_origin, pose):
-    """Return the numbers of returns on walls, on floor, behind walls, and on straight walls."""
+    """Return the numbers of returns as `count_fit` writes them for a scan."""
     margin = max(limits.off_wall, 1)
     walls = np.argwhere(cells >= limits.wall)
-    counts = [0, 0, 0, 0]
+    counts = [0, 0, 0, 0, 0]
     start = _cell(beam_origin, pose, origin, resolution)
     for point in points:
         if math.hypot(*point) > limits.max_range:
             continue
         end = _cell(point, pose, origin, resolution)
-        if any(marks[place] < 2 for place in _walls_between(cells, limits, start, end)):
-            counts[2] += 1
-            continue
         col, row = (math.floor(each + 0.5) for each in end)
-        if not (
+        is_inside = (
             margin <= col < cells.shape[1] - margin and margin <= row < cells.shape[0] - margin
-        ):
-            continue
+        )
         distances = [math.hypot(row - r, col - c) for r, c in walls]
         apart = min(distances, default=math.inf)
+        if any(marks[place] < 2 for place in _walls_between(cells, limits, start, end)):
+            counts[2] += 1
+            counts[4] += is_inside and apart <= limits.on_wall
+            continue
+        if not is_inside:
+            continue
         around = cells[row - 1 : row + 2, col - 1 : col + 2]
         if apart <= limits.on_wall:
             counts[0] += 1

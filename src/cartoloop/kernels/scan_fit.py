@@ -13,9 +13,9 @@ from cartoloop.arrays import ByteArray, FloatArray, IntArray
 from cartoloop.kernels.map_agreement import CellGrid, is_floor, is_wall_near
 from cartoloop.kernels.scan_batch import ScanBatch
 
-ON_WALL, ON_FLOOR, BEHIND_WALL, ON_STRAIGHT_WALL = 0, 1, 2, 3
-"""Columns of the counts: returns that lie on a wall, on floor, and behind a wall; and, of the
-first, those on a straight one."""
+ON_WALL, ON_FLOOR, BEHIND_WALL, ON_STRAIGHT_WALL, ON_WALL_BEHIND = 0, 1, 2, 3, 4
+"""Columns of the counts: returns that lie on a wall, on floor, and behind a wall; of the first,
+those on a straight one; of those behind a wall, those that lie on another one."""
 
 
 STRAIGHT, SEEN_THROUGH = 1, 2
@@ -67,7 +67,8 @@ def count_fit(
     scans : k of them.
     beam_origins : float64, shape (k, 2), where their beams start, scan frame [m].
     poses : float64, shape (k, 3), of the scans in the grid's frame [m, m, rad].
-    out_counts : int64, shape (k, 4): on walls, on floor, behind walls, on straight walls.
+    out_counts : int64, shape (k, 5): on walls, on floor, behind walls, on straight walls, on walls
+        behind walls.
 
     Notes
     -----
@@ -80,20 +81,25 @@ def count_fit(
         start_x, start_y = beam_origins[i, 0], beam_origins[i, 1]
         start_col = (poses[i, 0] + cos * start_x - sin * start_y - grid.origin_x) / grid.resolution
         start_row = (poses[i, 1] + sin * start_x + cos * start_y - grid.origin_y) / grid.resolution
-        on_wall, on_floor, behind, on_straight = 0, 0, 0, 0
+        on_wall, on_floor, behind, on_straight, on_wall_behind = 0, 0, 0, 0, 0
         for j in range(scans.firsts[i], scans.ends[i]):
             x, y = scans.points[j, 0], scans.points[j, 1]
             if x * x + y * y > limits.max_range**2:
                 continue
             end_col = (poses[i, 0] + cos * x - sin * y - grid.origin_x) / grid.resolution
             end_row = (poses[i, 1] + sin * x + cos * y - grid.origin_y) / grid.resolution
+            col, row = np.int64(np.floor(end_col + 0.5)), np.int64(np.floor(end_row + 0.5))
+            is_inside = margin <= col < num_cols - margin and margin <= row < num_rows - margin
+            is_on_wall = is_inside and is_wall_near(
+                grid.cells, row, col, limits.on_wall, limits.wall
+            )
             if _is_blocked(grid, marks, limits, start_col, start_row, end_col, end_row):
                 behind += 1
+                on_wall_behind += is_on_wall
                 continue
-            col, row = np.int64(np.floor(end_col + 0.5)), np.int64(np.floor(end_row + 0.5))
-            if not (margin <= col < num_cols - margin and margin <= row < num_rows - margin):
+            if not is_inside:
                 continue
-            if is_wall_near(grid.cells, row, col, limits.on_wall, limits.wall):
+            if is_on_wall:
                 on_wall += 1
                 if _is_on_straight(grid.cells, marks, row, col, limits.on_wall, limits.wall):
                     on_straight += 1
@@ -105,6 +111,7 @@ def count_fit(
         out_counts[i, 1] = on_floor
         out_counts[i, 2] = behind
         out_counts[i, 3] = on_straight
+        out_counts[i, 4] = on_wall_behind
 
 
 @kernel

@@ -32,6 +32,10 @@ MAX_PLACES = 12
 SCORE_SCALE, AGREEMENT_SCALE = 0.015, 0.04
 """Differences of score and agreement that make a place e times less probable."""
 
+GLASS_DOUBT = 0.25
+"""Share of the agreement that is due to walls seen through which does not count for the probability
+of a place: where two fit alike, one of them without glass, that is the likelier."""
+
 
 class Candidate(NamedTuple):
     """A place where the robot may be.
@@ -50,7 +54,9 @@ class Candidate(NamedTuple):
     @property
     def log_likelihood(self) -> float:
         """How probable the place is."""
-        agreement = 0.0 if math.isnan(self.fit.agreement) else self.fit.agreement
+        fit = self.fit
+        doubt = GLASS_DOUBT * (fit.agreement - fit.solid_agreement)
+        agreement = 0.0 if math.isnan(fit.agreement) else fit.agreement - doubt
         return self.score / SCORE_SCALE + agreement / AGREEMENT_SCALE
 
 

@@ -193,14 +193,19 @@ def _claim_by_path(
 def _is_refuted(best: Candidate, margins: Margins, needed: Needed, other: Candidate) -> bool:
     """Return whether the best place fits so much better that the other is none.
 
+    Where the best place needs no glass in the map, the other one is given none either.
+
     Parameters
     ----------
     needed : for a claim; where the other place agrees like that, it takes more to refute it.
     """
-    behind = best.fit.agreement - other.fit.agreement
+    here, there = best.fit, other.fit
+    if needed.fits(here.if_solid):
+        here, there = here.if_solid, there.if_solid
+    behind = here.agreement - there.agreement
     lower = best.score - other.score
-    if needed.fits(other.fit) and other.fit.detail >= FITTING_DETAIL * best.fit.detail:
-        less = behind + best.fit.distinctness - other.fit.distinctness
+    if needed.fits(there) and there.detail >= FITTING_DETAIL * here.detail:
+        less = behind + here.distinctness - there.distinctness
         return lower >= margins.fitting and less >= FITTING_LESS
     if lower >= margins.other:
         return True
@@ -209,7 +214,7 @@ def _is_refuted(best: Candidate, margins: Margins, needed: Needed, other: Candid
     if behind >= REFUTING_AGREEMENT and lower > -0.5 * margins.other:
         return True
     detailed = needed.detailed
-    return detailed is not None and lower >= 0.0 and detailed.refutes(best.fit, other.fit)
+    return detailed is not None and lower >= 0.0 and detailed.refutes(here, there)
 
 
 def _claim(known: KnownMap, composite: Composite, best: Candidate, needed: Needed) -> Claim | None:

@@ -16,6 +16,7 @@ from cartoloop.kernels.scan_fit import (
     ON_FLOOR,
     ON_STRAIGHT_WALL,
     ON_WALL,
+    ON_WALL_BEHIND,
     SEEN_THROUGH,
     STRAIGHT,
     FitLimits,
@@ -46,14 +47,19 @@ MIN_PASSES = 3
 """A wall that this number of beams of the map's own scans pass through is seen through, as glass
 and railings are: other beams may pass as well."""
 
+GLASS_SHARE, GLASS_ON_WALL = 0.25, 0.85
+"""Where a map does not show which walls are seen through: if at least the first share of returns
+lies behind walls, and at least the second share of these on other walls, the former are seen
+through, as the railing of an atrium. In wrong places, fewer lie behind walls and on others."""
+
+MIN_GLASS_SCANS = 4
+"""Number of scans that show this: a single one does not tell a railing from the wall of a room."""
+
 LOW_SHARE = 0.1
 """Share of the scans that may be less distinct than what is the distinctness of all."""
 
 MIN_DISTINCT = 5.0
 """Scans with less than this to count are not looked at for distinctness."""
-
-
-_COLUMNS = [ON_WALL, ON_STRAIGHT_WALL, ON_FLOOR, BEHIND_WALL]
 
 
 class Fit(NamedTuple):
@@ -63,12 +69,13 @@ class Fit(NamedTuple):
     ----------
     score : mean probability at the returns.
     agreement : of the returns where the map is known, the share on walls; the others lie on floor
-        or behind walls. NaN where none is counted.
+        or behind walls. Those seen through walls do not count. NaN where none is counted.
     distinctness : the same with a lower weight of returns on straight walls, which lie on walls in
         many wrong places as well. Of several scans, nine of ten reach it. NaN where too few are
         counted.
     num_counted : number of returns where the map is known.
     detail : of these returns, the share on walls that are not straight.
+    solid_agreement : the agreement if no beam passed through any wall.
     """
 
     score: float
@@ -76,6 +83,12 @@ class Fit(NamedTuple):
     distinctness: float
     num_counted: int
     detail: float = 0.0
+    solid_agreement: float = math.nan
+
+    @property
+    def if_solid(self) -> Fit:
+        """The fit if no beam passed through any wall."""
+        return self._replace(agreement=self.solid_agreement)
 
     @property
     def mean_distinctness(self) -> float:
@@ -113,6 +126,7 @@ class FitJudge:
             self._marks,
         )
         self._marks *= STRAIGHT
+        self._knows_passes = False
 
     def passes(self, scans: ScanPoints, beam_origins: FloatArray, poses: FloatArray) -> IntArray:
         """Return how many beams pass through each wall, int64, shape of the map.
@@ -132,6 +146,7 @@ class FitJudge:
         """Set which walls are seen through, given how many beams of the map's scans pass."""
         self._marks &= STRAIGHT
         self._marks[passes >= MIN_PASSES] |= SEEN_THROUGH
+        self._knows_passes = True
 
     def fit(self, scans: ScanPoints, beam_origins: FloatArray, poses: FloatArray) -> Fit:
         """Return how well scans fit together.
@@ -150,17 +165,35 @@ class FitJudge:
             grid.cells, 1, grid.origin_x, grid.origin_y, grid.resolution,
             scans.points, scans.firsts, scans.ends, poses,
         )  # fmt: skip
-        counts = np.zeros((len(scans), 4), dtype=np.int64)
+        counts = np.zeros((len(scans), 5), dtype=np.int64)
         count_fit(
             grid, self._marks, self._limits, ScanBatch(scans.points, scans.firsts, scans.ends),
             np.ascontiguousarray(beam_origins), poses, counts,
         )  # fmt: skip
-        on_wall, straight, on_floor, behind = counts.sum(axis=0)[_COLUMNS].tolist()
-        num_counted = on_wall + on_floor + behind
-        agreement = on_wall / num_counted if num_counted else math.nan
+        solid_agreement, _ = _agreement(counts)
+        if not self._knows_passes and _is_behind_glass(counts):
+            counts[:, BEHIND_WALL] -= counts[:, ON_WALL_BEHIND]
+        agreement, num_counted = _agreement(counts)
+        on_wall, straight = counts[:, [ON_WALL, ON_STRAIGHT_WALL]].sum(axis=0).tolist()
         score = mean_probability(float(total) / num_points)
         detail = (on_wall - straight) / max(num_counted, 1)
-        return Fit(score, agreement, _distinctness(counts), num_counted, detail)
+        return Fit(score, agreement, _distinctness(counts), num_counted, detail, solid_agreement)
+
+
+def _agreement(counts: IntArray) -> tuple[float, int]:
+    """Return the share of returns on walls, NaN of none, and the number that is counted."""
+    on_wall, on_floor, behind = counts[:, [ON_WALL, ON_FLOOR, BEHIND_WALL]].sum(axis=0).tolist()
+    num_counted = on_wall + on_floor + behind
+    return on_wall / num_counted if num_counted else math.nan, num_counted
+
+
+def _is_behind_glass(counts: IntArray) -> bool:
+    """Return whether the returns behind walls are seen through them."""
+    if len(counts) < MIN_GLASS_SCANS:
+        return False
+    _, num_counted = _agreement(counts)
+    behind, on_wall_behind = counts[:, [BEHIND_WALL, ON_WALL_BEHIND]].sum(axis=0).tolist()
+    return bool(behind >= GLASS_SHARE * num_counted and on_wall_behind >= GLASS_ON_WALL * behind)
 
 
 def _distinctness(counts: IntArray) -> float:
