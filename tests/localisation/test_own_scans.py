@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from cartoloop.localisation.fit import FitJudge
+from cartoloop.localisation.fit import MIN_GLASS_SCANS, FitJudge
 from cartoloop.localisation.known_map import known_map_of
 from cartoloop.localisation.own_scans import learn_from_own_scans
 from cartoloop.sensor.pose import IDENTITY, Pose
@@ -87,8 +87,8 @@ def test_straight_walls_alone_make_no_distinct_place():
     assert fit.distinctness < 0.6
 
 
-def with_screen():
-    """Return the room with a screen around the robot, which is no obstacle to its beams."""
+def fit_within_screen(scan, count=MIN_GLASS_SCANS):
+    """Return how scans fit in the room with a screen around the robot, which they pass."""
     (x, y), half = START[:2], 0.8
     screen = (
         (x - half, y - half),
@@ -96,20 +96,27 @@ def with_screen():
         (x + half, y + half),
         (x - half, y + half),
     )
-    return known_map((*ROOM, screen))
+    judge = FitJudge(known_map((*ROOM, screen)).cell_grid)
+    return judge.fit(ScanPoints.of([scan] * count), np.zeros((count, 2)), np.array([START] * count))
 
 
-def test_most_beams_end_on_walls_behind_glass():
-    fit = with_screen().fit(points(ROOM, START), IDENTITY, START)
+def test_most_beams_of_several_scans_end_behind_glass():
+    fit = fit_within_screen(points(ROOM, START))
 
     assert fit.solid_agreement < 0.5
     assert fit.agreement > 0.95
 
 
-def test_beams_behind_walls_that_end_on_floor_contradict_the_place():
+def test_a_single_scan_shows_no_glass():
+    fit = fit_within_screen(points(ROOM, START), count=1)
+
+    assert fit.agreement == fit.solid_agreement < 0.5
+
+
+def test_beams_that_end_on_floor_show_no_glass():
     scan = points(ROOM, START)
     scan[::4] *= 0.8
 
-    fit = with_screen().fit(scan, IDENTITY, START)
+    fit = fit_within_screen(scan)
 
     assert fit.agreement == fit.solid_agreement < 0.5

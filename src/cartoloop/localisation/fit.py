@@ -53,7 +53,7 @@ lies behind walls, and at least the second share of these on other walls, the fo
 through, as the railing of an atrium. In wrong places, fewer lie behind walls and on others."""
 
 MIN_GLASS_SCANS = 4
-"""Number of scans that show this: a single one does not tell a railing from the wall of a room."""
+"""Number of scans that show this: a single one may show the wall of another room."""
 
 LOW_SHARE = 0.1
 """Share of the scans that may be less distinct than what is the distinctness of all."""
