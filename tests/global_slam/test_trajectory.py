@@ -79,6 +79,23 @@ def test_scans_between_nodes_share_the_correction_evenly():
     assert found[:, 1] == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8])
 
 
+def test_a_steady_error_of_the_heading_is_undone():
+    angles = np.linspace(0.0, 0.4, 60)  # the odometry veers on a straight way
+    local = np.column_stack((100.0 * np.sin(angles), 100.0 * (1.0 - np.cos(angles)), angles))
+    nodes = np.array([(0.0, 0.0, 0.0), (40.0, 0.0, 0.0)])
+    found = optimized_trajectory(local, np.array([0, 59]), nodes)
+    assert found[:, 0] == pytest.approx(100.0 * angles, abs=0.02)
+    assert found[:, 1] == pytest.approx(0.0, abs=0.02)
+    assert found[:, 2] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_robot_that_stands_takes_no_share():
+    local = np.array([(0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (2.0, 0.0, 0.0), (4.0, 0.0, 0.0)])
+    nodes = np.array([(0.0, 0.0, 0.0), (4.0, 0.8, 0.0)])
+    found = optimized_trajectory(local, np.array([0, 3]), nodes)
+    assert found[:, 1] == pytest.approx([0.0, 0.4, 0.4, 0.8])
+
+
 def test_a_turn_between_two_nodes_is_shared_the_shorter_way():
     local = np.zeros((3, 3))
     nodes = np.array([(0.0, 0.0, 3.0), (0.0, 0.0, -3.0)])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cartoloop.arrays import FloatArray
-from cartoloop.sensor.pose import compose_all, relative_all, wrap_angles
+from cartoloop.sensor.pose import wrap_angles
 
 STRIDE_M = 0.1
 """Shortest step that adds to the path length [m]: shorter ones are noise of the poses."""
@@ -28,8 +28,11 @@ def optimized_trajectory(
 
     Notes
     -----
-    The pose of a scan is interpolated linearly between its local pose relative to the node before
-    and that relative to the node after, by the number of scans.
+    Between two nodes the path is that of the local poses, whose steps are turned by an even share
+    of what the nodes are turned by, and moved by an even share of what is then missing. So a
+    constant error of the odometry's heading is undone where a robot sees no walls for long; shares
+    of the poses alone would leave an arc. Before the first node and after the last one the path is
+    moved with that node.
     """
     if len(node_scan_index) == 0 or len(local) == 0:
         return local.copy()
@@ -38,16 +41,48 @@ def optimized_trajectory(
     before = np.clip(np.searchsorted(node_scan_index, scans, side="right") - 1, 0, None)
     after = np.minimum(after, len(node_scan_index) - 1)
     first, last = node_scan_index[before], node_scan_index[after]
-    by_before = compose_all(node_poses[before], relative_all(local[first], local))
-    by_after = compose_all(node_poses[after], relative_all(local[last], local))
-    share = np.where(last > first, (scans - first) / np.maximum(last - first, 1), 0.0)[
-        :, np.newaxis
-    ]
-    difference = by_after - by_before
-    difference[:, 2] = wrap_angles(difference[:, 2])
-    trajectory = by_before + share * difference
+    share = _shares(local, first, last)
+    turn = node_poses[:, 2] - local[node_scan_index, 2]  # tf_map_local at each node
+    turned = turn[before] + share * wrap_angles(turn[after] - turn[before])
+    path = _turned_path(local, turned)
+    begin, end = node_poses[before, :2], node_poses[after, :2]
+    places = begin + path - path[first]
+    is_between = last > first
+    # The path itself ends at the next node as well: what its steps miss until there.
+    missed = np.where(is_between[:, np.newaxis], end - begin - (path[last] - path[first]), 0.0)
+    trajectory = np.column_stack((places + share[:, np.newaxis] * missed, local[:, 2] + turned))
     trajectory[:, 2] = wrap_angles(trajectory[:, 2])
+    trajectory[node_scan_index] = node_poses
     return trajectory
+
+
+def _shares(local: FloatArray, first: NDArray[np.int64], last: NDArray[np.int64]) -> FloatArray:
+    """Return which share of the way between two scans each scan has come, shape (n,).
+
+    A radian of a turn counts as much as a metre. Where there is no way, scans count.
+    """
+    steps = np.diff(local, axis=0)
+    way = np.zeros(len(local))
+    way[1:] = np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + np.abs(wrap_angles(steps[:, 2])))
+    scans = np.arange(len(local), dtype=np.float64)
+    whole, count = way[last] - way[first], np.maximum(last - first, 1)
+    by_way = (way - way[first]) / np.where(whole > 0.0, whole, 1.0)
+    return np.where(whole > 0.0, by_way, np.where(last > first, (scans - first) / count, 0.0))
+
+
+def _turned_path(local: FloatArray, turned: FloatArray) -> FloatArray:
+    """Return the places that local poses lead to, each step turned, shape (n, 2); from (0, 0) on.
+
+    Parameters
+    ----------
+    turned : angle at each scan, shape (n,); a step is turned by the mean of both its ends [rad].
+    """
+    angles = turned[:-1] + 0.5 * wrap_angles(np.diff(turned))
+    cos, sin = np.cos(angles), np.sin(angles)
+    x, y = np.diff(local[:, :2], axis=0).T
+    path = np.zeros((len(local), 2))
+    path[1:] = np.cumsum(np.column_stack((cos * x - sin * y, sin * x + cos * y)), axis=0)
+    return path
 
 
 def path_length(trajectory: FloatArray) -> float:
