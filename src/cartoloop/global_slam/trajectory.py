@@ -47,8 +47,7 @@ def optimized_trajectory(
     path = _turned_path(local, turned)
     begin, end = node_poses[before, :2], node_poses[after, :2]
     places = begin + path - path[first]
-    is_between = last > first
-    # The path itself ends at the next node as well: what its steps miss until there.
+    is_between = last > first  # otherwise the path is moved with the only node next to it
     missed = np.where(is_between[:, np.newaxis], end - begin - (path[last] - path[first]), 0.0)
     trajectory = np.column_stack((places + share[:, np.newaxis] * missed, local[:, 2] + turned))
     trajectory[:, 2] = wrap_angles(trajectory[:, 2])
@@ -57,17 +56,19 @@ def optimized_trajectory(
 
 
 def _shares(local: FloatArray, first: NDArray[np.int64], last: NDArray[np.int64]) -> FloatArray:
-    """Return which share of the way between two scans each scan has come, shape (n,).
+    """Return which share of the path between two scans lies before each scan, shape (n,).
 
-    A radian of a turn counts as much as a metre. Where there is no way, scans count.
+    A radian of a turn counts as much as a metre. Where the robot stands, scans are counted.
     """
     steps = np.diff(local, axis=0)
-    way = np.zeros(len(local))
-    way[1:] = np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + np.abs(wrap_angles(steps[:, 2])))
-    scans = np.arange(len(local), dtype=np.float64)
-    whole, count = way[last] - way[first], np.maximum(last - first, 1)
-    by_way = (way - way[first]) / np.where(whole > 0.0, whole, 1.0)
-    return np.where(whole > 0.0, by_way, np.where(last > first, (scans - first) / count, 0.0))
+    travelled = np.zeros(len(local))
+    travelled[1:] = np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + np.abs(wrap_angles(steps[:, 2])))
+    whole = travelled[last] - travelled[first]
+    by_path = (travelled - travelled[first]) / np.where(whole > 0.0, whole, 1.0)
+    by_scans = np.where(
+        last > first, (np.arange(len(local)) - first) / np.maximum(last - first, 1), 0.0
+    )
+    return np.where(whole > 0.0, by_path, by_scans)
 
 
 def _turned_path(local: FloatArray, turned: FloatArray) -> FloatArray:

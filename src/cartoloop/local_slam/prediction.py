@@ -23,7 +23,7 @@ class Prediction(NamedTuple):
         yy, yt, tt).
     fallbacks : returns other poses to try if the prediction fails: at rest and at constant
         velocity. Valid until the pose of the scan is added.
-    stands : whether the odometry reports no motion at all, be it not known yet whether it works.
+    stands : whether the odometry reports no motion at all, also before it is known to work.
     over_jump : pose by odometry that jumped, as it was reported; None if it did not jump.
     """
 

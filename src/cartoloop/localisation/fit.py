@@ -170,8 +170,8 @@ class FitJudge:
             grid, self._marks, self._limits, ScanBatch(scans.points, scans.firsts, scans.ends),
             np.ascontiguousarray(beam_origins), poses, counts,
         )  # fmt: skip
-        solid_agreement, _ = _agreement(counts)
-        if not self._knows_passes and _is_behind_glass(counts):
+        solid_agreement, num_counted = _agreement(counts)
+        if not self._knows_passes and _is_behind_glass(counts, num_counted):
             counts[:, BEHIND_WALL] -= counts[:, ON_WALL_BEHIND]
         agreement, num_counted = _agreement(counts)
         on_wall, straight = counts[:, [ON_WALL, ON_STRAIGHT_WALL]].sum(axis=0).tolist()
@@ -187,11 +187,10 @@ def _agreement(counts: IntArray) -> tuple[float, int]:
     return on_wall / num_counted if num_counted else math.nan, num_counted
 
 
-def _is_behind_glass(counts: IntArray) -> bool:
+def _is_behind_glass(counts: IntArray, num_counted: int) -> bool:
     """Return whether the returns behind walls are seen through them."""
     if len(counts) < MIN_GLASS_SCANS:
         return False
-    _, num_counted = _agreement(counts)
     behind, on_wall_behind = counts[:, [BEHIND_WALL, ON_WALL_BEHIND]].sum(axis=0).tolist()
     return bool(behind >= GLASS_SHARE * num_counted and on_wall_behind >= GLASS_ON_WALL * behind)
 
