@@ -15,7 +15,8 @@ from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.config import WideSearchConfig
 from cartoloop.global_slam.submap_paths import UNCONNECTED_M
 from cartoloop.growing_array import GrowingArray
-from cartoloop.sensor.pose import Pose, relative, transform_points
+from cartoloop.kernels.moved_points import moved_points
+from cartoloop.sensor.pose import Pose, relative
 from cartoloop.sensor.range_filter import thin
 from cartoloop.sensor.scan_points import NodePoints, ScanPoints
 
@@ -100,5 +101,5 @@ class CompositeScans:
         parts = []
         for node in range(newest, oldest - 1, -step):
             pose = Pose(*self._tf_local_node.view[node].tolist())
-            parts.append(transform_points(relative(tf_local_newest, pose), node_points[node]))
+            parts.append(moved_points(*relative(tf_local_newest, pose), node_points[node]))
         return thin(np.concatenate(parts), config.adaptive_voxel_filter)

@@ -43,20 +43,21 @@ def points_behind_walls(
     """
     count = returns.shape[0]
     behind = np.empty((count, 2))
-    num_behind = 0
+    num_behind, longest = 0, (3.0 * reach) ** 2
     for k in range(1, count - 1):
         first, last = _end_of_wall(returns, k, -1, reach), _end_of_wall(returns, k, 1, reach)
         before_x, before_y = returns[k, 0] - returns[first, 0], returns[k, 1] - returns[first, 1]
         after_x, after_y = returns[last, 0] - returns[k, 0], returns[last, 1] - returns[k, 1]
-        before, after = math.hypot(before_x, before_y), math.hypot(after_x, after_y)
-        if not (0.0 < before <= 3.0 * reach and 0.0 < after <= 3.0 * reach):
+        before, after = before_x**2 + before_y**2, after_x**2 + after_y**2
+        if not (0.0 < before <= longest and 0.0 < after <= longest):
             continue
-        if before_x * after_x + before_y * after_y < min_straightness * before * after:
+        product = math.sqrt(before * after)
+        if before_x * after_x + before_y * after_y < min_straightness * product:
             continue
         along_x, along_y = before_x + after_x, before_y + after_y
         # the side of the wall on which the origin is not
         facing = along_x * (returns[k, 1] - origin_y) - along_y * (returns[k, 0] - origin_x)
-        shift = math.copysign(depth, facing) / math.hypot(along_x, along_y)
+        shift = math.copysign(depth, facing) / math.sqrt(along_x**2 + along_y**2)
         behind[num_behind, 0] = returns[k, 0] - shift * along_y
         behind[num_behind, 1] = returns[k, 1] + shift * along_x
         num_behind += 1

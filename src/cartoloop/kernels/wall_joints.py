@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from cartoloop._jit import kernel
+from cartoloop._jit import inlined_kernel, kernel
 from cartoloop.arrays import FloatArray
 
 
@@ -33,14 +33,18 @@ def wall_joints(
     """
     count = returns.shape[0]
     num_points = np.zeros(max(count - 1, 0), dtype=np.int64)
+    lengths = np.empty(max(count - 1, 0))
+    for k in range(count - 1):
+        x, y = returns[k + 1, 0] - returns[k, 0], returns[k + 1, 1] - returns[k, 1]
+        lengths[k] = math.hypot(x, y)
     total = 0
     for k in range(1, count - 2):
         if (
-            _length(returns, k) > spacing
-            and _goes_on(returns, k - 1, max_gap, min_straightness)
-            and _goes_on(returns, k, max_gap, min_straightness)
+            lengths[k] > spacing
+            and _goes_on(returns, lengths, k - 1, max_gap, min_straightness)
+            and _goes_on(returns, lengths, k, max_gap, min_straightness)
         ):
-            num_points[k] = math.ceil(_length(returns, k) / spacing) - 1
+            num_points[k] = math.ceil(lengths[k] / spacing) - 1
             total += num_points[k]
     joints = np.empty((total, 2))
     row = 0
@@ -54,20 +58,15 @@ def wall_joints(
     return joints
 
 
-@kernel
-def _length(returns: FloatArray, k: int) -> float:
-    """Return the distance from a return to the next one [m]."""
-    return math.hypot(returns[k + 1, 0] - returns[k, 0], returns[k + 1, 1] - returns[k, 1])
-
-
-@kernel
-def _goes_on(returns: FloatArray, k: int, max_gap: float, min_straightness: float) -> bool:
+@inlined_kernel
+def _goes_on(
+    returns: FloatArray, lengths: FloatArray, k: int, max_gap: float, min_straightness: float
+) -> bool:
     """Return whether the lines from a return to the next two are one wall."""
-    first, second = _length(returns, k), _length(returns, k + 1)
-    if not max(first, second) <= max_gap:
+    if not max(lengths[k], lengths[k + 1]) <= max_gap:
         return False
     along = 0.0
     for axis in range(2):
         middle = returns[k + 1, axis]
         along += (middle - returns[k, axis]) * (returns[k + 2, axis] - middle)
-    return bool(along >= min_straightness * first * second)
+    return bool(along >= min_straightness * lengths[k] * lengths[k + 1])

@@ -19,6 +19,7 @@ from cartoloop.config import (
 )
 from cartoloop.errors import InputError
 from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes
+from cartoloop.kernels.moved_points import moved_points
 from cartoloop.local_slam.degenerate_direction import degenerate_direction
 from cartoloop.local_slam.first_map import FirstMap
 from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S
@@ -35,7 +36,7 @@ from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
-from cartoloop.sensor.pose import Pose, compose, transform_points
+from cartoloop.sensor.pose import Pose, compose
 from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
 from cartoloop.sensor.sweep_motion import SweepMotion
 from cartoloop.sensor.wall_normals import normal_ratio
@@ -380,8 +381,8 @@ class LocalSlam:
             try:
                 insertion = self._active.insert(
                     compose(tf_local_tracking, data.tf_tracking_sensor),
-                    transform_points(tf_local_tracking, data.returns),
-                    transform_points(tf_local_tracking, data.misses),
+                    moved_points(*tf_local_tracking, data.returns),
+                    moved_points(*tf_local_tracking, data.misses),
                     tf_local_robot=tf_local_tracking,
                     starts_over=by_odometry is not None,
                 )

@@ -72,7 +72,7 @@ class OdometryMotion:
     @property
     def has_readings(self) -> bool:
         """Whether there is any."""
-        return len(self._track) > 0
+        return self._track.latest > -math.inf
 
     @property
     def is_stale(self) -> bool:

@@ -64,7 +64,8 @@ class OdometryReadings:
     def pose(self, row: int) -> Pose:
         """Return the pose of a reading, counted from the end if `row` is negative."""
         first = 3 * (row if row >= 0 else len(self.times) + row)
-        return Pose(*self._poses[first : first + 3])
+        numbers = self._poses
+        return Pose(numbers[first], numbers[first + 1], numbers[first + 2])
 
     def append(self, time: float, pose: Pose) -> None:
         """Add a reading that is newer than all others."""

@@ -290,7 +290,16 @@ class _Pace(NamedTuple):
         turned = self.turned + abs(wrap_angle(after.theta - before.theta))
         duration = time - self.begin
         if duration < PACE_S:
-            return self._replace(last=time, changed=changed, moved=moved, turned=turned)
+            return _Pace(  # a third of the time of _replace
+                self.begin,
+                time,
+                changed,
+                moved,
+                turned,
+                self.num_paces,
+                self.fastest,
+                self.fastest_rate,
+            )
         return _Pace(
             begin=time,
             last=time,
