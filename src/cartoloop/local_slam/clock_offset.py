@@ -10,7 +10,7 @@ import numpy as np
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.local_slam.odometry_track import MAX_PERIOD_S
 
-OFFSETS_S: FloatArray = np.arange(-20.0, 61.0) * 0.02
+OFFSETS_S: FloatArray = np.arange(-60.0, 61.0) * 0.02
 """Clock offsets tried [s], in steps of a tenth of the usual time between scans; positive: the
 reading is newer than the scan of the same stamp. Radish logs have 0.14 to 0.64 s."""
 
@@ -20,7 +20,7 @@ MIN_TURN_RAD = 0.02
 MIN_LOG_ODDS = math.log(20.0)
 """An offset must be this much more likely than none, as a logarithm."""
 
-INDEPENDENT_OFFSETS = 8
+INDEPENDENT_OFFSETS = 12
 """Number of offsets among those tried that differ in what they explain: turns begin and end within
 some 0.2 s."""
 

@@ -32,7 +32,7 @@ delays that are tried add up to, and half a sweep."""
 KNOWN_SHIFTS_S: tuple[float, ...] = (-0.1, 0.1)
 """Times by which odometry may be late once its clock is known [s]."""
 
-UNKNOWN_SHIFTS_S: tuple[float, ...] = tuple(0.1 * k for k in range(-4, 13) if k)
+UNKNOWN_SHIFTS_S: tuple[float, ...] = tuple(0.1 * k for k in range(-12, 13) if k)
 """The same before its clock is known [s]."""
 
 
