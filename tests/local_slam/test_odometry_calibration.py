@@ -81,7 +81,7 @@ def calibrated(model, **kwargs):
     return estimate(stamps, matched(stamps, way, **kwargs), stamps, odometry, UNKNOWN)
 
 
-@pytest.mark.parametrize("offset", [-0.25, 0.0, 0.14, 0.64])
+@pytest.mark.parametrize("offset", [-0.64, -0.25, 0.0, 0.14, 0.64])
 def test_the_offset_of_the_clock_is_found(offset):
     found = calibrated(OdometryParameters(time_offset=offset))
     assert found.time_offset == pytest.approx(offset, abs=0.02)
