@@ -24,6 +24,7 @@ from cartoloop.errors import ConfigError
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score, refine_all
 from cartoloop.kernels.map_changes import LookLimits, note_look
+from cartoloop.kernels.moved_points import moved_points
 from cartoloop.lifelong.selection import select
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.localisation.changes.watch import no_looks
@@ -46,7 +47,7 @@ from cartoloop.submaps.probability_grid import (
 from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (
-    "local SLAM", "filter", "thin", "cast rays", "update cells", "insert", "match", "correlative",
+    "local SLAM", "filter", "thin", "move", "cast rays", "update cells", "insert", "match", "correlative",
     "wall step",
     "finish", "precompute", "mean score", "agree", "fit", "changes", "displace", "branch and bound",
     "match again", "compose map", "fade",
@@ -134,8 +135,12 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
         partial(thin, data.returns, thinning), len(data.returns), "points",
     )  # fmt: skip
     sensor = compose(tf_local_tracking, data.tf_tracking_sensor)
-    returns = transform_points(tf_local_tracking, data.returns)
-    misses = transform_points(tf_local_tracking, data.misses)
+    returns = moved_points(*tf_local_tracking, data.returns)
+    misses = moved_points(*tf_local_tracking, data.misses)
+    yield Workload(
+        "move", ("moved_points",), case,
+        partial(moved_points, *tf_local_tracking, data.returns), len(data.returns), "points",
+    )  # fmt: skip
     resolution = config.local_slam.submaps.resolution
     rays = len(returns) + len(misses)
     yield Workload(

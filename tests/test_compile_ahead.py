@@ -63,6 +63,7 @@ LOCAL_SLAM = {
     "behind_walls",
     "correlative",
     "grid_update",
+    "moved_points",
     "outline_lines",
     "outline_shift",
     "pixel_rows",
