@@ -102,6 +102,10 @@ class Figure:
         return f"{shown} ± {format_number((self.high - self.low) / 2, digits=2)}"
 
 
+_MEASURED_AT = "measured at"
+"""What the note of a row that was measured at another commit begins with."""
+
+
 @dataclass(frozen=True, slots=True)
 class Row:
     """The figures of one case.
@@ -116,6 +120,12 @@ class Row:
     case: Case
     figures: dict[str, Figure] = field(default_factory=dict)
     notes: str = ""
+
+    def with_note(self, commit_note: str) -> Row:
+        """Return the row with a note on its commit, unless it has one of an earlier commit."""
+        if not commit_note or _MEASURED_AT in self.notes:
+            return self
+        return replace(self, notes="; ".join(filter(None, (self.notes, commit_note))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,10 +156,8 @@ class Record:
         """
         cases = [row.case for row in self.rows]
         commit = before.environment.get("commit", "unknown")
-        note = "" if commit == self.environment.get("commit") else f"measured at {commit}"
-        kept = [
-            replace(row, notes=row.notes or note) for row in before.rows if row.case not in cases
-        ]
+        note = "" if commit == self.environment.get("commit") else f"{_MEASURED_AT} {commit}"
+        kept = [row.with_note(note) for row in before.rows if row.case not in cases]
         rows = [*kept, *self.rows]
         firsts = list(dict.fromkeys(next(iter(row.case.values()), "") for row in rows))
         rows.sort(key=lambda row: firsts.index(next(iter(row.case.values()), "")))

@@ -155,3 +155,11 @@ def test_rows_that_were_not_measured_again_are_kept() -> None:
     assert [row.figures["time"].value for row in again.rows] == [1.0, 3.0]
     assert [row.notes for row in again.rows] == ["measured at one", ""]
     assert again.environment == {"commit": "two"}
+
+
+def test_a_row_keeps_its_note_beside_that_on_its_commit() -> None:
+    missing = Record("some", (Row({"what": "a"}, {}, "nothing there"),), {"commit": "one"})
+    second = Record("some", (), {"commit": "two"}).with_rows_of(missing)
+    third = Record("some", (), {"commit": "three"}).with_rows_of(second)
+
+    assert [row.notes for row in third.rows] == ["nothing there; measured at one"]
