@@ -121,11 +121,12 @@ class Row:
     figures: dict[str, Figure] = field(default_factory=dict)
     notes: str = ""
 
-    def with_note(self, commit_note: str) -> Row:
-        """Return the row with a note on its commit, unless it has one of an earlier commit."""
-        if not commit_note or _MEASURED_AT in self.notes:
+    def measured_at(self, commit: str) -> Row:
+        """Return the row with the commit in its notes, unless they name an earlier one."""
+        if _MEASURED_AT in self.notes:
             return self
-        return replace(self, notes="; ".join(filter(None, (self.notes, commit_note))))
+        note = f"{_MEASURED_AT} {commit}"
+        return replace(self, notes=f"{self.notes}; {note}" if self.notes else note)
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,8 +157,9 @@ class Record:
         """
         cases = [row.case for row in self.rows]
         commit = before.environment.get("commit", "unknown")
-        note = "" if commit == self.environment.get("commit") else f"{_MEASURED_AT} {commit}"
-        kept = [row.with_note(note) for row in before.rows if row.case not in cases]
+        kept = [row for row in before.rows if row.case not in cases]
+        if commit != self.environment.get("commit"):
+            kept = [row.measured_at(commit) for row in kept]
         rows = [*kept, *self.rows]
         firsts = list(dict.fromkeys(next(iter(row.case.values()), "") for row in rows))
         rows.sort(key=lambda row: firsts.index(next(iter(row.case.values()), "")))

@@ -15,10 +15,11 @@ from bench.commands.shared import (
     RepeatOption,
     StrictOption,
     conclude,
+    conclude_with_table,
     data_folder,
     earlier_record,
     names_of,
-    print_table,
+    show_progress,
 )
 
 
@@ -52,7 +53,7 @@ def bench_paper(
         experiments=names_of(only) or experiments.EXPERIMENTS,
         logs=names_of(logs),
     )
-    record = experiments.run(options, lambda line: typer.echo(line, err=True))
+    record = experiments.run(options, show_progress)
     parts = sections(record, out / "paper")
     title = page_text()["paper"]["title"]
     write_file(out / "paper.md", to_markdown(title, parts))
@@ -71,8 +72,7 @@ def bench_false_closures(
 
     before = earlier_record(against, "false-closures")
     record = false_closures.run(seeds)
-    print_table(record)
-    conclude(record, out, before, strict)
+    conclude_with_table(record, out, before, strict)
 
 
 def bench_robustness(
@@ -128,9 +128,8 @@ def bench_robustness(
         relations=relations,
         keep=keep,
     )
-    record = benchmark.run(options, lambda line: typer.echo(line, err=True))
-    print_table(record)
-    conclude(record, out, before, strict)
+    record = benchmark.run(options, show_progress)
+    conclude_with_table(record, out, before, strict)
 
 
 def bench_verdict(
@@ -144,6 +143,5 @@ def bench_verdict(
     from bench.verdict import benchmark
 
     before = earlier_record(against, "verdict")
-    record = benchmark.run(maps, lambda line: typer.echo(line, err=True), first_seed)
-    print_table(record)
-    conclude(record, out, before, strict)
+    record = benchmark.run(maps, show_progress, first_seed)
+    conclude_with_table(record, out, before, strict)

@@ -13,11 +13,11 @@ from bench.commands.shared import (
     DataOption,
     OutOption,
     StrictOption,
-    conclude,
+    conclude_with_table,
     data_folder,
     earlier_record,
     names_of,
-    print_table,
+    show_progress,
 )
 
 
@@ -40,9 +40,8 @@ def bench_lifelong(
 
     before = earlier_record(against, "lifelong")
     options = lifelong.LifelongOptions(drives, seed, not keep_all, keep)
-    record = lifelong.run(options, lambda line: typer.echo(line, err=True))
-    print_table(record)
-    conclude(record, out, before, strict)
+    record = lifelong.run(options, show_progress)
+    conclude_with_table(record, out, before, strict)
 
 
 def bench_localisation(
@@ -76,10 +75,9 @@ def bench_localisation(
     kept = read_record(path) if add and path.exists() else None
     parts = tuple(only or (*benchmark.RECORDINGS, *benchmark.PARTS))
     options = benchmark.Options(scans, drives, seeds, hours, parts, first_seed)
-    record = benchmark.run(data_folder(data), options, lambda line: typer.echo(line, err=True))
+    record = benchmark.run(data_folder(data), options, show_progress)
     record = record if kept is None else record.with_rows_of(kept)
-    print_table(record)
-    conclude(record, out, before, strict)
+    conclude_with_table(record, out, before, strict)
 
 
 def bench_kills(
@@ -97,9 +95,8 @@ def bench_kills(
     from bench import kills as benchmark
 
     before = earlier_record(against, "kills")
-    record = benchmark.run(kills, saving, seed, lambda line: typer.echo(line, err=True))
-    print_table(record)
-    conclude(record, out, before, strict)
+    record = benchmark.run(kills, saving, seed, show_progress)
+    conclude_with_table(record, out, before, strict)
     if strict and any(row.figures["faults"].value for row in record.rows):
         raise typer.Exit(1)
 
@@ -126,10 +123,9 @@ def bench_resume(
         seed=seed,
         data=folder,
         is_quick=quick,
-        progress=lambda line: typer.echo(line, err=True),
+        progress=show_progress,
     )
-    print_table(record)
-    conclude(record, out, before, strict)
+    conclude_with_table(record, out, before, strict)
     if strict and any(row.figures["faults"].value for row in record.rows):
         raise typer.Exit(1)
 
@@ -150,11 +146,8 @@ def bench_journal(
     from bench import journal_cost
 
     before = earlier_record(against, "journal")
-    record = journal_cost.run(
-        log, pairs, progress=lambda line: typer.echo(line, err=True), saved_map=saved_map
-    )
-    print_table(record)
-    conclude(record, out, before, strict)
+    record = journal_cost.run(log, pairs, progress=show_progress, saved_map=saved_map)
+    conclude_with_table(record, out, before, strict)
 
 
 def bench_sessions(
@@ -192,6 +185,5 @@ def bench_sessions(
     counts = [int(count) for count in names_of(cuts)]
     wings = range(first_seed, first_seed + seeds)
     chosen = sessions.Chosen(data_folder(data), names, counts, strangers, wings, again, relations)
-    record = sessions.run(chosen, out, lambda line: typer.echo(line, err=True))
-    print_table(record)
-    conclude(record, out, before, strict)
+    record = sessions.run(chosen, out, show_progress)
+    conclude_with_table(record, out, before, strict)

@@ -15,10 +15,12 @@ from bench.commands.shared import (
     RepeatOption,
     StrictOption,
     conclude,
+    conclude_with_table,
     data_folder,
     earlier_record,
     names_of,
     print_table,
+    show_progress,
 )
 
 
@@ -43,11 +45,8 @@ def bench_live(
     if not numbers or min(numbers) <= 0.0:
         raise typer.BadParameter("give numbers above 0", param_hint="--paces")
     before = earlier_record(against, "live")
-    record = live.run(
-        numbers, seconds, log=log, progress=lambda line: typer.echo(line, err=True), repeats=repeat
-    )
-    print_table(record)
-    conclude(record, out, before, strict)
+    record = live.run(numbers, seconds, log=log, progress=show_progress, repeats=repeat)
+    conclude_with_table(record, out, before, strict)
 
 
 def bench_viewer(
@@ -76,7 +75,7 @@ def bench_viewer(
 
     before = earlier_record(against, "viewer")
     options = benchmark.ViewOptions(log, scans, pace, watched_scans, repeat)
-    record = benchmark.run(options, lambda line: typer.echo(line, err=True))
+    record = benchmark.run(options, show_progress)
     print_table(record)
     missed = benchmark.misses(record)
     for line in missed:
@@ -110,7 +109,7 @@ def bench_fuzz(
         data=folder if folder.is_dir() else None,
         only=only,
     )
-    results = run_all(options, lambda line: typer.echo(line, err=True))
+    results = run_all(options, show_progress)
     typer.echo(results.table())
     conclude(results.record(), out, before, strict)
     if results.failures or results.total < inputs:

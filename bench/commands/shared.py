@@ -57,10 +57,21 @@ def earlier_record(path: Path | None, benchmark: str) -> Record | None:
     return found
 
 
+def show_progress(line: str) -> None:
+    """Print a line about a run that takes long, beside its output."""
+    typer.echo(line, err=True)
+
+
 def print_table(record: Record) -> None:
     """Print the figures of a record, and where they were measured."""
     typer.echo(", ".join(f"{name} {value}" for name, value in record.environment.items()))
     typer.echo(f"\n{record.to_table()}\n")
+
+
+def conclude_with_table(record: Record, out: Path, before: Record | None, strict: bool) -> None:
+    """Print the figures of a record, and :func:`conclude`."""
+    print_table(record)
+    conclude(record, out, before, strict)
 
 
 def conclude(record: Record, out: Path, before: Record | None, strict: bool) -> None:

@@ -14,11 +14,11 @@ from bench.commands.shared import (
     OutOption,
     RepeatOption,
     StrictOption,
-    conclude,
+    conclude_with_table,
     data_folder,
     earlier_record,
     names_of,
-    print_table,
+    show_progress,
 )
 
 
@@ -34,8 +34,7 @@ def bench_kernels(
 
     before = earlier_record(against, "kernels")
     record = kernels.run(repeat, names_of(only))
-    print_table(record)
-    conclude(record, out, before, strict)
+    conclude_with_table(record, out, before, strict)
 
 
 def bench_matching(
@@ -50,8 +49,7 @@ def bench_matching(
 
     before = earlier_record(against, "matching")
     record = benchmark.run(repeat, data_folder(data))
-    print_table(record)
-    conclude(record, out, before, strict)
+    conclude_with_table(record, out, before, strict)
 
 
 def bench_adjustment(
@@ -67,8 +65,7 @@ def bench_adjustment(
 
     before = earlier_record(against, "adjustment")
     record = benchmark.run(repeat, data_folder(data), largest)
-    print_table(record)
-    conclude(record, out, before, strict)
+    conclude_with_table(record, out, before, strict)
 
 
 def bench_scaling(
@@ -85,8 +82,5 @@ def bench_scaling(
     from bench import scaling
 
     before = earlier_record(against, scaling.name_of(again))
-    record = scaling.run(
-        times, again=again, repeats=repeat, progress=lambda line: typer.echo(line, err=True)
-    )
-    print_table(record)
-    conclude(record, out, before, strict)
+    record = scaling.run(times, again=again, repeats=repeat, progress=show_progress)
+    conclude_with_table(record, out, before, strict)
