@@ -38,7 +38,7 @@ test: .venv/.installed-dev
 	@$(MAKE) --no-print-directory --jobs=2 check kernels
 	@$(MAKE) --no-print-directory boundscheck
 	@tests/viewer/install_browser.sh
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 3 --dist loadfile
 
 # Two processes compile at first, each what the other has not. Warnings of new libraries about old
 # ones are no faults.
