@@ -43,7 +43,8 @@ def examine(
     points = content.node_points
     scans = points if isinstance(points, ScanPoints) else ScanPoints.of(points)
     paths = by_session.paths_apart(path_lengths(content.graph.node_poses), content.sessions)
-    pairs = compared_pairs(content, scans, config, paths, by_session.same_part(content))
+    same_part = by_session.same_part(content)
+    pairs = compared_pairs(content, scans, config, paths, same_part, config.visit_distance)
     is_apart = pairs.path >= config.min_visit_path
     met = encounters(pairs.take(is_apart), paths, content, scans, config)
     consecutive = pairs.take(~is_apart)

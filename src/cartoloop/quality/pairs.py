@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +97,29 @@ class Pairs:
         return Pairs(*(column[rows] for column in vars(self).values()))
 
 
+class Reach(NamedTuple):
+    """How far from the path of a submap nodes are compared with it.
+
+    Attributes
+    ----------
+    consecutive, visit : distance of nodes of the same visit, and of others [m].
+    min_visit_path : path from which on a node is of another visit [m].
+    """
+
+    consecutive: float
+    visit: float
+    min_visit_path: float
+
+    @property
+    def farthest(self) -> float:
+        """The larger distance [m]."""
+        return max(self.consecutive, self.visit)
+
+    def of(self, path: FloatArray) -> FloatArray:
+        """Return the distance for the path lengths from nodes to a submap [m]."""
+        return np.where(path >= self.min_visit_path, self.visit, self.consecutive)
+
+
 def path_lengths(node_poses: FloatArray) -> FloatArray:
     """Return the length of the path from the first node to each, shape (n,) [m]."""
     steps = np.linalg.norm(np.diff(node_poses[:, :2], axis=0), axis=1)
@@ -110,6 +133,7 @@ def compared_pairs(
     config: QualityConfig,
     paths: FloatArray,
     comparable: Callable[[int], BoolArray] | None = None,
+    visit_distance: float | None = None,
 ) -> Pairs:
     """Return the pairs of a map that overlap, with their agreement.
 
@@ -120,6 +144,8 @@ def compared_pairs(
     config : limits.
     paths : path length of each node [m].
     comparable : returns which nodes may be compared with a submap, shape (n,); None: all.
+    visit_distance : nodes of other visits are compared up to this distance from the path of a
+        submap [m]; None: up to `config.nearby`, as consecutive ones are.
 
     Poses within a submap are those at which its scans were inserted: the node is placed by the
     nearest of them, so that a submap that is bent far away does not matter here.
@@ -128,12 +154,13 @@ def compared_pairs(
     own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
     own = own[np.argsort(graph.index_a[own], kind="stable")]
     bounds = np.searchsorted(graph.index_a[own], np.arange(graph.num_submaps + 1))
+    reach = Reach(config.nearby, visit_distance or config.nearby, config.min_visit_path)
     parts = []
     for submap, grid in enumerate(content.submap_grids):
         rows = own[bounds[submap] : bounds[submap + 1]]
         if grid.size and len(rows):
             chosen = None if comparable is None else comparable(submap)
-            parts.append(_pairs_of(submap, grid, graph, rows, paths, scans, config, chosen))
+            parts.append(_pairs_of(submap, grid, graph, rows, paths, scans, config, reach, chosen))
     if not parts:
         nothing = np.zeros(0, np.int64)
         return Pairs(nothing, nothing, nothing, np.zeros((0, 3)), np.zeros(0), nothing, nothing)
@@ -150,6 +177,7 @@ def _pairs_of(
     paths: FloatArray,
     scans: ScanPoints,
     config: QualityConfig,
+    reach: Reach,
     comparable: BoolArray | None,
 ) -> Pairs:
     """Return the pairs of one submap; `own` are the constraints of its nodes, in order."""
@@ -160,8 +188,8 @@ def _pairs_of(
     places = poses[references, :2]
     numbers = np.arange(len(poses))
     is_candidate = np.all(
-        (poses[:, :2] > places.min(axis=0) - config.nearby)
-        & (poses[:, :2] < places.max(axis=0) + config.nearby),
+        (poses[:, :2] > places.min(axis=0) - reach.farthest)
+        & (poses[:, :2] < places.max(axis=0) + reach.farthest),
         axis=1,
     )
     is_candidate &= (numbers + submap) % config.every_nth_node == 0
@@ -173,13 +201,13 @@ def _pairs_of(
         poses[nodes, 0, np.newaxis] - places[:, 0], poses[nodes, 1, np.newaxis] - places[:, 1]
     )
     nearest = apart.argmin(axis=1) if len(nodes) else np.zeros(0, np.int64)
-    is_near = apart[np.arange(len(nodes)), nearest] < config.nearby
-    nodes, nearest = nodes[is_near], nearest[is_near]
+    path = np.where(nodes < first, paths[first] - paths[nodes], paths[nodes] - paths[last])
+    is_near = apart[np.arange(len(nodes)), nearest] < reach.of(path)
+    nodes, nearest, path = nodes[is_near], nearest[is_near], path[is_near]
     tf_submap_node = compose_all(
         graph.relative_poses[own[nearest]], relative_all(poses[references[nearest]], poses[nodes])
     )
     counts = agreement(grid, scans.take(nodes), tf_submap_node, config.max_range)
-    path = np.where(nodes < first, paths[first] - paths[nodes], paths[nodes] - paths[last])
     return Pairs(
         np.full(len(nodes), submap),
         nodes,
