@@ -25,14 +25,13 @@ class QualityConfig(Section):
     nearby: float = Field(
         5.0,
         gt=0,
-        description="nodes farther from the path of a submap are not compared with it, if they "
-        "are of the same visit [m]",
+        description="nodes farther from the path of a submap are not compared with it [m]",
     )
     visit_distance: float = Field(
-        10.0,
+        15.0,
         gt=0,
-        description="the same of other visits: also from where a place is only seen, visits must "
-        "agree [m]",
+        description="the same of nodes that come back, on a path three times as long: from where "
+        "a place is only seen, visits must agree, too [m]",
     )
     max_range: float = Field(10.0, gt=0, description="returns farther away are not compared [m]")
     min_visit_path: float = Field(

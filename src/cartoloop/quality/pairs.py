@@ -33,6 +33,10 @@ contradicts [m]. Walls have the thickness of noise and pixels, two to three cell
 OWN_STRIDE = 3
 """One in three of a submap's own nodes is a reference for others: nodes are 0.2 m apart."""
 
+MIN_DETOUR = 3.0
+"""Nodes from which a place is only seen are of another visit if the path there is this many times
+the distance: who drives towards a place or leaves it sees it, too."""
+
 MIN_COUNTED = 20
 """Pairs with fewer returns on walls or floor say nothing."""
 
@@ -102,22 +106,21 @@ class Reach(NamedTuple):
 
     Attributes
     ----------
-    consecutive, visit : distance of nodes of the same visit, and of others [m].
-    min_visit_path : path from which on a node is of another visit [m].
+    nearby : distance of all nodes [m].
+    visit : distance of nodes that come back to where they see the submap [m].
     """
 
-    consecutive: float
+    nearby: float
     visit: float
-    min_visit_path: float
 
     @property
     def farthest(self) -> float:
         """The larger distance [m]."""
-        return max(self.consecutive, self.visit)
+        return max(self.nearby, self.visit)
 
     def of(self, path: FloatArray) -> FloatArray:
         """Return the distance for the path lengths from nodes to a submap [m]."""
-        return np.where(path >= self.min_visit_path, self.visit, self.consecutive)
+        return np.where(path >= MIN_DETOUR * self.visit, self.visit, self.nearby)
 
 
 def path_lengths(node_poses: FloatArray) -> FloatArray:
@@ -144,8 +147,8 @@ def compared_pairs(
     config : limits.
     paths : path length of each node [m].
     comparable : returns which nodes may be compared with a submap, shape (n,); None: all.
-    visit_distance : nodes of other visits are compared up to this distance from the path of a
-        submap [m]; None: up to `config.nearby`, as consecutive ones are.
+    visit_distance : nodes that come back are compared up to this distance from the path of a
+        submap [m]; None: up to `config.nearby`, as others are.
 
     Poses within a submap are those at which its scans were inserted: the node is placed by the
     nearest of them, so that a submap that is bent far away does not matter here.
@@ -154,7 +157,7 @@ def compared_pairs(
     own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
     own = own[np.argsort(graph.index_a[own], kind="stable")]
     bounds = np.searchsorted(graph.index_a[own], np.arange(graph.num_submaps + 1))
-    reach = Reach(config.nearby, visit_distance or config.nearby, config.min_visit_path)
+    reach = Reach(config.nearby, visit_distance or config.nearby)
     parts = []
     for submap, grid in enumerate(content.submap_grids):
         rows = own[bounds[submap] : bounds[submap + 1]]
