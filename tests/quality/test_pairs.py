@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which nodes are compared with submaps, and that those far away show displacements, too."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cartoloop.config import QualityConfig
+from cartoloop.quality.pairs import MIN_DETOUR, Reach, compared_pairs, path_lengths
+from cartoloop.sensor.scan_points import ScanPoints
+from tests.quality.test_examine import displaced
+
+CONFIG = QualityConfig()
+
+
+def compared(result, visit_distance=None):
+    """Return the pairs of a map, and the distance from each node to the submap's path."""
+    scans = ScanPoints.of(list(result.node_points))
+    poses = result.graph.node_poses
+    pairs = compared_pairs(
+        result, scans, CONFIG, path_lengths(poses), visit_distance=visit_distance
+    )
+    return pairs, np.linalg.norm(poses[pairs.node, :2] - poses[pairs.own_node, :2], axis=1)
+
+
+def seen_from_afar(result):
+    """Return the pairs that only a larger distance of visits adds."""
+    pairs, distances = compared(result, CONFIG.visit_distance)
+    return pairs.take(distances >= CONFIG.nearby)
+
+
+def test_nodes_that_come_back_reach_farther():
+    reach = Reach(5.0, 15.0)
+    paths = np.array((0.0, 8.0, 15.0, MIN_DETOUR * 15.0 - 0.1, MIN_DETOUR * 15.0, 400.0))
+
+    assert reach.of(paths).tolist() == [5.0, 5.0, 5.0, 5.0, 15.0, 15.0]
+    assert reach.farthest == 15.0
+
+
+@pytest.mark.slow
+def test_others_are_compared_nearby_as_before(two_rounds_result):
+    near, distances = compared(two_rounds_result)
+    pairs, all_distances = compared(two_rounds_result, CONFIG.visit_distance)
+
+    assert distances.max() < CONFIG.nearby
+    kept = pairs.take(all_distances < CONFIG.nearby)
+    for name, column in vars(near).items():
+        np.testing.assert_array_equal(getattr(kept, name), column, err_msg=name)
+
+
+@pytest.mark.slow
+def test_places_seen_from_afar_agree_in_a_right_map(two_rounds_result):
+    pairs = seen_from_afar(two_rounds_result)
+
+    assert len(pairs) >= 10
+    assert pairs.path.min() >= MIN_DETOUR * CONFIG.visit_distance
+    assert np.mean(pairs.contradiction) < 0.1
+
+
+@pytest.mark.slow
+def test_places_seen_from_afar_show_a_displacement(two_rounds_result):
+    pairs = seen_from_afar(displaced(two_rounds_result, 1.0))
+
+    assert len(pairs) >= 10
+    assert np.mean(pairs.contradiction) > 0.5
