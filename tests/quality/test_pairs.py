@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cartoloop.config import QualityConfig
+from cartoloop.quality.examine import examine
 from cartoloop.quality.pairs import MIN_DETOUR, Reach, compared_pairs, path_lengths
 from cartoloop.sensor.scan_points import ScanPoints
 from tests.quality.test_examine import displaced
@@ -15,19 +16,15 @@ CONFIG = QualityConfig()
 
 
 def compared(result, visit_distance=None):
-    """Return the pairs of a map, and the distance from each node to the submap's path."""
-    scans = ScanPoints.of(list(result.node_points))
-    poses = result.graph.node_poses
-    pairs = compared_pairs(
-        result, scans, CONFIG, path_lengths(poses), visit_distance=visit_distance
-    )
-    return pairs, np.linalg.norm(poses[pairs.node, :2] - poses[pairs.own_node, :2], axis=1)
+    """Return the pairs of a map."""
+    scans, paths = ScanPoints.of(list(result.node_points)), path_lengths(result.graph.node_poses)
+    return compared_pairs(result, scans, CONFIG, paths, visit_distance=visit_distance)
 
 
 def seen_from_afar(result):
     """Return the pairs that only a larger distance of visits adds."""
-    pairs, distances = compared(result, CONFIG.visit_distance)
-    return pairs.take(distances >= CONFIG.nearby)
+    pairs = compared(result, CONFIG.visit_distance)
+    return pairs.take(pairs.distance >= CONFIG.nearby)
 
 
 def test_nodes_that_come_back_reach_farther():
@@ -40,11 +37,10 @@ def test_nodes_that_come_back_reach_farther():
 
 @pytest.mark.slow
 def test_others_are_compared_nearby_as_before(two_rounds_result):
-    near, distances = compared(two_rounds_result)
-    pairs, all_distances = compared(two_rounds_result, CONFIG.visit_distance)
+    near, pairs = compared(two_rounds_result), compared(two_rounds_result, CONFIG.visit_distance)
 
-    assert distances.max() < CONFIG.nearby
-    kept = pairs.take(all_distances < CONFIG.nearby)
+    assert near.distance.max() < CONFIG.nearby
+    kept = pairs.take(pairs.distance < CONFIG.nearby)
     for name, column in vars(near).items():
         np.testing.assert_array_equal(getattr(kept, name), column, err_msg=name)
 
@@ -64,3 +60,14 @@ def test_places_seen_from_afar_show_a_displacement(two_rounds_result):
 
     assert len(pairs) >= 10
     assert np.mean(pairs.contradiction) > 0.5
+
+
+@pytest.mark.slow
+def test_a_map_that_is_only_seen_again_is_called_wrong(two_rounds_result):
+    config = QualityConfig(nearby=0.01)
+
+    assert examine(two_rounds_result, config).verdict == "good"
+    quality = examine(displaced(two_rounds_result, 0.8), config)
+    assert quality.verdict == "wrong"
+    assert quality.figures["revisited_m"] == 0.0
+    assert quality.figures["seen_again_m"] > 50.0

@@ -147,6 +147,7 @@ def visits(nodes, own_nodes, contradicts):
         np.array(own_nodes),
         np.zeros((count, 3)),
         nothing + 100.0,
+        nothing,
         np.full(count, 50),
         np.zeros(count, np.int64),
     )

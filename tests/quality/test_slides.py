@@ -24,7 +24,7 @@ def found(result):
     """Return the displacements along the path in a map."""
     scans = ScanPoints.of(list(result.node_points))
     paths = path_lengths(result.graph.node_poses)
-    pairs = compared_pairs(result, scans, CONFIG, paths, visit_distance=CONFIG.visit_distance)
+    pairs = compared_pairs(result, scans, CONFIG, paths)
     met = encounters(pairs.take(pairs.path >= CONFIG.min_visit_path), paths, result, scans, CONFIG)
     return slides(met, result, scans, CONFIG)
 

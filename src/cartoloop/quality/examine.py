@@ -46,9 +46,12 @@ def examine(
     same_part = by_session.same_part(content)
     pairs = compared_pairs(content, scans, config, paths, same_part, config.visit_distance)
     is_apart = pairs.path >= config.min_visit_path
-    met = encounters(pairs.take(is_apart), paths, content, scans, config)
+    is_near = pairs.distance < config.nearby
+    met = encounters(pairs.take(is_apart & is_near), paths, content, scans, config)
+    seen = encounters(pairs.take(is_apart & ~is_near), paths, content, scans, config)
     consecutive = pairs.take(~is_apart)
-    share = _share(met)
+    share_of_all = _share(met, seen)
+    share = max(_share(met), share_of_all)
     gaps, jumps = (by_session.events(content, find) for find in (motion.gaps, motion.jumps))
     known = {event.scan for event in gaps}
     misfits = by_session.events(content, motion.misfits)
@@ -58,6 +61,7 @@ def examine(
     halls = by_session.corridors_of(content, config.max_range)
     found = [
         *contradictions.contradictions(met, share, content, config),
+        *contradictions.contradictions(seen, share_of_all, content, config),
         *contradictions.slide_places(slides(met, content, scans, config), met, content),
         *contradictions.breaks(consecutive, content, config),
         *motion_places.gap_places(gaps, content),
@@ -74,7 +78,7 @@ def examine(
     worst = found[0].severity if found else Severity.MINOR
     bad = consecutive.contradiction > config.consecutive_contradiction
     figures = {
-        **_visit_figures(met, share, paths),
+        **_visit_figures(met, seen, share, paths),
         "consecutive_pairs": float(len(consecutive)),
         "consecutive_contradicted_share": float(np.mean(bad)) if len(bad) else 0.0,
         "gaps": float(len(gaps) + len(misfits)),
@@ -88,20 +92,24 @@ def examine(
     )
 
 
-def _visit_figures(met: Encounters, share: float, paths: FloatArray) -> dict[str, float]:
+def _visit_figures(
+    met: Encounters, seen: Encounters, share: float, paths: FloatArray
+) -> dict[str, float]:
     """Return the figures of the comparison of visits."""
     return {
         "revisited_m": float(met.length.sum()),
+        "seen_again_m": float(seen.length.sum()),
         "contradicted_share": share,
         "displacement_m": _median(met.displacement),
         "confirmed_share": _confirmed_share(met, paths),
     }
 
 
-def _share(met: Encounters) -> float:
+def _share(*visits: Encounters) -> float:
     """Return the share of the revisited path that contradicts itself."""
-    total = float(met.length.sum())
-    return float(met.length[met.contradicts].sum()) / total if total > 0.0 else 0.0
+    total = sum(float(met.length.sum()) for met in visits)
+    contradicted = sum(float(met.length[met.contradicts].sum()) for met in visits)
+    return contradicted / total if total > 0.0 else 0.0
 
 
 def _wall_figures(offsets: FloatArray) -> dict[str, float]:

@@ -76,6 +76,7 @@ class Pairs:
     own_node : int64 (n,), the node of the submap that is nearest to the other on the map.
     tf_submap_node : float64 (n, 3), by the map's poses of both nodes [m, m, rad].
     path : float64 (n,), path length from the node to the nearest end of the submap [m].
+    distance : float64 (n,), from the node to the path of the submap [m].
     on_wall, on_floor : int64 (n,), the returns that agree with the submap, and that do not.
     """
 
@@ -84,6 +85,7 @@ class Pairs:
     own_node: IntArray
     tf_submap_node: FloatArray
     path: FloatArray
+    distance: FloatArray
     on_wall: IntArray
     on_floor: IntArray
 
@@ -165,8 +167,8 @@ def compared_pairs(
             chosen = None if comparable is None else comparable(submap)
             parts.append(_pairs_of(submap, grid, graph, rows, paths, scans, config, reach, chosen))
     if not parts:
-        nothing = np.zeros(0, np.int64)
-        return Pairs(nothing, nothing, nothing, np.zeros((0, 3)), np.zeros(0), nothing, nothing)
+        none, no_lengths = np.zeros(0, np.int64), np.zeros(0)
+        return Pairs(none, none, none, np.zeros((0, 3)), no_lengths, no_lengths, none, none)
     columns = zip(*(vars(part).values() for part in parts), strict=True)
     pairs = Pairs(*(np.concatenate(column) for column in columns))
     return pairs.take(pairs.on_wall + pairs.on_floor >= MIN_COUNTED)
@@ -205,8 +207,9 @@ def _pairs_of(
     )
     nearest = apart.argmin(axis=1) if len(nodes) else np.zeros(0, np.int64)
     path = np.where(nodes < first, paths[first] - paths[nodes], paths[nodes] - paths[last])
-    is_near = apart[np.arange(len(nodes)), nearest] < reach.of(path)
-    nodes, nearest, path = nodes[is_near], nearest[is_near], path[is_near]
+    distance = apart[np.arange(len(nodes)), nearest]
+    rows = distance < reach.of(path)
+    nodes, nearest, path, distance = nodes[rows], nearest[rows], path[rows], distance[rows]
     tf_submap_node = compose_all(
         graph.relative_poses[own[nearest]], relative_all(poses[references[nearest]], poses[nodes])
     )
@@ -217,6 +220,7 @@ def _pairs_of(
         references[nearest],
         tf_submap_node,
         path,
+        distance,
         counts[:, 0],
         counts[:, 1],
     )
