@@ -33,7 +33,8 @@ export PYTHONDONTWRITEBYTECODE =
 demo: .venv/.installed
 	$(BIN)/cartoloop demo -o $(OUT)
 
-# Neither the check of types nor the first process that compiles kernels uses a second core.
+# Neither the check of types nor the first process that compiles kernels uses a second core. Three
+# processes run the tests on two: they often wait for browsers and programs.
 test: .venv/.installed-dev
 	@$(MAKE) --no-print-directory --jobs=2 check kernels
 	@$(MAKE) --no-print-directory boundscheck

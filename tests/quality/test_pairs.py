@@ -32,7 +32,6 @@ def test_nodes_that_come_back_reach_farther():
     paths = np.array((0.0, 8.0, 15.0, MIN_DETOUR * 15.0 - 0.1, MIN_DETOUR * 15.0, 400.0))
 
     assert reach.of(paths).tolist() == [5.0, 5.0, 5.0, 5.0, 15.0, 15.0]
-    assert reach.farthest == 15.0
 
 
 @pytest.mark.slow
@@ -43,6 +42,11 @@ def test_others_are_compared_nearby_as_before(two_rounds_result):
     kept = pairs.take(pairs.distance < CONFIG.nearby)
     for name, column in vars(near).items():
         np.testing.assert_array_equal(getattr(kept, name), column, err_msg=name)
+
+
+@pytest.mark.slow
+def test_a_smaller_distance_of_visits_leaves_none_out(two_rounds_result):
+    assert len(compared(two_rounds_result, 1.0)) == len(compared(two_rounds_result))
 
 
 @pytest.mark.slow

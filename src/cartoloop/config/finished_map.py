@@ -30,8 +30,8 @@ class QualityConfig(Section):
     visit_distance: float = Field(
         15.0,
         gt=0,
-        description="the same of nodes that come back, on a path three times as long: from where "
-        "a place is only seen, visits must agree, too [m]",
+        description="nodes that come back after a path three times as long are compared up to "
+        "this distance: visits must also agree where a place is only seen [m]",
     )
     max_range: float = Field(10.0, gt=0, description="returns farther away are not compared [m]")
     min_visit_path: float = Field(

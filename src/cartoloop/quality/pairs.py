@@ -109,16 +109,11 @@ class Reach(NamedTuple):
     Attributes
     ----------
     nearby : distance of all nodes [m].
-    visit : distance of nodes that come back to where they see the submap [m].
+    visit : distance of nodes that come back to where they see the submap, not smaller [m].
     """
 
     nearby: float
     visit: float
-
-    @property
-    def farthest(self) -> float:
-        """The larger distance [m]."""
-        return max(self.nearby, self.visit)
 
     def of(self, path: FloatArray) -> FloatArray:
         """Return the distance for the path lengths from nodes to a submap [m]."""
@@ -159,7 +154,7 @@ def compared_pairs(
     own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
     own = own[np.argsort(graph.index_a[own], kind="stable")]
     bounds = np.searchsorted(graph.index_a[own], np.arange(graph.num_submaps + 1))
-    reach = Reach(config.nearby, visit_distance or config.nearby)
+    reach = Reach(config.nearby, max(config.nearby, visit_distance or 0.0))
     parts = []
     for submap, grid in enumerate(content.submap_grids):
         rows = own[bounds[submap] : bounds[submap + 1]]
@@ -193,8 +188,8 @@ def _pairs_of(
     places = poses[references, :2]
     numbers = np.arange(len(poses))
     is_candidate = np.all(
-        (poses[:, :2] > places.min(axis=0) - reach.farthest)
-        & (poses[:, :2] < places.max(axis=0) + reach.farthest),
+        (poses[:, :2] > places.min(axis=0) - reach.visit)
+        & (poses[:, :2] < places.max(axis=0) + reach.visit),
         axis=1,
     )
     is_candidate &= (numbers + submap) % config.every_nth_node == 0
