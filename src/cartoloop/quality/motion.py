@@ -29,6 +29,10 @@ MOVED_SHARE, MIN_MISSING_M = 0.6, 1.0
 """A robot that drove before and after a gap drove during it: poses that moved by less than this
 share of what the lower of its speeds makes it, and by this length less, do not know [m]."""
 
+BRAKING, MIN_BRAKING_M = 2.0, 0.1
+"""No robot indoors brakes or starts harder [m/s^2]: if it stood at one end of a gap only, poses that
+moved by so much less than it needs to stop do not know either [m]."""
+
 TURN_RATE = 0.35
 """Poses that turned faster across a gap know what the robot did: it turned on the spot [rad/s]."""
 
@@ -105,24 +109,46 @@ def gaps(content: MapContent) -> list[Event]:
             for start, end in ((first, before), (after, last))
             if stamps[end] > stamps[start]
         ]
-        if len(speeds) < 2 or min(speeds) < MIN_SPEED:
+        if len(speeds) < 2:
             continue
         typical = float(np.median(steps[first:last]))
         if steps[before] > 0.5 * typical and typical > SPARSE_STEP_M:
             continue
-        turned = abs(wrap_angle(float(poses[after, 2] - poses[before, 2])))
-        if turned > TURN_RATE * seconds:
-            continue
-        expected = float(min(speeds)) * seconds
-        moved = float(steps[before])
-        if moved < MOVED_SHARE * expected and expected - moved > MIN_MISSING_M:
+        moved, slower = float(steps[before]), float(min(speeds))
+        if slower < MIN_SPEED:
+            faster = min(max(speeds), _speed_beside(steps, intervals, before))
+            expected = faster**2 / (2.0 * BRAKING)
+            knows = expected - moved < MIN_BRAKING_M
+        else:
+            turned = abs(wrap_angle(float(poses[after, 2] - poses[before, 2])))
+            expected = slower * seconds
+            knows = (
+                turned > TURN_RATE * seconds
+                or moved >= MOVED_SHARE * expected
+                or expected - moved <= MIN_MISSING_M
+            )
+        if not knows:
             found.append(Event(after, seconds, moved, expected))
     return found
 
 
-MISFIT_SHARE, MISFIT_M, MISFIT_RAD = 0.45, 1.0, 1.6
+def _speed_beside(steps: FloatArray, intervals: FloatArray, before: int) -> float:
+    """Return the faster of the speeds right before and after a gap [m/s]."""
+    slowest = [
+        float(np.min(steps[rows] / np.maximum(intervals[rows], 1e-3)))
+        for rows in (slice(max(before - 2, 0), before), slice(before + 1, before + 3))
+        if len(steps[rows])
+    ]
+    return max(slowest, default=0.0)
+
+
+MISFIT_SHARE, MISFIT_M, MISFIT_RAD = 0.45, 1.5, 1.6
 """Scans to both sides of a gap do not fit if this share of the returns is elsewhere, though by the
 poses the robot was nearly at rest [m], [rad]: it saw the same walls then."""
+
+UNUSUAL_SHARE, UNUSUAL_TIMES, USUAL_NODES = 0.25, 3.0, 4
+"""A smaller share is enough if it is by so many times more than from node to node right before and
+after the gap, over so many nodes."""
 
 
 def misfits(content: MapContent) -> list[Event]:
@@ -137,10 +163,19 @@ def misfits(content: MapContent) -> list[Event]:
         step = relative(Pose(*poses[node].tolist()), Pose(*poses[node + 1].tolist()))
         if np.hypot(step.x, step.y) > MISFIT_M or abs(step.theta) > MISFIT_RAD:
             continue
-        if changed_share(content, node, node + 1) > MISFIT_SHARE:
+        if changed_share(content, node, node + 1) > _misfit_limit(content, node):
             moved = float(np.hypot(step.x, step.y))
             found.append(Event(before + 1, float(intervals[before]), moved, 0.0))
     return found
+
+
+def _misfit_limit(content: MapContent, node: int) -> float:
+    """Return the share of returns elsewhere that is too much across a gap after a node."""
+    around = range(
+        max(node - USUAL_NODES, 0), min(node + 1 + USUAL_NODES, len(content.node_points) - 1)
+    )
+    usual = max((changed_share(content, n, n + 1) for n in around if n != node), default=1.0)
+    return min(MISFIT_SHARE, max(UNUSUAL_SHARE, UNUSUAL_TIMES * usual))
 
 
 def jumps(content: MapContent) -> list[Event]:

@@ -35,9 +35,9 @@ def gap_places(found: list[Event], content: MapContent) -> list[Place]:
     ][:MAX_PLACES]
 
 
-BRIDGED_M, BRIDGED_SHARE = 5.0, 0.8
-"""A gap is bridged if later visits agree with submaps of before over so much path [m], and if they
-are this share of all that meet them."""
+BRIDGED_M, BRIDGED_SHARE, BRIDGE_AWAY_M = 5.0, 0.8, 5.0
+"""A gap is bridged if later visits agree with submaps of before over so much path [m], if they are
+this share of all that meet them, and if they are so far from it [m]."""
 
 
 def misfit_places(found: list[Event], met: Encounters, content: MapContent) -> list[Place]:
@@ -64,7 +64,10 @@ def _is_bridged(event: Event, met: Encounters, content: MapContent) -> bool:
     """Return whether visits after an event agree with what was seen before it."""
     node = int(np.searchsorted(content.node_scan_index, event.scan))
     first, own = met.pairs.node[met.first], met.pairs.own_node[met.first]
-    bridges = (first >= node) != (own >= node)
+    # At the event itself scans agree with what is seen through it, however wrong it is.
+    place = content.trajectory[event.scan, :2]
+    away = np.hypot(*(content.graph.node_poses[first, :2] - place).T) > BRIDGE_AWAY_M
+    bridges = ((first >= node) != (own >= node)) & away
     agrees = float(met.length[bridges & ~met.contradicts].sum())
     share = agrees / max(float(met.length[bridges].sum()), 1e-9)
     return agrees >= BRIDGED_M and share >= BRIDGED_SHARE
