@@ -69,6 +69,16 @@ def degenerate_direction(match: LeastSquaresMatch) -> tuple[float, float]:
     return ratio, 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
 
 
+def leaves_direction_open(match: LeastSquaresMatch, spurious_information: float) -> bool:
+    """Return whether a match far from the prior leaves a direction open, as along a corridor.
+
+    Parameters
+    ----------
+    spurious_information : share of the curvature that pixel noise alone makes.
+    """
+    return degenerate_direction(match)[0] <= OPEN_FACTOR * spurious_information
+
+
 def where_prior_leads(match: LeastSquaresMatch, prior: Pose, spurious_information: float) -> Pose:
     """Return the pose of a match, moved along the direction that it leaves open to the prior.
 
@@ -81,10 +91,10 @@ def where_prior_leads(match: LeastSquaresMatch, prior: Pose, spurious_informatio
     prior : pose by odometry, in the same frame.
     spurious_information : share of the curvature that pixel noise alone makes.
     """
-    ratio, direction = degenerate_direction(match)
     pose = match.tf_submap_scan
-    if ratio > OPEN_FACTOR * spurious_information:
+    if not leaves_direction_open(match, spurious_information):
         return pose
+    _, direction = degenerate_direction(match)
     cos, sin = math.cos(direction), math.sin(direction)
     x, y = prior.x - pose.x, prior.y - pose.y
     along, across = cos * x + sin * y, cos * y - sin * x

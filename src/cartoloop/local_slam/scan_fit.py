@@ -14,7 +14,7 @@ from cartoloop.config import (
     LocalSlamConfig,
     PredictionConfig,
 )
-from cartoloop.local_slam.degenerate_direction import degenerate_direction
+from cartoloop.local_slam.degenerate_direction import leaves_direction_open
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.seen_points import residual_of_seen, share_of_seen
 from cartoloop.scan_matching import correlative, least_squares
@@ -135,7 +135,7 @@ class ScanFit:
 
     def is_determined(self, match: LeastSquaresMatch) -> bool:
         """Return whether a match shows the place in all directions, other than along a corridor."""
-        return degenerate_direction(match)[0] > self.settings.prediction.spurious_information
+        return not leaves_direction_open(match, self.settings.prediction.spurious_information)
 
     def residual_of_seen(self, match: LeastSquaresMatch) -> float:
         """Return the residual of the points in observed cells; 0 if these are too few to judge."""

@@ -30,8 +30,8 @@ MOVED_SHARE, MIN_MISSING_M = 0.6, 1.0
 share of what the lower of its speeds makes it, and by this length less, do not know [m]."""
 
 BRAKING, MIN_BRAKING_M = 2.0, 0.1
-"""No robot indoors brakes or starts harder [m/s^2]: if it stood at one end of a gap only, poses that
-moved by so much less than it needs to stop do not know either [m]."""
+"""No robot indoors brakes or starts harder [m/s^2]: if it stood at one end of a gap only, poses
+that moved by so much less than it needs to stop do not know either [m]."""
 
 TURN_RATE = 0.35
 """Poses that turned faster across a gap know what the robot did: it turned on the spot [rad/s]."""
