@@ -42,6 +42,10 @@ class WideSearchConfig(Section):
     length: float = Field(
         3.0, ge=0, description="path length that the scans of a composite scan come from [m]"
     )
+    min_num_scans: int = Field(
+        6, ge=1, description="sparse scans come from a longer path, so that they are so many"
+    )
+    max_length: float = Field(8.0, ge=0, description="path length that they come from, at most [m]")
     max_num_scans: int = Field(20, ge=1, description="scans in a composite scan, at most")
     adaptive_voxel_filter: AdaptiveVoxelFilterConfig = AdaptiveVoxelFilterConfig(
         max_length=0.9, min_num_points=200, max_range=30.0
@@ -246,6 +250,9 @@ class ConstraintSearchConfig(Section):
     )
     max_refined_residual: float = Field(
         0.55, gt=0, description="at the end, matches with a larger residual are rejected"
+    )
+    sparse_residual: float = Field(
+        0.15, ge=0, description="by which it may be larger in a submap of sparse scans"
     )
     max_refinement: float = Field(
         0.3,

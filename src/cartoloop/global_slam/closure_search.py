@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from threading import Lock
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,30 +21,54 @@ from cartoloop.scan_matching.least_squares import LeastSquaresMatches, SmoothMap
 from cartoloop.sensor.pose import wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid, mean_probability
+from cartoloop.submaps.widened_grid import widened
 
 SEARCH_BYTES_A_PIXEL = 16
 """The precomputed grids, and four bytes of smooth map."""
+
+SPARSE_STEP_M, TURN_STEP_M = 0.6, 0.1
+"""The scans of a submap are sparse if they lie farther apart than the first, in the median of all
+steps but turns on the spot, which are shorter than the second [m]."""
 
 
 class FinishedSubmap:
     """The grid of a finished submap; its precomputed grids are made when they are needed.
 
-    Attributes
+    Sparse scans leave holes in its walls, where right matches score as low as false ones. Branch
+    and bound then searches in walls that are wider by a pixel to each side, which closes the holes.
+
+    Parameters
     ----------
     index : its index in the pose graph.
     grid : its cells.
     own_score : mean probability that the scans it is made of find in it, in [0, 1]: where scans
         are sparse or noisy, not even they fit well.
+    is_sparse : whether these scans are sparse.
+
+    Attributes
+    ----------
+    index, grid, own_score, is_sparse : as given.
     matcher : branch and bound in it.
     """
 
-    def __init__(self, index: int, grid: FinishedGrid, own_score: float) -> None:
+    def __init__(
+        self, index: int, grid: FinishedGrid, own_score: float, *, is_sparse: bool
+    ) -> None:
         self.index = index
         self.grid = grid
         self.own_score = own_score
-        self.matcher = SubmapMatcher(grid)
+        self.is_sparse = is_sparse
+        self.matcher = SubmapMatcher(widened(grid) if is_sparse else grid)
         self._smooth_map: SmoothMap | None = None
         self._lock = Lock()
+
+    @classmethod
+    def of(
+        cls, index: int, grid: FinishedGrid, scans: ScanPoints, tf_submap_node: FloatArray
+    ) -> Self:
+        """Return a submap given the points and poses of its own scans, in their order."""
+        score = mean_score(grid, scans, tf_submap_node)
+        return cls(index, grid, score, is_sparse=are_sparse(tf_submap_node))
 
     @property
     def smooth_map(self) -> SmoothMap:
@@ -52,8 +76,9 @@ class FinishedSubmap:
         with self._lock:
             if self._smooth_map is None:
                 grid = self.grid
+                kept = grid if self.is_sparse else self.matcher
                 self._smooth_map = SmoothMap(
-                    self.matcher.probabilities(), grid.origin_x, grid.origin_y, grid.resolution
+                    kept.probabilities(), grid.origin_x, grid.origin_y, grid.resolution
                 )
             return self._smooth_map
 
@@ -92,6 +117,13 @@ def mean_score(grid: FinishedGrid, scans: ScanPoints, tf_submap_node: FloatArray
         tf_submap_node,
     )
     return mean_probability(float(total) / num_points)
+
+
+def are_sparse(tf_submap_node: FloatArray) -> bool:
+    """Return whether the scans of a submap, in their order, are sparse; shape (n, 3)."""
+    steps = np.hypot(*np.diff(tf_submap_node[:, :2], axis=0).T)
+    steps = steps[steps > TURN_STEP_M]
+    return len(steps) > 0 and float(np.median(steps)) > SPARSE_STEP_M
 
 
 class SearchOutcome(NamedTuple):

@@ -95,7 +95,10 @@ class CompositeScans:
     def _composed(self, newest: int, node_points: ScanPoints) -> FloatArray:
         """Return the returns of the last nodes in the frame of the newest."""
         config, travelled = self._config, self._travelled.view
-        oldest = int(np.searchsorted(travelled, travelled[newest] - config.length))
+        oldest, limit = np.searchsorted(
+            travelled, travelled[newest] - (config.length, config.max_length)
+        ).tolist()
+        oldest = max(min(oldest, newest + 1 - config.min_num_scans), limit)
         step = -(-(newest - oldest + 1) // config.max_num_scans)
         tf_local_newest = Pose(*self._tf_local_node.view[newest].tolist())
         parts = []

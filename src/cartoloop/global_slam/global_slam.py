@@ -10,7 +10,7 @@ import numpy as np
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
-from cartoloop.global_slam.closure_search import FinishedSubmap
+from cartoloop.global_slam.closure_search import FinishedSubmap, are_sparse
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.graph_adjustment import (
     AdjustmentRun,
@@ -29,7 +29,12 @@ from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.part_joins import PartJoins
 from cartoloop.global_slam.parts_left import join_parts_left
 from cartoloop.global_slam.pose_graph import ClosureConstraints, ConstraintKind
-from cartoloop.global_slam.restoring import finished_submap, restore_closures, restore_nodes
+from cartoloop.global_slam.restoring import (
+    finished_submap,
+    inserted_rows,
+    restore_closures,
+    restore_nodes,
+)
 from cartoloop.global_slam.session_ends import SessionEnds
 from cartoloop.global_slam.sessions import MappedSessions
 from cartoloop.global_slam.wide_search import WideSearch, record_requests
@@ -264,7 +269,9 @@ class GlobalSlam:
 
     def _finish(self, submap: Submap) -> FinishedSubmap:
         if (recorded := self._recorded.replay(Kind.SUBMAP)) is not None:
-            finished = FinishedSubmap(submap.index, *recorded_submap(recorded))
+            own = inserted_rows(self.graph, submap.index)
+            is_sparse = are_sparse(self.graph.relative_poses[own])
+            finished = FinishedSubmap(submap.index, *recorded_submap(recorded), is_sparse=is_sparse)
             self._finished.append(finished)
             return finished
         with self._timer.measure("finish submap"):

@@ -42,13 +42,16 @@ class FinalLimits(NamedTuple):
     rotation: float
 
 
-def final_limits(config: ConstraintSearchConfig, own_score: float) -> FinalLimits:
-    """Return what is accepted in a submap, given the mean score of its own scans.
+def final_limits(config: ConstraintSearchConfig, submap: FinishedSubmap) -> FinalLimits:
+    """Return what is accepted in a submap.
 
     Where not even its own scans fit a submap well, the residual may be larger by as much as the
-    minimum score of the search is lower there.
+    minimum score of the search is lower there. Where they are sparse, they fit better than others
+    do, which meet the holes that they left in the walls.
     """
-    allowance = max(config.min_score - config.min_score_ratio * own_score, 0.0)
+    allowance = max(config.min_score - config.min_score_ratio * submap.own_score, 0.0)
+    if submap.is_sparse:
+        allowance = max(allowance, config.sparse_residual)
     return FinalLimits(
         config.max_refined_residual + allowance,
         config.max_refinement,
@@ -156,7 +159,7 @@ def match_again(
     poses, residual = matches.tf_submap_scan[tried], matches.residual[tried]
     moved = poses - starts[tried]
     moved_m, moved_rad = np.hypot(moved[:, 0], moved[:, 1]), np.abs(moved[:, 2])
-    reasons = _reasons(residual, moved_m, moved_rad, final_limits(config, submap.own_score))
+    reasons = _reasons(residual, moved_m, moved_rad, final_limits(config, submap))
     fitting = reasons == Reason.FITS
     informations = np.zeros((len(tried), 3, 3))
     if fitting.any():

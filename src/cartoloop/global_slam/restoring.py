@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score
+from cartoloop.arrays import IntArray
+from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.graph_adjustment import violated_closures
 from cartoloop.global_slam.pair_selection import PairSelection
@@ -67,8 +68,12 @@ def restore_closures(graph: PoseGraph, closures: Closures, pairs: PairSelection)
 def finished_submap(
     index: int, grid: FinishedGrid, graph: PoseGraph, node_points: ScanPoints
 ) -> FinishedSubmap:
-    """Return a finished submap, with the score of its own scans in it."""
-    own = np.flatnonzero((graph.index_a == index) & (graph.kinds == ConstraintKind.INTRA_SUBMAP))
+    """Return a finished submap, with what its own scans say about it."""
+    own = inserted_rows(graph, index)
     points = node_points.take(graph.index_b[own])
-    own_score = mean_score(grid, points, graph.relative_poses[own])
-    return FinishedSubmap(index, grid, own_score)
+    return FinishedSubmap.of(index, grid, points, graph.relative_poses[own])
+
+
+def inserted_rows(graph: PoseGraph, submap: int) -> IntArray:
+    """Return the constraints of the nodes that were inserted into a submap."""
+    return np.flatnonzero((graph.index_a == submap) & (graph.kinds == ConstraintKind.INTRA_SUBMAP))

@@ -286,6 +286,8 @@ def find_scans(
     """
     start = perf_counter()
     min_score = min(least[0], least[1] * submap.own_score)
+    if submap.is_sparse:
+        min_score = max(min_score, config.min_score)  # in wider walls all places score higher
     found = submap.matcher.match_all(
         points,
         requests.tf_submap_node,

@@ -9,9 +9,9 @@ import numpy as np
 
 from cartoloop.errors import InputError
 from cartoloop.global_slam.closure_matches import UPPER, Requests, SearchMatches
-from cartoloop.global_slam.closure_search import FinishedSubmap, mean_score, search
-from cartoloop.global_slam.pose_graph import ConstraintKind
+from cartoloop.global_slam.closure_search import FinishedSubmap, search
 from cartoloop.global_slam.refinement import final_limits
+from cartoloop.global_slam.restoring import inserted_rows
 from cartoloop.map_data import MapData
 from cartoloop.map_editing.arguments import Add
 from cartoloop.scan_matching.branch_and_bound import NO_RUNNER_UP
@@ -73,7 +73,7 @@ def matched(
             f"{where}: does not fit there: score {score:.3f}, {outcome.min_score:.3f} is needed, "
             f"within {window_m:g} m and {window_deg:g} deg; give a better pose, or another node"
         )
-    limit = final_limits(config, finished.own_score).residual
+    limit = final_limits(config, finished).residual
     residual = float(found.residual[0])
     if not residual <= limit:
         raise InputError(
@@ -85,9 +85,9 @@ def matched(
 
 def _finished(content: MapData, submap: int) -> FinishedSubmap:
     graph, grid = content.graph, content.submap_grids[submap]
-    own = (graph.index_a == submap) & (graph.kinds == ConstraintKind.INTRA_SUBMAP)
+    own = inserted_rows(graph, submap)
     points = ScanPoints.of([content.node_points[node] for node in graph.index_b[own].tolist()])
-    return FinishedSubmap(submap, grid, mean_score(grid, points, graph.relative_poses[own]))
+    return FinishedSubmap.of(submap, grid, points, graph.relative_poses[own])
 
 
 def _best_score(
