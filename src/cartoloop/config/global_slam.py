@@ -187,6 +187,11 @@ class ConstraintSearchConfig(Section):
     closure_path_length: float = Field(
         0.5, ge=0, description="a loop closure is as uncertain as this length of the path [m]"
     )
+    sparse_drift: float = Field(
+        3.0,
+        ge=1,
+        description="a metre of path between sparse scans counts as this many: they drift more",
+    )
     well_constrained_length: float = Field(
         30.0, ge=0, description="pairs with a shorter path between them are well constrained [m]"
     )

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cartoloop.arrays import FloatArray, RowArray
 from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
+from cartoloop.global_slam.sparse_scans import are_sparse
 from cartoloop.kernels.sum_at_points import sum_at_points
 from cartoloop.scan_matching import least_squares
 from cartoloop.scan_matching.branch_and_bound import BranchAndBoundMatch, RunnerUp, SubmapMatcher
@@ -25,10 +26,6 @@ from cartoloop.submaps.widened_grid import widened
 
 SEARCH_BYTES_A_PIXEL = 16
 """The precomputed grids, and four bytes of smooth map."""
-
-SPARSE_STEP_M, TURN_STEP_M = 0.6, 0.1
-"""The scans of a submap are sparse if they lie farther apart than the first, in the median of all
-steps but turns on the spot, which are shorter than the second [m]."""
 
 
 class FinishedSubmap:
@@ -117,13 +114,6 @@ def mean_score(grid: FinishedGrid, scans: ScanPoints, tf_submap_node: FloatArray
         tf_submap_node,
     )
     return mean_probability(float(total) / num_points)
-
-
-def are_sparse(tf_submap_node: FloatArray) -> bool:
-    """Return whether the scans of a submap, in their order, are sparse; shape (n, 3)."""
-    steps = np.hypot(*np.diff(tf_submap_node[:, :2], axis=0).T)
-    steps = steps[steps > TURN_STEP_M]
-    return len(steps) > 0 and float(np.median(steps)) > SPARSE_STEP_M
 
 
 class SearchOutcome(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
 from cartoloop.global_slam.closure_matches import Requests, SearchMatches
-from cartoloop.global_slam.closure_search import FinishedSubmap, are_sparse
+from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.graph_adjustment import (
     AdjustmentRun,
@@ -37,6 +37,7 @@ from cartoloop.global_slam.restoring import (
 )
 from cartoloop.global_slam.session_ends import SessionEnds
 from cartoloop.global_slam.sessions import MappedSessions
+from cartoloop.global_slam.sparse_scans import are_sparse
 from cartoloop.global_slam.wide_search import WideSearch, record_requests
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes

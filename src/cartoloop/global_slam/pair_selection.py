@@ -30,6 +30,7 @@ from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.search_windows import windows
+from cartoloop.global_slam.sparse_scans import SPARSE_STEP_M
 from cartoloop.global_slam.submap_paths import UNCONNECTED_M, SubmapPaths
 from cartoloop.global_slam.wide_windows import bounding_boxes, wide_reach
 from cartoloop.growing_array import GrowingArray
@@ -120,6 +121,8 @@ class PairSelection:
         submaps : the first and the last that it was inserted into.
         """
         step = math.dist(position, self._last_position)
+        if step > SPARSE_STEP_M:
+            step *= self._config.sparse_drift
         if self._begins_session:
             step, self._begins_session = UNCONNECTED_M, False
         travelled = self._travelled.view[-1] + step if len(self._travelled) else 0.0
