@@ -38,7 +38,7 @@ def test_a_composite_scan_is_made_every_few_metres():
 
 
 def test_its_points_are_in_the_frame_of_the_newest_node():
-    scans, _ = drive(20)
+    scans, _ = drive(20, min_num_scans=1)
     in_local = transform_points(pose(16), scans.points[0])
     assert len(in_local) == 5 * len(WALL)
     assert in_local[:, 1] == pytest.approx(2.0)
@@ -48,6 +48,27 @@ def test_its_points_are_in_the_frame_of_the_newest_node():
 def test_it_has_a_limited_number_of_scans():
     scans, _ = drive(20, max_num_scans=2)
     assert len(scans.points[0]) == 2 * len(WALL)
+
+
+def test_sparse_scans_come_from_a_longer_path():
+    scans, _ = drive(20, min_num_scans=9)
+    assert len(scans.points[0]) == 9 * len(WALL)
+
+
+def test_that_path_has_a_largest_length():
+    scans, _ = drive(20, min_num_scans=9, max_length=1.5)
+    assert len(scans.points[0]) == 7 * len(WALL)
+
+
+def test_sparse_scans_of_another_session_are_left_out():
+    scans = CompositeScans(WideSearchConfig(adaptive_voxel_filter=UNFILTERED))
+    points = ScanPoints.of([WALL] * 14)
+    for node in range(14):
+        if node == 6:
+            scans.begin_session()
+        scans.add_node(Pose(1.0 * node, 0.0, 0.0), points)
+    assert scans.nodes.tolist() == [4, 10]
+    assert [len(scans.points[number]) // len(WALL) for number in range(2)] == [5, 5]
 
 
 def test_a_robot_at_rest_makes_none():

@@ -141,6 +141,7 @@ WALK_CONFIG = ConstraintSearchConfig(
     linear_search_window=100.0,
     linear_drift=1.0,
     min_num_points=1,
+    sparse_drift=1.0,
     wide_search=WideSearchConfig(min_path_length=1e3),
 )
 NODES_A_SUBMAP = 10
@@ -158,9 +159,9 @@ def place(node):
 class Walk:
     """Two rounds; each node is in one submap, which is begun where its first node stands."""
 
-    def __init__(self, num_nodes=2 * ROUND, num_points=3):
+    def __init__(self, num_nodes=2 * ROUND, num_points=3, **changes):
         self.graph = PoseGraph()
-        self.pairs = PairSelection(WALK_CONFIG)
+        self.pairs = PairSelection(WALK_CONFIG.model_copy(update=changes))
         self.go_on(num_nodes, num_points)
 
     def go_on(self, num_nodes, num_points=3):
@@ -323,3 +324,10 @@ def test_reasons_name_the_rule():
     assert verdict(many, 0, 41).why_not == WhyNot.WELL_CONSTRAINED
     limited = strict_walk(well_constrained_length=99.0, max_searches_of_well_constrained_pair=0)
     assert verdict(limited, 0, 40).why_not == WhyNot.ENOUGH_SEARCHES
+
+
+def test_paths_between_sparse_scans_count_for_more():
+    dense, sparse = Walk(), Walk(sparse_drift=2.5)
+    for node in (25, 40):
+        length = dense.pairs.path_length(dense.graph, 0, node)
+        assert sparse.pairs.path_length(sparse.graph, 0, node) == pytest.approx(2.5 * length)

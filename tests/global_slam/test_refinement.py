@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,6 +12,7 @@ from cartoloop.config import ConstraintSearchConfig
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.refinement import (
+    final_limits,
     in_nearest_submaps,
     match_again,
     overlapping_nodes,
@@ -82,6 +84,14 @@ def wall_and_nodes():
     wall = np.full(45, 0.5)
     points = np.concatenate((np.column_stack((along, wall)), np.column_stack((wall, along))))
     return submap, points - 1.5
+
+
+def test_submaps_of_sparse_scans_may_fit_worse():
+    submap, _ = wall_and_nodes()
+    sparse = FinishedSubmap(3, submap.grid, submap.own_score, is_sparse=True)
+    config = CONFIG.model_copy(update={"min_score": 0.0, "sparse_residual": 0.15})
+    usual = final_limits(config, submap).residual
+    assert final_limits(config, sparse).residual == pytest.approx(usual + 0.15)
 
 
 def matches_at(poses, config=CONFIG):

@@ -49,7 +49,7 @@ class FinishedSubmap:
     """
 
     def __init__(
-        self, index: int, grid: FinishedGrid, own_score: float, *, is_sparse: bool
+        self, index: int, grid: FinishedGrid, own_score: float, *, is_sparse: bool = False
     ) -> None:
         self.index = index
         self.grid = grid
