@@ -15,9 +15,9 @@ from cartoloop.sensor.pose import Pose, relative, transform_points, wrap_angle, 
 MIN_GAP_S, GAP_INTERVALS = 1.5, 6.0
 """A gap is longer than this, and than this number of usual intervals between scans."""
 
-SPARSE_STEP_M = 0.5
-"""Recordings with longer steps have a scan each time the robot moved so far, whenever that was:
-a gap says nothing [m]."""
+SPARSE_STEP_M, MOVING_STEP_M = 0.5, 0.1
+"""Recordings with longer steps may have a scan each time the robot moved so far, whenever that was:
+a gap says nothing [m]. Shorter steps than the second are turns on the spot."""
 
 SPEED_OVER_S = 2.0
 """Time before and after a gap over which the speed is measured [s]."""
@@ -99,6 +99,8 @@ def gaps(content: MapContent) -> list[Event]:
     intervals = np.diff(stamps)
     usual = _usual_interval(intervals)
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    if _is_by_distance(steps, intervals):
+        return found
     paths = np.concatenate(([0.0], np.cumsum(steps)))
     around = max(3, round(SPEED_OVER_S / max(usual, 1e-3)))
     for before in _gap_rows(intervals, usual):
@@ -110,9 +112,6 @@ def gaps(content: MapContent) -> list[Event]:
             if stamps[end] > stamps[start]
         ]
         if len(speeds) < 2:
-            continue
-        typical = float(np.median(steps[first:last]))
-        if steps[before] > 0.5 * typical and typical > SPARSE_STEP_M:
             continue
         moved, slower = float(steps[before]), float(min(speeds))
         if slower < MIN_SPEED:
@@ -130,6 +129,20 @@ def gaps(content: MapContent) -> list[Event]:
         if not knows:
             found.append(Event(after, seconds, moved, expected))
     return found
+
+
+def _is_by_distance(steps: FloatArray, intervals: FloatArray) -> bool:
+    """Return whether a scan was recorded after each length of the path, not after each time.
+
+    Then the steps are long, and vary less than the intervals.
+    """
+    moves = (steps > MOVING_STEP_M) & (intervals > 0.0)
+    if not np.any(moves) or float(np.median(steps[moves])) <= SPARSE_STEP_M:
+        return False
+    (low, high), (soon, late) = (
+        np.percentile(each[moves], (25.0, 75.0)) for each in (steps, intervals)
+    )
+    return bool(late / soon > high / low)
 
 
 def _speed_beside(steps: FloatArray, intervals: FloatArray, before: int) -> float:
