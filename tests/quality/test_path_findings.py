@@ -88,6 +88,42 @@ def test_a_robot_that_stands_may_pause():
     assert motion.gaps(without(drive(speed=0.0), 108.0, 114.0, moved=False)) == []
 
 
+def stopping(speed, braking=0.0):
+    """Return a run that stands after a gap, having moved on by a length [m]."""
+    run = without(drive(speed), 108.0, 114.0, moved=False)
+    after = run.stamps >= 114.0
+    run.local_trajectory[after, 0] = run.local_trajectory[~after][-1, 0] + braking
+    return run
+
+
+def test_a_robot_at_speed_does_not_stop_at_once():
+    [gap] = motion.gaps(stopping(1.0))
+
+    assert gap.scan == 40
+    assert gap.expected == pytest.approx(0.25)
+
+
+def test_nor_does_it_start_at_once():
+    run = stopping(1.0)
+    run.stamps = 220.0 - run.stamps[::-1]
+    run.local_trajectory = run.local_trajectory[::-1].copy()
+
+    assert len(motion.gaps(run)) == 1
+
+
+@pytest.mark.parametrize(("speed", "braking"), [(1.0, 0.3), (0.4, 0.0)])
+def test_a_robot_may_stop_during_a_gap(speed, braking):
+    assert motion.gaps(stopping(speed, braking)) == []
+
+
+def test_scans_after_each_metre_have_no_gaps_in_time():
+    run = without(drive(speed=1.0, rate=1.0, seconds=40.0), 108.0, 120.0, moved=False)
+    assert len(motion.gaps(run)) == 1
+
+    run.stamps += np.cumsum(np.arange(len(run.stamps)) % 3)
+    assert motion.gaps(run) == []
+
+
 def test_gaps_among_disordered_stamps_are_not_believed():
     run = without(drive(), 108.0, 114.0, moved=False)
     run.stamps[30] -= 0.5
@@ -105,6 +141,18 @@ def test_a_turn_during_a_gap_is_seen_in_the_scans():
     assert misfit.scan == 40
     run.node_points = [wide] * len(run.stamps)
     assert motion.misfits(run) == []
+
+
+@pytest.mark.parametrize(("people", "misfits"), [(0.0, 1), (-1.0, 0)])
+def test_a_smaller_part_counts_where_else_nothing_moves(people, misfits):
+    run = without(drive(speed=0.0), 108.0, 114.0, moved=False)
+    before, after = room() * (1.0, 0.6), room() * (0.8, 0.6)
+    run.node_points = [before] * 40 + [after] * (len(run.stamps) - 40)
+    run.node_points[37] = room(shift=people) * (1.0, 0.6)
+
+    share = motion.changed_share(run, 39, 40)
+    assert motion.UNUSUAL_SHARE < share < motion.MISFIT_SHARE
+    assert len(motion.misfits(run)) == misfits
 
 
 def seen_ahead(points, theta, mounted):
@@ -163,9 +211,10 @@ def visits(nodes, own_nodes, contradicts):
         (visits([80, 90], [10, 20], False), Severity.MINOR),
         (visits([80, 90], [10, 20], True), Severity.DOUBTFUL),
         (visits([80, 90], [60, 70], False), Severity.DOUBTFUL),
+        (visits([55, 60], [45, 40], False), Severity.DOUBTFUL),
     ],
 )
-def test_a_jump_is_minor_where_visits_across_it_agree(met, severity):
+def test_a_jump_is_minor_where_visits_across_it_agree_away_from_it(met, severity):
     run = drive()
     run.local_trajectory[50:, 1] += 2.0
 

@@ -30,7 +30,6 @@ from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.search_windows import windows
-from cartoloop.global_slam.sparse_scans import SPARSE_STEP_M
 from cartoloop.global_slam.submap_paths import UNCONNECTED_M, SubmapPaths
 from cartoloop.global_slam.wide_windows import bounding_boxes, wide_reach
 from cartoloop.growing_array import GrowingArray
@@ -43,6 +42,7 @@ from cartoloop.kernels.due_pairs import (
     pairs_of_submap,
 )
 from cartoloop.submaps.node import Node
+from cartoloop.submaps.submap import SPARSE_STEP_M
 
 _NOTHING: FloatArray = np.empty(0)
 

@@ -10,9 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from cartoloop.arrays import FloatArray
-
-SPARSE_STEP_M = 0.6
-"""Nodes farther apart are those of sparse scans [m]; usually they are 0.2 m apart."""
+from cartoloop.submaps.submap import SPARSE_STEP_M
 
 TURN_STEP_M = 0.1
 """Shorter steps are turns on the spot [m]."""
