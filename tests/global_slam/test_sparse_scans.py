@@ -38,7 +38,7 @@ def test_none_and_one_are_not():
 
 
 def wall_with_holes():
-    """Return a submap grid of a wall of which every third pixel was hit."""
+    """Return a submap grid of a wall; every third of its pixels was hit."""
     cells = np.full((40, 60), 40, np.uint8)
     cells[20, ::3] = 250
     return FinishedGrid(cells, 0.0, 0.0, 0.05)

@@ -214,7 +214,7 @@ def visits(nodes, own_nodes, contradicts):
         (visits([55, 60], [45, 40], False), Severity.DOUBTFUL),
     ],
 )
-def test_a_jump_is_minor_where_visits_across_it_agree_away_from_it(met, severity):
+def test_a_jump_is_minor_where_visits_agree_away_from_it(met, severity):
     run = drive()
     run.local_trajectory[50:, 1] += 2.0
 

@@ -43,9 +43,11 @@ class WideSearchConfig(Section):
         3.0, ge=0, description="path length that the scans of a composite scan come from [m]"
     )
     min_num_scans: int = Field(
-        6, ge=1, description="sparse scans come from a longer path, so that they are so many"
+        6, ge=1, description="scans in it, at least: sparse ones come from a longer path"
     )
-    max_length: float = Field(8.0, ge=0, description="path length that they come from, at most [m]")
+    max_length: float = Field(
+        8.0, ge=0, description="path length that sparse scans come from, at most [m]"
+    )
     max_num_scans: int = Field(20, ge=1, description="scans in a composite scan, at most")
     adaptive_voxel_filter: AdaptiveVoxelFilterConfig = AdaptiveVoxelFilterConfig(
         max_length=0.9, min_num_points=200, max_range=30.0
