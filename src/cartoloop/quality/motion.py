@@ -160,8 +160,8 @@ MISFIT_SHARE, MISFIT_M, MISFIT_RAD = 0.45, 1.5, 1.6
 poses the robot was nearly at rest [m], [rad]: it saw the same walls then."""
 
 UNUSUAL_SHARE, UNUSUAL_TIMES, USUAL_NODES = 0.25, 3.0, 4
-"""The first share is enough if it is this multiple of the largest from node to node right before and
-after the gap, over the third number of nodes."""
+"""The first share is enough if it is this multiple of the largest from node to node right before
+and after the gap, over the third number of nodes."""
 
 
 def misfits(content: MapContent) -> list[Event]:
