@@ -144,7 +144,7 @@ def test_pairs_never_requested_have_a_reason():
     assert own.closure is None
     assert own.reason == "the node was inserted into this submap"
     assert odd.status == "not_requested"
-    assert "only every n-th such node is searched" in odd.reason
+    assert "only every n-th node is searched" in odd.reason
     assert "Never requested while mapping" in odd.text
 
 

@@ -67,7 +67,8 @@ class PairVerdict(NamedTuple):
     ----------
     why_not : None if it would.
     distance : between submap and node [m].
-    path_length : of the shortest known path between them [m].
+    path_length : of the shortest known path between them, in which metres between sparse scans
+        count ``sparse_drift`` times [m].
     """
 
     why_not: WhyNot | None

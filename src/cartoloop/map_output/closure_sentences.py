@@ -164,7 +164,7 @@ class Sentences:
 
 def why_not_requested(verdict: PairVerdict) -> str:
     """Return why a pair was never requested."""
-    path = f"shortest path over closures {verdict.path_length:.1f} m"
+    path = f"shortest path over closures counts as {verdict.path_length:.1f} m"
     apart = f"{verdict.distance:.1f} m apart, {path}"
     if verdict.why_not is None:
         return (
