@@ -9,15 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.global_slam.sparse_scans import TURN_STEP_M
 from cartoloop.quality.pairs import MapContent
 from cartoloop.sensor.pose import Pose, relative, transform_points, wrap_angle, wrap_angles
 from cartoloop.submaps.submap import SPARSE_STEP_M
 
 MIN_GAP_S, GAP_INTERVALS = 1.5, 6.0
 """A gap is longer than this, and than this number of usual intervals between scans."""
-
-MOVING_STEP_M = 0.1
-"""Shorter steps of sparse scans are turns on the spot [m]."""
 
 SPEED_OVER_S = 2.0
 """Time before and after a gap over which the speed is measured [s]."""
@@ -136,7 +134,7 @@ def _is_by_distance(steps: FloatArray, intervals: FloatArray) -> bool:
 
     Then a gap in time says nothing. The steps are long, and vary less than the intervals.
     """
-    moves = (steps > MOVING_STEP_M) & (intervals > 0.0)
+    moves = (steps > TURN_STEP_M) & (intervals > 0.0)
     if not np.any(moves) or float(np.median(steps[moves])) <= SPARSE_STEP_M:
         return False
     (low, high), (soon, late) = (
