@@ -15,6 +15,7 @@ from cartoloop.kernels.cloud_projection import CloudLimits, project_cloud
 from cartoloop.kernels.range_projection import Position, RangeLimits, project_ranges
 from cartoloop.kernels.sweep_projection import Heights, project_sweep
 from cartoloop.kernels.voxel_filter import adaptive_voxel_filter, voxel_filter
+from cartoloop.sensor.blocked_beams import BlockedBeams
 from cartoloop.sensor.events import CloudGeometry, LaserScan, PointCloud, ScanGeometry
 from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.sweep_motion import AT_REST, SweepMotion, rotation, sensor_in_sweep
@@ -53,6 +54,7 @@ class _Scanner:
     directions : unit vectors of the beams, tracking frame, float64, shape (num_beams, 3); of a
         level scanner, shape (num_beams, 2).
     limits : which beams are hits.
+    blocked : knows which beams never have a return.
     """
 
     geometry: ScanGeometry
@@ -60,6 +62,7 @@ class _Scanner:
     origin: Position
     directions: FloatArray
     limits: RangeLimits
+    blocked: BlockedBeams
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +90,7 @@ class RangeFilter:
         self._config = config
         self._scanners: dict[int, _Scanner] = {}
         self._cloud_scanners: dict[int, _CloudScanner] = {}
+        self._blocked: dict[tuple[str, int], BlockedBeams] = {}
         self._heights = Heights(config.min_z, config.max_z)
         self._first_sensor: str | None = None
 
@@ -103,27 +107,29 @@ class RangeFilter:
             return self._apply_to_cloud(scan, motion or AT_REST)
         geometry = scan.geometry
         scanner = self._scanners.get(id(geometry)) or self._add_scanner(geometry)
+        limits = scanner.limits
+        ranges = scanner.blocked.apply(scan.ranges, limits.min_range, limits.no_return_range)
         returns = np.empty((geometry.num_beams, 2))
         misses = np.empty((geometry.num_beams, 2))
         mounting = scanner.mounting
         if motion is None and geometry.is_level:
             num_returns, num_misses = project_ranges(
-                scan.ranges,
+                ranges,
                 scanner.directions,
                 scanner.origin[:],
-                scanner.limits[:],
+                limits[:],
                 returns,
                 misses,
             )
         else:
             motion = motion or AT_REST
             num_returns, num_misses = project_sweep(
-                scan.ranges,
+                ranges,
                 _in_space(scanner.directions),
                 scanner.origin,
                 geometry.time_increment,
                 motion,
-                scanner.limits,
+                limits,
                 self._heights,
                 returns,
                 misses,
@@ -174,6 +180,9 @@ class RangeFilter:
                 bool(geometry.no_return_is_free),
                 config.missing_data_ray_length,
                 self._num_agreeing(geometry),
+            ),
+            self._blocked.setdefault(
+                (geometry.sensor, geometry.num_beams), BlockedBeams(geometry.num_beams)
             ),
         )
         return scanner

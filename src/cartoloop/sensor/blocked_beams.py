@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Beams that never have a return: part of the robot is in front of them, or a filter drops them.
+
+Drivers report such a sector as without a return. Taken for free space, it would clear the walls
+that the robot passes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cartoloop.arrays import FloatArray, IntArray
+
+MIN_SCANS = 50
+"""Scans before a beam counts as blocked: ten seconds of a slow scanner."""
+
+MIN_SHARE = 0.005
+"""A beam with returns in fewer scans is blocked: reflections inside a robot are rarer."""
+
+
+class BlockedBeams:
+    """Counts the returns of each beam of one scanner.
+
+    Parameters
+    ----------
+    num_beams : of each of its scans.
+    """
+
+    def __init__(self, num_beams: int) -> None:
+        self._num_scans = 0
+        self._num_returns: IntArray = np.zeros(num_beams, dtype=np.int64)
+
+    def apply(self, ranges: FloatArray, min_range: float, no_return_range: float) -> FloatArray:
+        """Count the returns of a scan; return it with NaN for beams that are blocked.
+
+        Parameters
+        ----------
+        ranges : float64, shape (num_beams,) [m].
+        min_range, no_return_range : a range in [min_range, no_return_range) is a return [m].
+        """
+        self._num_scans += 1
+        self._num_returns += (ranges >= min_range) & (ranges < no_return_range)
+        if self._num_scans < MIN_SCANS:
+            return ranges
+        is_blocked = self._num_returns < MIN_SHARE * self._num_scans
+        return np.where(is_blocked, np.nan, ranges) if is_blocked.any() else ranges
