@@ -161,6 +161,9 @@ UNUSUAL_SHARE, UNUSUAL_TIMES, USUAL_NODES = 0.25, 3.0, 4
 """The first share is enough if it is this multiple of the largest from node to node right before
 and after the gap, over the third number of nodes."""
 
+USUAL_SAMPLES = 100
+"""Nodes at which it is measured what usually changes."""
+
 
 def misfits(content: MapContent) -> list[Event]:
     """Return the gaps across which scans do not fit, as after a turn; `expected` is 0."""
@@ -266,6 +269,18 @@ def standing(content: MapContent) -> list[Standing]:
                 )
             )
     return found
+
+
+def usual_change(content: MapContent) -> float:
+    """Return the share of the returns that changes from node to node wherever the robot is.
+
+    Outliers and noise change them, not only motion: a quarter of the map has less.
+    """
+    count = len(content.node_points) - 1
+    if count < 1:
+        return 0.0
+    nodes = np.unique(np.linspace(0, count - 1, min(count, USUAL_SAMPLES)).astype(np.int64))
+    return float(np.quantile([changed_share(content, n, n + 1) for n in nodes.tolist()], 0.25))
 
 
 def changed_share(content: MapContent, one: int, other: int, max_range: float = 12.0) -> float:

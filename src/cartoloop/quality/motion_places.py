@@ -11,7 +11,7 @@ import numpy as np
 from cartoloop.config import QualityConfig
 from cartoloop.quality.corridors import MEASURED_GAIN, Corridors, gain_elsewhere
 from cartoloop.quality.encounters import Encounters
-from cartoloop.quality.motion import Event, Standing
+from cartoloop.quality.motion import Event, Standing, usual_change
 from cartoloop.quality.odometry_use import without_odometry
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.places import MAX_PLACES, at_scan, place_around, stamps_of
@@ -139,7 +139,7 @@ def standing_places(
         if stand.seconds < STANDS_S:
             continue
         in_corridor = _is_in_corridor(halls, stand.first, stand.last)
-        if _moves(stand, in_corridor=in_corridor):
+        if _moves(stand, content, in_corridor=in_corridor):
             what = f"{100 * stand.changed:.0f}% of the returns change"
         elif (
             in_corridor
@@ -164,12 +164,13 @@ def standing_places(
     return places[:MAX_PLACES]
 
 
-def _moves(stand: Standing, *, in_corridor: bool) -> bool:
+def _moves(stand: Standing, content: MapContent, *, in_corridor: bool) -> bool:
     """Return whether more of the returns changes than where a robot stands."""
     limit = STANDS_CHANGED
     if stand.seconds >= STANDS_LONG_S:
         limit = STANDS_CHANGED_CORRIDOR if in_corridor else STANDS_CHANGED_LONG
-    return stand.changed >= limit
+    # What usually changes takes long to measure, and few get so far.
+    return stand.changed >= limit and stand.changed >= limit + usual_change(content)
 
 
 def _is_in_corridor(halls: Corridors, first: int, last: int) -> bool:
