@@ -26,6 +26,7 @@ from cartoloop.lifelong.trim import trimmed
 from cartoloop.local_slam.local_slam import LocalSlam, LocalSlamResult
 from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.map_data import MapData
+from cartoloop.map_repair import repair
 from cartoloop.map_sessions import earlier_maps
 from cartoloop.packed_rows import PackedRows
 from cartoloop.part_check import part_check
@@ -283,7 +284,10 @@ class Mapper:
             if (failure := self._end_back_end()) is not None:
                 raise failure
             self._global_slam.finish(self._local_slam.active_submaps, note)
-            self._finished = self._examined(self._trimmed(self.result(), note), note)
+            finished = self._examined(self._trimmed(self.result(), note), note)
+            if repair(self._global_slam, self.result(), finished.quality, note):
+                finished = self._examined(self._trimmed(self.result(), note), note)
+            self._finished = finished
         finally:
             self.close()
         return self._finished
@@ -435,9 +439,6 @@ class Mapper:
             adjustment=AdjustmentSummary.of_runs(slam.adjustments),
             stages=self._timer.summary(),
             skipped=self._earlier.skipped(self._skipped),
-            extra=self._local_slam.summary()
-            | slam.closures.summary()
-            | {"sensors": sensors}
-            | slam.joins.summary(),
+            extra=self._local_slam.summary() | slam.summary() | {"sensors": sensors},
         )
         return self._clock.timed(report) if self._clock else report

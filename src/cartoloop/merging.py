@@ -13,6 +13,7 @@ from cartoloop.earlier_sessions import EarlierMaps, whole_trajectory, with_parts
 from cartoloop.errors import UsageError
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.map_data import MapData
+from cartoloop.map_repair import repair
 from cartoloop.map_sessions import map_of, require_resolution
 from cartoloop.part_check import part_check
 from cartoloop.quality.examine import examine
@@ -61,18 +62,24 @@ def merge(
     slam = GlobalSlam(
         config.global_slam, timer, mapped=earlier.mapped, check_geometry=part_check(config)
     )
+
+    def examined() -> Result:
+        result = _result(slam, earlier, config, timer)
+        if note is not None:
+            note("examining the map")
+        with timer.measure("examine"):
+            quality = examine(result, config.quality)
+        return replace(result, report=replace(result.report, quality=quality))
+
     try:
         slam.finish((), note)
-        result = _result(slam, earlier, config, timer)
+        result = examined()
+        if repair(slam, result, result.quality, note):
+            result = examined()
     finally:
         slam.close()
-    if note is not None:
-        note("examining the map")
-    with timer.measure("examine"):
-        quality = examine(result, config.quality)
-    report = replace(
-        result.report, quality=quality, stages=timer.summary(), finished=slam.graph.num_nodes > 0
-    )
+    is_finished = slam.graph.num_nodes > 0
+    report = replace(result.report, stages=timer.summary(), finished=is_finished)
     return replace(result, report=clock.timed(report))
 
 
@@ -100,7 +107,7 @@ def _result(slam: GlobalSlam, earlier: EarlierMaps, config: Config, timer: Stage
         adjustment=AdjustmentSummary.of_runs(slam.adjustments),
         stages=timer.summary(),
         skipped=earlier.skipped({}),
-        extra=slam.closures.summary() | slam.joins.summary(),
+        extra=slam.summary(),
     )
     return Result(
         earlier.stamps,

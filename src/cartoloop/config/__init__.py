@@ -13,6 +13,7 @@ from cartoloop.config.global_slam import (
     GlobalSlamConfig,
     JoinConfig,
     PoseAdjustmentConfig,
+    RepairConfig,
     WideSearchConfig,
 )
 from cartoloop.config.local_slam import (
@@ -49,6 +50,7 @@ __all__ = [
     "PoseAdjustmentConfig",
     "PredictionConfig",
     "QualityConfig",
+    "RepairConfig",
     "Section",
     "SensorConfig",
     "SubmapConfig",

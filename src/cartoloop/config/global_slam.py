@@ -166,6 +166,40 @@ class JoinConfig(Section):
     )
 
 
+class RepairConfig(Section):
+    """Visits that contradict each other in the finished map.
+
+    Where the examination calls the map doubtful or wrong for that, they are searched in the submaps
+    that they contradict.
+    """
+
+    enabled: bool = Field(True, description="search where visits contradict each other")
+    length: float = Field(
+        4.0, ge=0, description="path whose scans are matched as one [m]; one alone sees too little"
+    )
+    linear_window: float = Field(2.0, ge=0, description="search window radius [m]")
+    angular_window_deg: float = Field(
+        6.0, ge=0, description="and its angle, to each side [deg]: headings are nearly right"
+    )
+    min_score: float = Field(
+        0.35,
+        ge=0,
+        le=1,
+        description="matches below are rejected; visits from another side score low",
+    )
+    min_margin: float = Field(
+        0.03, ge=0, description="the score must exceed that in any other place by this"
+    )
+    max_rounds: int = Field(4, ge=0, description="adjustments, each followed by an examination")
+    max_remaining_share: float = Field(
+        0.7,
+        ge=0,
+        le=1,
+        description="matches are believed if at most this share of the path still contradicts "
+        "itself with them",
+    )
+
+
 class ConstraintSearchConfig(Section):
     """Section V-B: which pairs of scan and finished submap are searched, and what is accepted."""
 
@@ -268,6 +302,7 @@ class ConstraintSearchConfig(Section):
     )
     wide_search: WideSearchConfig = WideSearchConfig()
     join: JoinConfig = JoinConfig()
+    repair: RepairConfig = RepairConfig()
 
 
 class PoseAdjustmentConfig(Section):
@@ -304,6 +339,13 @@ class PoseAdjustmentConfig(Section):
         gt=0,
         description="chi square per degree of freedom of the chain of submaps in the final map, "
         "beyond which it is weighted less in the end, too",
+    )
+    repaired_share: float = Field(
+        0.3,
+        gt=0,
+        le=1,
+        description="share of its information at most, where visits contradicted each other until "
+        "few matches made them agree",
     )
     max_num_iterations: int = Field(50, ge=1, description="steps at most, while mapping")
     max_num_final_iterations: int = Field(200, ge=1, description="steps at most, in the end")

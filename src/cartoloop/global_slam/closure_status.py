@@ -91,6 +91,8 @@ class Reason(IntEnum):
     """REMOVED, ADDED: ``cartoloop edit`` or the like."""
     KEPT = 19
     """FINAL: as a search measured it; between these sessions the last pass matched fewer pairs."""
+    REPAIR = 20
+    """FINAL: visits contradicted each other, and with this match of several scans they agree."""
 
     @property
     def text(self) -> str:
@@ -109,6 +111,7 @@ _STATUS_OF_REASON = {
     Reason.ROTATION: Status.MOVED_TOO_FAR,
     Reason.EDIT: Status.ADDED,
     Reason.KEPT: Status.FINAL,
+    Reason.REPAIR: Status.FINAL,
 }
 
 STATUS_OF_REASON: CodeArray = np.zeros(len(Reason), dtype=np.int8)

@@ -42,6 +42,11 @@ class Closures(ClosureColumns):
         """Return the number of dropped searches, for the report; empty if none."""
         return {"searches_dropped": self.num_dropped} if self.num_dropped else {}
 
+    @property
+    def is_repaired(self) -> bool:
+        """Whether a closure makes visits agree that contradicted each other."""
+        return bool(np.any(self.reason == Reason.REPAIR))
+
     def request(self, requests: Requests, num_nodes: int) -> RowArray:
         """Add pairs to be searched; return their rows.
 
@@ -125,11 +130,12 @@ class Closures(ClosureColumns):
         self.status[rows], self.reason[rows] = Status.REMOVED, Reason.EDIT
 
     def note_added(self, match: FinalMatches) -> int:
-        """Note a closure that an edit added, and return its row.
+        """Note a closure that was added to the finished map, and return its row.
 
         Parameters
         ----------
-        match : one, with the reason EDIT. It replaces what the last pass measured for its pair.
+        match : one, with the reason EDIT or REPAIR. It replaces what the last pass measured for
+            its pair.
         """
         row = self.find(int(match.submap[0]), int(match.node[0]))
         number = _NO_MATCH if row is None else int(self._final_match[row])
@@ -138,8 +144,17 @@ class Closures(ClosureColumns):
             order = np.argsort(keys, kind="stable")
             return int(self._note_pass(match, keys[order], order)[0])
         self._matches.replace(number, match)
-        self.status[row], self.reason[row] = Status.ADDED, Reason.EDIT
+        reason = int(match.reason[0])
+        self.status[row], self.reason[row] = STATUS_OF_REASON[reason], reason
         return row
+
+    def note_repaired(self, matches: FinalMatches) -> IntArray:
+        """Note closures that make visits agree, with the reason REPAIR; return their rows."""
+        rows = [
+            self.note_added(FinalMatches._make(column[[index]] for column in matches))
+            for index in range(len(matches.node))
+        ]
+        return np.array(rows, dtype=np.int64)
 
     @classmethod
     def restored(

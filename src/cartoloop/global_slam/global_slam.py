@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.part_joins import PartJoins
 from cartoloop.global_slam.parts_left import join_parts_left
 from cartoloop.global_slam.pose_graph import ClosureConstraints, ConstraintKind
+from cartoloop.global_slam.repair import FindContradictions, Repair, Repaired, add_closures
 from cartoloop.global_slam.restoring import (
     finished_submap,
     inserted_rows,
@@ -72,6 +74,7 @@ class GlobalSlam:
     sessions : where each session begins, and the connected part that it belongs to.
     joins : finds the relative poses of parts that nothing connects.
     num_put_off : searches that were started and not done when the graph was adjusted.
+    repaired : what made visits agree that contradicted each other; None: nothing.
     """
 
     def __init__(
@@ -104,6 +107,7 @@ class GlobalSlam:
             outcomes=outcomes,
         )
         self.num_put_off = 0
+        self.repaired: Repaired | None = None
         self._pairs = PairSelection(config.constraint_search)
         self._wide = WideSearch(
             config.constraint_search, self.closures, self._finished, self.search, outcomes
@@ -146,6 +150,11 @@ class GlobalSlam:
     def node_points(self) -> ScanPoints:
         """The returns of each node so far [m], tracking frame; read only."""
         return self._node_points.view
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the report says of closures, joins and repairs."""
+        repaired = {} if self.repaired is None else self.repaired.summary()
+        return self.closures.summary() | self.joins.summary() | repaired
 
     @property
     def num_loop_closures(self) -> int:
@@ -225,15 +234,38 @@ class GlobalSlam:
         passes = self._config.constraint_search.final_passes
         for number in range(1, passes + 1):
             announce(f"matching again, {number} of {passes}")
-            with self._timer.measure("match again"):
-                self._match_again()
-            with self._timer.measure("adjust"):
-                self._adjustment.weigh_chain(len(self.sessions))
-                self._adjust(iterations)
+            self._match_again()
+            self._settle(iterations)
         announce("last adjustment")
         with self._timer.measure("adjust"):
-            self._adjustment.weigh_chain(len(self.sessions))
+            self._adjustment.weigh_chain(len(self.sessions), is_repaired=self.repaired is not None)
             self._remove_contradicted(iterations)
+
+    def repair(self, find: FindContradictions) -> bool:
+        """Make visits agree that contradict each other in the finished map; return whether any do.
+
+        Parameters
+        ----------
+        find : examines the map with other poses.
+        """
+        if self._config.optimize_every_n_nodes == 0:
+            return False
+        with self._timer.measure("repair"):
+            repair = Repair(self._config, self._finished, self.node_points, self.search)
+            repaired = repair.run(self.graph, find)
+        if repaired is None:
+            return False
+        self.repaired = repaired
+        iterations = self._config.pose_adjustment.max_num_final_iterations
+        self.graph.node_poses[:] = repaired.graph.node_poses
+        self.graph.submap_poses[:] = repaired.graph.submap_poses
+        self._match_again()
+        added = repaired.without_matched(self.graph)
+        add_closures(self.graph, added, self.closures.note_repaired(added))
+        self._settle(iterations)
+        with self._timer.measure("adjust"):
+            self._remove_contradicted(iterations)
+        return True
 
     def finished_grids(self) -> dict[int, FinishedGrid]:
         """Return the grids of the finished submaps by their index."""
@@ -414,6 +446,12 @@ class GlobalSlam:
         self._poses.note(self.graph.submap_poses)
         self._pairs.note_adjusted(self.graph, holding)
 
+    def _settle(self, max_num_iterations: int) -> None:
+        """Adjust the finished map, with the chain as strong as the poses bear out."""
+        with self._timer.measure("adjust"):
+            self._adjustment.weigh_chain(len(self.sessions), is_repaired=self.repaired is not None)
+            self._adjust(max_num_iterations)
+
     def _remove_contradicted(self, max_num_iterations: int) -> None:
         """Remove the loop closures that the other constraints contradict, and adjust again."""
         closures, is_violated = violated_closures(self.graph)
@@ -434,4 +472,5 @@ class GlobalSlam:
             self.node_points,
             self.sessions,
         )
-        last_pass.run(self.closures, self.search)
+        with self._timer.measure("match again"):
+            last_pass.run(self.closures, self.search)

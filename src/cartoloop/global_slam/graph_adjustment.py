@@ -96,10 +96,15 @@ class GraphAdjustment:
         self._distrust_strained(closures)
         return closures[~is_violated | graph.is_trusted[closures]]
 
-    def weigh_chain(self, num_sessions: int) -> None:
-        """Use as much of the information of intra-submap constraints as the poses bear out."""
+    def weigh_chain(self, num_sessions: int, *, is_repaired: bool = False) -> None:
+        """Use as much of the information of intra-submap constraints as the poses bear out.
+
+        Parameters
+        ----------
+        is_repaired : see :func:`final_chain_share`.
+        """
         config = self._config.pose_adjustment
-        self._share = chain_share(self._graph, config.max_chain_chi_square)
+        self._share = final_chain_share(self._graph, config, is_repaired=is_repaired)
         self._decision_share = final_decision_share(config, num_sessions)
         self._adjuster = PoseAdjuster(self._graph)
 
@@ -124,6 +129,21 @@ class GraphAdjustment:
             self._graph.is_trusted[trusted[is_strained]] = False
             # The adjuster assumes that constraints stay as they are.
             self._adjuster = PoseAdjuster(self._graph)
+
+
+def final_chain_share(
+    graph: PoseGraph, config: PoseAdjustmentConfig, *, is_repaired: bool
+) -> float:
+    """Return the share of the chain's information that a finished map is adjusted with.
+
+    Parameters
+    ----------
+    is_repaired : whether visits contradicted each other until they were matched. Then the chain
+        that led them astray is too sure of itself, and few matches hold against it: it has a
+        smaller share.
+    """
+    share = chain_share(graph, config.max_chain_chi_square)
+    return min(share, config.repaired_share) if is_repaired else share
 
 
 def final_decision_share(config: PoseAdjustmentConfig, num_sessions: int) -> float:

@@ -12,8 +12,8 @@ import numpy as np
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.global_slam.closure_matches import FinalMatches
 from cartoloop.global_slam.closure_status import Reason
-from cartoloop.global_slam.graph_adjustment import final_decision_share
-from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust, chain_share
+from cartoloop.global_slam.graph_adjustment import final_chain_share, final_decision_share
+from cartoloop.global_slam.pose_adjustment import AdjustmentOptions, adjust
 from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.map_data import MapData
 from cartoloop.map_editing.arguments import Add, ForgetArea
@@ -222,7 +222,9 @@ class WorkingMap:
             loss_scale=config.loss_scale,
             max_iterations=config.max_num_final_iterations,
             relative_tolerance=config.tolerance,
-            chain_share=chain_share(self.graph, config.max_chain_chi_square),
+            chain_share=final_chain_share(
+                self.graph, config, is_repaired=self._original.closures.is_repaired
+            ),
             decision_share=final_decision_share(config, len(self._original.sessions)),
             flexible_share=config.flexible_share,
         )

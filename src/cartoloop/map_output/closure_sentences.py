@@ -228,6 +228,10 @@ _LAST_PASS = {
         "fewer pairs were matched between the two submaps than searches had found. They are of two "
         "sessions, and the adjusted poses agree with this closure: it stays."
     ),
+    Reason.REPAIR: (
+        "{fit}. Visits contradicted each other there. Several scans as one were matched, and with "
+        "this closure the visits agree."
+    ),
     Reason.NEARER_SUBMAPS: (
         "{config.final_max_submaps_of_node} other submaps were nearer to the node "
         "(final_max_submaps_of_node)."

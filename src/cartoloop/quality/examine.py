@@ -12,10 +12,11 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import QualityConfig
 from cartoloop.quality import by_session, contradictions, motion, motion_places, weak_places
 from cartoloop.quality.corridor_places import corridor_places
-from cartoloop.quality.encounters import Encounters, encounters
-from cartoloop.quality.pairs import MapContent, compared_pairs, path_lengths
+from cartoloop.quality.encounters import Encounters
+from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.slides import slides
 from cartoloop.quality.verdict import VERDICTS, Quality, Severity
+from cartoloop.quality.visits import compare_visits
 from cartoloop.quality.walls import wall_offsets
 from cartoloop.quality.weak_closures import weak_bundles
 from cartoloop.sensor.scan_points import ScanPoints
@@ -42,14 +43,7 @@ def examine(
         return Quality()
     points = content.node_points
     scans = points if isinstance(points, ScanPoints) else ScanPoints.of(points)
-    paths = by_session.paths_apart(path_lengths(content.graph.node_poses), content.sessions)
-    same_part = by_session.same_part(content)
-    pairs = compared_pairs(content, scans, config, paths, same_part, config.visit_distance)
-    is_apart = pairs.path >= config.min_visit_path
-    is_near = pairs.distance < config.nearby
-    met = encounters(pairs.take(is_apart & is_near), paths, content, scans, config)
-    seen = encounters(pairs.take(is_apart & ~is_near), paths, content, scans, config)
-    consecutive = pairs.take(~is_apart)
+    met, seen, consecutive, paths = compare_visits(content, scans, config)
     share_of_all = _share(met, seen)
     share = max(_share(met), share_of_all)
     gaps, jumps = (by_session.events(content, find) for find in (motion.gaps, motion.jumps))
