@@ -88,6 +88,13 @@ def test_closures_not_matched_again_name_the_rule(reason, status, words):
     assert words in explanation.text
 
 
+def test_closures_that_make_visits_agree_say_so():
+    explanation = explainer(after_last_pass(Reason.REPAIR)).row(0)
+
+    assert explanation.status == "final"
+    assert "Visits contradicted each other there" in explanation.text
+
+
 def test_contradicted_closures_name_the_limits():
     explanation = explainer(rejected=[closure(0, 5, 0.5)]).row(0)
 

@@ -269,3 +269,19 @@ def test_a_length_is_known_as_well_as_metres_were_measured():
     assert length_error(100.0, measured) == pytest.approx(2.0 * 0.03 * np.sqrt(200.0))
     assert length_error(100.0, measured | {"measured_metres": 10_000}) < 0.61
     assert length_error(100.0, known) == pytest.approx(1.8)
+
+
+def with_outliers(share):
+    """Return a robot that stands in a room, with returns before the walls at random."""
+    rng, run = np.random.default_rng(3), drive(speed=0.0)
+    for _ in run.stamps:
+        points = room()
+        is_wrong = rng.random(len(points)) < share
+        run.node_points.append(np.where(is_wrong[:, np.newaxis], 0.5 * points, points))
+    return run
+
+
+def test_returns_that_change_everywhere_show_no_motion():
+    assert motion.usual_change(with_outliers(0.0)) == 0.0
+    assert motion.usual_change(with_outliers(0.3)) > 0.02
+    assert motion.usual_change(drive()) == 0.0

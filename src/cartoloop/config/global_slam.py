@@ -174,6 +174,9 @@ class RepairConfig(Section):
     """
 
     enabled: bool = Field(True, description="search where visits contradict each other")
+    min_length: float = Field(
+        4.0, ge=0, description="if they do so along less of the path, nothing is searched [m]"
+    )
     length: float = Field(
         4.0, ge=0, description="path whose scans are matched as one [m]; one alone sees too little"
     )

@@ -259,10 +259,11 @@ class GlobalSlam:
         iterations = self._config.pose_adjustment.max_num_final_iterations
         self.graph.node_poses[:] = repaired.graph.node_poses
         self.graph.submap_poses[:] = repaired.graph.submap_poses
-        self._match_again()
-        added = repaired.without_matched(self.graph)
-        add_closures(self.graph, added, self.closures.note_repaired(added))
-        self._settle(iterations)
+        for _ in range(self._config.constraint_search.final_passes):
+            self._match_again()
+            added = repaired.without_matched(self.graph)
+            add_closures(self.graph, added, self.closures.note_repaired(added))
+            self._settle(iterations)
         with self._timer.measure("adjust"):
             self._remove_contradicted(iterations)
         return True

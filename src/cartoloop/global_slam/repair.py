@@ -149,6 +149,8 @@ class Repair:
         limits = self._config.constraint_search.repair
         contradictions = find(graph)
         before, tried = contradictions.length, set[tuple[int, int]]()
+        if before < limits.min_length:
+            return None
         found, best = NO_FINAL_MATCHES, None
         for _ in range(limits.max_rounds):
             new = self._matches(graph, contradictions, tried)
@@ -189,7 +191,7 @@ class Repair:
         search = self._config.constraint_search
         limits = search.repair
         points = self._composite(visit.node, graph, paths)
-        is_near = _is_near_observed(submap.grid, visit.tf_submap_node, points)
+        is_near = near_observed(submap.grid, visit.tf_submap_node, points)
         points = thin(points[is_near], SCAN_FILTER)
         if len(points) < MIN_RETURNS:
             return NO_FINAL_MATCHES
@@ -254,7 +256,7 @@ def add_closures(graph: PoseGraph, closures: FinalMatches, rows: IntArray) -> No
     graph.add_loop_closures(ClosureConstraints(rows, *columns), are_trusted=True)
 
 
-def _is_near_observed(grid: FinishedGrid, tf_submap_node: Pose, points: FloatArray) -> BoolArray:
+def near_observed(grid: FinishedGrid, tf_submap_node: Pose, points: FloatArray) -> BoolArray:
     """Return which points lie near cells that were observed, shape (n,)."""
     reach = round(NEAR_OBSERVED_M / grid.resolution)
     observed = ndimage.binary_dilation(np.pad(grid.cells != 0, reach), iterations=reach)

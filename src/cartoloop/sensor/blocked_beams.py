@@ -11,11 +11,12 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
 
-MIN_SCANS = 50
-"""Scans before a beam counts as blocked: ten seconds of a slow scanner."""
+MIN_SCANS = 200
+"""Scans before a beam counts as blocked: in fewer, it may always have looked along a corridor."""
 
 MIN_SHARE = 0.005
-"""A beam with returns in fewer scans is blocked: reflections inside a robot are rarer."""
+"""A beam with returns in no more of the scans after these is blocked: so rare are reflections
+inside a robot."""
 
 
 class BlockedBeams:
@@ -42,5 +43,5 @@ class BlockedBeams:
         self._num_returns += (ranges >= min_range) & (ranges < no_return_range)
         if self._num_scans < MIN_SCANS:
             return ranges
-        is_blocked = self._num_returns < MIN_SHARE * self._num_scans
+        is_blocked = self._num_returns <= MIN_SHARE * (self._num_scans - MIN_SCANS)
         return np.where(is_blocked, np.nan, ranges) if is_blocked.any() else ranges
