@@ -21,6 +21,7 @@ from cartoloop.global_slam.repair import (
     Contradictions,
     Repair,
     add_closures,
+    determined_share,
     near_observed,
 )
 from cartoloop.sensor.pose import Pose, compose, inverse, relative_all, transform_points
@@ -40,14 +41,14 @@ def room(pillars=PILLARS):
     for x, y in pillars:
         row, col = round(y / 0.05), round(x / 0.05)
         cells[row : row + 6, col : col + 6] = 255
-    return FinishedGrid(cells, 0.0, 0.0, 0.05)
+    return FinishedGrid(np.pad(cells, 20), 0.0, 0.0, 0.05)
 
 
 def bare():
     """Return two long walls that look the same all along."""
     cells = np.ones((160, 200), np.uint8)
     cells[:2], cells[-2:] = 255, 255
-    return FinishedGrid(cells, 0.0, 0.0, 0.05)
+    return FinishedGrid(np.pad(cells, 20), 0.0, 0.0, 0.05)
 
 
 class TwoVisits:
@@ -61,10 +62,12 @@ class TwoVisits:
 
     def __init__(self, grid):
         self.grid = grid
-        walls = np.argwhere(grid.cells == 255)[::2, ::-1] * grid.resolution
-        walls = walls + np.random.default_rng(2).normal(0.0, 0.01, walls.shape)
-        first = [Pose(x, 4.0, 0.0) for x in np.arange(2.0, 4.0, 0.2)]
-        self.later = [Pose(x, 3.2, 0.3) for x in np.arange(4.0, 6.0, 0.2)]
+        rng = np.random.default_rng(2)
+        cells = rng.permutation(np.argwhere(grid.cells == 255))
+        walls = cells[: len(cells) // 2, ::-1] * grid.resolution
+        walls = walls + rng.normal(0.0, 0.01, walls.shape)
+        first = [Pose(x, 5.0, 0.0) for x in np.arange(3.0, 5.0, 0.2)]
+        self.later = [Pose(x, 4.2, 0.3) for x in np.arange(5.0, 7.0, 0.2)]
         poses = [*first, *self.later]
         self.graph = graph = PoseGraph()
         graph.add_submap((0.0, 0.0, 0.0))
@@ -96,8 +99,11 @@ class TwoVisits:
         paths = 0.2 * np.arange(20.0) + np.repeat((0.0, 100.0), 10)
         return Contradictions(visits, 8.0 * len(visits), paths)
 
-    def repaired(self, find=None):
+    def repaired(self, find=None, settings=()):
         config = Config().global_slam
+        limits = config.constraint_search.repair.model_copy(update=dict(settings))
+        search = config.constraint_search.model_copy(update={"repair": limits})
+        config = config.model_copy(update={"constraint_search": search})
         search = ConstraintSearch(
             config.constraint_search, Closures(), self.submaps, NodePoints(), 1
         )
@@ -193,6 +199,21 @@ def test_points_near_observed_cells_are_kept(seed):
         steps = [abs(r - row) + abs(c - col) for r, c in np.argwhere(cells).tolist()]
         expected.append(min(steps, default=99) <= reach)
     assert near_observed(grid, pose, points).tolist() == expected
+
+
+def test_a_corridor_leaves_a_direction_open():
+    along, across = np.array((1.0, 0.02)), np.array((-0.02, 1.0))
+    walls = [np.append(across, lever) for lever in (-3.0, 0.0, 3.0)]
+    bare = sum(np.outer(row, row) for row in walls)
+    end = np.outer(np.append(along, 0.5), np.append(along, 0.5))
+    assert determined_share(bare + 0.01 * end) < 0.01
+    assert determined_share(bare + end) > 0.3
+
+
+def test_matches_that_leave_a_direction_open_are_not_believed():
+    visits = TwoVisits(room())
+    assert visits.repaired() is not None
+    assert visits.repaired(settings={"min_determined": 0.99}) is None
 
 
 def test_the_record_knows_that_a_map_was_repaired():

@@ -193,6 +193,13 @@ class RepairConfig(Section):
     min_margin: float = Field(
         0.03, ge=0, description="the score must exceed that in any other place by this"
     )
+    min_determined: float = Field(
+        0.15,
+        ge=0,
+        le=1,
+        description="curvature along the direction that a match determines worst, as a share of "
+        "that along the best, at least: along bare corridors it is some hundredths",
+    )
     max_rounds: int = Field(4, ge=0, description="adjustments, each followed by an examination")
     max_remaining_share: float = Field(
         0.7,

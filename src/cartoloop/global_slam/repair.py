@@ -209,7 +209,9 @@ class Repair:
         ).matches[0]
         if best is None or best.score - best.runner_up < limits.min_margin:
             return NO_FINAL_MATCHES
-        match, _ = refined(submap, scans, np.zeros(1, np.int32), [best], search)
+        match, curvatures = refined(submap, scans, np.zeros(1, np.int32), [best], search)
+        if determined_share(curvatures[0]) < limits.min_determined:
+            return NO_FINAL_MATCHES
         moved = match.tf_submap_node - start
         return FinalMatches(
             np.array([visit.submap]),
@@ -254,6 +256,18 @@ def add_closures(graph: PoseGraph, closures: FinalMatches, rows: IntArray) -> No
     """
     columns = (closures.submap, closures.node, closures.tf_submap_node, closures.information)
     graph.add_loop_closures(ClosureConstraints(rows, *columns), are_trusted=True)
+
+
+def determined_share(curvature: FloatArray) -> float:
+    """Return how well a match determines its worst direction, as a share of its best one.
+
+    Parameters
+    ----------
+    curvature : float64, shape (3, 3), of (CS): x, y, theta. The heading is free.
+    """
+    translation, turned = curvature[:2, :2], curvature[:2, 2]
+    least, most = np.linalg.eigvalsh(translation - np.outer(turned, turned) / curvature[2, 2])
+    return float(max(least, 0.0) / most)
 
 
 def near_observed(grid: FinishedGrid, tf_submap_node: Pose, points: FloatArray) -> BoolArray:
