@@ -208,6 +208,7 @@ def test_a_corridor_leaves_a_direction_open():
     end = np.outer(np.append(along, 0.5), np.append(along, 0.5))
     assert determined_share(bare + 0.01 * end) < 0.01
     assert determined_share(bare + end) > 0.3
+    assert determined_share(np.zeros((3, 3))) == 0.0
 
 
 def test_matches_that_leave_a_direction_open_are_not_believed():

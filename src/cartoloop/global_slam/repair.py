@@ -266,8 +266,10 @@ def determined_share(curvature: FloatArray) -> float:
     curvature : float64, shape (3, 3), of (CS): x, y, theta. The heading is free.
     """
     translation, turned = curvature[:2, :2], curvature[:2, 2]
+    if curvature[2, 2] <= 0.0:
+        return 0.0
     least, most = np.linalg.eigvalsh(translation - np.outer(turned, turned) / curvature[2, 2])
-    return float(max(least, 0.0) / most)
+    return float(max(least, 0.0) / most) if most > 0.0 else 0.0
 
 
 def near_observed(grid: FinishedGrid, tf_submap_node: Pose, points: FloatArray) -> BoolArray:
