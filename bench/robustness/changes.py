@@ -8,24 +8,36 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from bench.robustness.carmen_text import CarmenText, read_carmen, write_carmen
-from cartoloop.arrays import BoolArray, FloatArray
+from bench.robustness.carmen_text import read_carmen, write_carmen
+from bench.robustness.log_changes import (
+    Apply,
+    blocked,
+    combined,
+    drifting,
+    drop_every,
+    end,
+    longer,
+    longer_ranges,
+    mirror,
+    missing,
+    newer_odometry,
+    noise,
+    odometry_steps,
+    outliers,
+    sparse,
+    start,
+    thinned,
+)
+from cartoloop.arrays import FloatArray
 from cartoloop.errors import CartoloopError, ConfigError, InputError
 from cartoloop.evaluation.relations import Relations
 from cartoloop.sensor.pose import compose_all, relative_all
-
-Rng = np.random.Generator
-Apply = Callable[[CarmenText, Rng], None]
-
-NEAREST, FARTHEST = 0.05, 40.0
-"""Ranges between these are returns [m], to which noise is added."""
 
 
 class NothingLeft(InputError):  # noqa: N818 - named for what happened
@@ -54,128 +66,6 @@ class Change:
     scale: float = 1.0
 
 
-def _drop_every(count: int) -> Apply:
-    def apply(log: CarmenText, _: Rng) -> None:
-        is_scan = log.is_scan
-        log.keep(~is_scan | (np.cumsum(is_scan) % count != 0))
-
-    return apply
-
-
-def _sparse(spacing: float, turn: float) -> Apply:
-    """Return the change that leaves a scan after each length [m] or turn [rad] of the odometry."""
-
-    def apply(log: CarmenText, _: Rng) -> None:
-        last = None
-        for row in np.flatnonzero(log.is_scan).tolist():
-            pose = log.poses[row]
-            if last is not None:
-                x, y, theta = (pose - last).tolist()
-                if math.hypot(x, y) < spacing and abs(math.remainder(theta, math.tau)) < turn:
-                    log.ranges[row] = None
-                    log.tails[row] = ["0", "0", "0", *log.tails[row]]  # speeds, as ODOM has them
-                    continue
-            last = pose
-
-    return apply
-
-
-def _noise(sigma: float) -> Apply:
-    def apply(log: CarmenText, rng: Rng) -> None:
-        for ranges in log.ranges:
-            if ranges is not None:
-                seen = (ranges > NEAREST) & (ranges < FARTHEST)
-                ranges[seen] += rng.normal(0, sigma, int(seen.sum()))
-
-    return apply
-
-
-def _start(seconds: float) -> Apply:
-    def apply(log: CarmenText, _: Rng) -> None:
-        log.keep(log.times >= log.times[0] + seconds)
-
-    return apply
-
-
-def _end(seconds: float) -> Apply:
-    def apply(log: CarmenText, _: Rng) -> None:
-        log.keep(log.times <= log.times[-1] - seconds)
-
-    return apply
-
-
-def _mirror(log: CarmenText, _: Rng) -> None:
-    log.poses = log.poses * (1.0, -1.0, -1.0)
-    log.ranges = [None if ranges is None else ranges[::-1] for ranges in log.ranges]
-
-
-def _odometry_steps(change: Callable[[FloatArray], FloatArray]) -> Apply:
-    """Return the change that changes the steps of the odometry, shape (n, 3)."""
-
-    def apply(log: CarmenText, _: Rng) -> None:
-        steps = change(relative_all(log.poses[:-1], log.poses[1:]))
-        headings = log.poses[0, 2] + np.concatenate(([0.0], np.cumsum(steps[:, 2])))
-        turned = np.column_stack((np.zeros((len(steps), 2)), headings[:-1]))
-        moved = np.cumsum(compose_all(turned, steps)[:, :2], axis=0)
-        places = log.poses[0, :2] + np.vstack((np.zeros((1, 2)), moved))
-        log.poses = np.column_stack((places, headings))
-
-    return apply
-
-
-def _longer(share: float) -> Callable[[FloatArray], FloatArray]:
-    return lambda steps: steps * (1.0 + share, 1.0 + share, 1.0)
-
-
-def _drifting(radians_a_metre: float) -> Callable[[FloatArray], FloatArray]:
-    def change(steps: FloatArray) -> FloatArray:
-        turns = radians_a_metre * np.hypot(steps[:, 0], steps[:, 1])
-        return np.column_stack((steps[:, :2], steps[:, 2] + turns))
-
-    return change
-
-
-def _newer_odometry(seconds: float) -> Apply:
-    def apply(log: CarmenText, _: Rng) -> None:
-        times = log.times
-        known = times + np.arange(len(times)) * 1e-7  # so that all differ
-        columns = (log.poses[:, 0], log.poses[:, 1], np.unwrap(log.poses[:, 2]))
-        log.poses = np.column_stack(
-            [np.interp(times + seconds, known, column) for column in columns]
-        )
-
-    return apply
-
-
-def _thinned(every: int) -> Apply:
-    def apply(log: CarmenText, _: Rng) -> None:
-        step = math.radians(round(180.0 / log.num_beams * 2.0) / 2.0)
-        log.angles = (-math.pi / 2, every * step)
-        log.ranges = [None if ranges is None else ranges[::every] for ranges in log.ranges]
-
-    return apply
-
-
-def _missing(share: float) -> Apply:
-    def apply(log: CarmenText, rng: Rng) -> None:
-        no_return = log.no_return
-        for ranges in log.ranges:
-            if ranges is not None:
-                ranges[rng.random(len(ranges)) < share] = no_return
-
-    return apply
-
-
-def _longer_ranges(share: float) -> Apply:
-    def apply(log: CarmenText, _: Rng) -> None:
-        for ranges in log.ranges:
-            if ranges is not None:
-                seen: BoolArray = (ranges > NEAREST) & (ranges < FARTHEST)
-                ranges[seen] *= 1.0 + share
-
-    return apply
-
-
 UNCHANGED: Final = "unchanged"
 
 NOISE_SEEDS = 5
@@ -185,30 +75,33 @@ CHANGES: Final = {
     change.name: change
     for change in (
         Change(UNCHANGED),
-        Change("drop50", _drop_every(50)),
-        Change("noise1cm", _noise(0.01), seeds=NOISE_SEEDS),
-        Change("start60", _start(60.0)),
-        Change("end600", _end(600.0)),
-        Change("mirror", _mirror, is_mirrored=True),
-        Change("scale103", _odometry_steps(_longer(0.03))),
-        Change("drift05", _odometry_steps(_drifting(math.radians(0.5)))),
-        Change("toff02", _newer_odometry(0.2)),
-        Change("start30", _start(30.0)),
-        Change("start90", _start(90.0)),
-        Change("start150", _start(150.0)),
-        Change("start200", _start(200.0)),
-        Change("start300", _start(300.0)),
-        Change("drop2", _drop_every(2)),
-        Change("sparse", _sparse(1.0, math.radians(30.0))),
-        Change("beams2", _thinned(2)),
-        Change("missing10", _missing(0.1), seeds=2),
-        Change("noise2cm", _noise(0.02), seeds=2),
-        Change("range101", _longer_ranges(0.01), scale=1.01),
-        Change("scale095", _odometry_steps(_longer(-0.05))),
-        Change("toff-02", _newer_odometry(-0.2)),
+        Change("drop50", drop_every(50)),
+        Change("noise1cm", noise(0.01), seeds=NOISE_SEEDS),
+        Change("start60", start(60.0)),
+        Change("end600", end(600.0)),
+        Change("mirror", mirror, is_mirrored=True),
+        Change("scale103", odometry_steps(longer(0.03))),
+        Change("drift05", odometry_steps(drifting(math.radians(0.5)))),
+        Change("toff02", newer_odometry(0.2)),
+        Change("start30", start(30.0)),
+        Change("start90", start(90.0)),
+        Change("start150", start(150.0)),
+        Change("start200", start(200.0)),
+        Change("start300", start(300.0)),
+        Change("drop2", drop_every(2)),
+        Change("sparse", sparse(1.0, math.radians(30.0))),
+        Change("beams2", thinned(2)),
+        Change("missing10", missing(0.1), seeds=2),
+        Change("noise2cm", noise(0.02), seeds=2),
+        Change("range101", longer_ranges(0.01), scale=1.01),
+        Change("scale095", odometry_steps(longer(-0.05))),
+        Change("toff-02", newer_odometry(-0.2)),
         Change("pixel4cm", settings=("local_slam.submaps.resolution=0.04",)),
         Change("pixel6cm", settings=("local_slam.submaps.resolution=0.06",)),
         Change("voxel5cm", settings=("sensor.voxel_filter_size=0.05",)),
+        Change("blocked", blocked(0.2, 0.12)),
+        Change("outliers2", outliers(0.02), seeds=2),
+        Change("combined", combined, seeds=NOISE_SEEDS),
         Change("no-odometry", settings=("local_slam.use_odometry=false",)),
     )
 }

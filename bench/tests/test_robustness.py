@@ -147,6 +147,30 @@ def test_missing_returns_are_as_rare_as_their_name_says(source, original, tmp_pa
     assert missing.mean() == pytest.approx(0.1, abs=0.01)
 
 
+def test_a_blocked_sector_has_no_returns(source, original, tmp_path):
+    ranges = ranges_of(changed(source, tmp_path, "blocked"))
+    count = ranges.shape[1]
+    is_blocked = (ranges == original.no_return).all(axis=0)
+    assert is_blocked.mean() == pytest.approx(0.12, abs=1.5 / count)
+    assert np.array_equal(ranges[:, ~is_blocked], ranges_of(original)[:, ~is_blocked])
+
+
+def test_outliers_are_as_rare_as_their_name_says(source, original, tmp_path):
+    is_other = ranges_of(changed(source, tmp_path, "outliers2")) != ranges_of(original)
+    assert is_other.mean() == pytest.approx(0.02, abs=0.003)
+
+
+def test_combined_changes_are_several(source, original, tmp_path):
+    logs = [changed(source, tmp_path, "combined", seed) for seed in range(4)]
+    assert len({len(log.ranges) for log in logs}) > 1
+    assert all(
+        len(log.poses) != len(original.poses)
+        or not np.array_equal(log.poses, original.poses)
+        or not np.array_equal(ranges_of(log), ranges_of(original))
+        for log in logs
+    )
+
+
 def test_relations_of_a_mirrored_scanner_are_mirrored():
     poses = np.array([(1.0, 0.5, 0.2), (0.0, -2.0, -3.0)])
     relations = Relations(np.array([(1.0, 2.0), (3.0, 4.0)]), poses)

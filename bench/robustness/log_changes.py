@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is changed in a log: scans and beams left out, noise, other odometry, other clocks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from bench.robustness.carmen_text import CarmenText
+from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.sensor.pose import compose_all, relative_all
+
+Rng = np.random.Generator
+Apply = Callable[[CarmenText, Rng], None]
+
+NEAREST, FARTHEST = 0.05, 40.0
+"""Ranges between these are returns [m], to which noise is added."""
+
+
+def drop_every(count: int) -> Apply:
+    """Return the change that leaves out every n-th scan."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        is_scan = log.is_scan
+        log.keep(~is_scan | (np.cumsum(is_scan) % count != 0))
+
+    return apply
+
+
+def sparse(spacing: float, turn: float) -> Apply:
+    """Return the change that leaves a scan after each length [m] or turn [rad] of the odometry."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        last = None
+        for row in np.flatnonzero(log.is_scan).tolist():
+            pose = log.poses[row]
+            if last is not None:
+                x, y, theta = (pose - last).tolist()
+                if math.hypot(x, y) < spacing and abs(math.remainder(theta, math.tau)) < turn:
+                    log.ranges[row] = None
+                    log.tails[row] = ["0", "0", "0", *log.tails[row]]  # speeds, as ODOM has them
+                    continue
+            last = pose
+
+    return apply
+
+
+def noise(sigma: float) -> Apply:
+    """Return the change that adds normal noise to each return [m]."""
+
+    def apply(log: CarmenText, rng: Rng) -> None:
+        for ranges in log.ranges:
+            if ranges is not None:
+                seen = (ranges > NEAREST) & (ranges < FARTHEST)
+                ranges[seen] += rng.normal(0, sigma, int(seen.sum()))
+
+    return apply
+
+
+def start(seconds: float) -> Apply:
+    """Return the change that leaves out the beginning [s]."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        log.keep(log.times >= log.times[0] + seconds)
+
+    return apply
+
+
+def end(seconds: float) -> Apply:
+    """Return the change that leaves out the end [s]."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        log.keep(log.times <= log.times[-1] - seconds)
+
+    return apply
+
+
+def mirror(log: CarmenText, _: Rng) -> None:
+    """Exchange left and right."""
+    log.poses = log.poses * (1.0, -1.0, -1.0)
+    log.ranges = [None if ranges is None else ranges[::-1] for ranges in log.ranges]
+
+
+def odometry_steps(change: Callable[[FloatArray], FloatArray]) -> Apply:
+    """Return the change that changes the steps of the odometry, shape (n, 3)."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        steps = change(relative_all(log.poses[:-1], log.poses[1:]))
+        headings = log.poses[0, 2] + np.concatenate(([0.0], np.cumsum(steps[:, 2])))
+        turned = np.column_stack((np.zeros((len(steps), 2)), headings[:-1]))
+        moved = np.cumsum(compose_all(turned, steps)[:, :2], axis=0)
+        places = log.poses[0, :2] + np.vstack((np.zeros((1, 2)), moved))
+        log.poses = np.column_stack((places, headings))
+
+    return apply
+
+
+def longer(share: float) -> Callable[[FloatArray], FloatArray]:
+    """Return what makes steps longer by a share."""
+    return lambda steps: steps * (1.0 + share, 1.0 + share, 1.0)
+
+
+def drifting(radians_a_metre: float) -> Callable[[FloatArray], FloatArray]:
+    """Return what makes steps turn to the left [rad/m]."""
+
+    def change(steps: FloatArray) -> FloatArray:
+        turns = radians_a_metre * np.hypot(steps[:, 0], steps[:, 1])
+        return np.column_stack((steps[:, :2], steps[:, 2] + turns))
+
+    return change
+
+
+def newer_odometry(seconds: float) -> Apply:
+    """Return the change that takes the odometry from a later time [s]."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        times = log.times
+        known = times + np.arange(len(times)) * 1e-7  # so that all differ
+        columns = (log.poses[:, 0], log.poses[:, 1], np.unwrap(log.poses[:, 2]))
+        log.poses = np.column_stack(
+            [np.interp(times + seconds, known, column) for column in columns]
+        )
+
+    return apply
+
+
+def thinned(every: int) -> Apply:
+    """Return the change that keeps one in n beams."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        step = math.radians(round(180.0 / log.num_beams * 2.0) / 2.0)
+        log.angles = (-math.pi / 2, every * step)
+        log.ranges = [None if ranges is None else ranges[::every] for ranges in log.ranges]
+
+    return apply
+
+
+def missing(share: float) -> Apply:
+    """Return the change that leaves beams without a return, at random."""
+
+    def apply(log: CarmenText, rng: Rng) -> None:
+        no_return = log.no_return
+        for ranges in log.ranges:
+            if ranges is not None:
+                ranges[rng.random(len(ranges)) < share] = no_return
+
+    return apply
+
+
+def longer_ranges(share: float) -> Apply:
+    """Return the change that makes ranges longer by a share."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        for ranges in log.ranges:
+            if ranges is not None:
+                seen: BoolArray = (ranges > NEAREST) & (ranges < FARTHEST)
+                ranges[seen] *= 1.0 + share
+
+    return apply
+
+
+def blocked(first: float, width: float) -> Apply:
+    """Return the change that leaves the beams of a sector without a return.
+
+    Parameters
+    ----------
+    first, width : where it begins and how wide it is, as shares of the field of view.
+    """
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        no_return = log.no_return
+        for ranges in log.ranges:
+            if ranges is not None:
+                count = len(ranges)
+                ranges[round(first * count) : round((first + width) * count)] = no_return
+
+    return apply
+
+
+def outliers(share: float) -> Apply:
+    """Return the change that gives beams any range up to eight metres, at random."""
+
+    def apply(log: CarmenText, rng: Rng) -> None:
+        for ranges in log.ranges:
+            if ranges is not None:
+                is_wrong = rng.random(len(ranges)) < share
+                ranges[is_wrong] = rng.uniform(0.2, 8.0, int(is_wrong.sum()))
+
+    return apply
+
+
+def combined(log: CarmenText, rng: Rng) -> None:
+    """Change a log in two to four ways, each by as much as a random number says."""
+    draw = rng.uniform
+    makers: list[Callable[[], Apply]] = [
+        lambda: start(draw(0.0, 0.15) * float(log.times[-1] - log.times[0])),
+        lambda: noise(draw(0.005, 0.02)),
+        lambda: odometry_steps(longer(draw(-0.06, 0.06))),
+        lambda: odometry_steps(drifting(math.radians(draw(-0.7, 0.7)))),
+        lambda: newer_odometry(draw(-0.3, 0.3)),
+        lambda: drop_every(int(rng.integers(2, 5))),
+        lambda: missing(draw(0.02, 0.15)),
+        lambda: blocked(draw(0.0, 0.85), 0.12),
+        lambda: outliers(draw(0.005, 0.03)),
+    ]
+    count = int(rng.integers(2, 5))
+    for index in sorted(rng.choice(len(makers), count, replace=False).tolist()):
+        makers[index]()(log, rng)
