@@ -192,7 +192,7 @@ def outliers(share: float) -> Apply:
 
 
 def combined(log: CarmenText, rng: Rng) -> None:
-    """Change a log in two to four ways, each by as much as a random number says."""
+    """Make two to four changes at once, each by as much as a random number says."""
     draw = rng.uniform
     makers: list[Callable[[], Apply]] = [
         lambda: start(draw(0.0, 0.15) * float(log.times[-1] - log.times[0])),

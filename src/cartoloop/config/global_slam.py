@@ -202,7 +202,7 @@ class RepairConfig(Section):
     )
     max_rounds: int = Field(4, ge=0, description="adjustments, each followed by an examination")
     max_remaining_share: float = Field(
-        0.7,
+        0.5,
         ge=0,
         le=1,
         description="matches are believed if at most this share of the path still contradicts "
