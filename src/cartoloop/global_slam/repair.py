@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import ndimage
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.config import AdaptiveVoxelFilterConfig, GlobalSlamConfig
@@ -274,6 +273,8 @@ def determined_share(curvature: FloatArray) -> float:
 
 def near_observed(grid: FinishedGrid, tf_submap_node: Pose, points: FloatArray) -> BoolArray:
     """Return which points lie near cells that were observed, shape (n,)."""
+    from scipy import ndimage  # takes a while, and few maps are repaired
+
     reach = round(NEAR_OBSERVED_M / grid.resolution)
     observed = ndimage.binary_dilation(np.pad(grid.cells != 0, reach), iterations=reach)
     placed = transform_points(tf_submap_node, points)
