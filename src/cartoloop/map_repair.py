@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from cartoloop.config import Config
 from cartoloop.global_slam.global_slam import GlobalSlam
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.global_slam.repair import Contradictions
@@ -16,7 +17,8 @@ from cartoloop.result import Result
 
 def repair(
     slam: GlobalSlam,
-    result: Result,
+    make: Callable[[], Result],
+    config: Config,
     quality: Quality,
     note: Callable[[str], None] | None = None,
 ) -> bool:
@@ -25,15 +27,17 @@ def repair(
     Parameters
     ----------
     slam : global SLAM of the map, finished; its graph is adjusted again.
-    result : the map as it is.
+    make : returns the map as it is, which takes a while.
+    config : of the map.
     quality : the verdict on it.
     note : called with a description of the step as it begins.
     """
-    config = result.config
     if not (config.global_slam.constraint_search.repair.enabled and is_contradicted(quality)):
         return False
     if note is not None:
         note("searching where visits contradict each other")
+
+    result = make()
 
     def find(graph: PoseGraph) -> Contradictions:
         return contradicted_visits(replace(result, graph=graph), config.quality)

@@ -285,7 +285,7 @@ class Mapper:
                 raise failure
             self._global_slam.finish(self._local_slam.active_submaps, note)
             finished = self._examined(self._trimmed(self.result(), note), note)
-            if repair(self._global_slam, self.result(), finished.quality, note):
+            if repair(self._global_slam, self.result, self._config, finished.quality, note):
                 finished = self._examined(self._trimmed(self.result(), note), note)
             self._finished = finished
         finally:

@@ -74,7 +74,7 @@ def merge(
     try:
         slam.finish((), note)
         result = examined()
-        if repair(slam, result, result.quality, note):
+        if repair(slam, lambda: result, config, result.quality, note):
             result = examined()
     finally:
         slam.close()

@@ -238,7 +238,7 @@ class GlobalSlam:
             self._settle(iterations)
         announce("last adjustment")
         with self._timer.measure("adjust"):
-            self._adjustment.weigh_chain(len(self.sessions), is_repaired=self.repaired is not None)
+            self._adjustment.weigh_chain(len(self.sessions), is_repaired=self.closures.is_repaired)
             self._remove_contradicted(iterations)
 
     def repair(self, find: FindContradictions) -> bool:
@@ -450,7 +450,7 @@ class GlobalSlam:
     def _settle(self, max_num_iterations: int) -> None:
         """Adjust the finished map, with the chain as strong as the poses bear out."""
         with self._timer.measure("adjust"):
-            self._adjustment.weigh_chain(len(self.sessions), is_repaired=self.repaired is not None)
+            self._adjustment.weigh_chain(len(self.sessions), is_repaired=self.closures.is_repaired)
             self._adjust(max_num_iterations)
 
     def _remove_contradicted(self, max_num_iterations: int) -> None:

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -135,11 +136,12 @@ def standing_places(
     """
     places = []
     has_none = without_odometry(stamps_of(content, np.arange(content.graph.num_nodes)), odometry)
+    usual = cache(lambda: usual_change(content))
     for stand in found:
         if stand.seconds < STANDS_S:
             continue
         in_corridor = _is_in_corridor(halls, stand.first, stand.last)
-        if _moves(stand, content, in_corridor=in_corridor):
+        if _moves(stand, usual, in_corridor=in_corridor):
             what = f"{100 * stand.changed:.0f}% of the returns change"
         elif (
             in_corridor
@@ -164,13 +166,18 @@ def standing_places(
     return places[:MAX_PLACES]
 
 
-def _moves(stand: Standing, content: MapContent, *, in_corridor: bool) -> bool:
-    """Return whether more of the returns changes than where a robot stands."""
+def _moves(stand: Standing, usual: Callable[[], float], *, in_corridor: bool) -> bool:
+    """Return whether more of the returns changes than where a robot stands.
+
+    Parameters
+    ----------
+    usual : returns the share that changes everywhere.
+    """
     limit = STANDS_CHANGED
     if stand.seconds >= STANDS_LONG_S:
         limit = STANDS_CHANGED_CORRIDOR if in_corridor else STANDS_CHANGED_LONG
     # What usually changes takes long to measure, and few get so far.
-    return stand.changed >= limit and stand.changed >= limit + usual_change(content)
+    return stand.changed >= limit and stand.changed >= limit + usual()
 
 
 def _is_in_corridor(halls: Corridors, first: int, last: int) -> bool:
