@@ -13,9 +13,15 @@ from cartoloop.local_slam.measured_distance import (
     DistanceMeter,
     MeasuredDistance,
 )
-from cartoloop.local_slam.odometry_calibration import with_measured_scale
+from cartoloop.local_slam.odometry_calibration import OdometryCalibration
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
-from cartoloop.local_slam.odometry_scale import combined, measured_ratio
+from cartoloop.local_slam.odometry_scale import (
+    MIN_DISTANCES,
+    combined,
+    measured_ratio,
+    with_measured_scale,
+)
+from cartoloop.local_slam.odometry_track import OdometryTrack
 from cartoloop.sensor.pose import IDENTITY, Pose, compose
 from tests.local_slam.test_wall_step import corridor_scan
 
@@ -132,6 +138,27 @@ def test_what_was_known_counts_where_little_is_measured():
     matched = OdometryParameters(translation_error=0.001)
     found = with_measured_scale(matched, measured, *odometry, known)
     assert found.translation_scale == pytest.approx(0.957, abs=0.002)
+
+
+def test_a_scale_that_few_distances_contradict_does_not_count():
+    measured, *odometry = distances(0.94, number=12)
+    matched = OdometryParameters(translation_error=0.001)  # as was assumed: 1
+    found = with_measured_scale(matched, measured, *odometry, OdometryParameters())
+    assert found.translation_scale == pytest.approx(0.94, abs=0.015)
+
+
+def test_the_scale_is_known_once_few_distances_are():
+    measured, times, odometry = distances(0.94, number=12)
+    track, calibration = OdometryTrack(), OdometryCalibration()
+    for time, pose in zip(times.tolist(), odometry.tolist(), strict=True):
+        track.add(time, Pose(*pose))
+    known = []
+    for one in measured:
+        calibration.add_distance(one)
+        calibration.add(one.end, Pose(one.end, 0.0, 0.0), track)
+        known.append(calibration.model.knows_scale)
+    assert known.index(True) == MIN_DISTANCES - 1
+    assert calibration.model.translation_scale == pytest.approx(0.94, abs=0.015)
 
 
 def test_a_scale_that_nothing_measured_is_that_of_the_matches():

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,11 +29,11 @@ from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.local_slam.odometry_readings import are_measured
 from cartoloop.local_slam.odometry_scale import (
     MATCHED_ERROR,
+    MAX_SCALE,
     MIN_DISTANCES,
-    MIN_KNOWN_ERROR,
+    MIN_SCALE,
     NUM_DISTANCES,
-    combined,
-    measured_ratio,
+    with_measured_scale,
 )
 from cartoloop.local_slam.odometry_track import OdometryTrack
 from cartoloop.local_slam.odometry_veer import estimate_veer
@@ -51,9 +50,6 @@ MIN_STEPS = 25
 
 MIN_MOVE_M = 0.02
 """Steps shorter than this and without a turn are not used [m]: the noise of a match."""
-
-MIN_SCALE, MAX_SCALE = 0.7, 1.4
-"""Limits of the scales; odometry beyond them is broken, not badly calibrated."""
 
 SCALE_ROUNDS, LEVER_ROUNDS = 5, 8
 """Rounds of reweighting, after which the estimates change by less than their noise."""
@@ -89,6 +85,7 @@ class OdometryCalibration:
         self._known = self.model
         self._distances: deque[MeasuredDistance] = deque(maxlen=NUM_DISTANCES)
         self._num_scans = 0
+        self._num_tried = 0
 
     def shift(self, scanner: str, by: float) -> None:
         """Correct the times of a scanner's scans so far, since its clock offset changes [s]."""
@@ -127,21 +124,36 @@ class OdometryCalibration:
         series.is_usable.append(bool(series.is_usable))
         if num_faulty:
             series.is_usable[-num_faulty:] = [False] * min(num_faulty, len(series.is_usable))
-        if self._num_scans >= self._due:
+        if self._num_scans >= self._due or self._may_show_first_scale():
             self._due = next_estimate(self._num_scans)
-            every = list(self._series.values())
-            for one in every:
-                one.cut(max(self._window, VEER_WINDOW))
-            odometry, before = track.arrays(), self.model
-            veer, num_stretches = estimate_veer(
-                latest(every, VEER_WINDOW), *odometry, before.time_offset, before.veer
-            )
-            known = replace(before, veer=veer, num_stretches=num_stretches)
-            scans = latest(every, self._window)
-            model = estimate(scans.times, scans.poses, *odometry, known, scans.is_usable)
-            if model is not known:
-                model = with_measured_scale(model, self._distances, *odometry, self._known)
-            self.model = model
+            self.model = self._estimated(track)
+
+    def _may_show_first_scale(self) -> bool:
+        """Return whether a further distance may be the one that shows the scale at last.
+
+        Until then the robot is where uncalibrated odometry says, wherever scans hardly measure the
+        distance: along corridors, the map is too long by as much.
+        """
+        count = len(self._distances)
+        if self.model.knows_scale or count < max(MIN_DISTANCES, self._num_tried + 1):
+            return False
+        self._num_tried = count
+        return True
+
+    def _estimated(self, track: OdometryTrack) -> OdometryParameters:
+        """Return what scans and odometry so far show."""
+        every = list(self._series.values())
+        for one in every:
+            one.cut(max(self._window, VEER_WINDOW))
+        odometry, before = track.arrays(), self.model
+        veer, num_stretches = estimate_veer(
+            latest(every, VEER_WINDOW), *odometry, before.time_offset, before.veer
+        )
+        known = replace(before, veer=veer, num_stretches=num_stretches)
+        scans = latest(every, self._window)
+        model = estimate(scans.times, scans.poses, *odometry, known, scans.is_usable)
+        matched_error = math.inf if model is known else MATCHED_ERROR
+        return with_measured_scale(model, self._distances, *odometry, self._known, matched_error)
 
 
 def estimate(
@@ -202,58 +214,6 @@ def estimate(
         num_turns=int(np.count_nonzero(turning)),
         rotation_error=float(np.median(errors[:, 2])) if knows_rotation else math.nan,
         translation_error=float(np.median(np.hypot(errors[:, 0], errors[:, 1]))),
-    )
-
-
-def with_measured_scale(
-    model: OdometryParameters,
-    distances: Sequence[MeasuredDistance],
-    odometry_times: FloatArray,
-    odometry_poses: FloatArray,
-    known: OdometryParameters,
-) -> OdometryParameters:
-    """Return a model with the scale of distances that scans alone measured.
-
-    What matched poses show of the scale is little more than what was assumed of it, where
-    scans determine little. It counts as long as few distances were measured.
-
-    Parameters
-    ----------
-    model : fits the matched poses best.
-    distances : as measured.
-    odometry_times, odometry_poses : as for :func:`estimate`.
-    known : what was known before the run.
-    """
-    begins = np.array([one.begin for one in distances]) - model.time_offset
-    ends = np.array([one.end for one in distances]) - model.time_offset
-    is_known = are_measured(begins, odometry_times) & are_measured(ends, odometry_times)
-    estimates = [(model.translation_scale, MATCHED_ERROR)]
-    noise, num_metres = known.metre_noise, known.num_metres
-    if known.knows_scale:
-        estimates.append((known.translation_scale, max(known.scale_error, MIN_KNOWN_ERROR)))
-    if np.count_nonzero(is_known) >= MIN_DISTANCES:
-        used = [one for one, inside in zip(distances, is_known.tolist(), strict=True) if inside]
-        first, last = (
-            np.column_stack(
-                [np.interp(times[is_known], odometry_times, column) for column in odometry_poses.T]
-            )
-            for times in (begins, ends)
-        )
-        moved = model.predict_all(relative_all(first, last), first[:, 2])
-        along = np.array([one.along for one in used])
-        ratio, error, noise = measured_ratio(used, np.sum(moved[:, :2] * along, axis=1))
-        estimates.append((model.translation_scale * ratio, model.translation_scale * error))
-        num_metres = 0 if math.isnan(noise) else len(used)
-    if len(estimates) == 1:
-        return model
-    scale, error = combined(estimates)
-    scale = min(max(scale, MIN_SCALE), MAX_SCALE)
-    return replace(
-        model,
-        translation_scale=scale,
-        scale_error=error,
-        metre_noise=noise,
-        num_metres=num_metres,
     )
 
 

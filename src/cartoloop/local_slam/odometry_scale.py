@@ -5,11 +5,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.local_slam.measured_distance import MeasuredDistance
+from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.odometry_readings import are_measured
+from cartoloop.sensor.pose import relative_all
+
+MIN_SCALE, MAX_SCALE = 0.7, 1.4
+"""Limits of the scales; odometry beyond them is broken, not badly calibrated."""
 
 NUM_DISTANCES = 600
 """Number of latest distances that are used: some 600 m."""
@@ -20,6 +27,9 @@ MIN_DISTANCES = 10
 MATCHED_ERROR = 0.005
 """Standard deviation of the scale that matched poses show: the less the scans determine, the more
 they show what was assumed."""
+
+MAX_DIFFERENCE = 3.0
+"""Two scales contradict each other that differ by more than this multiple of their errors."""
 
 MIN_KNOWN_ERROR = 0.002
 """Least standard deviation of a scale that is known from before, so that it may change."""
@@ -43,6 +53,87 @@ ROUNDS = 8
 
 MIN_TYPICAL_ERROR_M = 1e-4
 """Lower limit of the typical error [m], so that exact data do not divide by zero."""
+
+
+def with_measured_scale(
+    model: OdometryParameters,
+    distances: Sequence[MeasuredDistance],
+    odometry_times: FloatArray,
+    odometry_poses: FloatArray,
+    known: OdometryParameters,
+    matched_error: float = MATCHED_ERROR,
+) -> OdometryParameters:
+    """Return a model with the scale of distances that scans alone measured.
+
+    What matched poses show of the scale is little more than what was assumed of it, where
+    scans determine little. It counts as long as few distances were measured, unless these
+    contradict it.
+
+    Parameters
+    ----------
+    model : fits the matched poses best.
+    distances : as measured.
+    odometry_times, odometry_poses : as for :func:`estimate`.
+    known : what was known before the run.
+    matched_error : standard error of the model's scale; infinite where matched poses do not
+        show it.
+    """
+    used = _inside(distances, model.time_offset, odometry_times)
+    if len(used) < MIN_DISTANCES and (math.isinf(matched_error) or not known.knows_scale):
+        return model
+    estimates, matched = [], (model.translation_scale, matched_error)
+    noise, num_metres = known.metre_noise, known.num_metres
+    if len(used) >= MIN_DISTANCES:
+        predicted = _predicted(used, model, odometry_times, odometry_poses)
+        ratio, error, noise = measured_ratio(used, predicted)
+        measured = (model.translation_scale * ratio, model.translation_scale * error)
+        if are_contradictory(matched, measured):
+            matched = (model.translation_scale, math.inf)
+        estimates.append(measured)
+        num_metres = 0 if math.isnan(noise) else len(used)
+    if known.knows_scale:
+        estimates.append((known.translation_scale, max(known.scale_error, MIN_KNOWN_ERROR)))
+    scale, error = combined([matched, *estimates])
+    scale = min(max(scale, MIN_SCALE), MAX_SCALE)
+    return replace(
+        model,
+        translation_scale=scale,
+        scale_error=error,
+        metre_noise=noise,
+        num_metres=num_metres,
+    )
+
+
+def _inside(
+    distances: Sequence[MeasuredDistance], time_offset: float, odometry_times: FloatArray
+) -> list[MeasuredDistance]:
+    """Return the distances over whose time there is odometry; none if they are few."""
+    if len(distances) < MIN_DISTANCES or len(odometry_times) < 2:
+        return []
+    ends = np.array([(one.begin, one.end) for one in distances]) - time_offset
+    is_inside = are_measured(ends[:, 0], odometry_times) & are_measured(ends[:, 1], odometry_times)
+    return [one for one, inside in zip(distances, is_inside.tolist(), strict=True) if inside]
+
+
+def _predicted(
+    distances: Sequence[MeasuredDistance],
+    model: OdometryParameters,
+    odometry_times: FloatArray,
+    odometry_poses: FloatArray,
+) -> FloatArray:
+    """Return the distances as the odometry predicts them, shape (n,) [m]."""
+    first, last = (
+        np.column_stack(
+            [
+                np.interp(np.array(times) - model.time_offset, odometry_times, column)
+                for column in odometry_poses.T
+            ]
+        )
+        for times in zip(*((one.begin, one.end) for one in distances), strict=True)
+    )
+    moved = model.predict_all(relative_all(first, last), first[:, 2])
+    along: FloatArray = np.sum(moved[:, :2] * np.array([one.along for one in distances]), axis=1)
+    return along
 
 
 def measured_ratio(
@@ -78,6 +169,11 @@ def measured_ratio(
     lengths = np.maximum(np.abs(predicted), MIN_LENGTH_M)
     noise = MEDIAN_TO_SIGMA * float(np.median(np.abs(measured - ratio * predicted) / lengths**0.5))
     return ratio, max(error, MIN_ERROR), noise
+
+
+def are_contradictory(first: tuple[float, float], second: tuple[float, float]) -> bool:
+    """Return whether two values with standard errors contradict each other."""
+    return abs(first[0] - second[0]) > MAX_DIFFERENCE * math.hypot(first[1], second[1])
 
 
 def combined(estimates: Sequence[tuple[float, float]]) -> tuple[float, float]:
