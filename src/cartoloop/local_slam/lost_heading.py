@@ -97,17 +97,27 @@ class LostHeading:
         )
 
 
+def fits_clearly(fit: ScanFit, found: LeastSquaresMatch, limit: float) -> bool:
+    """Return whether a match may say that the robot turned although its odometry did not.
+
+    Parameters
+    ----------
+    limit : its residual must be smaller.
+    """
+    return (
+        found.residual < limit
+        and fit.fits_as_usual(found)
+        and fit.is_determined(found)
+        and fit.is_amply_seen(found)
+    )
+
+
 def _at_other_headings(fit: ScanFit, best: LeastSquaresMatch) -> LeastSquaresMatch | None:
     """Return the match at a heading far from the predicted one that is better than `best`."""
     turned, limit = None, MAX_RESIDUAL_SHARE * best.residual
     for angle in HEADINGS_RAD:
         centre = fit.prior._replace(theta=wrap_angle(fit.prior.theta + angle))
         found = fit.refine_freely(fit.search(centre, fit.settings.lost_window))
-        if (
-            found.residual < limit
-            and fit.fits_as_usual(found)
-            and fit.is_determined(found)
-            and fit.is_amply_seen(found)
-        ):
+        if fits_clearly(fit, found, limit):
             turned, limit = found, found.residual
     return turned

@@ -6,14 +6,19 @@ from __future__ import annotations
 import math
 
 from cartoloop.local_slam.degenerate_direction import where_prior_leads
+from cartoloop.local_slam.lost_heading import MAX_RESIDUAL_SHARE, fits_clearly
 from cartoloop.local_slam.scan_fit import ScanFit
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
-from cartoloop.sensor.pose import Pose, relative
+from cartoloop.sensor.pose import Pose, relative, wrap_angle
 
 AROUND_STEP, LONGEST_STEP_M = 1.2, 2.5
 """Radius of the search around the last pose, in steps of the odometry: it may report the right
 distance in a wrong direction, such as driving backwards as driving forwards. After longer steps [m]
 scans overlap too little for a window of that size."""
+
+FAR_TURN_RAD = math.radians(15.0)
+"""From the heading of the odometry to that of a match: a slip of a wheel turns the robot less
+[rad]."""
 
 ONE_SEARCH_M, ONE_SEARCH_RAD = 0.1, math.radians(3.0)
 """Fallback poses that differ by no more [m], [rad] are searched together: the window around one
@@ -27,7 +32,8 @@ def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> Leas
     fit better wherever the scan overlaps more of the map, but they contradict nothing. So against
     odometry only points in observed cells count, unless the scan fits as usual, and the points must
     outweigh the motion prior: those of all scans in turn that do not fit, since the odometry that
-    has missed one motion of the robot does not learn of it later.
+    has missed one motion of the robot does not learn of it later. Far from its heading they must
+    fit clearly.
 
     Parameters
     ----------
@@ -42,6 +48,8 @@ def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> Leas
     limit_of_seen = window.lost_improvement * fit.residual_of_seen(best) if by_odometry else 0.0
     for centre in _fallbacks(fit):
         found = _near_fallback(fit, centre)
+        if by_odometry and _is_doubtful_turn(fit, found, best):
+            continue
         if found.residual < min(limit, best.residual) and (
             not by_odometry
             or (
@@ -68,6 +76,17 @@ def search_as_lost(fit: ScanFit, best: LeastSquaresMatch, num_lost: int) -> Leas
         if found.residual < best.residual and fit.is_determined(found):
             best = found
     return best
+
+
+def _is_doubtful_turn(fit: ScanFit, found: LeastSquaresMatch, best: LeastSquaresMatch) -> bool:
+    """Return whether a match is far from the heading of the odometry, and not clear enough.
+
+    Where a robot with a short view enters a room, its scans fit nowhere, and badly anywhere.
+    """
+    turn = abs(wrap_angle(found.tf_submap_scan.theta - fit.prior.theta))
+    if turn <= FAR_TURN_RAD:
+        return False
+    return not fits_clearly(fit, found, MAX_RESIDUAL_SHARE * best.residual)
 
 
 def _fallbacks(fit: ScanFit) -> tuple[Pose, ...]:

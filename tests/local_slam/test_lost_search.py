@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which match of a lost scan is believed against the odometry."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cartoloop.config import LocalSlamConfig
+from cartoloop.local_slam.lost_search import search_as_lost
+from cartoloop.local_slam.scan_fit import MatcherSettings
+from cartoloop.scan_matching.least_squares import LeastSquaresMatch
+from cartoloop.sensor.pose import IDENTITY, Pose
+
+USUAL = 0.5
+HERE = LeastSquaresMatch(IDENTITY, np.eye(3), 1.6 * USUAL, 1000.0, 1)
+
+
+def found_at(turn_deg, residual, amply_seen=True):
+    """What the search of a lost scan returns that fits elsewhere, turned by so much."""
+    pose = Pose(0.5, 0.2, math.radians(turn_deg))
+    elsewhere = LeastSquaresMatch(pose, np.diag((1e3, 1e3, 1e3)), residual, 1.0, 1)
+    fit = SimpleNamespace(
+        settings=MatcherSettings.of(LocalSlamConfig()),
+        prior=IDENTITY,
+        prediction=SimpleNamespace(
+            by_odometry=True, fallbacks=lambda: (IDENTITY, IDENTITY), over_jump=None
+        ),
+        in_submap=lambda pose: pose,
+        search=lambda centre, window: centre,
+        refine_freely=lambda start: elsewhere,
+        residual_of_seen=lambda match: match.residual,
+        fits_as_usual=lambda match: match.residual < 1.3 * USUAL,
+        is_determined=lambda match: True,
+        is_amply_seen=lambda match: amply_seen,
+        cost_against_prior=lambda match, weight: 0.0,
+    )
+    return search_as_lost(fit, HERE, 3) is elsewhere
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 10.0, -10.0])
+def test_a_better_match_at_nearly_the_same_heading_is_believed(turn_deg):
+    assert found_at(turn_deg, 1.27 * USUAL)
+
+
+@pytest.mark.parametrize("turn_deg", [30.0, -46.0, 358.0 - 46.0])
+def test_a_far_turn_is_not_believed_for_a_poor_match(turn_deg):
+    assert not found_at(turn_deg, 1.27 * USUAL)
+
+
+def test_a_far_turn_is_not_believed_where_little_was_observed():
+    assert not found_at(30.0, USUAL, amply_seen=False)
+
+
+def test_a_far_turn_is_believed_where_the_scan_fits_well():
+    assert found_at(30.0, USUAL)
