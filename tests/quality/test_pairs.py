@@ -73,5 +73,5 @@ def test_a_map_that_is_only_seen_again_is_called_wrong(two_rounds_result):
     assert examine(two_rounds_result, config).verdict == "good"
     quality = examine(displaced(two_rounds_result, 0.8), config)
     assert quality.verdict == "wrong"
-    assert quality.figures["revisited_m"] == 0.0
+    assert quality.figures["revisited_m"] < 1.0
     assert quality.figures["seen_again_m"] > 50.0

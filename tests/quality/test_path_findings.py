@@ -13,7 +13,7 @@ from cartoloop.quality import motion
 from cartoloop.quality.corridors import corridors
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.motion_places import jump_places
-from cartoloop.quality.odometry_use import length_error
+from cartoloop.quality.odometry_use import length_error, scale_error
 from cartoloop.quality.pairs import Pairs
 from cartoloop.quality.verdict import Severity
 
@@ -266,9 +266,20 @@ def test_a_length_is_known_as_well_as_metres_were_measured():
     known = {"translation_error_m": 0.001, "rotation_error_rad": 0.01}
     measured = known | {"metre_noise_m": 0.03, "measured_metres": 100}
 
-    assert length_error(100.0, measured) == pytest.approx(2.0 * 0.03 * np.sqrt(200.0))
-    assert length_error(100.0, measured | {"measured_metres": 10_000}) < 0.61
+    assert length_error(100.0, measured) == pytest.approx(0.03 * np.sqrt(200.0))
+    assert length_error(100.0, measured | {"measured_metres": 10_000}) < 0.305
     assert length_error(100.0, known) == pytest.approx(1.8)
+
+
+def test_a_length_is_wrong_by_the_scale_that_was_not_known_yet():
+    stamps, paths = np.arange(101.0), np.arange(101.0)
+    scales = [{"begin": 0.0, "translation_scale": 1.0}, {"begin": 10.0, "translation_scale": 0.95}]
+    odometry = {"translation_scale": 0.94, "scales": scales}
+
+    expected = 10.0 * (1.0 / 0.94 - 1.0) + 90.0 * (0.95 / 0.94 - 1.0)
+    assert scale_error(stamps, paths, odometry) == pytest.approx(expected)
+    assert scale_error(stamps, paths, {"translation_scale": 0.94}) == 0.0
+    assert scale_error(stamps[:1], paths[:1], odometry) == 0.0
 
 
 def with_outliers(share):

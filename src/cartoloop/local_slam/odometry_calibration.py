@@ -58,6 +58,9 @@ SCALE_PRIOR, LEVER_PRIOR = 1e-3, 0.02
 """Weights of the priors of a scale of 1 and of a lever arm of zero, which without turns the
 equations leave undetermined; a lever arm of half a metre is large."""
 
+NOTED_CHANGE = 0.002
+"""Changes of the scale that are noted, as a share of it."""
+
 MIN_TYPICAL_ERROR_M = 1e-4
 """Lower limit of the typical error of a step [m], so that exact data do not divide by zero."""
 
@@ -70,6 +73,12 @@ class OdometryCalibration:
     model : what is known before; by default nothing.
     window : number of latest scans that are used, but for the veer.
     first : number of scans before the first estimate.
+
+    Attributes
+    ----------
+    model : the present estimate.
+    scales : translation scales that were used, each with the time of the first scan [s]. They
+        change while it is learnt.
     """
 
     def __init__(
@@ -86,6 +95,7 @@ class OdometryCalibration:
         self._distances: deque[MeasuredDistance] = deque(maxlen=NUM_DISTANCES)
         self._num_scans = 0
         self._num_tried = 0
+        self.scales: list[tuple[float, float]] = []
 
     def shift(self, scanner: str, by: float) -> None:
         """Correct the times of a scanner's scans so far, since its clock offset changes [s]."""
@@ -118,6 +128,7 @@ class OdometryCalibration:
         taken between scans of one scanner, since the clocks of scanners differ.
         """
         self._num_scans += 1
+        self._note_scale(time)
         series = self._series.setdefault(scanner, ScanSeries())
         series.times.append(time)
         series.poses.append(tf_local_tracking)
@@ -127,6 +138,11 @@ class OdometryCalibration:
         if self._num_scans >= self._due or self._may_show_first_scale():
             self._due = next_estimate(self._num_scans)
             self.model = self._estimated(track)
+
+    def _note_scale(self, time: float) -> None:
+        scale = self.model.translation_scale
+        if not self.scales or abs(scale / self.scales[-1][1] - 1.0) > NOTED_CHANGE:
+            self.scales.append((time, scale))
 
     def _may_show_first_scale(self) -> bool:
         """Return whether a further distance may be the one that shows the scale at last.

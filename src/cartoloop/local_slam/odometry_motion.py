@@ -95,6 +95,10 @@ class OdometryMotion:
             "jumps": self._track.num_jumps,
             "catch_ups": self._track.num_late,
             "faults": [asdict(fault) for fault in self._trust.faults],
+            "scales": [
+                {"begin": begin, "translation_scale": scale}
+                for begin, scale in self._calibration.scales
+            ],
         }
         return self.model.summary() | track
 

@@ -11,7 +11,12 @@ import numpy as np
 from cartoloop.arrays import BoolArray, IntArray
 from cartoloop.config import QualityConfig
 from cartoloop.quality.corridors import MEASURED_GAIN, SMOOTHED_OVER, Corridors
-from cartoloop.quality.odometry_use import has_odometry, length_error, without_odometry
+from cartoloop.quality.odometry_use import (
+    has_odometry,
+    length_error,
+    scale_error,
+    without_odometry,
+)
 from cartoloop.quality.pairs import MapContent, path_lengths
 from cartoloop.quality.places import MAX_PLACES, extent, place_around, stamps_of
 from cartoloop.quality.verdict import Kind, Place, Severity
@@ -67,14 +72,17 @@ def _poor_odometry_places(
     if not has_odometry(odometry):
         return []
     places = []
+    paths = path_lengths(content.graph.node_poses)
     for rows in _runs(halls, chosen):
-        length = extent(content.graph.node_poses[halls.nodes[rows], :2])
+        nodes = halls.nodes[rows]
+        length = extent(content.graph.node_poses[nodes, :2])
         error = length_error(length, odometry)
+        error += abs(scale_error(stamps_of(content, nodes), paths[nodes], odometry))
         if error > config.doubtful_length_error:
             reason = (
                 f"a corridor of {length:.0f} m in which scans hardly measure the distance: it "
-                f"rests on the odometry, which is poor, and may be {error:.1f} m too long or too "
-                "short"
+                "rests on the odometry, which is poor or was not calibrated yet, and may be "
+                f"{error:.1f} m too long or too short"
             )
             places.append(_place(halls.nodes[rows], content, reason, MEASURE_IT))
     return places[:MAX_PLACES]

@@ -15,12 +15,9 @@ SCALE_ERROR, SCALE_OF_ROTATION = 0.002, 1.6
 """Expected error of a corridor's length, as a share of it: of good odometry, and more for each
 radian of its typical error of a step, by which bad odometry is recognised."""
 
-NUM_SIGMAS = 2.0
-"""Errors of a length that are to be expected, in standard deviations."""
-
 
 def length_error(length: float, odometry: Mapping[str, Any]) -> float:
-    """Return the error to be expected of a length that rests on the odometry alone [m].
+    """Return the standard deviation of a length that rests on the odometry alone [m].
 
     Where scans have measured some of its metres, it follows from their noise: that of the metres of
     this length, and that of the scale, which is the mean of the metres that were measured.
@@ -32,10 +29,30 @@ def length_error(length: float, odometry: Mapping[str, Any]) -> float:
     """
     noise, num_metres = odometry.get("metre_noise_m"), odometry.get("measured_metres")
     if noise is not None and num_metres:
-        return NUM_SIGMAS * float(noise) * math.sqrt(length + length**2 / int(num_metres))
+        return float(noise) * math.sqrt(length + length**2 / int(num_metres))
     # Nothing known of turns means that there were none.
     rotation_error = float(odometry.get("rotation_error_rad") or 0.0)
     return (SCALE_ERROR + SCALE_OF_ROTATION * rotation_error) * length
+
+
+def scale_error(stamps: FloatArray, paths: FloatArray, odometry: Mapping[str, Any]) -> float:
+    """Return by how much a path is too long for the scales of the odometry that were used [m].
+
+    While the scale is learnt, distances that rest on the odometry are wrong by as much as it is
+    off from what it turns out to be in the end.
+
+    Parameters
+    ----------
+    stamps, paths : of the path's nodes, in order, shape (n,): as recorded [s], path length [m].
+    odometry : its calibration, as in the report.
+    """
+    used, final = odometry.get("scales"), odometry.get("translation_scale")
+    if not used or not final or len(stamps) < 2:
+        return 0.0
+    begins = np.array([float(one["begin"]) for one in used])
+    scales = np.array([float(one["translation_scale"]) for one in used])
+    rows = np.searchsorted(begins, stamps[:-1], side="right") - 1
+    return float(np.diff(paths) @ (scales[rows.clip(0)] / float(final) - 1.0))
 
 
 def has_odometry(odometry: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, Any]]:
