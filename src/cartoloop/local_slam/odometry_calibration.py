@@ -135,9 +135,11 @@ class OdometryCalibration:
         series.is_usable.append(bool(series.is_usable))
         if num_faulty:
             series.is_usable[-num_faulty:] = [False] * min(num_faulty, len(series.is_usable))
-        if self._num_scans >= self._due or self._may_show_first_scale():
+        if self._num_scans >= self._due:
             self._due = next_estimate(self._num_scans)
             self.model = self._estimated(track)
+        elif self._may_show_first_scale():
+            self.model = self._with_scale(self.model, track, matched_error=math.inf)
 
     def _note_scale(self, time: float) -> None:
         scale = self.model.translation_scale
@@ -168,8 +170,15 @@ class OdometryCalibration:
         known = replace(before, veer=veer, num_stretches=num_stretches)
         scans = latest(every, self._window)
         model = estimate(scans.times, scans.poses, *odometry, known, scans.is_usable)
-        matched_error = math.inf if model is known else MATCHED_ERROR
-        return with_measured_scale(model, self._distances, *odometry, self._known, matched_error)
+        return self._with_scale(model, track, math.inf if model is known else MATCHED_ERROR)
+
+    def _with_scale(
+        self, model: OdometryParameters, track: OdometryTrack, matched_error: float
+    ) -> OdometryParameters:
+        """Return a model with the scale that the distances show; its own has a standard error."""
+        return with_measured_scale(
+            model, self._distances, *track.arrays(), self._known, matched_error
+        )
 
 
 def estimate(
