@@ -53,7 +53,7 @@ def test_a_smaller_distance_of_visits_leaves_none_out(two_rounds_result):
 def test_places_seen_from_afar_agree_in_a_right_map(two_rounds_result):
     pairs = seen_from_afar(two_rounds_result)
 
-    assert len(pairs) >= 10
+    assert len(pairs) >= 5
     assert pairs.path.min() >= MIN_DETOUR * CONFIG.visit_distance
     assert np.mean(pairs.contradiction) < 0.1
 
@@ -62,7 +62,7 @@ def test_places_seen_from_afar_agree_in_a_right_map(two_rounds_result):
 def test_places_seen_from_afar_show_a_displacement(two_rounds_result):
     pairs = seen_from_afar(displaced(two_rounds_result, 1.0))
 
-    assert len(pairs) >= 10
+    assert len(pairs) >= 5
     assert np.mean(pairs.contradiction) > 0.5
 
 

@@ -36,6 +36,7 @@ from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch, match_information
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
+from cartoloop.sensor.isolated_returns import without_isolated
 from cartoloop.sensor.pose import Pose, compose
 from cartoloop.sensor.range_filter import RangeData, RangeFilter, thin
 from cartoloop.sensor.sweep_motion import SweepMotion
@@ -393,7 +394,7 @@ class LocalSlam:
                 self._next_node,
                 scan.time,
                 tf_local_tracking,
-                thin(data.returns, self._node_filter),
+                thin(without_isolated(data.returns), self._node_filter),
                 insertion.submaps,
                 information if by_odometry is None else by_odometry,
                 insertion.finished,
