@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -76,8 +77,8 @@ def _poor_odometry_places(
     for rows in _runs(halls, chosen):
         nodes = halls.nodes[rows]
         length = extent(content.graph.node_poses[nodes, :2])
-        error = length_error(length, odometry)
-        error += abs(scale_error(stamps_of(content, nodes), paths[nodes], odometry))
+        by_scale = scale_error(stamps_of(content, nodes), paths[nodes], odometry)
+        error = math.hypot(length_error(length, odometry), by_scale)
         if error > config.doubtful_length_error:
             reason = (
                 f"a corridor of {length:.0f} m in which scans hardly measure the distance: it "
