@@ -12,7 +12,7 @@ from cartoloop.quality.pairs import MIN_DETOUR, Reach, compared_pairs, path_leng
 from cartoloop.sensor.scan_points import ScanPoints
 from tests.quality.test_examine import displaced
 
-CONFIG = QualityConfig()
+CONFIG = QualityConfig(every_nth_node=3)
 
 
 def compared(result, visit_distance=None):
@@ -53,7 +53,7 @@ def test_a_smaller_distance_of_visits_leaves_none_out(two_rounds_result):
 def test_places_seen_from_afar_agree_in_a_right_map(two_rounds_result):
     pairs = seen_from_afar(two_rounds_result)
 
-    assert len(pairs) >= 5
+    assert len(pairs) >= 10
     assert pairs.path.min() >= MIN_DETOUR * CONFIG.visit_distance
     assert np.mean(pairs.contradiction) < 0.1
 
@@ -62,16 +62,16 @@ def test_places_seen_from_afar_agree_in_a_right_map(two_rounds_result):
 def test_places_seen_from_afar_show_a_displacement(two_rounds_result):
     pairs = seen_from_afar(displaced(two_rounds_result, 1.0))
 
-    assert len(pairs) >= 5
+    assert len(pairs) >= 10
     assert np.mean(pairs.contradiction) > 0.5
 
 
 @pytest.mark.slow
 def test_a_map_that_is_only_seen_again_is_called_wrong(two_rounds_result):
-    config = QualityConfig(nearby=0.01)
+    config = QualityConfig(nearby=0.001)
 
     assert examine(two_rounds_result, config).verdict == "good"
     quality = examine(displaced(two_rounds_result, 0.8), config)
     assert quality.verdict == "wrong"
-    assert quality.figures["revisited_m"] < 1.0
+    assert quality.figures["revisited_m"] == 0.0
     assert quality.figures["seen_again_m"] > 50.0

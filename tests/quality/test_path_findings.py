@@ -280,6 +280,7 @@ def test_a_length_is_wrong_by_the_scale_that_was_not_known_yet():
     assert scale_error(stamps, paths, odometry) == pytest.approx(expected)
     assert scale_error(stamps, paths, {"translation_scale": 0.94}) == 0.0
     assert scale_error(stamps[:1], paths[:1], odometry) == 0.0
+    assert scale_error(stamps - 200.0, paths, odometry) == 0.0  # an earlier session
 
 
 def with_outliers(share):

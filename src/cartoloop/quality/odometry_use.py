@@ -44,7 +44,7 @@ def scale_error(stamps: FloatArray, paths: FloatArray, odometry: Mapping[str, An
     Parameters
     ----------
     stamps, paths : of the path's nodes, in order, shape (n,): as recorded [s], path length [m].
-    odometry : its calibration, as in the report.
+    odometry : its calibration, as in the report; what was mapped before it began does not count.
     """
     used, final = odometry.get("scales"), odometry.get("translation_scale")
     if not used or not final or len(stamps) < 2:
@@ -52,7 +52,8 @@ def scale_error(stamps: FloatArray, paths: FloatArray, odometry: Mapping[str, An
     begins = np.array([float(one["begin"]) for one in used])
     scales = np.array([float(one["translation_scale"]) for one in used])
     rows = np.searchsorted(begins, stamps[:-1], side="right") - 1
-    return float(np.diff(paths) @ (scales[rows.clip(0)] / float(final) - 1.0))
+    is_known = rows >= 0
+    return float(np.diff(paths)[is_known] @ (scales[rows[is_known]] / float(final) - 1.0))
 
 
 def has_odometry(odometry: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, Any]]:
