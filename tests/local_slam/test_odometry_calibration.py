@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.local_slam.clock_offset import is_better_than_none
+from cartoloop.local_slam.clock_offset import explains_more_than_none, is_likelier_than_none
 from cartoloop.local_slam.odometry_calibration import (
     MAX_SCALE,
     MIN_SCALE,
@@ -255,12 +255,31 @@ def test_an_accepted_offset_stays_while_it_is_better_than_none():
 
 def test_the_further_readings_are_apart_the_more_is_required():
     errors = np.random.default_rng(3).normal(size=400)
-    assert is_better_than_none(0.6 * errors, errors, spacing=0.2)
-    assert not is_better_than_none(0.6 * errors, errors, spacing=0.5)
-    assert not is_better_than_none(0.01 * errors, errors, spacing=1.0)
-    assert not is_better_than_none(0.6 * errors[:15], errors[:15], spacing=0.2)
-    assert not is_better_than_none(errors, errors, spacing=0.1)
-    assert not is_better_than_none(np.zeros(9), np.zeros(9), spacing=0.1)
+    assert explains_more_than_none(0.6 * errors, errors, spacing=0.2)
+    assert not explains_more_than_none(0.6 * errors, errors, spacing=0.5)
+    assert not explains_more_than_none(0.01 * errors, errors, spacing=1.0)
+    assert not explains_more_than_none(np.zeros(9), np.zeros(9), spacing=0.1)
+
+
+def test_a_few_smaller_errors_may_be_chance():
+    errors = np.random.default_rng(3).normal(size=400)
+    assert is_likelier_than_none(0.6 * errors, errors)
+    assert not is_likelier_than_none(0.6 * errors[:15], errors[:15])
+    assert not is_likelier_than_none(errors, errors)
+    assert not is_likelier_than_none(np.zeros(9), np.zeros(9))
+
+
+@pytest.mark.parametrize("duration, is_known", [(25.0, False), (60.0, True)])
+def test_while_an_offset_is_likely_the_rotation_is_not_known(duration, is_known):
+    """Matches would be drawn to the odometry, turn when it does and never show the offset."""
+    way = winding_way(duration)
+    stamps, odometry = reported_by(OdometryParameters(0.3), way)
+    rare = slice(None, None, 3)
+    poses = matched(stamps, way, noise=(0.005, 0.02))
+    found = estimate(stamps, poses, stamps[rare], odometry[rare], UNKNOWN)
+    assert found.time_offset == 0.0
+    assert found.is_known
+    assert found.knows_rotation == is_known
 
 
 def test_straight_driving_does_not_show_the_error_of_rotation():

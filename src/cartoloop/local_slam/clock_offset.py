@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,6 +35,20 @@ FIRST_ESTIMATE = 50
 """Number of scans before the first estimate of a calibration: some ten seconds."""
 
 
+class ClockOffset(NamedTuple):
+    """What the turns show about the clock of a sensor.
+
+    Attributes
+    ----------
+    offset : the one to use [s].
+    is_open : whether another one is likelier by enough, but explains too little for the spacing of
+        the readings; more turns may show it.
+    """
+
+    offset: float
+    is_open: bool
+
+
 def next_estimate(num_scans: int) -> int:
     """Return after how many scans a calibration is estimated again: later as it settles."""
     return num_scans + max(FIRST_ESTIMATE, min(num_scans // 4, 10 * FIRST_ESTIMATE))
@@ -47,8 +62,8 @@ def clock_offset(
     heading: FloatArray,
     max_unexplained: float = 0.9,
     previous: float = 0.0,
-) -> float | None:
-    """Return the offset [s] at which a sensor turns when the scans do; None without agreement.
+) -> ClockOffset | None:
+    """Return the offset at which a sensor turns when the scans do; None without agreement.
 
     Parameters
     ----------
@@ -61,8 +76,8 @@ def clock_offset(
     Returns
     -------
     The offset that explains the turns best, if it is better than none by enough
-    (:func:`is_better_than_none`). Otherwise the previous one as long as it is better than none at
-    all, or 0.
+    (:func:`is_likelier_than_none`, :func:`explains_more_than_none`). Otherwise the previous one as
+    long as it is better than none at all, or 0.
     """
     known = (times >= reading_times[0]) & (times <= reading_times[-1])
     known = known[:-1] & known[1:]
@@ -85,36 +100,46 @@ def clock_offset(
     used = (turning | used) & known
     found, none, opposite = (_errors(turns, candidate, used) for candidate in candidates)
     base = max(none, opposite, key=log_likelihood)
-    at = times[1:][used] - offset
-    if is_better_than_none(found, base, typical_spacing(at, reading_times)):
-        return refined_minimum(OFFSETS_S, costs, best)
+    is_likely = is_likelier_than_none(found, base)
+    spacing = typical_spacing(times[1:][used] - offset, reading_times)
+    if is_likely and explains_more_than_none(found, base, spacing):
+        return ClockOffset(refined_minimum(OFFSETS_S, costs, best), is_open=False)
     kept = _errors(turns, reported(previous), used)
-    return previous if log_likelihood(kept) > log_likelihood(none) else 0.0
+    is_kept = log_likelihood(kept) > log_likelihood(none)
+    may_be_accepted = is_likely and spacing < MAX_PERIOD_S
+    return ClockOffset(previous if is_kept else 0.0, may_be_accepted)
 
 
-def is_better_than_none(errors: FloatArray, errors_of_none: FloatArray, spacing: float) -> bool:
+def is_likelier_than_none(errors: FloatArray, errors_of_none: FloatArray) -> bool:
     """Return whether an offset explains the turns better than none, and not by chance.
+
+    The logarithm of the likelihood must grow by `MIN_LOG_ODDS` and by that of the number of
+    independent offsets tried; steps count half, since neighbours share a scan.
 
     Parameters
     ----------
     errors, errors_of_none : differences of the turns, apart from their scale, with the offset and
         without, shapes (n,) [rad].
-    spacing : time between readings [s].
-
-    Notes
-    -----
-    By chance: the logarithm of the likelihood must grow by `MIN_LOG_ODDS` and by the logarithm of
-    the number of independent offsets tried; steps count half, since neighbours share a scan. By
-    interpolation: the motion between two readings is assumed to be uniform. The further apart they
-    are, the less is that true, and an offset then explains turns because it averages readings. So
-    the mean error must decrease by a share that grows with the spacing, until readings determine no
-    speed and hence no offset.
     """
-    limit = (1.0 - spacing / MAX_PERIOD_S) * np.abs(errors_of_none).mean()
-    if not np.abs(errors).mean() < limit:
-        return False
     gain = log_likelihood(errors) - log_likelihood(errors_of_none)
     return 0.5 * gain > MIN_LOG_ODDS + math.log(INDEPENDENT_OFFSETS)
+
+
+def explains_more_than_none(errors: FloatArray, errors_of_none: FloatArray, spacing: float) -> bool:
+    """Return whether an offset explains more of the turns than interpolation alone does.
+
+    The motion between two readings is assumed to be uniform. The further apart they are, the less
+    is that true, and an offset then explains turns because it averages readings. So the mean error
+    must decrease by a share that grows with the spacing, until readings determine no speed and
+    hence no offset.
+
+    Parameters
+    ----------
+    errors, errors_of_none : as in :func:`is_likelier_than_none`.
+    spacing : time between readings [s].
+    """
+    limit = (1.0 - spacing / MAX_PERIOD_S) * np.abs(errors_of_none).mean()
+    return bool(np.abs(errors).mean() < limit)
 
 
 def _errors(turns: FloatArray, reported: FloatArray, used: BoolArray) -> FloatArray:

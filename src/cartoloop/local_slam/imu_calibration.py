@@ -111,4 +111,4 @@ class ImuCalibration:
         self.is_measured = True
         self.agrees = found is not None
         if found is not None:
-            self.time_offset = found if abs(found) >= MIN_OFFSET_S else 0.0
+            self.time_offset = found.offset if abs(found.offset) >= MIN_OFFSET_S else 0.0

@@ -48,6 +48,10 @@ VEER_WINDOW = 6000
 MIN_STEPS = 25
 """Number of turning steps needed for the clock offset, and of moving steps for the rest."""
 
+MAX_OPEN_STEPS = 150
+"""Number of turning steps for which a clock offset may stay open. Meanwhile the rotation is not
+known: matches that follow the odometry closely turn when it does, and would hide the offset."""
+
 MIN_MOVE_M = 0.02
 """Steps shorter than this and without a turn are not used [m]: the noise of a match."""
 
@@ -209,14 +213,17 @@ def estimate(
         known &= is_usable[1:]
     turning = (np.abs(steps[:, 2]) > MIN_TURN_RAD) & known
     offset, rotation_scale = previous.time_offset, previous.rotation_scale
-    turns_enough = np.count_nonzero(turning) >= MIN_STEPS
+    num_turns = int(np.count_nonzero(turning))
+    turns_enough = num_turns >= MIN_STEPS
+    is_open = False
     if turns_enough:
         found = clock_offset(
             times, steps[:, 2], turning, odometry_times, heading, previous=previous.time_offset
         )
         if found is None:
             return previous
-        offset = found
+        offset = found.offset
+        is_open = found.is_open and num_turns < MAX_OPEN_STEPS
     at_scans = np.column_stack(
         [np.interp(times - offset, odometry_times, column) for column in odometry_poses.T]
     )
@@ -231,12 +238,12 @@ def estimate(
         offset, rotation_scale, *_scale_yaw_and_lever(reported[moving], steps[moving])
     )
     errors = np.abs(model.without_veer_all(reported[moving]) - steps[moving])
-    knows_rotation = turns_enough or previous.knows_rotation
+    knows_rotation = (turns_enough and not is_open) or previous.knows_rotation
     return replace(
         model,
         veer=previous.veer,
         num_stretches=previous.num_stretches,
-        num_turns=int(np.count_nonzero(turning)),
+        num_turns=num_turns,
         rotation_error=float(np.median(errors[:, 2])) if knows_rotation else math.nan,
         translation_error=float(np.median(np.hypot(errors[:, 0], errors[:, 1]))),
     )
