@@ -15,8 +15,11 @@ GEOMETRY = ScanGeometry(
 )
 
 
-def applied(scans, num_beams=4):
-    beams = BlockedBeams(num_beams)
+STEP = 0.01
+
+
+def applied(scans):
+    beams = BlockedBeams(len(scans[0]), STEP)
     for ranges in scans:
         last = beams.apply(np.array(ranges), 0.1, 10.0)
     return last
@@ -33,7 +36,7 @@ def test_a_few_scans_do_not_show_it():
 
 
 def test_a_beam_that_returned_clears_floor_from_then_on():
-    scans = [(1.0, np.inf, np.inf, np.inf)] * MIN_SCANS + [(1.0, 2.0, np.inf, np.inf)]
+    scans = [(1.0, np.inf, np.inf, np.inf)] * MIN_SCANS + [(1.0, 1.2, np.inf, np.inf)]
     last = applied([*scans, (1.0, np.inf, np.inf, np.inf)])
     np.testing.assert_array_equal(last, (1.0, np.inf, np.nan, np.nan))
 
@@ -42,6 +45,18 @@ def test_single_reflections_inside_a_robot_do_not_count():
     blocked = (1.0, np.inf, np.inf, np.inf)
     last = applied([(1.0, 0.3, np.inf, np.inf), *[blocked] * 2 * MIN_SCANS])
     assert np.isnan(last[1])
+
+
+def test_isolated_returns_show_no_beam_that_sees():
+    """Dust and noise in front of a blocked sector; the returns themselves are kept."""
+    rng = np.random.default_rng(5)
+    scans = np.full((3 * MIN_SCANS, 12), np.inf)
+    scans[:, 0] = 9.5
+    is_noise = rng.random(scans.shape) < 0.03
+    is_noise[:, 0] = False
+    scans[is_noise] = rng.uniform(0.2, 8.0, int(is_noise.sum()))
+    last = applied([*scans, (9.5, np.inf, 5.0, *[np.inf] * 9)])
+    np.testing.assert_array_equal(last, (9.5, np.nan, 5.0, *[np.nan] * 9))
 
 
 def test_nan_is_no_return():

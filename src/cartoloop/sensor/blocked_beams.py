@@ -2,21 +2,22 @@
 """Beams that never have a return: part of the robot is in front of them, or a filter drops them.
 
 Drivers report such a sector as without a return. Taken for free space, it would clear the walls
-that the robot passes.
+that the robot passes. Isolated returns, of dust or noise, do not show that a beam sees anything.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.sensor.isolated_returns import NEAR_M, NEAR_SPACINGS
 
 MIN_SCANS = 200
 """Scans before a beam counts as blocked: in fewer, it may always have looked along a corridor."""
 
 MIN_SHARE = 0.005
-"""A beam with returns in no more of the scans after these is blocked: so rare are reflections
-inside a robot."""
+"""A beam with returns, isolated ones apart, in no more of the scans after these is blocked: so rare
+are reflections inside a robot."""
 
 
 class BlockedBeams:
@@ -25,14 +26,16 @@ class BlockedBeams:
     Parameters
     ----------
     num_beams : of each of its scans.
+    step : angle between two beams [rad].
     """
 
-    def __init__(self, num_beams: int) -> None:
+    def __init__(self, num_beams: int, step: float) -> None:
+        self._step = abs(step)
         self._num_scans = 0
         self._num_returns: IntArray = np.zeros(num_beams, dtype=np.int64)
 
     def apply(self, ranges: FloatArray, min_range: float, no_return_range: float) -> FloatArray:
-        """Count the returns of a scan; return it with NaN for beams that are blocked.
+        """Count the returns of a scan; return it with NaN where blocked beams have none.
 
         Parameters
         ----------
@@ -40,8 +43,16 @@ class BlockedBeams:
         min_range, no_return_range : a range in [min_range, no_return_range) is a return [m].
         """
         self._num_scans += 1
-        self._num_returns += (ranges >= min_range) & (ranges < no_return_range)
+        is_return = (ranges >= min_range) & (ranges < no_return_range)
+        self._num_returns += self._has_neighbour(np.where(is_return, ranges, np.nan))
         if self._num_scans < MIN_SCANS:
             return ranges
         is_blocked = self._num_returns <= MIN_SHARE * (self._num_scans - MIN_SCANS)
-        return np.where(is_blocked, np.nan, ranges) if is_blocked.any() else ranges
+        return np.where(is_blocked & ~is_return, np.nan, ranges) if is_blocked.any() else ranges
+
+    def _has_neighbour(self, returns: FloatArray) -> BoolArray:
+        """Return which ranges have one of the two beside them near; NaN is near to none."""
+        limits = NEAR_M + NEAR_SPACINGS * self._step * returns[:-1]
+        is_near = np.abs(np.diff(returns)) <= limits
+        has_neighbour: BoolArray = np.append(is_near, False) | np.append(False, is_near)
+        return has_neighbour

@@ -182,7 +182,8 @@ class RangeFilter:
                 self._num_agreeing(geometry),
             ),
             self._blocked.setdefault(
-                (geometry.sensor, geometry.num_beams), BlockedBeams(geometry.num_beams)
+                (geometry.sensor, geometry.num_beams),
+                BlockedBeams(geometry.num_beams, geometry.angle_increment),
             ),
         )
         return scanner
