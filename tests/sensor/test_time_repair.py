@@ -66,6 +66,25 @@ def test_bursty_stretches_keep_the_gap_between_them():
     assert np.delete(np.diff(times), 1199) == pytest.approx(np.full(1998, 0.2), rel=0.05)
 
 
+def test_a_pause_among_bursty_stamps_is_kept():
+    rng = np.random.default_rng(6)
+    true = 0.2 * np.arange(2000) + 3.0 * (np.arange(2000) >= 1234)
+    times, report = repair_times(true + rng.exponential(0.3, len(true)))
+    assert report.num_backwards > 200
+    assert np.diff(times)[1233] == pytest.approx(3.2, abs=0.5)
+    assert np.delete(np.diff(times), 1233) == pytest.approx(np.full(1998, 0.2), rel=0.05)
+
+
+def test_a_delay_that_bursty_stamps_catch_up_is_no_pause():
+    rng = np.random.default_rng(7)
+    true = 0.2 * np.arange(2000)
+    stamps = true + rng.exponential(0.3, len(true))
+    queued = slice(1000, 1016)
+    stamps[queued] = true[1016] + 0.01 * np.arange(16)
+    times, _ = repair_times(stamps)
+    assert np.diff(times).max() < 0.25
+
+
 def test_a_few_unordered_stamps_do_not_change_the_others():
     stamps = 0.2 * np.arange(1000)
     stamps[500] -= 0.5

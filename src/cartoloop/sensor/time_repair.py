@@ -37,6 +37,10 @@ BURSTY_SHARE, BURSTY_COUNT = 0.01, 10
 BLOCK_SCANS = 100
 """Number of scans over which bursty stamps are averaged."""
 
+GAP_PERIODS, SHOWN_BY = 5.0, 30
+"""A step of the first number of periods within bursty stamps may be a gap: it is one if three
+quarters of this number of stamps after it are later by as much than those before it."""
+
 SAME_SHIFT_S = 1e-9
 """Shifts of two scans closer than this are equal but for rounding [s]."""
 
@@ -217,10 +221,29 @@ def _repair_section(stamps: FloatArray, period: float) -> FloatArray:
     if backwards == 0:
         return spread_repeats(stamps, period)
     if backwards >= BURSTY_COUNT and backwards >= BURSTY_SHARE * len(stamps):
-        return strictly_increasing(_even_times(stamps))
+        ends = [0, *_lasting_gaps(stamps, period), len(stamps)]
+        return strictly_increasing(
+            np.concatenate([_even_times(stamps[start:end]) for start, end in pairwise(ends)])
+        )
     kept = longest_ordered(stamps)
     times = _fill(kept, spread_repeats(stamps[kept], period), len(stamps), period)
     return strictly_increasing(times)
+
+
+def _lasting_gaps(stamps: FloatArray, period: float) -> list[int]:
+    """Return the indices of the stamps after gaps that are no delays, in order.
+
+    After a delay, stamps come in a burst until they have caught up.
+    """
+    limit = GAP_PERIODS * period
+    late = stamps - period * np.arange(len(stamps))
+    gaps: list[int] = []
+    for after in (np.flatnonzero(np.diff(stamps) > limit) + 1).tolist():
+        first = max(after - SHOWN_BY, gaps[-1] if gaps else 0)
+        shift = np.quantile(late[after : after + SHOWN_BY], 0.25) - np.median(late[first:after])
+        if min(after - first, len(stamps) - after) >= SHOWN_BY and shift > limit:
+            gaps.append(after)
+    return gaps
 
 
 def _even_times(stamps: FloatArray) -> FloatArray:
