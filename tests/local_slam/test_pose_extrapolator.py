@@ -84,6 +84,19 @@ def test_after_a_fault_odometry_must_move_at_the_velocity(extrapolator, speed, b
     assert extrapolator.predict(6.0).by_odometry == by_odometry
 
 
+@pytest.mark.parametrize(("pause", "expected"), [(0.3, 0.0), (3.0, 0.5)])
+def test_across_a_gap_doubtful_odometry_beats_the_velocity(extrapolator, pause, expected):
+    seen = Evidence(True, 0.0, lambda _: math.inf, lambda: math.inf)
+    for k in range(40):
+        extrapolator.add_odometry(0.1 * k, Pose(0.2 * k, 0.0, 0.0))
+        extrapolator.add_pose(0.1 * k, Pose(0.05 * k, 0.0, 0.0), evidence=seen)
+    assert not extrapolator.odometry.is_trusted
+    extrapolator.add_odometry(3.9 + pause, Pose(7.8, 0.0, 0.5))
+    prediction = extrapolator.predict(3.9 + pause)
+    assert not prediction.by_odometry
+    assert prediction.tf_local_tracking.theta == pytest.approx(expected)
+
+
 @pytest.mark.parametrize("is_determined", [False, True])
 def test_what_was_extrapolated_wrongly_is_made_up_for(extrapolator, is_determined):
     """Only where the match has followed the odometry."""

@@ -244,6 +244,13 @@ class OdometryMotion:
         step = self.measured_step(begin, end)
         return step if step is not None and follows(step, expected) else None
 
+    def doubtful_step(self, begin: float, end: float) -> Pose | None:
+        """Return the step of odometry that is not trusted, or None if it repeats an old reading.
+
+        Across a gap between scans it is better than what nothing measures.
+        """
+        return None if self._is_stale else self.measured_step(begin, end)
+
     def measured_step(self, begin: float, end: float) -> Pose | None:
         """Return the calibrated motion that it measured between two times, or None."""
         model = self.model

@@ -154,7 +154,7 @@ class PoseExtrapolator:
             step = self.odometry.agreed_step(self._time, time, expected)
         if step is None:
             self._extrapolated = None
-            prediction = self.prediction_from(time, self._at_constant_velocity(time))
+            prediction = self.prediction_from(time, self._without_trusted_odometry(time))
             step = self.odometry.step_over_jump(self._time, time)
             over_jump = step and compose(self._tf_local_tracking, step)
             stands = self.odometry.has_stood(self._time, time)
@@ -169,6 +169,15 @@ class PoseExtrapolator:
             partial(self._fallbacks, time),
             stands=step == IDENTITY,
         )
+
+    def _without_trusted_odometry(self, time: float) -> Pose:
+        """Return the pose at constant velocity; after a gap, where doubtful odometry says."""
+        if time - self._time > self._prediction.velocity_horizon:
+            step = self.odometry.doubtful_step(self._time, time)
+            if step is not None:
+                turned = self.gyroscope.with_turn(step, self._time, time)
+                return compose(self._tf_local_tracking, turned)
+        return self._at_constant_velocity(time)
 
     def _with_overdue_motion(self, step: Pose) -> Pose:
         """Return a step, and by how much the odometry was extrapolated wrongly to the last scan.
