@@ -18,6 +18,7 @@ from cartoloop.kernels.voxel_filter import adaptive_voxel_filter, voxel_filter
 from cartoloop.sensor.blocked_beams import BlockedBeams
 from cartoloop.sensor.events import CloudGeometry, LaserScan, PointCloud, ScanGeometry
 from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.range_noise import RangeNoise
 from cartoloop.sensor.sweep_motion import AT_REST, SweepMotion, rotation, sensor_in_sweep
 
 ANGLE_TOLERANCE = 0.01
@@ -55,6 +56,7 @@ class _Scanner:
         level scanner, shape (num_beams, 2).
     limits : which beams are hits.
     blocked : knows which beams never have a return.
+    noise : knows up to where returns are useful.
     """
 
     geometry: ScanGeometry
@@ -63,6 +65,7 @@ class _Scanner:
     directions: FloatArray
     limits: RangeLimits
     blocked: BlockedBeams
+    noise: RangeNoise
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +94,7 @@ class RangeFilter:
         self._scanners: dict[int, _Scanner] = {}
         self._cloud_scanners: dict[int, _CloudScanner] = {}
         self._blocked: dict[tuple[str, int], BlockedBeams] = {}
+        self._noise: dict[tuple[str, int], RangeNoise] = {}
         self._heights = Heights(config.min_z, config.max_z)
         self._first_sensor: str | None = None
 
@@ -108,6 +112,9 @@ class RangeFilter:
         geometry = scan.geometry
         scanner = self._scanners.get(id(geometry)) or self._add_scanner(geometry)
         limits = scanner.limits
+        scanner.noise.add(scan.ranges, limits.min_range, limits.no_return_range)
+        if scanner.noise.useful_range < limits.max_range:
+            limits = limits._replace(max_range=scanner.noise.useful_range)
         ranges = scanner.blocked.apply(scan.ranges, limits.min_range, limits.no_return_range)
         returns = np.empty((geometry.num_beams, 2))
         misses = np.empty((geometry.num_beams, 2))
@@ -168,6 +175,7 @@ class RangeFilter:
             mounting = Pose(*config.laser_pose)
         if len(self._scanners) >= _MAX_GEOMETRIES:
             self._scanners.clear()
+        key = geometry.sensor, geometry.num_beams
         scanner = self._scanners[id(geometry)] = _Scanner(
             geometry,
             mounting,
@@ -182,9 +190,9 @@ class RangeFilter:
                 self._num_agreeing(geometry),
             ),
             self._blocked.setdefault(
-                (geometry.sensor, geometry.num_beams),
-                BlockedBeams(geometry.num_beams, geometry.angle_increment),
+                key, BlockedBeams(geometry.num_beams, geometry.angle_increment)
             ),
+            self._noise.setdefault(key, RangeNoise(geometry.angle_increment)),
         )
         return scanner
 
