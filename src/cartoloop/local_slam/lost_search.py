@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 from cartoloop.local_slam.degenerate_direction import where_prior_leads
-from cartoloop.local_slam.lost_heading import MAX_RESIDUAL_SHARE, fits_clearly
+from cartoloop.local_slam.lost_heading import fits_clearly
 from cartoloop.local_slam.scan_fit import ScanFit
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose, relative, wrap_angle
@@ -19,6 +19,9 @@ scans overlap too little for a window of that size."""
 FAR_TURN_RAD = math.radians(15.0)
 """From the heading of the odometry to that of a match: a slip of a wheel turns the robot less
 [rad]."""
+
+MAX_TURNED_RESIDUAL_SHARE = 0.75
+"""Largest residual of a match at such a heading, as a share of that near the prediction."""
 
 ONE_SEARCH_M, ONE_SEARCH_RAD = 0.1, math.radians(3.0)
 """Fallback poses that differ by no more [m], [rad] are searched together: the window around one
@@ -86,7 +89,7 @@ def _is_doubtful_turn(fit: ScanFit, found: LeastSquaresMatch, best: LeastSquares
     turn = abs(wrap_angle(found.tf_submap_scan.theta - fit.prior.theta))
     if turn <= FAR_TURN_RAD:
         return False
-    return not fits_clearly(fit, found, MAX_RESIDUAL_SHARE * best.residual)
+    return not fits_clearly(fit, found, MAX_TURNED_RESIDUAL_SHARE * best.residual)
 
 
 def _fallbacks(fit: ScanFit) -> tuple[Pose, ...]:
