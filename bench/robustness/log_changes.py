@@ -59,6 +59,46 @@ def noise(sigma: float) -> Apply:
     return apply
 
 
+def noise_share(share: float) -> Apply:
+    """Return the change that adds normal noise that is a share of each range."""
+
+    def apply(log: CarmenText, rng: Rng) -> None:
+        no_return = log.no_return
+        for ranges in log.ranges:
+            if ranges is not None:
+                seen = (ranges > NEAREST) & (ranges < no_return)
+                ranges[seen] *= 1.0 + rng.normal(0, share, int(seen.sum()))
+
+    return apply
+
+
+def pauses(period: float, seconds: float) -> Apply:
+    """Return the change that leaves out all readings of some seconds of each period [s]."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        times = log.times
+        log.keep((times - times[0]) % period > seconds)
+
+    return apply
+
+
+def slanting(change: float) -> Apply:
+    """Return the change that leaves beams without a return where ranges change much.
+
+    Parameters
+    ----------
+    change : from beam to beam, as a share of the range: walls seen at a slant, and edges.
+    """
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        no_return = log.no_return
+        for ranges in log.ranges:
+            if ranges is not None:
+                ranges[np.abs(np.gradient(ranges)) > change * ranges] = no_return
+
+    return apply
+
+
 def start(seconds: float) -> Apply:
     """Return the change that leaves out the beginning [s]."""
 

@@ -155,6 +155,30 @@ def test_a_blocked_sector_has_no_returns(source, original, tmp_path):
     assert np.array_equal(ranges[:, ~is_blocked], ranges_of(original)[:, ~is_blocked])
 
 
+def test_noise_grows_with_the_range(source, original, tmp_path):
+    before, after = ranges_of(original), ranges_of(changed(source, tmp_path, "noise-share"))
+    seen = before < original.no_return
+    assert np.std(after[seen] / before[seen] - 1.0) == pytest.approx(0.015, rel=0.05)
+    assert np.array_equal(after[~seen], before[~seen])
+
+
+def test_some_seconds_of_each_minute_are_paused(source, original, tmp_path):
+    times = changed(source, tmp_path, "pauses").times
+    assert np.isin(times, original.times).all()
+    steps = np.diff(times)
+    assert (steps > 3.0).sum() == (original.times[-1] - original.times[0]) // 60.0
+    assert steps.max() < 3.0 + 3.0 * np.diff(original.times).max()
+
+
+def test_walls_seen_at_a_slant_return_nothing(source, original, tmp_path):
+    before, after = ranges_of(original), ranges_of(changed(source, tmp_path, "slanting"))
+    is_kept = after == before
+    steps = np.abs(np.diff(before, axis=1))
+    assert is_kept[:, 1:][steps == 0.0].mean() > 0.9
+    assert (after[~is_kept] == original.no_return).all()
+    assert 0.0 < is_kept.mean() < 1.0
+
+
 def test_outliers_are_as_rare_as_their_name_says(source, original, tmp_path):
     is_other = ranges_of(changed(source, tmp_path, "outliers2")) != ranges_of(original)
     assert is_other.mean() == pytest.approx(0.02, abs=0.003)
