@@ -10,44 +10,38 @@ import numpy as np
 
 from cartoloop.config import GlobalSlamConfig
 from cartoloop.global_slam import refinement
-from cartoloop.global_slam.closure_matches import Requests, SearchMatches
-from cartoloop.global_slam.closure_search import FinishedSubmap
+from cartoloop.global_slam.closure_matches import SearchMatches
+from cartoloop.global_slam.closure_requests import ClosureRequests
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.graph_adjustment import (
     AdjustmentRun,
     GraphAdjustment,
     violated_closures,
 )
-from cartoloop.global_slam.graph_records import (
-    PoseNotes,
-    matches_record,
-    recorded_submap,
-    submap_record,
-)
+from cartoloop.global_slam.graph_building import GraphBuilder
+from cartoloop.global_slam.graph_records import PoseNotes, matches_record
 from cartoloop.global_slam.join_evidence import CheckGeometry, OnePose
 from cartoloop.global_slam.loading import load
 from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.part_joins import PartJoins
 from cartoloop.global_slam.parts_left import join_parts_left
-from cartoloop.global_slam.pose_graph import ClosureConstraints, ConstraintKind
+from cartoloop.global_slam.pose_graph import ClosureConstraints
 from cartoloop.global_slam.repair import FindContradictions, Repair, Repaired, add_closures
 from cartoloop.global_slam.restoring import (
     finished_submap,
-    inserted_rows,
     restore_closures,
     restore_nodes,
 )
 from cartoloop.global_slam.session_ends import SessionEnds
 from cartoloop.global_slam.sessions import MappedSessions
-from cartoloop.global_slam.sparse_scans import are_sparse
 from cartoloop.global_slam.wide_search import WideSearch, record_requests
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
 from cartoloop.runtime.stage_timer import StageTimer
-from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse, relative
-from cartoloop.sensor.scan_points import NodePoints, ScanPoints
+from cartoloop.sensor.pose import IDENTITY, Pose, compose, inverse
+from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.finished_grid import FinishedGrid
-from cartoloop.submaps.node import Node, information_in_begun
+from cartoloop.submaps.node import Node
 from cartoloop.submaps.submap import Submap
 
 
@@ -95,13 +89,14 @@ class GlobalSlam:
         self.graph, self.closures, self.sessions = load(mapped)
         share = config.pose_adjustment.mapping_share
         self._adjustment = GraphAdjustment(self.graph, config, share)
-        self._finished: list[FinishedSubmap] = []
-        self._node_points = NodePoints()
+        weight = config.pose_adjustment.intra_submap_weight
+        self._builder = GraphBuilder(self.graph, weight, timer, outcomes)
+        self._finished = self._builder.finished
         self.search = ConstraintSearch(
             config.constraint_search,
             self.closures,
             self._finished,
-            self._node_points,
+            self._builder.node_points,
             config.num_threads,
             max_backlog=None if wait_for_searches else config.max_live_backlog,
             outcomes=outcomes,
@@ -122,13 +117,26 @@ class GlobalSlam:
             check_geometry,
             outcomes,
         )
+        self._request = ClosureRequests(
+            self.graph,
+            self._finished,
+            self._pairs,
+            self._wide,
+            self.search,
+            self.closures,
+            timer,
+            outcomes,
+        )
         self._ends = SessionEnds(config, self._finished, self.sessions, check_geometry)
-        self._submap_nodes: list[set[int]] = []
-        self._tf_local_last_submap = IDENTITY
         self._tf_map_local = IDENTITY
         if mapped:
-            self._submap_nodes = restore_nodes(
-                mapped, self.graph, self.sessions, self._pairs, self._wide, self._node_points
+            self._builder.submap_nodes = restore_nodes(
+                mapped,
+                self.graph,
+                self.sessions,
+                self._pairs,
+                self._wide,
+                self._builder.node_points,
             )
             for index, grid in enumerate(grid for each in mapped for grid in each.grids):
                 self._finished.append(finished_submap(index, grid, self.graph, self.node_points))
@@ -149,7 +157,7 @@ class GlobalSlam:
     @property
     def node_points(self) -> ScanPoints:
         """The returns of each node so far [m], tracking frame; read only."""
-        return self._node_points.view
+        return self._builder.node_points.view
 
     def summary(self) -> dict[str, Any]:
         """Return what the report says of closures, joins and repairs."""
@@ -177,19 +185,20 @@ class GlobalSlam:
 
     def add_node(self, node: Node) -> None:
         """Add a scan that was inserted; request searches for it; adjust when due."""
-        self._add_to_graph(node)
-        finished = None if node.finished is None else self._finish(node.finished)
+        self._builder.add_node(node, self._tf_map_local)
+        self._pairs.add_node(node)
+        finished = None if node.finished is None else self._builder.finish(node.finished)
         every = self._config.optimize_every_n_nodes
         if every == 0:
             return
         waits = self._waits_while_mapping
-        self._request_node(node.index)
+        self._request.of_node(node.index)
         scan = self._wide.add_node(node, self.node_points)
-        self._request_wide(scan)
+        self._request.wide(scan)
         if scan is not None and self.joins.is_needed:
             self.joins.joining.request(scan, self.graph)
         if finished is not None:
-            self._request_nodes_in(finished)
+            self._request.in_submap(finished)
         if self.graph.num_nodes % every == 0:
             self._close_loops(self._config.pose_adjustment.max_num_iterations, wait=waits)
         config = self._config
@@ -219,7 +228,7 @@ class GlobalSlam:
         if self._config.optimize_every_n_nodes == 0 or self.graph.num_nodes == 0:
             return
         for submap in unfinished:
-            self._request_nodes_in(self._finish(submap))
+            self._request.in_submap(self._builder.finish(submap))
         self.search.start()
         self._wide.start()
         iterations = self._config.pose_adjustment.max_num_final_iterations
@@ -276,76 +285,14 @@ class GlobalSlam:
         """End the background threads."""
         self.search.close()
 
-    def _add_to_graph(self, node: Node) -> None:
-        graph = self.graph
-        pose = node.tf_local_tracking
-        graph.add_node(compose(self._tf_map_local, pose))
-        self._pairs.add_node(node)
-        self._node_points.append(node.points)
-        informations = [node.information for _ in node.submaps]
-        for number, submap in enumerate(node.submaps):
-            if submap.index == graph.num_submaps:
-                informations[number] = information_in_begun(node.information)
-                graph.add_submap(compose(self._tf_map_local, submap.tf_local_submap))
-                self._tf_local_last_submap = submap.tf_local_submap
-                self._submap_nodes.append(set())
-                if submap.index == 0:
-                    graph.fix_submap(0)
-            self._submap_nodes[submap.index].add(node.index)
-        weight = self._config.pose_adjustment.intra_submap_weight
-        graph.add_constraints(
-            ConstraintKind.INTRA_SUBMAP,
-            [submap.index for submap in node.submaps],
-            [node.index for _ in node.submaps],
-            [relative(submap.tf_local_submap, pose) for submap in node.submaps],
-            [weight * information for information in informations],
-        )
-
-    def _finish(self, submap: Submap) -> FinishedSubmap:
-        if (recorded := self._recorded.replay(Kind.SUBMAP)) is not None:
-            own = inserted_rows(self.graph, submap.index)
-            is_sparse = are_sparse(self.graph.relative_poses[own])
-            finished = FinishedSubmap(submap.index, *recorded_submap(recorded), is_sparse=is_sparse)
-            self._finished.append(finished)
-            return finished
-        with self._timer.measure("finish submap"):
-            grid = submap.grid.finish()
-            finished = finished_submap(submap.index, grid, self.graph, self.node_points)
-        if self._recorded.is_recording:
-            record = submap_record(submap.index, finished.grid, finished.own_score)
-            self._recorded.record(Kind.SUBMAP, record)
-        self._finished.append(finished)
-        return finished
-
-    def _request_node(self, node: int) -> None:
-        """Request searches for a node in the finished submaps nearby."""
-        with self._timer.measure("select pairs"):
-            self._submit(self._pairs.of_node(self.graph, node, len(self._finished)))
-
-    def _request_nodes_in(self, submap: FinishedSubmap) -> None:
-        """Request searches in a submap that has just been finished, for the nodes nearby."""
-        with self._timer.measure("select pairs"):
-            self._submit(self._pairs.in_submap(self.graph, submap.index))
-
-    def _request_wide(self, scan: int | None) -> None:
-        """Request searches for a composite scan wherever the drift may have placed it."""
-        if scan is not None:
-            with self._timer.measure("select pairs"):
-                self._wide.request(scan, self._pairs, self.graph)
-
-    def _request_again(self) -> None:
-        """Request searches for the pairs that are due by now and were not before."""
-        with self._timer.measure("select pairs"):
-            self._submit(self._pairs.again(self.graph, len(self._finished), self.closures))
-
     def _search_until_nothing_new(self, max_num_iterations: int) -> None:
         """Search all that is due, and adjust, until that finds no more closures."""
         wide = self._config.constraint_search.wide_search
         for _ in range(wide.max_final_rounds):
             before = self.graph.num_loop_closures
-            self._request_again()
+            self._request.again()
             for scan in range(self._wide.num_scans):
-                self._request_wide(scan)
+                self._request.wide(scan)
             # What was requested when the last closures joined waits, too.
             if not (self.search.num_waiting or self._wide.num_waiting):
                 break
@@ -375,11 +322,6 @@ class GlobalSlam:
         with self._timer.measure("adjust"):
             self._adjust(max_num_iterations)
 
-    def _submit(self, requests: Requests) -> None:
-        if len(requests.submap):
-            num_nodes = self.graph.num_nodes
-            self.search.submit(record_requests(self._recorded, self.closures, requests, num_nodes))
-
     def _close_loops(self, max_num_iterations: int, *, wait: bool) -> None:
         """Take in the loop closures that searches found, and adjust all poses."""
         self._take_in_closures(wait=wait)
@@ -399,7 +341,7 @@ class GlobalSlam:
             self._believe(found, max_num_iterations)
             is_new = True
         if is_new:
-            self._request_again()
+            self._request.again()
         if self.joins.is_needed:
             self._join_parts(max_num_iterations, wait=wait)
 
@@ -415,7 +357,7 @@ class GlobalSlam:
                 self._add_closures(join.found, are_trusted=True)
                 self._add_closures(join.nearby, are_trusted=False)
                 self._adjust(max_num_iterations)
-                self._request_again()
+                self._request.again()
                 if not self.joins.is_needed:
                     break
             self._wide.search_again(self.joins.joining.drop_within_parts(self.graph))
@@ -443,7 +385,7 @@ class GlobalSlam:
     def _adjust(self, max_num_iterations: int) -> None:
         holding = self._adjustment.run(max_num_iterations)
         newest = Pose(*self.graph.submap_poses[-1].tolist())
-        self._tf_map_local = compose(newest, inverse(self._tf_local_last_submap))
+        self._tf_map_local = compose(newest, inverse(self._builder.tf_local_last_submap))
         self._poses.note(self.graph.submap_poses)
         self._pairs.note_adjusted(self.graph, holding)
 
@@ -469,7 +411,7 @@ class GlobalSlam:
             self._config.constraint_search,
             self.graph,
             self._finished,
-            self._submap_nodes,
+            self._builder.submap_nodes,
             self.node_points,
             self.sessions,
         )
