@@ -8,11 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from cartoloop.config import QualityConfig
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality import motion
 from cartoloop.quality.corridors import corridors
 from cartoloop.quality.encounters import Encounters
-from cartoloop.quality.motion_places import jump_places
+from cartoloop.quality.motion_places import blind_places, jump_places
 from cartoloop.quality.odometry_use import length_error, scale_error
 from cartoloop.quality.pairs import Pairs
 from cartoloop.quality.verdict import Severity
@@ -231,6 +232,25 @@ def test_scans_without_nodes_in_between_are_a_blind_stretch():
 
     assert blind.scan == 70
     assert blind.moved == pytest.approx(6.2)
+
+
+@pytest.mark.parametrize(
+    ("noise", "agrees", "severity"),
+    [
+        (0.01, True, Severity.MINOR),
+        (0.1, True, Severity.DOUBTFUL),
+        (0.01, False, Severity.DOUBTFUL),
+    ],
+)
+def test_a_blind_stretch_needs_visits_and_good_odometry(noise, agrees, severity):
+    run = drive()
+    run.node_scan_index = np.concatenate((np.arange(40), np.arange(70, 100)))
+    odometry = {"translation_error_m": 0.01, "metre_noise_m": noise, "measured_metres": 100}
+    met = visits([5, 8], [60, 65], not agrees)
+
+    [place] = blind_places(motion.blind_stretches(run), met, odometry, run, QualityConfig())
+
+    assert place.severity is severity
 
 
 def test_a_recording_of_a_scan_each_metres_is_not_blind():

@@ -61,7 +61,7 @@ def examine(
         *motion_places.gap_places(gaps, content),
         *motion_places.misfit_places(misfits, met, content),
         *motion_places.jump_places(jumps, met, content),
-        *motion_places.blind_places(blind, met, content, config),
+        *motion_places.blind_places(blind, met, odometry, content, config),
         *motion_places.standing_places(stands, halls, odometry, content),
         *corridor_places(halls, odometry, content, config),
         *weak_places.weak_closure_places(weak_bundles(content.graph, paths, MIN_DETOUR_M), content),

@@ -13,7 +13,7 @@ from cartoloop.config import QualityConfig
 from cartoloop.quality.corridors import MEASURED_GAIN, Corridors, gain_elsewhere
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.motion import Event, Standing, usual_change
-from cartoloop.quality.odometry_use import without_odometry
+from cartoloop.quality.odometry_use import has_odometry, length_error, without_odometry
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.places import MAX_PLACES, at_scan, place_around, stamps_of
 from cartoloop.quality.verdict import Kind, Place, Severity
@@ -93,24 +93,43 @@ def jump_places(found: list[Event], met: Encounters, content: MapContent) -> lis
     ][:MAX_PLACES]
 
 
+BRIDGED_BLIND_ERROR_M = 0.15
+"""Expected error of a length without a match [m] from which it is doubtful though visits across it
+agree: they hold its ends, not what lies beyond, and the error of the heading comes on top."""
+
+
 def blind_places(
-    found: list[Event], met: Encounters, content: MapContent, config: QualityConfig
+    found: list[Event],
+    met: Encounters,
+    odometry: Mapping[str, Any] | None,
+    content: MapContent,
+    config: QualityConfig,
 ) -> list[Place]:
-    """Return the places where nothing was matched; minor ones where visits across them agree."""
-    return [
-        at_scan(
-            event,
-            content,
-            Kind.BLIND,
-            Severity.DOUBTFUL
-            if event.moved > config.doubtful_blind_length and not _is_bridged(event, met, content)
-            else Severity.MINOR,
-            f"no scan was matched over {event.moved:.1f} m: they rest on the odometry alone",
-            "the surroundings may be farther away than sensor.max_range; drive along a wall, or "
-            "through the place once more",
+    """Return the places where nothing was matched.
+
+    Minor ones where visits across them agree and the odometry measures well.
+
+    Parameters
+    ----------
+    odometry : its calibration, as in the report; None without odometry.
+    """
+    places = []
+    for event in found:
+        error = length_error(event.moved, odometry) if has_odometry(odometry) else 0.0
+        is_held = error <= BRIDGED_BLIND_ERROR_M and _is_bridged(event, met, content)
+        is_short = event.moved <= config.doubtful_blind_length
+        places.append(
+            at_scan(
+                event,
+                content,
+                Kind.BLIND,
+                Severity.MINOR if is_short or is_held else Severity.DOUBTFUL,
+                f"no scan was matched over {event.moved:.1f} m: they rest on the odometry alone",
+                "the surroundings may be farther away than sensor.max_range; drive along a wall, "
+                "or through the place once more",
+            )
         )
-        for event in found
-    ][:MAX_PLACES]
+    return places[:MAX_PLACES]
 
 
 STANDS_CHANGED, STANDS_CHANGED_LONG, STANDS_CHANGED_CORRIDOR = 0.35, 0.12, 0.04
