@@ -51,7 +51,8 @@ class RangeNoise:
         self.useful_range = math.inf
         self._step = step
         self._num_scans = 0
-        self._samples: list[list[FloatArray]] | None = [[], []]
+        self._near, self._far = _Samples(NEAR_M), _Samples(FAR_M)
+        self._is_known = False
 
     def add(self, ranges: FloatArray, min_range: float, no_return_range: float) -> None:
         """Measure the noise of a scan, if it is not known yet.
@@ -61,20 +62,44 @@ class RangeNoise:
         ranges : float64, shape (num_beams,) [m].
         min_range, no_return_range : a range in [min_range, no_return_range) is a return [m].
         """
-        if self._samples is None:
+        if self._is_known:
             return
         self._num_scans += 1
         if self._num_scans % EVERY_NTH_SCAN:
             return
         is_return = (ranges >= min_range) & (ranges < no_return_range)
         middle, shares = noise_shares(np.where(is_return, ranges, np.nan), self._step)
-        for samples, (first, last) in zip(self._samples, (NEAR_M, FAR_M), strict=True):
-            samples.append(shares[(middle >= first) & (middle < last)])
-        if min(sum(map(len, samples)) for samples in self._samples) >= MIN_SAMPLES:
-            near, far = (float(np.median(np.concatenate(some))) for some in self._samples)
+        self._near.add(middle, shares)
+        self._far.add(middle, shares)
+        self._is_known = self._near.are_enough and self._far.are_enough
+        if self._is_known:
+            near, far = self._near.median, self._far.median
             if far >= MIN_SHARE and near <= MAX_RATIO * far:
                 self.useful_range = MAX_NOISE_M / far
-            self._samples = None
+
+
+class _Samples:
+    """Samples of the noise within some ranges [m], until there are enough."""
+
+    def __init__(self, ranges: tuple[float, float]) -> None:
+        self._first, self._last = ranges
+        self._shares: list[FloatArray] = []
+        self._count = 0
+
+    @property
+    def are_enough(self) -> bool:
+        return self._count >= MIN_SAMPLES
+
+    @property
+    def median(self) -> float:
+        return float(np.median(np.concatenate(self._shares)))
+
+    def add(self, middle: FloatArray, shares: FloatArray) -> None:
+        """Add those of a scan."""
+        chosen = shares[(middle >= self._first) & (middle < self._last)]
+        if len(chosen) and not self.are_enough:
+            self._shares.append(chosen)
+            self._count += len(chosen)
 
 
 def noise_shares(ranges: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
