@@ -303,6 +303,14 @@ def test_a_length_is_wrong_by_the_scale_that_was_not_known_yet():
     assert scale_error(stamps - 200.0, paths, odometry) == 0.0  # an earlier session
 
 
+def test_scales_that_err_to_both_sides_displace_what_lies_between():
+    stamps, paths = np.arange(101.0), np.arange(101.0)
+    scales = [{"begin": 0.0, "translation_scale": 1.05}, {"begin": 50.0, "translation_scale": 0.95}]
+    odometry = {"translation_scale": 1.0, "scales": scales}
+
+    assert scale_error(stamps, paths, odometry) == pytest.approx(2.5)
+
+
 def with_outliers(share):
     """Return a robot that stands in a room, with returns before the walls at random."""
     rng, run = np.random.default_rng(3), drive(speed=0.0)

@@ -36,10 +36,11 @@ def length_error(length: float, odometry: Mapping[str, Any]) -> float:
 
 
 def scale_error(stamps: FloatArray, paths: FloatArray, odometry: Mapping[str, Any]) -> float:
-    """Return by how much a path is too long for the scales of the odometry that were used [m].
+    """Return by how much a part of a path is too long or short for the scales that were used [m].
 
     While the scale is learnt, distances that rest on the odometry are wrong by as much as it is
-    off from what it turns out to be in the end.
+    off from what it turns out to be in the end. It counts between the two places that are displaced
+    most against each other: errors of both signs may leave the length of the whole path right.
 
     Parameters
     ----------
@@ -53,7 +54,9 @@ def scale_error(stamps: FloatArray, paths: FloatArray, odometry: Mapping[str, An
     scales = np.array([float(one["translation_scale"]) for one in used])
     rows = np.searchsorted(begins, stamps[:-1], side="right") - 1
     is_known = rows >= 0
-    return float(np.diff(paths)[is_known] @ (scales[rows[is_known]] / float(final) - 1.0))
+    steps = np.diff(paths)[is_known] * (scales[rows[is_known]] / float(final) - 1.0)
+    displaced = np.cumsum(steps)
+    return float(displaced.max(initial=0.0) - displaced.min(initial=0.0))
 
 
 def has_odometry(odometry: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, Any]]:
