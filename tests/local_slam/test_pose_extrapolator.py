@@ -97,6 +97,19 @@ def test_across_a_gap_doubtful_odometry_beats_the_velocity(extrapolator, pause, 
     assert prediction.tf_local_tracking.theta == pytest.approx(expected)
 
 
+def test_odometry_that_repeated_a_reading_before_a_gap_counts_after_it(extrapolator):
+    seen = Evidence(True, 0.0, lambda _: math.inf, lambda: math.inf)
+    for k in range(32):
+        time = 0.2 * k
+        extrapolator.add_odometry(time, Pose(0.2 * min(k, 29), 0.0, 0.0))
+        extrapolator.add_pose(time, Pose(0.2 * k, 0.0, 0.0), evidence=seen)
+    assert extrapolator.odometry.is_stale
+    extrapolator.add_odometry(12.2, Pose(11.8, 0.0, 0.7))
+    predicted = extrapolator.predict(12.2).tf_local_tracking
+    assert predicted.x == pytest.approx(12.2, abs=0.5)
+    assert predicted.theta == pytest.approx(0.7, abs=0.1)
+
+
 @pytest.mark.parametrize("is_determined", [False, True])
 def test_what_was_extrapolated_wrongly_is_made_up_for(extrapolator, is_determined):
     """Only where the match has followed the odometry."""

@@ -245,11 +245,12 @@ class OdometryMotion:
         return step if step is not None and follows(step, expected) else None
 
     def doubtful_step(self, begin: float, end: float) -> Pose | None:
-        """Return the step of odometry that is not trusted, or None if it repeats an old reading.
+        """Return the step of odometry that is not trusted, or None if it still repeats a reading.
 
         Across a gap between scans it is better than what nothing measures.
         """
-        return None if self._is_stale else self.measured_step(begin, end)
+        step = self.measured_step(begin, end)
+        return None if self._is_stale and step == IDENTITY else step
 
     def measured_step(self, begin: float, end: float) -> Pose | None:
         """Return the calibrated motion that it measured between two times, or None."""
