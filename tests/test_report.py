@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.report import Report, odometry_warning, summarize_constraints
+from cartoloop.report import Report, odometry_warning, sensor_warnings, summarize_constraints
 from tests.global_slam.closures import add_to_graph, closure, record
 
 
@@ -86,3 +86,9 @@ def test_one_line_warns_of_odometry_that_was_left_out():
     )
     twice = Report(extra={"odometry": {"faults": [fault | {"end": 20.0}, fault]}})
     assert "left out 2 times, first from 12.3 s to 20.0 s: " in str(odometry_warning(twice))
+
+
+def test_a_scanner_that_is_noisy_far_away_is_reported():
+    assert sensor_warnings(Report()) == []
+    [warning] = sensor_warnings(Report(extra={"useful_range_m": {"front": 6.31}}))
+    assert warning.startswith("returns of front beyond 6.3 m were left out: ")

@@ -202,6 +202,17 @@ def summarize_sensor(geometry: ScanGeometry | CloudGeometry) -> dict[str, Any]:
     }
 
 
+def sensor_warnings(report: Report) -> list[str]:
+    """Return a line about each sensor that was not used as it is."""
+    odometry = odometry_warning(report)
+    noise = [
+        f"returns of {name} beyond {limit:.1f} m were left out: their noise is too large there; "
+        "sensor.max_range sets another limit"
+        for name, limit in report.extra.get("useful_range_m", {}).items()
+    ]
+    return noise if odometry is None else [odometry, *noise]
+
+
 def odometry_warning(report: Report) -> str | None:
     """Return one line about the times when the odometry was left out; None if there are none."""
     faults = report.extra.get("odometry", {}).get("faults", [])

@@ -81,3 +81,22 @@ def test_returns_beyond_the_useful_range_are_misses():
     farthest = np.linalg.norm(data.returns, axis=1).max()
     assert 3.0 < farthest < 1.2 * MAX_NOISE_M / 0.03
     assert len(data.misses) > 0
+    assert range_filter.useful_ranges == {"": pytest.approx(farthest, abs=0.2)}
+
+
+def test_a_range_that_is_configured_is_not_limited():
+    rng = np.random.default_rng(4)
+    range_filter = RangeFilter(SensorConfig(max_range=15.0))
+    for time in np.arange(2000.0):
+        ranges = room() * (1.0 + 0.03 * rng.normal(size=len(ANGLES)))
+        data = range_filter.apply(LaserScan(time, time, ranges, GEOMETRY))
+    assert np.linalg.norm(data.returns, axis=1).max() > 5.5
+    assert range_filter.useful_ranges == {}
+
+
+def test_ranges_of_zero_are_no_error():
+    noise = RangeNoise(STEP)
+    with np.errstate(all="raise"):
+        for _ in range(10):
+            noise.add(np.zeros(len(ANGLES)), 0.0, 20.0)
+    assert noise.useful_range == math.inf

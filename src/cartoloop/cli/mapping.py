@@ -16,7 +16,7 @@ from cartoloop.cli.second_process import start_second_process
 from cartoloop.cli.session_lines import show_sessions
 from cartoloop.cli.stop_signals import SignalStop, stop_signals
 from cartoloop.plain_text import one_line
-from cartoloop.report import odometry_warning
+from cartoloop.report import sensor_warnings
 from cartoloop.runs.observer import RunObserver
 from cartoloop.runs.recording import map_recording
 from cartoloop.runs.resuming import resume_recording
@@ -168,7 +168,7 @@ class _Display(RunObserver):
 
     def saved(self, result: Result, failure: Exception | None) -> None:
         self._show_problems()
-        if warning := odometry_warning(result.report):
+        for warning in sensor_warnings(result.report):
             typer.echo(f"warning: {warning}", err=True)
         typer.echo(summary(result.report, self._out))
         show_sessions(result)

@@ -139,6 +139,8 @@ class LocalSlam:
             scanners = sorted(self._scanners.items())
             summary["scanners"] = {name: scanner.num_scans for name, scanner in scanners}
             summary["scanner_time_offsets_s"] = dict(sorted(self._clocks.offsets.items()))
+        if useful_ranges := self._range_filter.useful_ranges:
+            summary["useful_range_m"] = useful_ranges
         return summary
 
     def add_odometry(self, odometry: Odometry) -> None:

@@ -98,6 +98,15 @@ class RangeFilter:
         self._heights = Heights(config.min_z, config.max_z)
         self._first_sensor: str | None = None
 
+    @property
+    def useful_ranges(self) -> dict[str, float]:
+        """By scanner, up to where returns are used [m], if noise beyond is too large."""
+        return {
+            name: noise.useful_range
+            for (name, _), noise in sorted(self._noise.items())
+            if math.isfinite(noise.useful_range)
+        }
+
     def apply(self, scan: LaserScan | PointCloud, motion: SweepMotion | None = None) -> RangeData:
         """Return the scan's beams, cropped to the useful ranges, one return per voxel.
 
@@ -112,9 +121,10 @@ class RangeFilter:
         geometry = scan.geometry
         scanner = self._scanners.get(id(geometry)) or self._add_scanner(geometry)
         limits = scanner.limits
-        scanner.noise.add(scan.ranges, limits.min_range, limits.no_return_range)
-        if scanner.noise.useful_range < limits.max_range:
-            limits = limits._replace(max_range=scanner.noise.useful_range)
+        if self._config.max_range is None:
+            scanner.noise.add(scan.ranges, limits.min_range, limits.no_return_range)
+            if scanner.noise.useful_range < limits.max_range:
+                limits = limits._replace(max_range=scanner.noise.useful_range)
         ranges = scanner.blocked.apply(scan.ranges, limits.min_range, limits.no_return_range)
         returns = np.empty((geometry.num_beams, 2))
         misses = np.empty((geometry.num_beams, 2))

@@ -31,6 +31,9 @@ EDGE_M, EDGE_SHARE = 0.3, 0.1
 """Neighbouring ranges further apart than the first [m] and this share of them are not of one wall.
 """
 
+SHORTEST_M = 0.1
+"""Shorter ranges have no reciprocal that means anything [m]."""
+
 MEDIAN_OF_NORMAL = 0.6745
 """Median of the absolute value of a normal variable with a standard deviation of 1."""
 
@@ -67,7 +70,7 @@ class RangeNoise:
         self._num_scans += 1
         if self._num_scans % EVERY_NTH_SCAN:
             return
-        is_return = (ranges >= min_range) & (ranges < no_return_range)
+        is_return = (ranges >= max(min_range, SHORTEST_M)) & (ranges < no_return_range)
         middle, shares = noise_shares(np.where(is_return, ranges, np.nan), self._step)
         self._near.add(middle, shares)
         self._far.add(middle, shares)
