@@ -97,7 +97,7 @@ def test_across_a_gap_doubtful_odometry_beats_the_velocity(extrapolator, pause, 
     assert prediction.tf_local_tracking.theta == pytest.approx(expected)
 
 
-def test_odometry_that_repeated_a_reading_before_a_gap_counts_after_it(extrapolator):
+def test_odometry_that_repeated_before_a_gap_counts_after_it(extrapolator):
     seen = Evidence(True, 0.0, lambda _: math.inf, lambda: math.inf)
     reported = np.cumsum([0.2] * 28 + [0.1, 0.03, 0.0, 0.0])
     for k, x in enumerate(reported.tolist()):
