@@ -303,7 +303,7 @@ def test_a_length_is_wrong_by_the_scale_that_was_not_known_yet():
     assert scale_error(stamps - 200.0, paths, odometry) == 0.0  # an earlier session
 
 
-def test_scales_that_err_both_ways_displace_what_is_between():
+def test_scales_of_both_signs_displace_what_lies_between():
     stamps, paths = np.arange(101.0), np.arange(101.0)
     scales = [{"begin": 0.0, "translation_scale": 1.05}, {"begin": 50.0, "translation_scale": 0.95}]
     odometry = {"translation_scale": 1.0, "scales": scales}
