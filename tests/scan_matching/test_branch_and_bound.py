@@ -506,6 +506,17 @@ def test_group_is_skipped_once_enough_are_found(max_of_group):
     assert [match is not None for match in found.matches] == found.was_searched.tolist()
 
 
+@pytest.mark.parametrize(("max_expanded", "are_found"), [(1_000_000, True), (1, False)])
+def test_a_search_that_takes_too_long_finds_nothing(max_expanded, are_found):
+    grid, clouds, estimates, linear, angular = many_scans(1, 4)
+    found = SubmapMatcher(grid).match_all(
+        ScanPoints.of(clouds), estimates, linear_windows=linear + 0.3, angular_windows=angular,
+        min_score=0.0, groups=np.arange(4), max_of_group=1, max_expanded=max_expanded,
+    )  # fmt: skip
+    assert found.was_searched.all()
+    assert [match is not None for match in found.matches] == [are_found] * 4
+
+
 def test_nothing_is_found_for_no_scans():
     grid, *_ = many_scans(2, 1)
     none = np.zeros(0)

@@ -41,6 +41,10 @@ from cartoloop.sensor.pose import Pose, compose_all, wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.node import Node
 
+MAX_EXPANDED = 30_000
+"""Nodes of its tree that the search of a composite scan may expand, far more than usual. Where a
+scan fits nearly as well everywhere it would take minutes, and no place would be distinct."""
+
 
 @dataclass(slots=True, eq=False)
 class SearchTask:
@@ -299,6 +303,7 @@ def find_scans(
         runner_up=RunnerUp(
             config.place_distance, math.radians(config.place_angle_deg), RUNNER_UP_MARGIN
         ),
+        max_expanded=MAX_EXPANDED,
     )
     candidates = [
         Candidate(

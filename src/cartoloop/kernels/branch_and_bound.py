@@ -231,14 +231,22 @@ def cover_window(search: Search, min_sum: int) -> int:
 
 @borrowing_kernel
 def find_best(
-    search: Search, order: IntArray, min_sum: int, excluded: Excluded, best: IntArray
-) -> None:
-    """Write the best candidate, found by depth-first search, into `best`.
+    search: Search,
+    order: IntArray,
+    min_sum: int,
+    max_expanded: int,
+    excluded: Excluded,
+    best: IntArray,
+) -> bool:
+    """Write the best candidate, found by depth-first search, into `best`; return whether it is.
+
+    It is not if more nodes would have to be expanded than is allowed.
 
     Parameters
     ----------
     order : int64, indices of the nodes that cover the window, the largest key first.
     min_sum : what a candidate must reach.
+    max_expanded : number of nodes that may be expanded.
     excluded : candidates that do not count.
     best : int64, shape (4,): key, column, row, rotation; the key is -1 if there is none.
     """
@@ -250,14 +258,14 @@ def find_best(
     num_waiting = search.num_waiting
     best[KEY] = -1
     min_key = -1
-    height, cursor = top, 0
+    height, cursor, num_expanded = top, 0, 0
     while True:
         if height == top:
             if cursor == order.size:
-                return
+                return True
             parent = order[cursor]
             if nodes[parent, KEY] < min_key or nodes[parent, REST] < min_sum:
-                return
+                return True
             cursor += 1
         else:
             parent = most_promising(nodes, height * _CHILDREN, int(num_waiting[height]), min_key)
@@ -276,6 +284,9 @@ def find_best(
                 best[KEY], best[COL], best[ROW], best[ROTATION] = key, col, row, group
                 min_sum, min_key = max(min_sum, key >> NEAR_BITS), key
             continue
+        num_expanded += 1
+        if num_expanded > max_expanded:
+            return False
         child = height - 1
         step = heights[child]["block"] if heights[child]["block"] < block else 0
         split = size // heights[child]["group"]
@@ -351,6 +362,7 @@ def search(
     extent: ScanExtent,
     max_move: int,
     min_sum: int,
+    max_expanded: int,
     elsewhere: Elsewhere,
     out_matches: IntArray,
 ) -> None:
@@ -364,6 +376,7 @@ def search(
     extent : distance of the points from the scan's origin [cells].
     max_move : maximum number of blocks that a point may move within a group of rotations.
     min_sum : sum of cell values that a candidate must reach.
+    max_expanded : number of nodes that may be expanded for each of both; beyond, there is no match.
     elsewhere : which candidates can be runner-up.
     out_matches : int64, shape (2, 4): sum, column, row, rotation, of the best candidate and of the
         runner-up; the sum is -1 where there is none.
@@ -376,7 +389,9 @@ def search(
     squared_distance, num_rotations = -1, -1
     for match in range(2):
         excluded = Excluded(best[COL], best[ROW], best[ROTATION], squared_distance, num_rotations)
-        find_best(state, order, min_sum, excluded, best)
+        if not find_best(state, order, min_sum, max_expanded, excluded, best):
+            out_matches[0, 0] = out_matches[1, 0] = -1
+            return
         out_matches[match, 0] = best[KEY] >> NEAR_BITS
         for k in range(1, 4):
             out_matches[match, k] = best[k]

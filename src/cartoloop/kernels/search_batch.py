@@ -58,6 +58,7 @@ class SearchLimits(NamedTuple):
     runner_up_margin : how far its score may be below that of the best match, as a mean cell value;
         negative: no runner-up is searched for.
     runner_up_score : that it must reach, as a mean cell value.
+    max_expanded : number of nodes of the tree that a search may expand; beyond, there is no match.
     """
 
     min_score: float
@@ -67,6 +68,7 @@ class SearchLimits(NamedTuple):
     runner_up_angle: float
     runner_up_margin: float
     runner_up_score: float
+    max_expanded: int
 
 
 class SearchResults(NamedTuple):
@@ -133,8 +135,8 @@ def search_scans(
         min_sum = max(math.ceil(limits.min_score * num_points - _SUM_ROUNDING), 0)
         extent_cells = ScanExtent(extent.mean / resolution, extent.farthest / resolution)
         search(
-            grids, points, frame, window, extent_cells, limits.max_move, min_sum, elsewhere,
-            out.matches[i],
+            grids, points, frame, window, extent_cells, limits.max_move, min_sum,
+            limits.max_expanded, elsewhere, out.matches[i],
         )  # fmt: skip
         out.rotations[i], out.steps[i] = half_rotations, step
         if out.matches[i, 0, 0] >= 0:

@@ -86,6 +86,9 @@ RUNNER_UP = RunnerUp()
 NO_RUNNER_UP = RunnerUp(margin=-1.0)
 """For :meth:`SubmapMatcher.match`: do not search for a runner-up; it is 0."""
 
+UNLIMITED = 2**62
+"""Number of nodes that an exact search may expand."""
+
 
 class SubmapMatcher:
     """Finds scans in one finished submap; safe to use from several threads at once.
@@ -173,6 +176,7 @@ class SubmapMatcher:
         groups: IntArray,
         max_of_group: int,
         runner_up: RunnerUp = RUNNER_UP,
+        max_expanded: int = UNLIMITED,
     ) -> BranchAndBoundMatches:
         """Return the best match of each of many scans, as :meth:`match` does, in one call.
 
@@ -183,6 +187,8 @@ class SubmapMatcher:
         linear_windows, angular_windows : float64, shape (n,).
         groups : int64, shape (n,), from 0 on: scans that are equivalent.
         max_of_group : once this number of scans of a group are found, the rest of it is skipped.
+        max_expanded : number of nodes of its tree that the search of a scan may expand; one that
+            needs more finds nothing.
         """
         half_widths = np.ceil(linear_windows / self._grid.resolution - ROUNDING).astype(np.int64)
         return self._search(
@@ -194,6 +200,7 @@ class SubmapMatcher:
             runner_up,
             groups=groups,
             max_of_group=max_of_group,
+            max_expanded=max_expanded,
         )
 
     def match_full_submap(
@@ -255,6 +262,7 @@ class SubmapMatcher:
         groups: IntArray | None = None,
         max_of_group: int = 1,
         max_range: float = math.inf,
+        max_expanded: int = UNLIMITED,
     ) -> BranchAndBoundMatches:
         """Return the matches in windows of `half_sizes` cells to each side of the estimates."""
         count = len(scans)
@@ -287,6 +295,7 @@ class SubmapMatcher:
                 runner_up.angle,
                 runner_up.margin / PROBABILITY_STEP,
                 mean_value(min_score if runner_up.min_score is None else runner_up.min_score),
+                max_expanded,
             ),
             np.zeros(count, dtype=np.int64) if groups is None else groups,
             max_of_group,
