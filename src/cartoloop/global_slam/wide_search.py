@@ -35,7 +35,7 @@ from cartoloop.global_slam.pair_selection import PairSelection
 from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.journal.frames import Kind
 from cartoloop.journal.outcomes import NO_OUTCOMES, RecordedOutcomes
-from cartoloop.scan_matching.branch_and_bound import RunnerUp
+from cartoloop.scan_matching.branch_and_bound import UNLIMITED, RunnerUp
 from cartoloop.scan_matching.least_squares import match_informations
 from cartoloop.sensor.pose import Pose, compose_all, wrap_angles
 from cartoloop.sensor.scan_points import ScanPoints
@@ -180,6 +180,7 @@ class WideSearch:
                 points=points,
                 requests=requests,
                 least=(self._config.min_score, self._config.min_score_ratio),
+                max_expanded=MAX_EXPANDED,
             )
             self._running.append(SearchTask(task, self._submaps[submap]))
         if not self._recorded.is_replaying:
@@ -276,6 +277,7 @@ def find_scans(
     points: ScanPoints,
     requests: Requests,
     least: tuple[float, float],
+    max_expanded: int = UNLIMITED,
 ) -> tuple[WideOutcome, float]:
     """Return where composite scans fit in one submap, and how long that took [s].
 
@@ -287,6 +289,7 @@ def find_scans(
     points : the returns of these scans.
     requests : the windows.
     least : lowest score, and lowest share of the score of the submap's own scans; the lower counts.
+    max_expanded : number of nodes of its tree that the search of a scan may expand.
     """
     start = perf_counter()
     min_score = min(least[0], least[1] * submap.own_score)
@@ -303,7 +306,7 @@ def find_scans(
         runner_up=RunnerUp(
             config.place_distance, math.radians(config.place_angle_deg), RUNNER_UP_MARGIN
         ),
-        max_expanded=MAX_EXPANDED,
+        max_expanded=max_expanded,
     )
     candidates = [
         Candidate(

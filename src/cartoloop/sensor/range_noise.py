@@ -24,8 +24,8 @@ MIN_SHARE, MAX_RATIO = 0.0125, 2.0
 than the second near the scanner: other noise, and bushes, do not grow with the range. Good
 scanners measure to 0.3 to 0.8% at these ranges."""
 
-MAX_NOISE_M = 0.12
-"""Returns are useful up to where the noise has this standard deviation [m], some two pixels."""
+MAX_NOISE_M = 0.15
+"""Returns are useful up to where the noise has this standard deviation [m], three pixels."""
 
 EDGE_M, EDGE_SHARE = 0.3, 0.1
 """Neighbouring ranges further apart than the first [m] and this share of them are not of one wall.
