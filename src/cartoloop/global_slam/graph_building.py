@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes and submaps of local SLAM become those of the pose graph, and what is searched."""
+"""Adds the nodes and submaps of local SLAM to the pose graph and to what is searched."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cartoloop.submaps.submap import Submap
 
 
 class GraphBuilder:
-    """Adds what local SLAM has made.
+    """Adds nodes and submaps to the pose graph, and keeps what searches need of them.
 
     Parameters
     ----------
