@@ -42,9 +42,9 @@ from cartoloop.sensor.scan_points import ScanPoints
 from cartoloop.submaps.node import Node
 
 MAX_EXPANDED = 30_000
-"""Nodes of its tree that the search of a composite scan may expand. Dense recordings need fewer, some
-scans of sparse ones more. Where a scan fits nearly as well everywhere, the search would take minutes
-and no place would be distinct."""
+"""Nodes of its tree that the search of a composite scan may expand. Dense recordings need fewer,
+some scans of sparse ones more. Where a scan fits nearly as well everywhere, the search would take
+minutes, and no place would be distinct."""
 
 
 @dataclass(slots=True, eq=False)
