@@ -35,6 +35,7 @@ from cartoloop.quality.pairs import agreement
 from cartoloop.scan_matching import correlative
 from cartoloop.scan_matching.branch_and_bound import SubmapMatcher
 from cartoloop.scan_matching.precomputation_grid import PrecomputationGrids
+from cartoloop.sensor.isolated_returns import without_isolated
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
 from cartoloop.sensor.scan_points import ScanPoints
@@ -47,8 +48,8 @@ from cartoloop.submaps.probability_grid import (
 from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (
-    "local SLAM", "filter", "thin", "move", "cast rays", "update cells", "insert", "match",
-    "correlative", "wall step",
+    "local SLAM", "filter", "isolated", "thin", "move", "cast rays", "update cells", "insert",
+    "match", "correlative", "wall step",
     "finish", "precompute", "mean score", "agree", "fit", "changes", "displace", "branch and bound",
     "match again", "compose map", "fade",
 )  # fmt: skip
@@ -126,13 +127,17 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
     range_filter = RangeFilter(config.sensor)
     data = range_filter.apply(scan)
     yield Workload(
-        "filter", ("range_projection", "voxel_filter"), case,
+        "filter", ("near_neighbours", "range_projection", "voxel_filter"), case,
         partial(range_filter.apply, scan), beams, "beams",
     )  # fmt: skip
     thinning = config.local_slam.adaptive_voxel_filter
     yield Workload(
         "thin", ("voxel_filter",), case,
         partial(thin, data.returns, thinning), len(data.returns), "points",
+    )  # fmt: skip
+    yield Workload(
+        "isolated", ("near_neighbours",), case,
+        partial(without_isolated, data.returns), len(data.returns), "points",
     )  # fmt: skip
     sensor = compose(tf_local_tracking, data.tf_tracking_sensor)
     returns = moved_points(*tf_local_tracking, data.returns)

@@ -64,6 +64,7 @@ LOCAL_SLAM = {
     "correlative",
     "grid_update",
     "moved_points",
+    "near_neighbours",
     "outline_lines",
     "outline_shift",
     "pixel_rows",

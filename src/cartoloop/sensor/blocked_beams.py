@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cartoloop.arrays import BoolArray, FloatArray, IntArray
+from cartoloop.arrays import FloatArray, IntArray
+from cartoloop.kernels.near_neighbours import count_near_neighbours
 from cartoloop.sensor.isolated_returns import NEAR_M, NEAR_SPACINGS
 
 MIN_SCANS = 200
@@ -43,16 +44,12 @@ class BlockedBeams:
         min_range, no_return_range : a range in [min_range, no_return_range) is a return [m].
         """
         self._num_scans += 1
-        is_return = (ranges >= min_range) & (ranges < no_return_range)
-        self._num_returns += self._has_neighbour(np.where(is_return, ranges, np.nan))
+        slope = NEAR_SPACINGS * self._step
+        count_near_neighbours(ranges, min_range, no_return_range, NEAR_M, slope, self._num_returns)
         if self._num_scans < MIN_SCANS:
             return ranges
         is_blocked = self._num_returns <= MIN_SHARE * (self._num_scans - MIN_SCANS)
-        return np.where(is_blocked & ~is_return, np.nan, ranges) if is_blocked.any() else ranges
-
-    def _has_neighbour(self, returns: FloatArray) -> BoolArray:
-        """Return which ranges have one of the two beside them near; NaN is near to none."""
-        limits = NEAR_M + NEAR_SPACINGS * self._step * returns[:-1]
-        is_near = np.abs(np.diff(returns)) <= limits
-        has_neighbour: BoolArray = np.append(is_near, False) | np.append(False, is_near)
-        return has_neighbour
+        if not is_blocked.any():
+            return ranges
+        is_return = (ranges >= min_range) & (ranges < no_return_range)
+        return np.where(is_blocked & ~is_return, np.nan, ranges)

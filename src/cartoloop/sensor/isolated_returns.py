@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from cartoloop.arrays import FloatArray
+from cartoloop.kernels.near_neighbours import have_near_neighbour
 
 NEAR_M, NEAR_SPACINGS = 0.3, 6.0
 """A neighbour is near within the first distance [m] and this many times the distance of two beams
@@ -30,13 +31,5 @@ def without_isolated(returns: FloatArray) -> FloatArray:
         return returns
     angles = np.arctan2(returns[:, 1], returns[:, 0])
     order = np.argsort(angles, kind="stable")
-    turns = np.diff(angles[order])
-    spacing = float(np.median(turns))
-    points = returns[order]
-    gaps = np.hypot(*np.diff(points, axis=0).T)
-    nearest = np.minimum(np.append(np.inf, gaps), np.append(gaps, np.inf))
-    limits = NEAR_M + NEAR_SPACINGS * spacing * np.hypot(points[:, 0], points[:, 1])
-    is_kept = np.empty(len(returns), dtype=np.bool_)
-    is_kept[order] = nearest <= limits
-    kept: FloatArray = returns[is_kept]
+    kept: FloatArray = returns[have_near_neighbour(returns, angles, order, NEAR_M, NEAR_SPACINGS)]
     return kept

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which returns of a scan have a neighbour by angle near."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cartoloop._jit import kernel
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
+
+
+@kernel
+def have_near_neighbour(
+    points: FloatArray, angles: FloatArray, order: IntArray, near: float, spacings: float
+) -> BoolArray:
+    """Return which points have one of the two beside them near, shape (n,).
+
+    Near are points within `near`, and `spacings` times the distance of two beams at the range of
+    the point, more; two beams are apart by the median angle between points.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2), around the sensor [m]; n > 1.
+    angles : float64, shape (n,), of the points [rad].
+    order : int64, shape (n,), indices of the points by their angles.
+    near : [m].
+    """
+    count = len(order)
+    turns = np.empty(count - 1)
+    for k in range(count - 1):
+        turns[k] = angles[order[k + 1]] - angles[order[k]]
+    spacing = np.median(turns)
+    is_near = np.zeros(count, dtype=np.bool_)
+    gap_before = math.inf
+    for k in range(count):
+        i, gap = order[k], math.inf
+        if k + 1 < count:
+            j = order[k + 1]
+            gap = math.hypot(points[j, 0] - points[i, 0], points[j, 1] - points[i, 1])
+        limit = near + spacings * spacing * math.hypot(points[i, 0], points[i, 1])
+        is_near[i] = min(gap_before, gap) <= limit
+        gap_before = gap
+    return is_near
+
+
+@kernel
+def count_near_neighbours(
+    ranges: FloatArray,
+    min_range: float,
+    end_range: float,
+    near: float,
+    slope: float,
+    counts: IntArray,
+) -> None:
+    """Count for each beam the returns that have a return of a beam beside it near.
+
+    Parameters
+    ----------
+    ranges : float64, shape (n,) [m]; NaN is no return.
+    min_range, end_range : a range in [min_range, end_range) is a return [m].
+    near, slope : returns of two beams are near if their ranges differ by no more than the first [m]
+        and the second times the range of the first of the two.
+    counts : int64, shape (n,), of each beam; the counts are added.
+    """
+    was_near = False
+    for k in range(len(ranges)):
+        is_near = False
+        if k + 1 < len(ranges) and _is_within(ranges[k], min_range, end_range):
+            following = ranges[k + 1]
+            limit = near + slope * ranges[k]
+            is_near = (
+                _is_within(following, min_range, end_range) and abs(following - ranges[k]) <= limit
+            )
+        if is_near or was_near:
+            counts[k] += 1
+        was_near = is_near
+
+
+@kernel
+def _is_within(value: float, first: float, end: float) -> bool:
+    return first <= value < end
