@@ -93,6 +93,13 @@ def test_furniture_that_was_moved_does_not_contradict():
     assert wall_faults(*parts, SUBMAPS, *LIMITS) == []
 
 
+def test_a_shelf_before_a_wall_hides_no_other_room():
+    """The room behind the wall is hidden by the wall, in both parts."""
+    wall = (slice(10, 10 + WIDTH), slice(108, 110))
+    parts = corridor(200, end_at=100), corridor(200, blocks=[wall])
+    assert wall_faults(*parts, SUBMAPS, *LIMITS) == []
+
+
 HALL = 120
 """Edge of a hall of 6 m [cells]."""
 

@@ -44,7 +44,7 @@ BRIDGED_M = 0.15
 """Pieces of wall closer than this belong together [m]."""
 
 BESIDE_M = 0.5
-"""What a wall hides begins within this distance [m]."""
+"""What a wall hides begins within this distance, and not behind another wall [m]."""
 
 
 _LANES = np.arange(4.0)
@@ -192,7 +192,10 @@ def _faults(
             slice(max(rows.start - beside, 0), rows.stop + beside),
             slice(max(cols.start - beside, 0), cols.stop + beside),
         )
-        touched = np.unique(behind[around][_grown(pieces[around] == number, beside)])
+        # What the other part saw behind a wall of its own is not hidden by this one.
+        passable = ~(seen[around] > MAYBE_WALL)
+        near = ndimage.binary_dilation(pieces[around] == number, iterations=beside, mask=passable)
+        touched = np.unique(behind[around][near])
         hidden = float(areas[touched[touched > 0]].max(initial=0.0))
         if hidden >= min_hidden:
             x = (box.first_col + 0.5 * (cols.start + cols.stop)) * resolution
