@@ -66,7 +66,7 @@ def test_submaps_are_looked_at_once(monkeypatch):
     graph, scans = seen_from((0.0, 0.0, 0.0), (-1.0, 0.5, 0.7))
     confirmed = ConfirmedReturns()
     first = confirmed.of(graph, [grid()], scans, np.array([0]))
-    monkeypatch.delattr("cartoloop.quality.confirmed._on_wall")
+    monkeypatch.delattr("cartoloop.quality.confirmed.near_walls")
     again = confirmed.of(graph, [grid()], scans, np.array([0]))
     assert len(first[0]) == 2
     for node in range(2):

@@ -54,7 +54,7 @@ class ConfirmedReturns:
             numbers = np.arange(int(ends[-1])) + shifts
             if submap not in self._bits:
                 poses = np.repeat(graph.relative_poses[rows], counts, axis=0)
-                on_wall = _on_wall(grids[submap], scans.points[numbers], poses)
+                on_wall, _ = near_walls(grids[submap], scans.points[numbers], poses)
                 self._bits[submap] = np.packbits(on_wall)
             bits = np.unpackbits(self._bits[submap], count=len(numbers))
             is_confirmed[numbers[bits.view(bool)]] = True
@@ -62,8 +62,10 @@ class ConfirmedReturns:
         return ScanPoints(scans.points[is_confirmed], totals[scans.firsts], totals[scans.ends])
 
 
-def _on_wall(grid: FinishedGrid, points: FloatArray, tf_submap_node: FloatArray) -> BoolArray:
-    """Return which points lie on walls of a submap, shape (n,).
+def near_walls(
+    grid: FinishedGrid, points: FloatArray, tf_submap_node: FloatArray
+) -> tuple[BoolArray, BoolArray]:
+    """Return which points lie on walls of a submap, and which where it is known, shape (n,) each.
 
     Parameters
     ----------
@@ -79,6 +81,9 @@ def _on_wall(grid: FinishedGrid, points: FloatArray, tf_submap_node: FloatArray)
     cols = np.rint((x + cos * points[:, 0] - sin * points[:, 1] - grid.origin_x) / grid.resolution)
     rows = np.rint((y + sin * points[:, 0] + cos * points[:, 1] - grid.origin_y) / grid.resolution)
     inside = (cols >= 0) & (rows >= 0) & (cols < grid.shape[1]) & (rows < grid.shape[0])
+    places = rows[inside].astype(np.int64), cols[inside].astype(np.int64)
     on_wall: BoolArray = np.zeros(len(points), dtype=bool)
-    on_wall[inside] = near[rows[inside].astype(np.int64), cols[inside].astype(np.int64)]
-    return on_wall
+    is_known: BoolArray = np.zeros(len(points), dtype=bool)
+    on_wall[inside] = near[places]
+    is_known[inside] = (grid.cells[places] > 0) | near[places]
+    return on_wall, is_known

@@ -14,6 +14,7 @@ from cartoloop.quality import by_session, contradictions, motion, motion_places,
 from cartoloop.quality.corridor_places import corridor_places
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.pairs import MapContent
+from cartoloop.quality.scattered import scattered_places
 from cartoloop.quality.slides import slides
 from cartoloop.quality.verdict import VERDICTS, Quality, Severity
 from cartoloop.quality.visits import compare_visits
@@ -58,6 +59,7 @@ def examine(
         *contradictions.contradictions(seen, share_of_all, content, config),
         *contradictions.slide_places(slides(met, content, scans, config), met, content),
         *contradictions.breaks(consecutive, content, config),
+        *scattered_places(content, scans),
         *motion_places.gap_places(gaps, content),
         *motion_places.misfit_places(misfits, met, content),
         *motion_places.jump_places(jumps, met, content),

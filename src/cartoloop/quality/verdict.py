@@ -27,6 +27,8 @@ class Kind(StrEnum):
     """Scans of one visit have returns where another visit saw floor: walls stand twice."""
     BREAK = "break"
     """Consecutive scans do not fit to each other."""
+    SCATTERED = "scattered"
+    """Scans hardly show the same walls from one to the next."""
     GAP = "gap"
     """The recording has a gap during which the robot moved, and nothing measured by how far."""
     JUMP = "jump"
