@@ -100,6 +100,17 @@ def test_a_shelf_before_a_wall_hides_no_other_room():
     assert wall_faults(*parts, SUBMAPS, *LIMITS) == []
 
 
+@pytest.mark.parametrize(("hidden", "is_fault"), [(30, False), (70, True)])
+def test_a_row_of_shelves_hides_little_for_its_length(hidden, is_fault):
+    """Shelves of 3 m hide 1.5 m up to the wall behind them, a wall of 3 m a room."""
+    cells = np.full((HALL, HALL), FLOOR, np.uint8)
+    cells[[0, -1]] = cells[:, [0, -1]] = WALL
+    cells[0:60, 20 : 20 + hidden + 2] = UNSEEN
+    cells[0:60, 20:22] = WALL
+    shelves = Submaps([FinishedGrid(cells, 0.0, 0.0, RESOLUTION)], np.zeros((1, 3)))
+    assert bool(wall_faults(shelves, hall(), SUBMAPS, *LIMITS)) is is_fault
+
+
 HALL = 120
 """Edge of a hall of 6 m [cells]."""
 

@@ -2,7 +2,7 @@
 """Walls of one part of a map through which another part saw: what forbids that they are joined.
 
 Furniture that was moved and doors that were opened leave walls where another session sees floor.
-They are short, or what they hide is small, or one sees past an end of them. Beams that pass
+They are short, or what they hide is small for their length, or one sees past an end of them. Beams that pass
 through a window return from nowhere: no walls are seen behind it. The end of a corridor that leads
 on for metres in another session is neither: the two sessions are of different places that look
 alike.
@@ -58,6 +58,10 @@ STRAIGHT_CELLS = 1.5
 
 FURNITURE_M = 2.0
 """A shorter wall that stands free at an end may be a piece of furniture [m]."""
+
+HIDDEN_DEPTH_M, HIDDEN_M2 = 2.0, 8.0
+"""A wall behind which the other part saw less than this depth along its length [m], and less than
+this area [m^2], may be a row of shelves: where a corridor or a room goes on, there is more."""
 
 FREE_END_M = 0.3
 """Floor beyond the end of a wall, in line with it, by which it stands free there [m]."""
@@ -197,7 +201,7 @@ def _faults(
         near = ndimage.binary_dilation(pieces[around] == number, iterations=beside, mask=passable)
         touched = np.unique(behind[around][near])
         hidden = float(areas[touched[touched > 0]].max(initial=0.0))
-        if hidden >= min_hidden:
+        if hidden >= max(min_hidden, min(HIDDEN_DEPTH_M * length, HIDDEN_M2)):
             x = (box.first_col + 0.5 * (cols.start + cols.stop)) * resolution
             y = (box.first_row + 0.5 * (rows.start + rows.stop)) * resolution
             faults.append(WallFault(x, y, length, hidden))
