@@ -2,10 +2,10 @@
 """Walls of one part of a map through which another part saw: what forbids that they are joined.
 
 Furniture that was moved and doors that were opened leave walls where another session sees floor.
-They are short, or what they hide is small for their length, or one sees past an end of them. Beams that pass
-through a window return from nowhere: no walls are seen behind it. The end of a corridor that leads
-on for metres in another session is neither: the two sessions are of different places that look
-alike.
+They are short, or what they hide is small for their length, or one sees past an end of them. Beams
+that pass through a window return from nowhere: no walls are seen behind it. The end of a corridor
+that leads on for metres in another session is neither: the two sessions are of different places
+that look alike.
 """
 
 from __future__ import annotations
