@@ -123,7 +123,9 @@ def hall(gain, count=300):
 def test_a_length_that_nothing_measures_is_doubtful(gain, odometry, is_doubtful):
     halls, run = hall(gain)
 
-    places = corridor_places(halls, odometry, run, QualityConfig())
+    places = corridor_places(
+        halls, odometry, np.ones(len(run.graph.node_poses), bool), run, QualityConfig()
+    )
 
     assert len(places) == int(is_doubtful)
     assert all("nothing measures" in place.reason for place in places)
@@ -137,7 +139,9 @@ def test_steps_that_fit_better_elsewhere_are_doubtful(share, odometry, is_doubtf
     halls, run = hall(-50.0)
     halls.gains[:: round(1.0 / share)] = DISPLACED_GAIN + 1.0
 
-    places = corridor_places(halls, odometry, run, QualityConfig())
+    places = corridor_places(
+        halls, odometry, np.ones(len(run.graph.node_poses), bool), run, QualityConfig()
+    )
 
     assert any("another distance" in place.reason for place in places) == is_doubtful
 

@@ -14,7 +14,7 @@ from cartoloop.quality import motion
 from cartoloop.quality.corridors import corridors
 from cartoloop.quality.encounters import Encounters
 from cartoloop.quality.motion_places import blind_places, jump_places
-from cartoloop.quality.odometry_use import length_error, scale_error
+from cartoloop.quality.odometry_use import SCALE_LEFT, length_error, scale_error
 from cartoloop.quality.pairs import Pairs
 from cartoloop.quality.verdict import Severity
 
@@ -297,10 +297,15 @@ def test_a_length_is_wrong_by_the_scale_that_was_not_known_yet():
     odometry = {"translation_scale": 0.94, "scales": scales}
 
     expected = 10.0 * (1.0 / 0.94 - 1.0) + 90.0 * (0.95 / 0.94 - 1.0)
-    assert scale_error(stamps, paths, odometry) == pytest.approx(expected)
-    assert scale_error(stamps, paths, {"translation_scale": 0.94}) == 0.0
-    assert scale_error(stamps[:1], paths[:1], odometry) == 0.0
-    assert scale_error(stamps - 200.0, paths, odometry) == 0.0  # an earlier session
+
+    def error(odometry, stamps=stamps, count=101, *, is_confirmed=False):
+        return scale_error(stamps[:count], paths[:count], odometry, is_confirmed=is_confirmed)
+
+    assert error(odometry) == pytest.approx(expected)
+    assert error(odometry, is_confirmed=True) == pytest.approx(SCALE_LEFT * expected)
+    assert error({"translation_scale": 0.94}) == 0.0
+    assert error(odometry, count=1) == 0.0
+    assert error(odometry, stamps - 200.0) == 0.0  # an earlier session
 
 
 def test_scales_of_both_signs_displace_what_lies_between():
@@ -308,7 +313,7 @@ def test_scales_of_both_signs_displace_what_lies_between():
     scales = [{"begin": 0.0, "translation_scale": 1.05}, {"begin": 50.0, "translation_scale": 0.95}]
     odometry = {"translation_scale": 1.0, "scales": scales}
 
-    assert scale_error(stamps, paths, odometry) == pytest.approx(2.5)
+    assert scale_error(stamps, paths, odometry, is_confirmed=False) == pytest.approx(2.5)
 
 
 def with_outliers(share):

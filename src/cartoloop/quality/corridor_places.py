@@ -25,6 +25,9 @@ from cartoloop.quality.verdict import Kind, Place, Severity
 UNMEASURED_ERROR = 0.12
 """Expected error of a length that neither odometry nor scans measure, as a share of it."""
 
+CONFIRMED_SHARE = 0.5
+"""A corridor is confirmed if another visit confirms this share of its nodes."""
+
 DISPLACED_GAIN = 5.0
 """A step is contradicted where the scan costs so much less elsewhere."""
 
@@ -40,6 +43,7 @@ MEASURE_IT = (
 def corridor_places(
     halls: Corridors,
     odometry: Mapping[str, Any] | None,
+    confirmed: BoolArray,
     content: MapContent,
     config: QualityConfig,
 ) -> list[Place]:
@@ -48,10 +52,11 @@ def corridor_places(
     Parameters
     ----------
     odometry : its calibration, as in the report; None without odometry.
+    confirmed : which of all nodes another visit confirms.
     """
     alone = without_odometry(stamps_of(content, halls.nodes), odometry)
     return [
-        *_poor_odometry_places(halls, ~alone, odometry, content, config),
+        *_poor_odometry_places(halls, ~alone, odometry, confirmed, content, config),
         *_unmeasured_places(halls, alone, content, config),
         *_displaced_step_places(halls, alone, content),
     ]
@@ -61,6 +66,7 @@ def _poor_odometry_places(
     halls: Corridors,
     chosen: BoolArray,
     odometry: Mapping[str, Any] | None,
+    confirmed: BoolArray,
     content: MapContent,
     config: QualityConfig,
 ) -> list[Place]:
@@ -69,6 +75,7 @@ def _poor_odometry_places(
     Parameters
     ----------
     chosen : which of the examined nodes have odometry, shape (k,).
+    confirmed : which of all nodes another visit confirms.
     """
     if not has_odometry(odometry):
         return []
@@ -77,7 +84,12 @@ def _poor_odometry_places(
     for rows in _runs(halls, chosen):
         nodes = halls.nodes[rows]
         length = extent(content.graph.node_poses[nodes, :2])
-        by_scale = scale_error(stamps_of(content, nodes), paths[nodes], odometry)
+        by_scale = scale_error(
+            stamps_of(content, nodes),
+            paths[nodes],
+            odometry,
+            is_confirmed=bool(confirmed[nodes].mean() >= CONFIRMED_SHARE),
+        )
         error = math.hypot(length_error(length, odometry), by_scale)
         if error > config.doubtful_length_error:
             reason = (

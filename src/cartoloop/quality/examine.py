@@ -65,7 +65,9 @@ def examine(
         *motion_places.jump_places(jumps, met, content),
         *motion_places.blind_places(blind, met, odometry, content, config),
         *motion_places.standing_places(stands, halls, odometry, content),
-        *corridor_places(halls, odometry, content, config),
+        *corridor_places(
+            halls, odometry, weak_places.is_confirmed(met, len(paths)), content, config
+        ),
         *weak_places.weak_closure_places(weak_bundles(content.graph, paths, MIN_DETOUR_M), content),
         *weak_places.open_ends(met, paths, content, config),
     ]
