@@ -15,10 +15,10 @@ SCALE_ERROR, SCALE_OF_ROTATION = 0.002, 1.6
 """Expected error of a corridor's length, as a share of it: of good odometry, and more for each
 radian of its typical error of a step, by which bad odometry is recognised."""
 
-SCALE_LEFT = 0.4
+SCALE_LEFT = 0.6
 """Share of the displacement by wrong scales that is left where a place is visited again, later
 with the right scale, and by scans that measure a little. On simulated corridors it was 0.2 to
-0.5."""
+0.8."""
 
 
 def length_error(length: float, odometry: Mapping[str, Any]) -> float:
