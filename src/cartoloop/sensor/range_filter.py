@@ -20,6 +20,7 @@ from cartoloop.sensor.events import CloudGeometry, LaserScan, PointCloud, ScanGe
 from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.range_noise import RangeNoise
 from cartoloop.sensor.sweep_motion import AT_REST, SweepMotion, rotation, sensor_in_sweep
+from cartoloop.sensor.wall_smoothing import smoothed
 
 ANGLE_TOLERANCE = 0.01
 """Part of a beam's step by which recorded steps are rounded."""
@@ -126,6 +127,9 @@ class RangeFilter:
             if scanner.noise.useful_range < limits.max_range:
                 limits = limits._replace(max_range=scanner.noise.useful_range)
         ranges = scanner.blocked.apply(scan.ranges, limits.min_range, limits.no_return_range)
+        ranges = smoothed(
+            ranges, geometry.angle_increment, limits.min_range, limits.no_return_range
+        )
         returns = np.empty((geometry.num_beams, 2))
         misses = np.empty((geometry.num_beams, 2))
         mounting = scanner.mounting

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Averages the noise of dense scans: many beams meet the same few centimetres of a wall.
+
+Thinned for matching, a scan keeps one return of each voxel, with all of its noise, and those on
+either side of a wall are kept rather than the many between them; in submaps they thicken it. A line
+through the returns beside each other has less noise. Scanners whose beams are further apart show
+less of a wall with each than its own details are large, and stay as they are.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cartoloop.arrays import FloatArray
+from cartoloop.kernels.wall_smoothing import range_noise, smooth_on_walls
+
+MAX_STEP_RAD = math.radians(0.4)
+"""Angle between two beams up to which scans are dense [rad]."""
+
+HALF_LENGTH_M, MAX_HALF, MIN_RETURNS = 0.1, 10, 5
+"""Length of wall to either side of a return that is averaged [m], the number of beams to either
+side at most, and the number of returns at least."""
+
+SHORTEST_M = 0.1
+"""Shorter ranges stay as they are [m]: all beams meet there."""
+
+MIN_NOISE_M, MAX_NOISE_M = 0.007, 0.05
+"""With less noise there is nothing to gain, and more is none of walls [m]. A scanner for safety has
+2 to 5 mm, a good one for mapping 7 to 10 mm."""
+
+MAX_RESIDUAL = 1.5
+"""Returns whose distances from a line are larger than the noise by this factor are not averaged:
+there is a corner."""
+
+
+def smoothed(
+    ranges: FloatArray, step: float, min_range: float, no_return_range: float
+) -> FloatArray:
+    """Return the ranges of a scan with less noise on walls, if its beams are dense.
+
+    Parameters
+    ----------
+    ranges : float64, shape (num_beams,) [m].
+    step : angle between two beams [rad].
+    min_range, no_return_range : a range in [min_range, no_return_range) is a return [m].
+    """
+    step = abs(step)
+    if not 0.0 < step <= MAX_STEP_RAD:
+        return ranges
+    min_range = max(min_range, SHORTEST_M)
+    noise = range_noise(ranges, min_range, no_return_range)
+    if not MIN_NOISE_M <= noise <= MAX_NOISE_M:
+        return ranges
+    return smooth_on_walls(
+        ranges, step, min_range, no_return_range,
+        HALF_LENGTH_M, MAX_HALF, MIN_RETURNS, MAX_RESIDUAL * noise,
+    )  # fmt: skip
