@@ -39,6 +39,7 @@ from cartoloop.sensor.isolated_returns import without_isolated
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.sensor.wall_smoothing import smoothed
 from cartoloop.submaps.probability_grid import (
     behind_walls,
     insert_cells,
@@ -48,8 +49,8 @@ from cartoloop.submaps.probability_grid import (
 from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (
-    "local SLAM", "filter", "isolated", "thin", "move", "cast rays", "update cells", "insert",
-    "match", "correlative", "wall step",
+    "local SLAM", "filter", "smooth", "isolated", "thin", "move", "cast rays", "update cells",
+    "insert", "match", "correlative", "wall step",
     "finish", "precompute", "mean score", "agree", "fit", "changes", "displace", "branch and bound",
     "match again", "compose map", "fade",
 )  # fmt: skip
@@ -127,8 +128,13 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
     range_filter = RangeFilter(config.sensor)
     data = range_filter.apply(scan)
     yield Workload(
-        "filter", ("near_neighbours", "range_projection", "voxel_filter"), case,
+        "filter", ("near_neighbours", "range_projection", "voxel_filter", "wall_smoothing"), case,
         partial(range_filter.apply, scan), beams, "beams",
+    )  # fmt: skip
+    step, range_max = scan.geometry.angle_increment, scan.geometry.range_max
+    yield Workload(
+        "smooth", ("wall_smoothing",), case,
+        partial(smoothed, scan.ranges, step, 0.1, range_max), beams, "beams",
     )  # fmt: skip
     thinning = config.local_slam.adaptive_voxel_filter
     yield Workload(

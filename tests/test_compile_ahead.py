@@ -75,6 +75,7 @@ LOCAL_SLAM = {
     "scan_residuals",
     "voxel_filter",
     "wall_joints",
+    "wall_smoothing",
     "window_bounds",
 }
 """The modules of kernels that the first process compiles itself."""
