@@ -10,7 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cartoloop.kernels.wall_smoothing import MAX_SHIFT, MAX_SLOPE, range_noise, smooth_on_walls
+from cartoloop.kernels.wall_smoothing import (
+    MAX_SHIFT,
+    MAX_SLOPE,
+    second_differences,
+    smooth_on_walls,
+)
 
 STEP, MIN_RANGE, END_RANGE = math.radians(0.25), 0.1, 30.0
 HALF_LENGTH, MAX_HALF, MIN_RETURNS, MAX_RESIDUAL = 0.1, 10, 5, 0.02
@@ -93,13 +98,12 @@ def test_ranges_without_a_return_stay():
     np.testing.assert_array_equal(smooth(ranges)[[10, 20, 30]], ranges[[10, 20, 30]])
 
 
-@pytest.mark.parametrize("sigma", [0.005, 0.015, 0.04])
-def test_noise_is_measured_on_walls(sigma):
-    ranges = wall(num_beams=1001) + np.random.default_rng(3).normal(0.0, sigma, 1001)
-    ranges[::50] = np.inf
-    assert range_noise(ranges, MIN_RANGE, END_RANGE) == pytest.approx(sigma, rel=0.15)
-
-
-def test_noise_of_no_three_neighbours_is_not_known():
-    assert math.isnan(range_noise(np.array([1.0, np.nan, 1.0, np.inf]), MIN_RANGE, END_RANGE))
-    assert math.isnan(range_noise(np.zeros(0), MIN_RANGE, END_RANGE))
+@given(st.lists(st.floats(0.0, 40.0) | st.just(math.nan), max_size=20))
+def test_second_differences_are_those_of_three_returns(ranges):
+    found = second_differences(np.array(ranges, dtype=float), MIN_RANGE, END_RANGE)
+    expected = [
+        abs(a + c - 2.0 * b)
+        for a, b, c in zip(ranges, ranges[1:], ranges[2:], strict=False)
+        if is_return(a) and is_return(b) and is_return(c)
+    ]
+    np.testing.assert_array_equal(found, expected)

@@ -11,7 +11,7 @@ import pytest
 from cartoloop.config import SensorConfig
 from cartoloop.sensor.events import LaserScan, ScanGeometry
 from cartoloop.sensor.range_filter import RangeFilter
-from cartoloop.sensor.wall_smoothing import MAX_STEP_RAD, MIN_NOISE_M, smoothed
+from cartoloop.sensor.wall_smoothing import MAX_STEP_RAD, MIN_NOISE_M, range_noise, smoothed
 
 WALL_M, STEP = 2.0, math.radians(0.25)
 
@@ -50,3 +50,15 @@ def test_scans_are_smoothed_before_they_are_used():
     config = SensorConfig(voxel_filter_size=0.001)
     returns = RangeFilter(config).apply(LaserScan(0.0, 0.0, scan()[1], geometry)).returns
     assert np.std(returns[:, 0] - WALL_M) < 0.007
+
+
+@pytest.mark.parametrize("sigma", [0.005, 0.015, 0.04])
+def test_noise_is_measured_on_walls(sigma):
+    _, ranges = scan(noise=sigma)
+    ranges[::50] = np.inf
+    assert range_noise(ranges, 0.1, 30.0) == pytest.approx(sigma, rel=0.2)
+
+
+def test_noise_of_no_three_neighbours_is_not_known():
+    assert math.isnan(range_noise(np.array([1.0, np.nan, 1.0, np.inf]), 0.1, 30.0))
+    assert math.isnan(range_noise(np.zeros(0), 0.1, 30.0))

@@ -13,25 +13,17 @@ from cartoloop.arrays import BoolArray, FloatArray, IntArray
 
 @kernel
 def have_near_neighbour(
-    points: FloatArray, angles: FloatArray, order: IntArray, near: float, spacings: float
+    points: FloatArray, order: IntArray, near: float, slope: float
 ) -> BoolArray:
     """Return which points have one of the two beside them near, shape (n,).
 
-    Near are points within `near`, and `spacings` times the distance of two beams at the range of
-    the point, more; two beams are apart by the median angle between points.
-
     Parameters
     ----------
-    points : float64, shape (n, 2), around the sensor [m]; n > 1.
-    angles : float64, shape (n,), of the points [rad].
+    points : float64, shape (n, 2), around the sensor [m]; n > 0.
     order : int64, shape (n,), indices of the points by their angles.
-    near : [m].
+    near, slope : near are points within the first [m] and the second times the range of the point.
     """
     count = len(order)
-    turns = np.empty(count - 1)
-    for k in range(count - 1):
-        turns[k] = angles[order[k + 1]] - angles[order[k]]
-    spacing = np.median(turns)
     is_near = np.zeros(count, dtype=np.bool_)
     gap_before = math.inf
     for k in range(count):
@@ -39,7 +31,7 @@ def have_near_neighbour(
         if k + 1 < count:
             j = order[k + 1]
             gap = math.hypot(points[j, 0] - points[i, 0], points[j, 1] - points[i, 1])
-        limit = near + spacings * spacing * math.hypot(points[i, 0], points[i, 1])
+        limit = near + slope * math.hypot(points[i, 0], points[i, 1])
         is_near[i] = min(gap_before, gap) <= limit
         gap_before = gap
     return is_near

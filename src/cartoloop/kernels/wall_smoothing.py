@@ -10,9 +10,6 @@ import numpy as np
 from cartoloop._jit import kernel
 from cartoloop.arrays import FloatArray
 
-MEDIAN_OF_NORMAL = 0.6745
-"""Median of the absolute value of a normal variable with a standard deviation of 1."""
-
 MAX_SLOPE = 3.0
 """Lines that meet the beam at a smaller angle lead from one thing to another behind it."""
 
@@ -21,11 +18,8 @@ MAX_SHIFT = 2.0
 
 
 @kernel
-def range_noise(ranges: FloatArray, min_range: float, end_range: float) -> float:
-    """Return the standard deviation of the ranges of one scan, NaN of none [m].
-
-    Of the median second difference of neighbours: that of a straight wall is small where beams are
-    dense.
+def second_differences(ranges: FloatArray, min_range: float, end_range: float) -> FloatArray:
+    """Return the absolute second differences of neighbouring returns, shape (k,) [m].
 
     Parameters
     ----------
@@ -43,9 +37,7 @@ def range_noise(ranges: FloatArray, min_range: float, end_range: float) -> float
         ):
             differences[count] = abs(before + after - 2.0 * middle)
             count += 1
-    if count == 0:
-        return math.nan
-    return float(np.median(differences[:count])) / (MEDIAN_OF_NORMAL * math.sqrt(6.0))
+    return differences[:count]
 
 
 @kernel
@@ -131,4 +123,4 @@ def _on_line(
     limit = max_residual**2 * (1.0 + slope**2)
     if abs(slope) > MAX_SLOPE or squares > limit or shift**2 > MAX_SHIFT**2 * limit:
         return 0.0
-    return max(ranges[i] + shift, 0.0)
+    return float(max(ranges[i] + shift, 0.0))

@@ -11,6 +11,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.kernels.near_neighbours import have_near_neighbour
+from cartoloop.sensor.median import median
 
 NEAR_M, NEAR_SPACINGS = 0.3, 6.0
 """A neighbour is near within the first distance [m] and this many times the distance of two beams
@@ -31,5 +32,7 @@ def without_isolated(returns: FloatArray) -> FloatArray:
         return returns
     angles = np.arctan2(returns[:, 1], returns[:, 0])
     order = np.argsort(angles, kind="stable")
-    kept: FloatArray = returns[have_near_neighbour(returns, angles, order, NEAR_M, NEAR_SPACINGS)]
+    spacing = median(np.diff(angles[order]))
+    is_near = have_near_neighbour(returns, order, NEAR_M, NEAR_SPACINGS * spacing)
+    kept: FloatArray = returns[is_near]
     return kept

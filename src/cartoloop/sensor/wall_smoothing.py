@@ -12,7 +12,9 @@ from __future__ import annotations
 import math
 
 from cartoloop.arrays import FloatArray
-from cartoloop.kernels.wall_smoothing import range_noise, smooth_on_walls
+from cartoloop.kernels.wall_smoothing import second_differences, smooth_on_walls
+from cartoloop.sensor.median import median
+from cartoloop.sensor.range_noise import MEDIAN_OF_NORMAL
 
 MAX_STEP_RAD = math.radians(0.4)
 """Angle between two beams up to which scans are dense [rad]."""
@@ -55,3 +57,19 @@ def smoothed(
         ranges, step, min_range, no_return_range,
         HALF_LENGTH_M, MAX_HALF, MIN_RETURNS, MAX_RESIDUAL * noise,
     )  # fmt: skip
+
+
+def range_noise(ranges: FloatArray, min_range: float, no_return_range: float) -> float:
+    """Return the standard deviation of the ranges of one scan on walls, NaN of none [m].
+
+    It is that of the median second difference of neighbours: the second difference of a straight
+    wall is small where beams are dense.
+
+    Parameters
+    ----------
+    ranges, min_range, no_return_range : as for :func:`smoothed`.
+    """
+    differences = second_differences(ranges, min_range, no_return_range)
+    if not len(differences):
+        return math.nan
+    return median(differences) / (MEDIAN_OF_NORMAL * math.sqrt(6.0))
