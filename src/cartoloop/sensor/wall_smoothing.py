@@ -30,9 +30,9 @@ MIN_NOISE_M, MAX_NOISE_M = 0.007, 0.05
 """With less noise there is nothing to gain, and more is none of walls [m]. A scanner for safety has
 2 to 5 mm, a good one for mapping 7 to 10 mm."""
 
-MAX_RESIDUAL = 1.5
+MAX_RESIDUAL = 1.0
 """Returns whose distances from a line are larger than the noise by this factor are not averaged:
-there is a corner."""
+there is a corner, or a door frame, which alone shows the distance along a corridor."""
 
 
 def smoothed(
