@@ -43,13 +43,14 @@ def test_sparse_precise_and_scattered_scans_stay(step, noise):
     assert smoothed(ranges, step, 0.1, 30.0) is ranges
 
 
-def test_scans_are_smoothed_before_they_are_used():
+@pytest.mark.parametrize("is_smoothed", [True, False])
+def test_scans_are_smoothed_before_they_are_used(is_smoothed):
     geometry = ScanGeometry(
         angle_min=-200 * STEP, angle_increment=STEP, num_beams=401, range_min=0.1, range_max=30.0
     )
-    config = SensorConfig(voxel_filter_size=0.001)
+    config = SensorConfig(voxel_filter_size=0.001, smooth_walls=is_smoothed)
     returns = RangeFilter(config).apply(LaserScan(0.0, 0.0, scan()[1], geometry)).returns
-    assert np.std(returns[:, 0] - WALL_M) < 0.007
+    assert (np.std(returns[:, 0] - WALL_M) < 0.007) == is_smoothed
 
 
 @pytest.mark.parametrize("sigma", [0.005, 0.015, 0.04])

@@ -32,6 +32,11 @@ class SensorConfig(Section):
         "return or a range of that length too: dark and slanting surfaces return nothing; 0: "
         "whatever they measure [deg]",
     )
+    smooth_walls: bool = Field(
+        True,
+        description="average the ranges of dense scans along walls: of beams up to 0.4 degrees "
+        "apart, with a noise of 7 mm or more",
+    )
     min_z: float = Field(
         -0.8,
         description="lower points of tilted scans and clouds are floor; height above the "

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -40,11 +41,9 @@ class ConfirmedReturns:
         chosen : the submaps that count.
         """
         is_confirmed = np.zeros(len(scans.points), dtype=bool)
-        own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
-        own = own[np.argsort(graph.index_a[own], kind="stable")]
-        bounds = np.searchsorted(graph.index_a[own], np.arange(len(grids) + 1))
+        rows_of = own_rows(graph, len(grids))
         for submap in chosen.tolist():
-            rows = own[bounds[submap] : bounds[submap + 1]]
+            rows = rows_of[submap]
             if not grids[submap].size or not len(rows):
                 continue
             nodes = graph.index_b[rows]
@@ -60,6 +59,14 @@ class ConfirmedReturns:
             is_confirmed[numbers[bits.view(bool)]] = True
         totals = np.concatenate(([0], np.cumsum(is_confirmed)))
         return ScanPoints(scans.points[is_confirmed], totals[scans.firsts], totals[scans.ends])
+
+
+def own_rows(graph: PoseGraph, num_submaps: int) -> list[IntArray]:
+    """Return which constraints are of the nodes that were inserted into each of the submaps."""
+    own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
+    own = own[np.argsort(graph.index_a[own], kind="stable")]
+    bounds = np.searchsorted(graph.index_a[own], np.arange(num_submaps + 1))
+    return [own[first:end] for first, end in pairwise(bounds.tolist())]
 
 
 def near_walls(

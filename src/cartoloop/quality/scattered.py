@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Submaps whose scans do not show the same walls: what was recorded are no ranges of a place.
+"""Submaps whose scans do not show the same walls: their ranges are wrong.
 
-Every other examination compares visits. Where nothing is seen twice, a broken scanner, ranges in
-another unit or of another message would go unnoticed.
+Every other examination compares visits. Where nothing is seen twice, a broken scanner, or beams in
+another order, would go unnoticed.
 """
 
 from __future__ import annotations
@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from cartoloop.global_slam.closure_search import mean_score
-from cartoloop.global_slam.pose_graph import ConstraintKind
-from cartoloop.quality.confirmed import near_walls
+from cartoloop.quality.confirmed import near_walls, own_rows
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.places import MAX_PLACES, place_around, stamps_of
 from cartoloop.quality.verdict import Kind, Place, Severity
@@ -37,12 +36,9 @@ def scattered_places(content: MapContent, scans: ScanPoints) -> list[Place]:
     scans : the returns of its nodes.
     """
     graph = content.graph
-    own = np.flatnonzero(graph.kinds == ConstraintKind.INTRA_SUBMAP)
-    own = own[np.argsort(graph.index_a[own], kind="stable")]
-    bounds = np.searchsorted(graph.index_a[own], np.arange(graph.num_submaps + 1))
     found = []
-    for submap, grid in enumerate(content.submap_grids):
-        rows = own[bounds[submap] : bounds[submap + 1]]
+    rows_of = own_rows(graph, graph.num_submaps)
+    for grid, rows in zip(content.submap_grids, rows_of, strict=True):
         nodes, tf_submap_node = graph.index_b[rows], graph.relative_poses[rows]
         returns = scans.take(nodes)
         counts = returns.counts

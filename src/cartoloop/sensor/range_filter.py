@@ -127,9 +127,10 @@ class RangeFilter:
             if scanner.noise.useful_range < limits.max_range:
                 limits = limits._replace(max_range=scanner.noise.useful_range)
         ranges = scanner.blocked.apply(scan.ranges, limits.min_range, limits.no_return_range)
-        ranges = smoothed(
-            ranges, geometry.angle_increment, limits.min_range, limits.no_return_range
-        )
+        if self._config.smooth_walls:
+            ranges = smoothed(
+                ranges, geometry.angle_increment, limits.min_range, limits.no_return_range
+            )
         returns = np.empty((geometry.num_beams, 2))
         misses = np.empty((geometry.num_beams, 2))
         mounting = scanner.mounting
