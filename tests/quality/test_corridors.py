@@ -95,7 +95,7 @@ def test_scans_of_few_returns_are_not_compared():
 
 @pytest.mark.parametrize("niches", [True, False])
 def test_corridors_are_compared_where_a_node_follows(niches):
-    halls = corridors(run_along(STEP_M * np.arange(40), niches=niches), 10.0)
+    halls = corridors(run_along(STEP_M * np.arange(40), niches=niches), 10.0, by_chords=False)
 
     assert halls.is_corridor.all()
     assert np.isfinite(halls.gains).sum() == np.count_nonzero(halls.nodes < 39)
@@ -152,7 +152,7 @@ def test_steps_that_fit_better_elsewhere_are_doubtful(share, odometry, is_doubtf
 )
 def test_a_pose_that_stands_between_bare_walls_is_doubtful(niches, odometry, is_doubtful):
     run = run_along(np.zeros(4), niches=niches, seconds=5.0)
-    halls = corridors(run, 10.0)
+    halls = corridors(run, 10.0, by_chords=False)
 
     assert len(standing_places(standing(run), halls, odometry, run)) == int(is_doubtful)
 

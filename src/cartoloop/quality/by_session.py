@@ -97,10 +97,10 @@ def standing(content: MapContent, find: Callable[[MapContent], list[Standing]]) 
     ]
 
 
-def corridors_of(content: MapContent, max_range: float) -> Corridors:
-    """Return the corridors of all sessions, with the nodes of the map."""
+def corridors_of(content: MapContent, max_range: float, *, by_chords: bool) -> Corridors:
+    """Return the corridors of all sessions, with the nodes of the map, see :func:`corridors`."""
     parts = [
-        (corridors(session, max_range), first_node)
+        (corridors(session, max_range, by_chords=by_chords), first_node)
         for session, _, first_node in session_contents(content)
     ]
     if not parts:

@@ -13,7 +13,7 @@ from cartoloop.kernels.outline_shift import add_shift_costs, open_direction
 from cartoloop.local_slam.outline import outline_of
 from cartoloop.quality.pairs import MapContent
 from cartoloop.sensor.pose import Pose, relative
-from cartoloop.sensor.wall_normals import CORRIDOR_RATIO, normal_ratio
+from cartoloop.sensor.wall_normals import CORRIDOR_RATIO, chord_ratio, normal_ratio
 
 EVERY_NTH_NODE, MAX_NODES, SMOOTHED_OVER = 3, 600, 11
 """Nodes examined: one in three, but not more than 600 in all; whether they are in a corridor is
@@ -57,13 +57,24 @@ class Corridors(NamedTuple):
     gains: FloatArray
 
 
-def corridors(content: MapContent, max_range: float) -> Corridors:
-    """Return where scans hardly measure the distance along the path."""
+CHORD_FACTOR = 3.0
+"""What the ratio by chords is multiplied by, since they cut off what stands out from walls."""
+
+
+def corridors(content: MapContent, max_range: float, *, by_chords: bool) -> Corridors:
+    """Return where scans hardly measure the distance along the path.
+
+    Parameters
+    ----------
+    by_chords : whether corridors whose walls are drowned in noise are recognised as well.
+    """
     count = len(content.node_points)
     nodes = np.arange(0, count, max(EVERY_NTH_NODE, -(-count // MAX_NODES)))
-    ratios = np.array(
-        [normal_ratio(content.node_points[node], max_range) for node in nodes.tolist()]
-    )
+    points = [content.node_points[node] for node in nodes.tolist()]
+    ratios = np.array([normal_ratio(each, max_range) for each in points])
+    if by_chords:
+        by_chord = np.array([chord_ratio(each, max_range) for each in points])
+        ratios = np.minimum(ratios, CHORD_FACTOR * by_chord)
     half = SMOOTHED_OVER // 2
     smooth = np.array(
         [np.median(ratios[max(i - half, 0) : i + half + 1]) for i in range(len(ratios))]

@@ -13,6 +13,7 @@ from cartoloop.config import QualityConfig
 from cartoloop.quality import by_session, contradictions, motion, motion_places, weak_places
 from cartoloop.quality.corridor_places import corridor_places
 from cartoloop.quality.encounters import Encounters
+from cartoloop.quality.odometry_use import has_odometry
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.scattered import scattered_places
 from cartoloop.quality.slides import slides
@@ -53,7 +54,7 @@ def examine(
     misfits = [event for event in misfits if event.scan not in known]
     blind = by_session.events(content, motion.blind_stretches)
     stands = by_session.standing(content, motion.standing)
-    halls = by_session.corridors_of(content, config.max_range)
+    halls = by_session.corridors_of(content, config.max_range, by_chords=not has_odometry(odometry))
     found = [
         *contradictions.contradictions(met, share, content, config),
         *contradictions.contradictions(seen, share_of_all, content, config),
