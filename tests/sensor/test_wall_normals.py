@@ -54,7 +54,7 @@ def test_chords_end_at_the_first_return_that_is_far_enough(seed, count, size):
     assert chord_ratio(points, 5.0) == pytest.approx(naive_chord_ratio(points, 5.0), abs=1e-9)
 
 
-def test_noise_hides_a_corridor_from_neighbours_and_not_from_chords():
+def test_noise_does_not_hide_a_corridor_from_chords():
     assert normal_ratio(corridor(), 10.0) < CORRIDOR_RATIO
     assert normal_ratio(corridor(sigma=0.04), 10.0) > CORRIDOR_RATIO
     assert chord_ratio(corridor(sigma=0.04), 10.0) < CORRIDOR_RATIO / 3.0
