@@ -181,6 +181,19 @@ def test_no_odometry_does_not_change_the_model():
         assert estimate(stamps, poses, np.zeros(count), odometry, UNKNOWN) is UNKNOWN
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_a_metre_of_noisy_steps_shows_no_other_scale(seed):
+    """Slow steps that are matched to a centimetre, forwards by 5 mm too little in each."""
+    stamps = 0.2 * np.arange(31)
+    reported = np.zeros((31, 3))
+    reported[:, 0] = 0.03 * np.arange(31)
+    steps = np.random.default_rng(seed).normal((0.025, 0.0, 0.0), (0.01, 0.01, 0.002), (31, 3))
+    scans = np.cumsum(steps, axis=0)
+    scans[:, 2] = 0.0
+    assert estimate(stamps, scans, stamps, reported, UNKNOWN).translation_scale > 0.9
+    assert reported[-1, 0] < 1.0
+
+
 def test_scales_stay_within_what_is_plausible():
     found = calibrated(OdometryParameters(rotation_scale=2.5, translation_scale=3.0))
     for scale in (found.rotation_scale, found.translation_scale):

@@ -58,8 +58,12 @@ MIN_MOVE_M = 0.02
 SCALE_ROUNDS, LEVER_ROUNDS = 5, 8
 """Rounds of reweighting, after which the estimates change by less than their noise."""
 
+SCALE_SIGMA = 0.05
+"""Standard deviation of the scale of odometry from 1 before anything is known: on the first metre,
+the noise of some steps would show scales of 0.8."""
+
 SCALE_PRIOR, LEVER_PRIOR = 1e-3, 0.02
-"""Weights of the priors of a scale of 1 and of a lever arm of zero, which without turns the
+"""Least weight of the prior of the scale, and that of a lever arm of zero, which without turns the
 equations leave undetermined; a lever arm of half a metre is large."""
 
 NOTED_CHANGE = 0.002
@@ -279,6 +283,7 @@ def _scale_yaw_and_lever(
         error = np.hypot(rows_x @ solution - true[:, 0], rows_y @ solution - true[:, 1])
         typical = max(float(np.median(error)), MIN_TYPICAL_ERROR_M)
         weight = (1.0 + (error / typical) ** 2) ** -2
+        prior[0, 0] = prior[1, 1] = max((typical / SCALE_SIGMA) ** 2, SCALE_PRIOR)
         normal = (rows_x.T * weight) @ rows_x + (rows_y.T * weight) @ rows_y + prior
         right = rows_x.T @ (weight * true[:, 0]) + rows_y.T @ (weight * true[:, 1])
         right[0] += prior[0, 0]
