@@ -58,9 +58,9 @@ MIN_MOVE_M = 0.02
 SCALE_ROUNDS, LEVER_ROUNDS = 5, 8
 """Rounds of reweighting, after which the estimates change by less than their noise."""
 
-SCALE_SIGMA = 0.05
-"""Standard deviation of the scale of odometry from 1 before anything is known: on the first metre,
-the noise of some steps would show scales of 0.8."""
+SCALE_SIGMA, SHORT_M = 0.05, 3.0
+"""Standard deviation of the scale of odometry from 1 while the path is shorter than the second [m]:
+on the first metre, the noise of some steps would show scales of 0.8."""
 
 SCALE_PRIOR, LEVER_PRIOR = 1e-3, 0.02
 """Least weight of the prior of the scale, and that of a lever arm of zero, which without turns the
@@ -279,11 +279,12 @@ def _scale_yaw_and_lever(
     rows_y = np.column_stack((reported[:, 1], reported[:, 0], sin, cos))
     prior = np.diag((SCALE_PRIOR, SCALE_PRIOR, LEVER_PRIOR, LEVER_PRIOR))
     solution = np.array((1.0, 0.0, 0.0, 0.0))
+    is_short = np.hypot(reported[:, 0], reported[:, 1]).sum() < SHORT_M
     for _ in range(LEVER_ROUNDS):
         error = np.hypot(rows_x @ solution - true[:, 0], rows_y @ solution - true[:, 1])
         typical = max(float(np.median(error)), MIN_TYPICAL_ERROR_M)
         weight = (1.0 + (error / typical) ** 2) ** -2
-        prior[0, 0] = prior[1, 1] = max((typical / SCALE_SIGMA) ** 2, SCALE_PRIOR)
+        prior[0, 0] = prior[1, 1] = max(is_short * (typical / SCALE_SIGMA) ** 2, SCALE_PRIOR)
         normal = (rows_x.T * weight) @ rows_x + (rows_y.T * weight) @ rows_y + prior
         right = rows_x.T @ (weight * true[:, 0]) + rows_y.T @ (weight * true[:, 1])
         right[0] += prior[0, 0]
