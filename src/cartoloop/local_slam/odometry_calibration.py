@@ -279,12 +279,13 @@ def _scale_yaw_and_lever(
     rows_y = np.column_stack((reported[:, 1], reported[:, 0], sin, cos))
     prior = np.diag((SCALE_PRIOR, SCALE_PRIOR, LEVER_PRIOR, LEVER_PRIOR))
     solution = np.array((1.0, 0.0, 0.0, 0.0))
-    is_short = np.hypot(reported[:, 0], reported[:, 1]).sum() < SHORT_M
+    path = np.hypot(reported[:, 0], reported[:, 1]).sum()
     for _ in range(LEVER_ROUNDS):
         error = np.hypot(rows_x @ solution - true[:, 0], rows_y @ solution - true[:, 1])
         typical = max(float(np.median(error)), MIN_TYPICAL_ERROR_M)
         weight = (1.0 + (error / typical) ** 2) ** -2
-        prior[0, 0] = prior[1, 1] = max(is_short * (typical / SCALE_SIGMA) ** 2, SCALE_PRIOR)
+        if path < SHORT_M:
+            prior[0, 0] = prior[1, 1] = max((typical / SCALE_SIGMA) ** 2, SCALE_PRIOR)
         normal = (rows_x.T * weight) @ rows_x + (rows_y.T * weight) @ rows_y + prior
         right = rows_x.T @ (weight * true[:, 0]) + rows_y.T @ (weight * true[:, 1])
         right[0] += prior[0, 0]

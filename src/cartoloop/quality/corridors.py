@@ -66,7 +66,8 @@ def corridors(content: MapContent, max_range: float, *, by_chords: bool) -> Corr
 
     Parameters
     ----------
-    by_chords : whether corridors whose walls are drowned in noise are recognised as well.
+    by_chords : whether corridors are recognised by chords along walls, too: noise of the ranges may
+        hide which way neighbouring returns face.
     """
     count = len(content.node_points)
     nodes = np.arange(0, count, max(EVERY_NTH_NODE, -(-count // MAX_NODES)))

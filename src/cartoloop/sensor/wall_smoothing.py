@@ -3,8 +3,8 @@
 
 Thinned for matching, a scan keeps one return of each voxel, with all of its noise, and those on
 either side of a wall are kept rather than the many between them; in submaps they thicken it. A line
-through the returns beside each other has less noise. Scanners whose beams are further apart show
-less of a wall with each than its own details are large, and stay as they are.
+through the returns beside each other has less noise. Scans whose beams are further apart stay as
+they are: too few returns lie within the length of a detail, such as a door frame.
 """
 
 from __future__ import annotations
