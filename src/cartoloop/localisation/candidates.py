@@ -111,18 +111,11 @@ def candidate_at(known: KnownMap, composite: Composite, place: FoundPlace) -> Ca
     return Candidate(place.tf_map_tracking, place.score, fit)
 
 
-def earlier_places(
-    known: KnownMap,
-    composite: Composite,
-    earlier: Sequence[Pose],
-    listed: Sequence[Pose],
-) -> Iterator[Candidate]:
-    """Yield the places of the search before that are not listed now."""
-    for predicted in earlier:
-        pose = known.to_map(refine(known, composite.points, predicted).tf_submap_scan)
-        if not any(is_same_place(pose, other) for other in listed):
-            score = known.fit(composite.points, IDENTITY, pose).score
-            yield candidate_at(known, composite, FoundPlace(pose, score))
+def refined(known: KnownMap, composite: Composite, tf_map_tracking: Pose) -> Candidate:
+    """Return the place where scans fit best near a pose, matched as one."""
+    pose = known.to_map(refine(known, composite.points, tf_map_tracking).tf_submap_scan)
+    score = known.fit(composite.points, IDENTITY, pose).score
+    return candidate_at(known, composite, FoundPlace(pose, score))
 
 
 def unlisted_places(

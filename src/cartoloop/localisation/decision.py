@@ -21,8 +21,7 @@ from cartoloop.localisation.candidates import (
     SCORE_SCALE,
     Candidate,
     Searched,
-    candidate_at,
-    earlier_places,
+    refined,
     search,
     unlisted_places,
 )
@@ -41,7 +40,7 @@ from cartoloop.localisation.followed_place import (
     follow_best,
     is_proved,
 )
-from cartoloop.localisation.global_search import fit_of_composite, refine
+from cartoloop.localisation.global_search import fit_of_composite, is_same_place, refine
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import Composite
 from cartoloop.sensor.pose import Pose
@@ -163,14 +162,21 @@ def _claim_by_scans(
     claim = _claim(known, composite, best, needed)
     if claim is None:
         return None
-    others = chain(
-        candidates[1:],
-        (candidate_at(known, composite, place) for place in rest),
-        earlier_places(known, composite, before.places, searched.listed),
-        unlisted_places(known, composite, path, searched),
-    )
+    # A search finds a place to a pixel, and how well scans fit changes within one.
+    best = refined(known, composite, best.tf_map_tracking)
     is_refuted = partial(_is_refuted, best, margins_of(known, path), needed)
-    return claim if all(map(is_refuted, others)) else None
+    poses = chain(
+        (each.tf_map_tracking for each in candidates[1:]),
+        (each.tf_map_tracking for each in rest),
+        before.places,
+        (each.tf_map_tracking for each in unlisted_places(known, composite, path, searched)),
+    )
+    others = (refined(known, composite, pose) for pose in poses)
+    is_only_place = all(
+        is_same_place(other.tf_map_tracking, best.tf_map_tracking) or is_refuted(other)
+        for other in others
+    )
+    return claim if is_only_place else None
 
 
 def _claim_by_path(
