@@ -114,7 +114,25 @@ def test_refuted_claims_make_the_next_one_need_more_path():
 
 
 DETAILED = Detailed(score=0.45, low_agreement=0.9, low_distinctness=0.85, total=1.95)
-NEEDED = Needed(score=0.7, agreement=0.9, distinctness=0.85, detailed=DETAILED)
+NEEDED = Needed(
+    score=0.7,
+    agreement=0.9,
+    distinctness=0.85,
+    plausible_agreement=0.86,
+    plausible_distinctness=0.75,
+    detailed=DETAILED,
+)
+
+
+@pytest.mark.parametrize(
+    ("agreement", "distinctness", "may_be"),
+    [(0.91, 0.86, True), (0.87, 0.76, True), (0.85, 0.86, False), (0.91, 0.74, False)],
+)
+def test_a_place_may_be_right_though_it_could_not_be_claimed(agreement, distinctness, may_be):
+    there = fit(agreement, distinctness, detail=0.0)
+
+    assert NEEDED.may_be(there) is may_be
+    assert NEEDED.fits(there) is (agreement > 0.9 and distinctness > 0.85)
 
 
 def test_agreement_in_details_makes_up_for_a_low_score():

@@ -11,6 +11,7 @@ from cartoloop.localisation import claim_needs as claim_needs_module
 from cartoloop.localisation import decision as decision_module
 from cartoloop.localisation.claim_needs import MARGIN_OF_SCAN
 from cartoloop.localisation.decision import Before, decide
+from cartoloop.localisation.global_search import FoundPlace, Listing
 from cartoloop.localisation.known_map import known_map_of_image
 from cartoloop.localisation.trail import Trail
 from cartoloop.sensor.pose import IDENTITY, Pose
@@ -155,6 +156,23 @@ def test_a_place_of_the_search_before_is_refuted_as_well(twins, monkeypatch):
     assert decide(known, composite, 0.0, Before(places=[other])).claim is None
     same = Pose(START.x + 0.05, START.y, START.theta)
     assert decide(known, composite, 0.0, Before(places=[same])).claim is not None
+    assert decide(known, composite, 0.0, Before(kept=[other])).claim is None
+
+
+def test_a_place_is_refuted_where_the_scan_fits_best_near_it(monkeypatch):
+    # Two equal rooms: the search finds the second one a pixel beside where the scan fits.
+    second = tuple(tuple((x + 8.5, y) for x, y in polygon) for polygon in ROOM)
+    known, composite = known_map((*ROOM, *second)), composite_of(ROOM, START)
+    listed = candidates_module.list_places
+
+    def beside(*arguments):
+        first, other = listed(*arguments).places
+        x, y, theta = other.tf_map_tracking
+        return Listing([first, FoundPlace(Pose(x + 0.06, y, theta), 0.5 * first.score)], True)
+
+    monkeypatch.setattr(candidates_module, "list_places", beside)
+
+    assert decide(known, composite, 0.0).claim is None
 
 
 def test_a_part_of_the_path_does_not_outvote_all_of_it():

@@ -21,6 +21,7 @@ from cartoloop.localisation.followed_place import (
     follow_in,
     is_proved,
     needed_sum,
+    refuting_sum,
     sum_of,
 )
 from cartoloop.localisation.global_search import fit_of_composite
@@ -109,6 +110,12 @@ def test_a_place_is_proved_only_if_no_other_fits_as_well(known, bent):
     assert is_proved(known, bent, PATH_M, followed, [], [])
     assert not is_proved(known, bent, PATH_M, [*followed, rival], [], [])
     assert is_proved(known, bent, PATH_M, followed, [NEWEST], [NEWEST])
+
+
+def test_a_short_path_refutes_less():
+    sums = [refuting_sum(path) for path in (0.0, 0.5 * FULL_M, FULL_M, 2.0 * FULL_M)]
+
+    assert sums == pytest.approx([0.4, 0.3, 0.2, 0.2])
 
 
 def test_a_low_score_proves_no_place(known, bent, monkeypatch):

@@ -64,6 +64,10 @@ FITTING_MARGIN, FITTING_LESS = 0.17, 0.05
 agree as a claim needs it, and the sum of agreement and distinctness as well: a part of the map that
 was mapped less sharply has lower scores, and may be the right one."""
 
+PLAUSIBLE_AGREEMENT, PLAUSIBLE_DISTINCTNESS = 0.95, 0.85
+"""The same counts for places with these, relative to those that nine of ten scans of the map reach:
+scans that disagree a little may be in the right place, though it takes more to claim it."""
+
 FITTING_DETAIL = 0.5
 """Places with less than this share of the detail of the best one do not count as such: scans that
 show much else than straight walls agree along corridors only roughly."""
@@ -151,13 +155,23 @@ class Needed(NamedTuple):
     Attributes
     ----------
     score, agreement, distinctness : of the scans there.
+    plausible_agreement, plausible_distinctness : from which other places may be right.
     detailed : what is enough with a lower score; None: nothing is.
     """
 
     score: float
     agreement: float
     distinctness: float
+    plausible_agreement: float
+    plausible_distinctness: float
     detailed: Detailed | None = None
+
+    def may_be(self, fit: Fit) -> bool:
+        """Return whether scans agree as they may in the right place, at any score."""
+        return self.fits(fit) or (
+            fit.agreement >= self.plausible_agreement
+            and fit.distinctness >= self.plausible_distinctness
+        )
 
     def fits(self, fit: Fit) -> bool:
         """Return whether scans agree as a claim needs it, at any score."""
@@ -191,6 +205,8 @@ def needed_of(known: KnownMap, path: float, num_refuted: int = 0) -> Needed | No
         _falling(score, SCORE_OF_TRAIL * known.usual.score, path),
         _falling(agreement, min(AGREEMENT_OF_TRAIL * known.low_agreement, agreement), path),
         _falling(distinctness, DISTINCTNESS_OF_TRAIL * known.low_distinctness, path),
+        PLAUSIBLE_AGREEMENT * known.low_agreement,
+        PLAUSIBLE_DISTINCTNESS * known.low_distinctness,
         _detailed_of(known, path),
     )
 

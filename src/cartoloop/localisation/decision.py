@@ -169,6 +169,7 @@ def _claim_by_scans(
         (each.tf_map_tracking for each in candidates[1:]),
         (each.tf_map_tracking for each in rest),
         before.places,
+        before.kept,
         (each.tf_map_tracking for each in unlisted_places(known, composite, path, searched)),
     )
     others = (refined(known, composite, pose) for pose in poses)
@@ -210,7 +211,7 @@ def _is_refuted(best: Candidate, margins: Margins, needed: Needed, other: Candid
         here, there = here.if_solid, there.if_solid
     behind = here.agreement - there.agreement
     lower = best.score - other.score
-    if needed.fits(there) and there.detail >= FITTING_DETAIL * here.detail:
+    if needed.may_be(there) and there.detail >= FITTING_DETAIL * here.detail:
         less = behind + here.distinctness - there.distinctness
         return lower >= margins.fitting and less >= FITTING_LESS
     if lower >= margins.other:

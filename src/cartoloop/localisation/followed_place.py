@@ -49,8 +49,9 @@ robot that turns on the spot sees more, but not of other places."""
 KEPT_SUM = 2.3
 """Places are kept from one search to the next down to this sum; most wrong ones have less."""
 
-REFUTING_SUM = 0.2
-"""A place is refuted by one whose sum is larger by this."""
+REFUTING_SUM_OF_SCAN, REFUTING_SUM = 0.4, 0.2
+"""A place is refuted by one whose sum is larger by the first, of a single view, and by the second,
+of a path of `FULL_M`; in between it falls linearly."""
 
 NEWEST_PARTS, NEWEST_SUM = 3, 1.85
 """Of the newest part of the scans, one of the first number, agreement and distinctness must add up
@@ -92,6 +93,12 @@ def needed_sum(path: float, num_scans: int) -> float:
     """Return the sum from which a place is claimed, given a path length [m] and its scans."""
     length = path + min(SCAN_M * (num_scans - 1), MAX_SCANS_M)
     return SUM_OF_SCAN + min(length / FULL_M, 1.0) * (SUM_OF_PATH - SUM_OF_SCAN)
+
+
+def refuting_sum(path: float) -> float:
+    """Return by how much the sum of another place must be larger, given a path length [m]."""
+    share = min(path / FULL_M, 1.0)
+    return REFUTING_SUM_OF_SCAN + share * (REFUTING_SUM - REFUTING_SUM_OF_SCAN)
 
 
 def sum_of(known: KnownMap, fit: Fit) -> float:
@@ -197,7 +204,7 @@ def is_proved(
         return False
     if not _newest_agree(known, composite, best):
         return False
-    least = best.total - REFUTING_SUM
+    least = best.total - refuting_sum(path)
     if any(place.total > least for place in followed[1:]):
         return False
     most = best.fit.score + 0.5 * needed_margin(path)
