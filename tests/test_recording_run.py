@@ -10,6 +10,7 @@ import pytest
 import cartoloop
 from cartoloop.errors import InputError, Interrupted, OutputError
 from cartoloop.runs.observer import RunObserver
+from cartoloop.sensor.event_faults import SENT_AGAIN
 from cartoloop.simulation import ring, simulate
 from cartoloop.stop_request import StopRequest
 
@@ -116,6 +117,25 @@ def test_a_map_of_most_of_the_scans_is_a_success(log, tmp_path):
     (tmp_path / "bad.log").write_text(log.read_text() + "".join(bad))
 
     assert cartoloop.map_recording(tmp_path / "bad.log").report.finished
+
+
+def test_scans_that_are_sent_four_times_are_no_loss(tmp_path):
+    lines, ranges, number = [], [], 0
+    simulate(ring(), seed=1, duration=24.0).write_carmen(tmp_path / "ring.log")
+    for line in (tmp_path / "ring.log").read_text().splitlines():
+        words = line.split()
+        if words[0] == "FLASER":
+            beams = slice(2, 2 + int(words[1]))
+            ranges = words[beams] if number % 4 == 0 else ranges
+            words[beams], number = ranges, number + 1
+        lines.append(" ".join(words) + "\n")
+    (tmp_path / "fast.log").write_text("".join(lines))
+
+    result = cartoloop.map_recording(tmp_path / "fast.log")
+
+    assert result.report.finished
+    assert result.report.skipped == {SENT_AGAIN: 121 - len(result.stamps)}
+    assert len(result.stamps) < 0.5 * 121
 
 
 def test_another_recording_is_refused_before_it_is_read(log, tmp_path):

@@ -128,7 +128,7 @@ NEEDED = Needed(
     ("agreement", "distinctness", "may_be"),
     [(0.91, 0.86, True), (0.87, 0.76, True), (0.85, 0.86, False), (0.91, 0.74, False)],
 )
-def test_a_place_may_be_right_though_it_could_not_be_claimed(agreement, distinctness, may_be):
+def test_a_place_may_be_right_that_could_not_be_claimed(agreement, distinctness, may_be):
     there = fit(agreement, distinctness, detail=0.0)
 
     assert NEEDED.may_be(there) is may_be

@@ -301,6 +301,7 @@ def test_a_line_without_stamp_among_others_lies_between_them(tmp_path):
 
 
 def test_the_same_stamp_on_all_scans_still_gives_times(tmp_path):
-    log = open_log(write(tmp_path / "run.clf", *(flaser(stamp=7.0) for _ in range(9))))
+    lines = (flaser(1.0 + 0.1 * i, stamp=7.0) for i in range(9))
+    log = open_log(write(tmp_path / "run.clf", *lines))
     assert (np.diff([scan.time for scan in scans_of(log)]) > 0.0).all()
     assert log.time_report.num_repeated == 8

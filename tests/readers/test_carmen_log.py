@@ -160,6 +160,27 @@ def test_a_scan_line_that_repeats_odometry_adds_no_event(log_of):
     assert [event.stamp for event in odometry_of(log)] == [1.0, 1.5, 1.5]
 
 
+def test_copies_of_lines_are_skipped_and_counted(log_of):
+    lines = []
+    for i in range(6):
+        stamp, x = 0.5 * i, 0.1 * i
+        odom = f"ODOM {x} 0.0 0.0 0.0 0.0 0.0 {stamp} host {stamp}"
+        lines += [odom, flaser([1.0 + x] * 181, (x, 0.0, 0.0), stamp)]
+    once, twice = (
+        log_of(*lines, name="once.clf"),
+        log_of(*(line for i in range(0, 12, 2) for line in lines[i : i + 2] * 2), name="twice.clf"),
+    )
+
+    events, copied = list(once), list(twice)
+
+    assert [type(event) for event in copied] == [type(event) for event in events]
+    assert [event.time for event in copied] == [event.time for event in events]
+    assert twice.num_scans == once.num_scans == 6
+    assert twice.num_odometry == once.num_odometry
+    assert twice.skipped == {"exact copy of a scan before": 6}
+    assert once.skipped == {}
+
+
 def test_a_second_pass_yields_and_counts_the_same(log_of):
     log = log_of(flaser([1.0] * 180, stamp=1.0), "SYNC tag 1.0 host 0", "FLASER 3 1 1")
     first, counted = [e.stamp for e in log], dict(log.skipped)
@@ -187,7 +208,8 @@ def test_several_gzip_members_and_padding_are_read_as_one(tmp_path):
 
 def test_dos_line_ends_are_no_trouble(tmp_path):
     path = tmp_path / "dos.clf"
-    path.write_bytes((flaser([1.0] * 180, stamp=1.0) + "\r\n").encode() * 2)
+    lines = [flaser([1.0] * 180, stamp=stamp) + "\r\n" for stamp in (1.0, 2.0)]
+    path.write_bytes("".join(lines).encode())
     assert len(scans_of(open_log(path))) == 2
 
 
@@ -244,7 +266,8 @@ def test_raw_lines_are_used_only_without_lines_with_poses(log_of):
     raw = "RAWLASER1 0 -1.570796 3.141593 0.017453 81.9 0.01 0 3 1 2 3 2 9 9 1.0 host 0"
     (scan,) = scans_of(log_of("ODOM 1 0 0 0 0 0 1.0 host 0", raw, name="raw.clf"))
     assert scan.ranges.tolist() == [1.0, 2.0, 3.0]
-    both = log_of(raw, flaser([4.0] * 3, stamp=1.0), raw)
+    later = raw.replace("1.0 host", "2.0 host")
+    both = log_of(raw, flaser([4.0] * 3, stamp=1.0), later)
     assert [s.ranges.tolist() for s in scans_of(both)] == [[4.0] * 3]
     assert both.skipped == {"RAWLASER1 (the same scanner as FLASER)": 2}
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cartoloop.sensor.event_faults import EventChecker, fault_of
+from cartoloop.sensor.event_faults import MIN_CHANGES, SENT_AGAIN, EventChecker, fault_of
 from cartoloop.sensor.events import (
     CloudGeometry,
     Imu,
@@ -18,7 +18,7 @@ from cartoloop.sensor.events import (
     PointCloud,
     ScanGeometry,
 )
-from cartoloop.sensor.pose import IDENTITY
+from cartoloop.sensor.pose import IDENTITY, Pose
 
 SCAN = LaserScan(1.0, 1.0, np.ones(3), ScanGeometry(0.0, 0.1, 3, 0.1, 9.0))
 CLOUD = PointCloud(1.0, 1.0, np.ones((4, 3)), np.zeros(4), CloudGeometry())
@@ -123,3 +123,76 @@ def test_the_times_of_accepted_scans_are_kept():
     for time in (1.0, 3.0, 2.0):
         checker.reason_to_skip(replace(SCAN, time=time))
     assert (checker.first_time, checker.last_time) == (1.0, 3.0)
+
+
+def moved(time, pose):
+    return Odometry(time, time, pose)
+
+
+def seen(time, ranges, sensor="laser"):
+    geometry = ScanGeometry(0.0, 0.01, len(ranges), 0.1, 9.0, sensor=sensor)
+    return LaserScan(time, time, ranges, geometry)
+
+
+WALLS = np.linspace(1.0, 4.0, 90)
+
+
+def checker_of_changing_scans():
+    """A checker that has seen as many different scans as it takes, to time 0."""
+    checker = EventChecker(accepts_late_odometry=False)
+    for i in range(MIN_CHANGES - 1):
+        assert checker.reason_to_skip(seen(i - 100.0, WALLS + 0.1 * (i + 1))) is None
+    return checker
+
+
+OTHER_WALLS = np.where(np.arange(90) == 40, 1.5, WALLS)
+
+
+@pytest.mark.parametrize(
+    ("pose", "ranges", "reason"),
+    [
+        (Pose(0.05, 0.0, 0.0), WALLS, SENT_AGAIN),
+        (Pose(0.0, 0.0, 0.05), WALLS, SENT_AGAIN),
+        (Pose(0.0, 0.0, 2.0 * math.pi), WALLS, None),
+        (Pose(0.01, 0.0, 0.005), WALLS, None),
+        (Pose(0.05, 0.0, 0.0), OTHER_WALLS, None),
+    ],
+)
+def test_a_scan_sent_again_by_a_moving_robot_is_found(pose, ranges, reason):
+    checker = checker_of_changing_scans()
+    for event in (moved(1.0, IDENTITY), seen(1.0, WALLS), moved(1.1, pose)):
+        assert checker.reason_to_skip(event) is None
+
+    assert checker.reason_to_skip(seen(1.1, ranges)) == reason
+
+
+def test_scans_sent_again_are_compared_with_the_first_of_them():
+    checker = checker_of_changing_scans()
+    reasons = []
+    for step in range(5):
+        checker.reason_to_skip(moved(float(step), Pose(0.009 * step, 0.0, 0.0)))
+        reasons.append(checker.reason_to_skip(seen(float(step), WALLS)))
+
+    assert reasons == [None, None, None, SENT_AGAIN, SENT_AGAIN]
+
+
+def test_equal_scans_of_nothing_or_of_two_scanners_are_used():
+    checker = checker_of_changing_scans()
+    nothing = np.full(90, 9.0)
+    for step in range(3):
+        checker.reason_to_skip(moved(float(step), Pose(float(step), 0.0, 0.0)))
+        assert checker.reason_to_skip(seen(float(step), nothing)) is None
+        assert checker.reason_to_skip(seen(float(step), WALLS + step, "rear")) is None
+
+
+def test_equal_scans_without_odometry_are_used():
+    checker = checker_of_changing_scans()
+
+    assert [checker.reason_to_skip(seen(float(i), WALLS)) for i in range(3)] == [None] * 3
+
+
+def test_scans_that_never_changed_are_used():
+    checker = EventChecker(accepts_late_odometry=False)
+    for step in range(20):
+        assert checker.reason_to_skip(moved(float(step), Pose(float(step), 0.0, 0.0))) is None
+        assert checker.reason_to_skip(seen(float(step), WALLS)) is None

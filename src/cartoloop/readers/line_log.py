@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
@@ -46,8 +46,12 @@ which some logs round their poses."""
 _MAX_GEOMETRIES = 256
 """Geometries kept of scanners whose beam angles change from scan to scan: bounds the memory."""
 
+_COPIED_LINES = 8
+"""Lines among which a copy of a line is looked for: a recorder that runs twice writes each message
+twice."""
+
 # What a line holds. Scans: _FIRST_SCANNER + the number of the scanner, by first appearance.
-_SILENT, _ODOMETRY, _CUT_OFF, _FIRST_SCANNER = range(4)
+_SILENT, _ODOMETRY, _CUT_OFF, _COPY, _FIRST_SCANNER = range(5)
 
 
 def head_of(text: TextFile) -> list[bytes]:
@@ -145,6 +149,10 @@ class LineLog(LogBase):
             if kind in unused:
                 problems.skip(unused[kind])
                 continue
+            if kind == _COPY:
+                if self._format.is_scan(line):
+                    problems.skip("exact copy of a scan before")
+                continue
             try:
                 if kind == _CUT_OFF:
                     raise LineError("line cut off", "the last line is cut off")
@@ -213,6 +221,7 @@ class LineLog(LogBase):
         self._settings: dict[str, float] = {}
         num_poses: Counter[int] = Counter()
         first_fault = ""
+        recent: deque[bytes] = deque(maxlen=_COPIED_LINES)
         for number, line in enumerate(self._text.lines()):
             kind, stamp = _SILENT, math.nan
             outcome: Reading | LineError | None
@@ -220,11 +229,12 @@ class LineLog(LogBase):
                 reading = outcome = parse(_bounded(line))
                 if reading is not None:
                     _check(reading, self._geometry)
-                    kind, stamp = self._index_reading(number, reading), reading.stamp
-                    if reading.tf_odom_tracking is not None and _is_finite(
-                        reading.tf_odom_tracking
-                    ):
-                        num_poses[kind] += 1
+                    if math.isfinite(reading.stamp) and line in recent:
+                        kind = _COPY
+                    else:
+                        kind, stamp = self._index_reading(number, reading), reading.stamp
+                        num_poses[kind] += _has_pose(reading)
+                    recent.append(line)
             except LineError as error:
                 outcome = error
                 if error.detail and not first_fault:
@@ -378,6 +388,11 @@ def _careful(parse: Parse) -> Parse:
 def _is_finite(pose: Pose | None) -> bool:
     # The sum first: this is done for each line.
     return pose is None or isfinite(sum(pose)) or all(map(isfinite, pose))
+
+
+def _has_pose(reading: Reading) -> bool:
+    pose = reading.tf_odom_tracking
+    return pose is not None and _is_finite(pose)
 
 
 def _check(reading: Reading, default: ScanGeometry | None) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from cartoloop.errors import InputError, Interrupted
 from cartoloop.runs.end import Saved
+from cartoloop.sensor.event_faults import SENT_AGAIN
 
 if TYPE_CHECKING:
     from cartoloop.readers import Log
@@ -53,5 +54,10 @@ def raise_if_incomplete(saved: Saved, log: Log, hint: str) -> None:
 
 
 def num_lost_scans(result: Result, log: Log) -> int:
-    """Return how many scans of a recording could not be read, or not be mapped."""
-    return log.num_lost_scans + result.report.input.scans - len(result.stamps)
+    """Return how many scans of a recording could not be read, or not be mapped.
+
+    Scans that were sent again show nothing that is not mapped.
+    """
+    report = result.report
+    num_used = len(result.stamps) + report.skipped.get(SENT_AGAIN, 0)
+    return log.num_lost_scans + report.input.scans - num_used
