@@ -8,6 +8,7 @@ import pytest
 
 from cartoloop.errors import InputError
 from cartoloop.readers import ReadOptions, open_log, open_logs
+from cartoloop.readers.ros.copies import CopyFinder
 from cartoloop.readers.ros.opening import is_recording
 from cartoloop.readers.ros.zstd import zstd
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
@@ -57,6 +58,35 @@ def test_every_format_yields_the_same_events_in_order_of_time(form, tmp_path):
     imu = events_of(log, Imu)[0]
     assert imu.linear_acceleration == (0.1, 0.0, 9.8)
     assert imu.angular_velocity == (0.0, 0.0, 0.02)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_messages_that_are_held_twice_are_read_once(form, tmp_path):
+    (tmp_path / "twice").mkdir()
+    once, twice = drive(form), drive(form)
+    twice.messages = [message for message in twice.messages for _ in range(2)]
+
+    log = open_log(twice.write(tmp_path / "twice"))
+    events = list(log)
+
+    expected = check_drive(open_log(once.write(tmp_path)))
+    assert [(type(event), event.time) for event in events] == [
+        (type(event), event.time) for event in expected
+    ]
+    assert log.num_scans == 30
+    assert log.skipped == {"exact copy of a scan before": 30}
+    assert log.problems == []
+
+
+@pytest.mark.parametrize(("seconds", "is_copy"), [(START, True), (0.0, False)])
+def test_equal_messages_without_a_stamp_are_no_copies(seconds, is_copy):
+    bag = BagMaker()
+    bag.add("/odom", bag.make.odometry(seconds, (0.0, 0.0, 0.0)), 0.0)
+    ((*_, raw),) = bag.messages
+    finder = CopyFinder(is_ros1=True)
+
+    assert not finder.is_copy(raw)
+    assert finder.is_copy(raw) is is_copy
 
 
 @pytest.mark.parametrize("compression", ["BZ2", "LZ4"])

@@ -14,6 +14,7 @@ from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros import raw_messages as ros
 from cartoloop.readers.ros.cloud import RawCloud, decode_cloud
 from cartoloop.readers.ros.container import BagFinding, Channel, Container
+from cartoloop.readers.ros.copies import CopyFinder
 from cartoloop.readers.ros.transforms import TransformTree
 from cartoloop.readers.ros.urdf import parse_urdf, read_urdf
 from cartoloop.readers.ros.wire import DecodeError, frame_name, read_header
@@ -186,6 +187,7 @@ def index_recording(container: Container, options: ReadOptions) -> RecordingInde
         by_key[channel.key] = stream
     is_ros1 = {channel.key: channel.is_ros1 for channel in container.channels}
     edges: dict[tuple[str, str], TopicStream] = {}
+    copies = {name: CopyFinder(stream.is_ros1) for name, stream in streams.items()}
     for key, recorded, raw in container.messages(by_key.keys() | described):
         record = min(recorded, _LATEST)
         if key in described:
@@ -194,7 +196,7 @@ def index_recording(container: Container, options: ReadOptions) -> RecordingInde
         stream = by_key[key]
         if stream.role == "tf":
             _add_transforms(tree, stream, edges, record, raw)
-        else:
+        elif not copies[stream.topic, stream.msgtype].is_copy(raw):
             _add_message(stream, record, raw)
     findings += _conflicts(tree)
     return RecordingIndex(container, [*streams.values(), *edges.values()], others, tree, findings)

@@ -11,6 +11,7 @@ import numpy as np
 from cartoloop.readers.log import ProblemLog
 from cartoloop.readers.ros import raw_messages as ros
 from cartoloop.readers.ros.container import Container
+from cartoloop.readers.ros.copies import CopyFinder
 from cartoloop.readers.ros.index import NO_STAMP, TopicStream, new_poses
 from cartoloop.readers.ros.stream_times import StreamTimes, merged_order
 from cartoloop.readers.ros.wire import DecodeError
@@ -55,7 +56,7 @@ class MergedMessages:
         given_up = [0] * len(self._streams)
         num_waiting = num_bytes = place = 0
         order = self._order.tolist()
-        for owner, message in self._as_recorded():
+        for owner, message in self._as_recorded(problems):
             if given_up[owner]:
                 given_up[owner] -= 1
                 is_scan = self._streams[owner].role in ("scan", "cloud")
@@ -83,13 +84,17 @@ class MergedMessages:
             if waiting[turn]:
                 yield turn, waiting[turn].popleft()
 
-    def _as_recorded(self) -> Iterator[tuple[int, TimedBytes]]:
-        """Yield the messages in the order of the recording; each pose on ``/tf`` is one."""
+    def _as_recorded(self, problems: ProblemLog) -> Iterator[tuple[int, TimedBytes]]:
+        """Yield the messages in the order of the recording; each pose on ``/tf`` is one.
+
+        Copies are left out, as in the first pass; those of scans are counted in `problems`.
+        """
         times = [stream.times.tolist() for stream in self._times]
         stamps = [np.where(np.isnan(s.stamps), s.times, s.stamps).tolist() for s in self._times]
         counts = [0] * len(self._streams)
         owner_of: dict[int, int] = {}
         edges: dict[int, _EdgePoses] = {}
+        copies = [CopyFinder(stream.is_ros1) for stream in self._streams]
         for owner, stream in enumerate(self._streams):
             owner_of.update(dict.fromkeys(stream.keys, owner))
             if stream.edge is not None:
@@ -98,6 +103,10 @@ class MergedMessages:
             owner = owner_of.get(key, -1)
             if owner < 0:
                 continue  # a damaged file gives one number to two topics
+            if owner not in edges and copies[owner].is_copy(raw):
+                if self._streams[owner].role in ("scan", "cloud"):
+                    problems.skip("exact copy of a scan before")
+                continue
             for message in edges[owner].encoded(raw) if owner in edges else (raw,):
                 number = counts[owner]
                 if number < len(times[owner]):
