@@ -49,7 +49,7 @@ robot that turns on the spot sees more, but not of other places."""
 KEPT_SUM = 2.3
 """Places are kept from one search to the next down to this sum; most wrong ones have less."""
 
-REFUTING_SUM_OF_SCAN, REFUTING_SUM = 0.4, 0.2
+REFUTING_SUM_OF_SCAN, REFUTING_SUM = 0.4, 0.25
 """A place is refuted by one whose sum is larger by the first, of a single view, and by the second,
 of a path of `FULL_M`; in between it falls linearly."""
 
