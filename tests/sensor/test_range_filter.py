@@ -186,6 +186,14 @@ def test_beams_of_an_upside_down_scanner_are_mirrored():
     assert_points(filtered([1.0, 2.0, 3.0], hanging).returns, [(0, 1), (2, 0), (0, -3)])
 
 
+def test_a_scanner_can_be_configured_as_upside_down():
+    mounted = replace(QUARTER_TURNS, tf_tracking_sensor=Pose(0.5, 0.0, math.pi / 2))
+
+    assert_points(filtered([1.0, 2.0, 3.0], upside_down=True).returns, [(0, 1), (2, 0), (0, -3)])
+    data = filtered([1.0, 2.0, 3.0], mounted, upside_down=True)
+    assert_points(data.returns, [(-0.5, 0.0), (0.5, 2.0), (3.5, 0.0)])
+
+
 def test_a_pitched_scanner_ignores_the_floor():
     pitched = replace(QUARTER_TURNS, pitch=math.radians(30.0), height=0.5)
     data = filtered([1.0, 2.0, math.nan], pitched)

@@ -22,6 +22,11 @@ class SensorConfig(Section):
     laser_pose: tuple[float, float, float] | None = Field(
         None, description="pose of the scanner on the robot: x, y [m], yaw [rad]"
     )
+    upside_down: bool = Field(
+        False,
+        description="mirror the beams: the scanner is mounted upside down, or sends them in the "
+        "other order, and the recording does not say so",
+    )
     missing_data_ray_length: float = Field(
         5.0, ge=0, description="free space cleared along a beam without a return [m]"
     )

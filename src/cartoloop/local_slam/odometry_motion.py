@@ -19,6 +19,7 @@ from cartoloop.local_slam.odometry_track import OdometryTrack
 from cartoloop.local_slam.odometry_trust import OdometryFault, OdometryTrust, differ, follows
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.prediction import isotropic_information
+from cartoloop.local_slam.turn_comparison import TurnComparison
 from cartoloop.sensor.pose import IDENTITY, Pose, relative
 
 STALE_M, STALE_RAD, STALE_SHARE = 0.03, 0.03, 0.5
@@ -49,6 +50,7 @@ class OdometryMotion:
         self._track = OdometryTrack()
         self._calibration = OdometryCalibration(model)
         self._trust = OdometryTrust(score)
+        self._turns: dict[str, TurnComparison] = {}
         self._step_key: _StepKey | None = None
         self._step: Pose | None = None
         self._is_stale = False
@@ -100,7 +102,8 @@ class OdometryMotion:
                 for begin, scale in self._calibration.scales
             ],
         }
-        return self.model.summary() | track
+        ratios = [turns.ratio for turns in self._turns.values() if turns.ratio is not None]
+        return self.model.summary() | track | {"turn_ratio": min(ratios, default=None)}
 
     def add(self, time: float, tf_odom_tracking: Pose) -> None:
         """Add a reading."""
@@ -125,8 +128,12 @@ class OdometryMotion:
 
     def add_pose(self, time: float, pose: Pose, num_faulty: int, scanner: str) -> None:
         """Calibrate with a matched pose; `num_faulty` of the latest steps are left out."""
-        if self.has_readings:
-            self._calibration.add(time, pose, self._track, num_faulty, scanner)
+        if not self.has_readings:
+            return
+        self._calibration.add(time, pose, self._track, num_faulty, scanner)
+        reported = self._track.at(time - self.model.time_offset)
+        turns = self._turns.setdefault(scanner, TurnComparison())
+        turns.add(pose.theta, None if reported is None else reported.theta)
 
     def add_distance(self, distance: MeasuredDistance) -> None:
         """Add a distance between two scans that these alone measure."""

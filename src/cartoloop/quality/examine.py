@@ -13,6 +13,7 @@ from cartoloop.config import QualityConfig
 from cartoloop.quality import by_session, contradictions, motion, motion_places, weak_places
 from cartoloop.quality.corridor_places import corridor_places
 from cartoloop.quality.encounters import Encounters
+from cartoloop.quality.mirrored import mirrored_places
 from cartoloop.quality.odometry_use import has_odometry
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.scattered import scattered_places
@@ -61,6 +62,7 @@ def examine(
         *contradictions.slide_places(slides(met, content, scans, config), met, content),
         *contradictions.breaks(consecutive, content, config),
         *scattered_places(content, scans),
+        *mirrored_places(content, odometry),
         *motion_places.gap_places(gaps, content),
         *motion_places.misfit_places(misfits, met, content),
         *motion_places.jump_places(jumps, met, content),

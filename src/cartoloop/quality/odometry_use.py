@@ -74,6 +74,17 @@ def has_odometry(odometry: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, A
     return odometry is not None and odometry.get("translation_error_m") is not None
 
 
+MIRRORED_RATIO = -0.5
+"""Ratio of the turns that the odometry reports to those of the scans below which they turn to
+different sides. It is about 1 for good odometry, 0 for one that stands still."""
+
+
+def turns_against(odometry: Mapping[str, Any] | None) -> bool:
+    """Return whether the odometry turns to the other side than the scans."""
+    ratio = (odometry or {}).get("turn_ratio")
+    return ratio is not None and float(ratio) < MIRRORED_RATIO
+
+
 NOTICED_AFTER_S = 5.0
 """A fault may have begun this long before it was noticed [s]: that odometry stands still is noticed
 once the scans have moved a metre."""

@@ -29,6 +29,8 @@ class Kind(StrEnum):
     """Consecutive scans do not fit to each other."""
     SCATTERED = "scattered"
     """Scans hardly show the same walls from one to the next."""
+    MIRRORED = "mirrored"
+    """The odometry turns to the other side than the scans: the map may be a mirror image."""
     GAP = "gap"
     """The recording has a gap during which the robot moved, and nothing measured by how far."""
     JUMP = "jump"

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -188,6 +188,7 @@ class RangeFilter:
             self._first_sensor = geometry.sensor
         if config.laser_pose is not None and geometry.sensor == self._first_sensor:
             mounting = Pose(*config.laser_pose)
+        beams = mirrored(geometry) if config.upside_down else geometry
         if len(self._scanners) >= _MAX_GEOMETRIES:
             self._scanners.clear()
         key = geometry.sensor, geometry.num_beams
@@ -195,7 +196,7 @@ class RangeFilter:
             geometry,
             mounting,
             _position(mounting, geometry.height),
-            _beam_directions(geometry, mounting),
+            _beam_directions(beams, mounting),
             RangeLimits(
                 self._min_range(geometry),
                 self._max_range(geometry.range_max),
@@ -250,6 +251,13 @@ class RangeFilter:
         if config.max_range is not None:
             return config.max_range
         return float(min(range_max, config.default_max_range))
+
+
+def mirrored(geometry: ScanGeometry) -> ScanGeometry:
+    """Return a geometry with left and right exchanged."""
+    return replace(
+        geometry, angle_min=-geometry.angle_min, angle_increment=-geometry.angle_increment
+    )
 
 
 def _position(mounting: Pose, height: float) -> Position:

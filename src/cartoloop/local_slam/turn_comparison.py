@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the odometry turns to the side to which the scans turn.
+
+A scanner that is mounted upside down, or sends its beams in the other order, shows the mirror image
+of its surroundings. Its scans fit to each other as well as any, so that only the odometry shows it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cartoloop.sensor.pose import wrap_angle
+
+MIN_TURN_RAD = 0.3
+"""Turn of the scans that is compared at once [rad]: more than clock offsets and noise are worth."""
+
+ENOUGH_RAD = 2.0 * math.pi
+"""Sum of the turns of the scans from which something is known [rad]."""
+
+
+class TurnComparison:
+    """Compares the turns of matched scans with those that the odometry reports."""
+
+    def __init__(self) -> None:
+        self._last: tuple[float, float] | None = None
+        self._matched = self._reported = 0.0
+        self._product = self._square = self._total = 0.0
+
+    def add(self, matched: float, reported: float | None) -> None:
+        """Add the headings of a scan, as matched and by the odometry, None if unknown [rad]."""
+        if reported is None:
+            self._last, self._matched, self._reported = None, 0.0, 0.0
+            return
+        if self._last is not None:
+            self._matched += wrap_angle(matched - self._last[0])
+            self._reported += wrap_angle(reported - self._last[1])
+        self._last = matched, reported
+        if abs(self._matched) >= MIN_TURN_RAD:
+            self._product += self._matched * self._reported
+            self._square += self._matched**2
+            self._total += abs(self._matched)
+            self._matched = self._reported = 0.0
+
+    @property
+    def ratio(self) -> float | None:
+        """Reported turns over matched ones: about 1, or -1 if either is mirrored; None: unknown."""
+        return self._product / self._square if self._total >= ENOUGH_RAD else None

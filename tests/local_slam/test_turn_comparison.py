@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether odometry and scans turn to the same side."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cartoloop.local_slam.turn_comparison import ENOUGH_RAD, TurnComparison
+from cartoloop.sensor.pose import wrap_angle
+
+
+def ratio_of(matched, reported):
+    turns = TurnComparison()
+    for heading, by_odometry in zip(matched, reported, strict=True):
+        turns.add(wrap_angle(heading), None if by_odometry is None else wrap_angle(by_odometry))
+    return turns.ratio
+
+
+@given(
+    steps=st.lists(st.floats(-0.5, 0.5), min_size=40, max_size=80),
+    factor=st.sampled_from([1.0, -1.0, 0.0, 0.9, -1.1]),
+)
+def test_the_ratio_is_that_of_the_turns(steps, factor):
+    matched = np.cumsum(steps)
+    total = np.abs(steps).sum()
+
+    ratio = ratio_of(matched, factor * matched)
+
+    if ratio is None:
+        # Turns to and fro that add up to nothing are not compared.
+        assert total < 2.0 * ENOUGH_RAD or np.ptp(matched) < 2.0 * ENOUGH_RAD
+    else:
+        assert ratio == pytest.approx(factor, abs=1e-9)
+
+
+def test_little_turning_shows_nothing():
+    headings = np.linspace(0.0, 0.9 * ENOUGH_RAD, 50)
+
+    assert ratio_of(headings, -headings) is None
+    assert ratio_of(1.2 * headings, -1.2 * headings) == pytest.approx(-1.0)
+
+
+def test_noise_and_a_delay_hardly_change_the_ratio():
+    times = np.arange(0.0, 300.0, 0.2)
+    heading = 2.0 * np.sin(0.1 * times)
+    noise = np.random.default_rng(0).normal(0.0, 0.02, len(times))
+
+    assert ratio_of(heading, -2.0 * np.sin(0.1 * (times - 0.5)) + noise) == pytest.approx(
+        -1.0, abs=0.1
+    )
+
+
+def test_the_turn_across_missing_odometry_is_not_compared():
+    headings = np.linspace(0.0, 4.0 * math.pi, 200)
+    reported = [*headings[:90], *[None] * 20, *(headings[110:] + 2.0)]
+
+    assert ratio_of(headings, reported) == pytest.approx(1.0)
