@@ -15,6 +15,7 @@ from cartoloop.localisation.claim_needs import (
     MARGIN_OF_SCAN,
     MAX_REFUTED_PATH_M,
     MIN_DETAIL,
+    MIN_REFUTING_DETAIL,
     MOST_SCORE,
     SCORE_OF_SCAN,
     SCORE_SPREADS,
@@ -162,6 +163,13 @@ def test_a_place_that_agrees_much_less_is_refuted():
     assert not DETAILED.refutes(best, fit(0.88, 0.83))
     # Where the scans agree like this, a sharper place elsewhere proves nothing.
     assert not DETAILED.refutes(fit(1.0, 1.0), fit(0.88, 0.83))
+
+
+def test_straight_walls_refute_no_place():
+    other = fit(0.75, 0.6)
+
+    assert DETAILED.refutes(fit(1.0, 1.0, MIN_REFUTING_DETAIL), other)
+    assert not DETAILED.refutes(fit(1.0, 1.0, 0.9 * MIN_REFUTING_DETAIL), other)
 
 
 def test_details_count_on_a_path_in_maps_with_own_scans(learnt_map):

@@ -110,6 +110,9 @@ REFUTED_SUM, REFUTING_SUM = 1.85, 0.2
 """A place with at most the first as its sum is refuted by one whose sum is larger by the second.
 Where two wings look alike, the right one reached 1.95 at least."""
 
+MIN_REFUTING_DETAIL = 0.2
+"""But only with this share of the returns on walls that are not straight."""
+
 
 class Detailed(NamedTuple):
     """What a place must reach to be claimed with a low score.
@@ -137,9 +140,14 @@ class Detailed(NamedTuple):
         )
 
     def refutes(self, best: Fit, other: Fit) -> bool:
-        """Return whether scans agree so much better in the best place that the other is none."""
+        """Return whether scans agree so much better in the best place that the other is none.
+
+        Along straight walls, which show little else, a little that disagrees counts for much.
+        """
         sum_there = sum(self._relative(other))
-        return sum_there <= min(REFUTED_SUM, sum(self._relative(best)) - REFUTING_SUM)
+        return best.detail >= MIN_REFUTING_DETAIL and sum_there <= min(
+            REFUTED_SUM, sum(self._relative(best)) - REFUTING_SUM
+        )
 
     def _relative(self, fit: Fit) -> tuple[float, float]:
         """Return agreement and distinctness as they count."""
