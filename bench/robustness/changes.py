@@ -22,6 +22,7 @@ from bench.robustness.log_changes import (
     drifting,
     drop_every,
     end,
+    held,
     longer,
     longer_ranges,
     mirror,
@@ -32,10 +33,12 @@ from bench.robustness.log_changes import (
     odometry_steps,
     outliers,
     pauses,
+    reverse_beams,
     slanting,
     sparse,
     start,
     thinned,
+    twice,
 )
 from cartoloop.arrays import FloatArray
 from cartoloop.errors import CartoloopError, ConfigError, InputError
@@ -107,6 +110,9 @@ CHANGES: Final = {
         Change("noise-share", noise_share(0.015), seeds=2),
         Change("pauses", pauses(60.0, 3.0)),
         Change("slanting", slanting(0.05)),
+        Change("twice", twice),
+        Change("held", held(0.01, 0.5)),
+        Change("upside-down", reverse_beams, settings=("sensor.upside_down=true",)),
         Change("combined", combined, seeds=NOISE_SEEDS),
         Change("no-odometry", settings=("local_slam.use_odometry=false",)),
     )

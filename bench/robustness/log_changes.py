@@ -82,6 +82,36 @@ def pauses(period: float, seconds: float) -> Apply:
     return apply
 
 
+def twice(log: CarmenText, _: Rng) -> None:
+    """Hold each line twice, as two recorders at once write it."""
+    rows = np.repeat(np.arange(len(log.ranges)), 2)
+    log.poses = log.poses[rows]
+    log.ranges = [None if (ranges := log.ranges[row]) is None else ranges.copy() for row in rows]
+    log.tails = [list(log.tails[row]) for row in rows]
+
+
+def held(share: float, seconds: float) -> Apply:
+    """Return the change that repeats a scan for some seconds, after a share of the scans."""
+
+    def apply(log: CarmenText, rng: Rng) -> None:
+        times, until, last = log.times, -math.inf, None
+        for row in np.flatnonzero(log.is_scan).tolist():
+            ranges = log.ranges[row]
+            if times[row] < until and last is not None:
+                log.ranges[row] = last.copy()
+                continue
+            last = ranges
+            if rng.random() < share:
+                until = times[row] + seconds
+
+    return apply
+
+
+def reverse_beams(log: CarmenText, _: Rng) -> None:
+    """Send the beams in the other order, as of a scanner that is mounted upside down."""
+    log.ranges = [None if ranges is None else ranges[::-1] for ranges in log.ranges]
+
+
 def slanting(change: float) -> Apply:
     """Return the change that leaves beams without a return where ranges change much.
 

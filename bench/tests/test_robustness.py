@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from bench.robustness.changes import (
     changed_relations,
     check_relations_left,
 )
+from bench.robustness.log_changes import held
 from bench.robustness.parts import PARTS, RobustnessOptions, Runner, _calibration
 from bench.robustness.runs import Run, RunStore
 from bench.robustness.simulated_worlds import handicapped_worlds, simulated_worlds
@@ -168,6 +170,35 @@ def test_some_seconds_of_each_minute_are_paused(source, original, tmp_path):
     steps = np.diff(times)
     assert (steps > 3.0).sum() == (original.times[-1] - original.times[0]) // 60.0
     assert steps.max() < 3.0 + 3.0 * np.diff(original.times).max()
+
+
+def test_each_reading_is_there_twice(source, original, tmp_path):
+    log = changed(source, tmp_path, "twice")
+
+    np.testing.assert_array_equal(log.times, np.repeat(original.times, 2))
+    np.testing.assert_array_equal(log.poses, np.repeat(original.poses, 2, axis=0))
+    np.testing.assert_array_equal(ranges_of(log), np.repeat(ranges_of(original), 2, axis=0))
+
+
+def test_scans_are_repeated_for_some_seconds(original):
+    log = deepcopy(original)
+    held(0.1, 1.6)(log, np.random.default_rng(0))
+
+    before, after = ranges_of(original), ranges_of(log)
+    is_held = (before != after).any(axis=1)
+    assert 0.1 < is_held.mean() < 0.4
+    times = log.times[log.is_scan]
+    for row in np.flatnonzero(is_held).tolist():
+        np.testing.assert_array_equal(after[row], after[row - 1])
+        since = row - np.argmax(~is_held[row::-1])
+        assert times[row] - times[since] < 1.6
+
+
+def test_beams_of_a_scanner_upside_down_are_reversed(source, original, tmp_path):
+    log = changed(source, tmp_path, "upside-down")
+
+    np.testing.assert_array_equal(ranges_of(log), ranges_of(original)[:, ::-1])
+    np.testing.assert_array_equal(log.poses, original.poses)
 
 
 def test_walls_seen_at_a_slant_return_nothing(source, original, tmp_path):
