@@ -111,7 +111,7 @@ REFUTED_SUM, REFUTING_SUM = 1.85, 0.2
 Where two wings look alike, the right one reached 1.95 at least."""
 
 MIN_REFUTING_DETAIL = 0.2
-"""But only with this share of the returns on walls that are not straight."""
+"""Share of the returns that must lie on walls that are not straight for that."""
 
 
 class Detailed(NamedTuple):
