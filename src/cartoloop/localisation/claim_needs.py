@@ -107,8 +107,7 @@ MAX_COUNTED = 1.1
 
 
 REFUTED_SUM, REFUTING_SUM = 1.85, 0.2
-"""A place with at most the first as its sum is refuted by one whose sum is larger by the second.
-Where two wings look alike, the right one reached 1.95 at least."""
+"""A place with at most the first as its sum is refuted by one whose sum is larger by the second."""
 
 MIN_REFUTING_DETAIL = 0.2
 """Share of the returns that must lie on walls that are not straight for that."""
