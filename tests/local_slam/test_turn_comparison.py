@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cartoloop.local_slam.odometry_motion import OdometryMotion
 from cartoloop.local_slam.turn_comparison import ENOUGH_RAD, TurnComparison
-from cartoloop.sensor.pose import wrap_angle
+from cartoloop.sensor.pose import Pose, wrap_angle
 
 
 def ratio_of(matched, reported):
@@ -45,6 +46,16 @@ def test_little_turning_shows_nothing():
     assert ratio_of(1.2 * headings, -1.2 * headings) == pytest.approx(-1.0)
 
 
+@pytest.mark.parametrize(("factor", "are_opposite"), [(1.0, False), (0.0, False), (-1.0, True)])
+def test_turns_to_different_sides_are_opposite(factor, are_opposite):
+    turns = TurnComparison()
+    for heading in np.linspace(0.0, 1.2 * ENOUGH_RAD, 60):
+        assert not turns.are_opposite or heading >= ENOUGH_RAD
+        turns.add(wrap_angle(heading), wrap_angle(factor * heading))
+
+    assert turns.are_opposite is are_opposite
+
+
 def test_noise_and_a_delay_hardly_change_the_ratio():
     times = np.arange(0.0, 300.0, 0.2)
     heading = 2.0 * np.sin(0.1 * times)
@@ -60,3 +71,17 @@ def test_the_turn_across_missing_odometry_is_not_compared():
     reported = [*headings[:90], *[None] * 20, *(headings[110:] + 2.0)]
 
     assert ratio_of(headings, reported) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("sign", "is_trusted"), [(1.0, True), (-1.0, False)])
+def test_odometry_that_turns_to_the_other_side_is_not_trusted(sign, is_trusted):
+    motion = OdometryMotion()
+    for step in range(100):
+        time, heading = 0.2 * step, 0.1 * step
+        x, y = math.sin(heading), 1.0 - math.cos(heading)
+        motion.add(time, Pose(x, sign * y, sign * wrap_angle(heading)))
+        motion.add_pose(time, Pose(x, y, wrap_angle(heading)), 0, "laser")
+        assert motion.is_trusted or heading >= ENOUGH_RAD
+
+    assert motion.is_trusted is is_trusted
+    assert motion.summary()["turn_ratio"] == pytest.approx(sign, abs=0.1)

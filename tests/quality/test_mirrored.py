@@ -8,11 +8,13 @@ from dataclasses import replace
 import pytest
 
 from cartoloop.config import Config
+from cartoloop.evaluation.trajectories import absolute_trajectory_error
 from cartoloop.mapper import Mapper
 from cartoloop.quality.odometry_use import turns_against
 from cartoloop.quality.verdict import Kind
 from cartoloop.report import sensor_warnings
-from cartoloop.sensor.events import LaserScan
+from cartoloop.sensor.events import LaserScan, Odometry
+from cartoloop.sensor.pose import Pose
 from cartoloop.simulation import make_world, simulate
 
 pytestmark = pytest.mark.slow
@@ -44,6 +46,28 @@ def test_a_mirrored_map_is_doubtful_and_the_user_is_warned(mirrored_events):
     assert place.radius > 2.0
     (warning, *_) = sensor_warnings(result.report)
     assert "mirror image" in warning
+
+
+def test_odometry_of_the_wrong_sign_is_left_out():
+    recording = simulate(make_world("office"), seed=2, duration=120.0)
+    flipped = [
+        replace(event, tf_odom_tracking=_mirrored(event.tf_odom_tracking))
+        if isinstance(event, Odometry)
+        else event
+        for event in recording.events()
+    ]
+
+    result = mapped(flipped)
+
+    errors = absolute_trajectory_error(result.trajectory, recording.true_poses)
+    assert errors.mean() < 0.1
+    assert [place.kind for place in result.quality.places if place.severity != "minor"] == [
+        Kind.MIRRORED
+    ]
+
+
+def _mirrored(pose):
+    return Pose(pose.x, -pose.y, -pose.theta)
 
 
 def test_the_beams_of_a_scanner_upside_down_are_mirrored(mirrored_events):

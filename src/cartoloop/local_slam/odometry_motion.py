@@ -84,7 +84,8 @@ class OdometryMotion:
     @property
     def is_trusted(self) -> bool:
         """Whether there is odometry that moves as the scans do."""
-        return self.has_readings and not self._is_stale and self._trust.is_trusted
+        is_mirrored = any(turns.are_opposite for turns in self._turns.values())
+        return self.has_readings and not (self._is_stale or is_mirrored) and self._trust.is_trusted
 
     @property
     def is_long(self) -> bool:

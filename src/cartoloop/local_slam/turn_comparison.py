@@ -17,6 +17,10 @@ MIN_TURN_RAD = 0.3
 ENOUGH_RAD = 2.0 * math.pi
 """Sum of the turns of the scans from which something is known [rad]."""
 
+OPPOSITE_RATIO = -0.5
+"""Ratio of the turns below which both turn to different sides. It is about 1 for good odometry, 0
+for one that stands still."""
+
 
 class TurnComparison:
     """Compares the turns of matched scans with those that the odometry reports."""
@@ -40,6 +44,11 @@ class TurnComparison:
             self._square += self._matched**2
             self._total += abs(self._matched)
             self._matched = self._reported = 0.0
+
+    @property
+    def are_opposite(self) -> bool:
+        """Whether they are known to turn to different sides."""
+        return self._total >= ENOUGH_RAD and self._product < OPPOSITE_RATIO * self._square
 
     @property
     def ratio(self) -> float | None:

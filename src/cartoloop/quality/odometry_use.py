@@ -10,6 +10,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.local_slam.turn_comparison import OPPOSITE_RATIO
 
 SCALE_ERROR, SCALE_OF_ROTATION = 0.002, 1.6
 """Expected error of a corridor's length, as a share of it: of good odometry, and more for each
@@ -74,15 +75,10 @@ def has_odometry(odometry: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, A
     return odometry is not None and odometry.get("translation_error_m") is not None
 
 
-MIRRORED_RATIO = -0.5
-"""Ratio of the turns that the odometry reports to those of the scans below which they turn to
-different sides. It is about 1 for good odometry, 0 for one that stands still."""
-
-
 def turns_against(odometry: Mapping[str, Any] | None) -> bool:
     """Return whether the odometry turns to the other side than the scans."""
     ratio = (odometry or {}).get("turn_ratio")
-    return ratio is not None and float(ratio) < MIRRORED_RATIO
+    return ratio is not None and float(ratio) < OPPOSITE_RATIO
 
 
 NOTICED_AFTER_S = 5.0
