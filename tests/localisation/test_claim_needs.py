@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -163,6 +165,15 @@ def test_a_place_that_agrees_much_less_is_refuted():
     assert not DETAILED.refutes(best, fit(0.88, 0.83))
     # Where the scans agree like this, a sharper place elsewhere proves nothing.
     assert not DETAILED.refutes(fit(1.0, 1.0), fit(0.88, 0.83))
+
+
+def test_in_an_image_only_what_could_be_claimed_may_be_right(learnt_map):
+    ours, image = (needed_of(known, 0.0) for known in (learnt_map, known_map(ROOM)))
+
+    assert ours.plausible_agreement < ours.agreement
+    assert math.isinf(image.plausible_agreement)
+    assert image.may_be(fit(1.0, 1.0))
+    assert not image.may_be(fit(0.99 * image.agreement, 1.0))
 
 
 def test_straight_walls_refute_no_place():

@@ -9,6 +9,7 @@ wall.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -212,10 +213,20 @@ def needed_of(known: KnownMap, path: float, num_refuted: int = 0) -> Needed | No
         _falling(score, SCORE_OF_TRAIL * known.usual.score, path),
         _falling(agreement, min(AGREEMENT_OF_TRAIL * known.low_agreement, agreement), path),
         _falling(distinctness, DISTINCTNESS_OF_TRAIL * known.low_distinctness, path),
-        PLAUSIBLE_AGREEMENT * known.low_agreement,
-        PLAUSIBLE_DISTINCTNESS * known.low_distinctness,
+        *_plausible_of(known),
         _detailed_of(known, path),
     )
+
+
+def _plausible_of(known: KnownMap) -> tuple[float, float]:
+    """Return from which agreement and distinctness another place may be right.
+
+    In a map without own scans those of a claim are assumed, and low already.
+    """
+    if not known.has_own_fits:
+        return math.inf, math.inf
+    agreement = PLAUSIBLE_AGREEMENT * known.low_agreement
+    return agreement, PLAUSIBLE_DISTINCTNESS * known.low_distinctness
 
 
 def _detailed_of(known: KnownMap, path: float) -> Detailed | None:
