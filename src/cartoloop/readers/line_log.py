@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
@@ -20,14 +20,16 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.errors import InputError
+from cartoloop.readers.copies import COPIED_SCAN, CopyFinder
 from cartoloop.readers.fingerprint import fingerprint
 from cartoloop.readers.kept_readings import KeptReadings
-from cartoloop.readers.line_format import LineError, LineFormat, Parse, Reading
+from cartoloop.readers.line_checks import bounded, careful, check, has_pose, is_finite
+from cartoloop.readers.line_format import LineError, LineFormat, Reading
 from cartoloop.readers.line_times import line_times, note_damage, note_times
 from cartoloop.readers.log import EventGenerator, LogBase, ProblemLog
 from cartoloop.readers.scan_sample import ScanSample
-from cartoloop.readers.text_file import MAX_LINE_BYTES, OVERLONG, TextFile
-from cartoloop.sensor.events import MAX_ANGLE, LaserScan, Odometry, ScanGeometry
+from cartoloop.readers.text_file import TextFile
+from cartoloop.sensor.events import LaserScan, Odometry, ScanGeometry
 from cartoloop.sensor.pose import Pose, wrap_angle
 from cartoloop.sensor.sensor_profile import SensorProfile, profile_sensor
 from cartoloop.sensor.time_repair import LATEST_STAMP, TimeReport
@@ -45,10 +47,6 @@ which some logs round their poses."""
 
 _MAX_GEOMETRIES = 256
 """Geometries kept of scanners whose beam angles change from scan to scan: bounds the memory."""
-
-_COPIED_LINES = 8
-"""Lines among which a copy of a line is looked for: a recorder that runs twice writes each message
-twice."""
 
 # What a line holds. Scans: _FIRST_SCANNER + the number of the scanner, by first appearance.
 _SILENT, _ODOMETRY, _CUT_OFF, _COPY, _FIRST_SCANNER = range(5)
@@ -141,7 +139,7 @@ class LineLog(LogBase):
         return float(finite[-1] - finite[0]) if len(finite) else 0.0
 
     def _events(self, problems: ProblemLog) -> EventGenerator:
-        parse = _careful(self._format.parser(self._head))
+        parse = careful(self._format.parser(self._head))
         unused = self._unused_scanners()
         kinds, times, kept = self._kinds.tolist(), self._times.tolist(), self._kept
         last_odometry = None
@@ -151,17 +149,17 @@ class LineLog(LogBase):
                 continue
             if kind == _COPY:
                 if self._format.is_scan(line):
-                    problems.skip("exact copy of a scan before")
+                    problems.skip(COPIED_SCAN)
                 continue
             try:
                 if kind == _CUT_OFF:
                     raise LineError("line cut off", "the last line is cut off")
-                reading = kept.of_line(number) if kept.is_whole else parse(_bounded(line))
+                reading = kept.of_line(number) if kept.is_whole else parse(bounded(line))
                 if reading is None:
                     continue
                 if kind == _SILENT:
                     # The other lines passed it while they were indexed.
-                    _check(reading, self._geometry)
+                    check(reading, self._geometry)
             except LineError as error:
                 place = f"{self.name}:{number + 1}: {error.detail}"
                 is_lost = bool(error.detail) and self._format.is_scan(line)
@@ -169,7 +167,7 @@ class LineLog(LogBase):
                 continue
             time = times[number]
             stamp = reading.stamp if abs(reading.stamp) <= LATEST_STAMP else time
-            if not _is_finite(reading.tf_odom_tracking):
+            if not is_finite(reading.tf_odom_tracking):
                 place = f"{self.name}:{number + 1}: the odometry pose is NaN or infinite"
                 problems.skip("odometry not finite, scan kept", place)
             elif reading.tf_odom_tracking is not None:
@@ -214,27 +212,26 @@ class LineLog(LogBase):
 
     def _index_lines(self) -> None:
         """Read the file once: the kind and the stamp of each line, and a sample of the scans."""
-        parse = _careful(self._format.parser(self._head))
+        parse = careful(self._format.parser(self._head))
         kinds, stamps = array("H"), array("d")
         self._scanners: list[str] = []
         self._samples: dict[str, ScanSample[Reading]] = {}
         self._settings: dict[str, float] = {}
         num_poses: Counter[int] = Counter()
         first_fault = ""
-        recent: deque[bytes] = deque(maxlen=_COPIED_LINES)
+        copies = CopyFinder()
         for number, line in enumerate(self._text.lines()):
             kind, stamp = _SILENT, math.nan
             outcome: Reading | LineError | None
             try:
-                reading = outcome = parse(_bounded(line))
+                reading = outcome = parse(bounded(line))
                 if reading is not None:
-                    _check(reading, self._geometry)
-                    if math.isfinite(reading.stamp) and line in recent:
+                    check(reading, self._geometry)
+                    if isfinite(reading.stamp) and copies.is_copy(line):
                         kind = _COPY
                     else:
                         kind, stamp = self._index_reading(number, reading), reading.stamp
-                        num_poses[kind] += _has_pose(reading)
-                    recent.append(line)
+                        num_poses[kind] += has_pose(reading)
             except LineError as error:
                 outcome = error
                 if error.detail and not first_fault:
@@ -344,14 +341,6 @@ class LineLog(LogBase):
         )
 
 
-def _bounded(line: bytes) -> bytes:
-    """Return a line as it is, unless it was too long to be kept."""
-    if line is OVERLONG:
-        detail = f"the line is longer than {MAX_LINE_BYTES >> 20} MB"
-        raise LineError("line too long", detail)
-    return line
-
-
 def _rigid_mounting(stated: Sequence[Pose]) -> Pose | None:
     """Return the median of the mounting poses that scans state, None if they differ too much."""
     columns = np.array(stated)
@@ -365,47 +354,3 @@ def _rigid_mounting(stated: Sequence[Pose]) -> Pose | None:
     if np.quantile(np.abs(turns - turn), 0.9) > _MAX_TURN_RAD:
         return None
     return Pose(x, y, wrap_angle(stated[0].theta + turn))
-
-
-def _careful(parse: Parse) -> Parse:
-    """Return a function that parses a line, and finds fault with it whatever happens."""
-
-    def parse_carefully(line: bytes) -> Reading | None:
-        try:
-            return parse(line)
-        except LineError:
-            raise
-        except Exception as error:  # one line must not cost the others
-            what = " ".join(str(error).split())[:80]
-            raise LineError(
-                "line that the reader fails at",
-                f"the reader fails at this line ({type(error).__name__}: {what})",
-            ) from error
-
-    return parse_carefully
-
-
-def _is_finite(pose: Pose | None) -> bool:
-    # The sum first: this is done for each line.
-    return pose is None or isfinite(sum(pose)) or all(map(isfinite, pose))
-
-
-def _has_pose(reading: Reading) -> bool:
-    pose = reading.tf_odom_tracking
-    return pose is not None and _is_finite(pose)
-
-
-def _check(reading: Reading, default: ScanGeometry | None) -> None:
-    """Raise `LineError` if a reading cannot be used; `default`: geometry of scans without one."""
-    ranges = reading.ranges
-    if ranges is None and not _is_finite(reading.tf_odom_tracking):
-        raise LineError("pose not finite", "a number of the pose is NaN or infinite")
-    if ranges is not None and len(ranges) == 0:
-        raise LineError("scan without ranges", "the scan has no ranges")
-    geometry = reading.geometry or default
-    if ranges is None or geometry is None:
-        return
-    step = geometry.angle_increment
-    if abs(step) * (len(ranges) - 1) > MAX_ANGLE:
-        detail = f"{len(ranges)} beams, {step:g} rad apart, sweep over more than two turns"
-        raise LineError("more beams than a sweep has", detail)

@@ -8,7 +8,8 @@ import pytest
 
 from cartoloop.errors import InputError
 from cartoloop.readers import ReadOptions, open_log, open_logs
-from cartoloop.readers.ros.copies import CopyFinder
+from cartoloop.readers.copies import CopyFinder
+from cartoloop.readers.ros.index import TopicStream, is_copy
 from cartoloop.readers.ros.opening import is_recording
 from cartoloop.readers.ros.zstd import zstd
 from cartoloop.sensor.events import Imu, LaserScan, Odometry, PointCloud
@@ -78,15 +79,15 @@ def test_messages_that_are_held_twice_are_read_once(form, tmp_path):
     assert log.problems == []
 
 
-@pytest.mark.parametrize(("seconds", "is_copy"), [(START, True), (0.0, False)])
-def test_equal_messages_without_a_stamp_are_no_copies(seconds, is_copy):
-    bag = BagMaker()
+@pytest.mark.parametrize(("seconds", "has_copy"), [(START, True), (0.0, False)])
+def test_equal_messages_without_a_stamp_are_no_copies(seconds, has_copy):
+    bag, copies = BagMaker(), CopyFinder()
     bag.add("/odom", bag.make.odometry(seconds, (0.0, 0.0, 0.0)), 0.0)
-    ((*_, raw),) = bag.messages
-    finder = CopyFinder(is_ros1=True)
+    ((topic, msgtype, _, raw),) = bag.messages
+    stream = TopicStream(topic, msgtype, "odometry", is_ros1=True)
 
-    assert not finder.is_copy(raw)
-    assert finder.is_copy(raw) is is_copy
+    assert not is_copy(raw, stream, copies)
+    assert is_copy(raw, stream, copies) is has_copy
 
 
 @pytest.mark.parametrize("compression", ["BZ2", "LZ4"])

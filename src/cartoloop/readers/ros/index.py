@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from cartoloop.errors import InputError
+from cartoloop.readers.copies import CopyFinder
 from cartoloop.readers.read_options import ReadOptions
 from cartoloop.readers.ros import raw_messages as ros
 from cartoloop.readers.ros.cloud import RawCloud, decode_cloud
 from cartoloop.readers.ros.container import BagFinding, Channel, Container
-from cartoloop.readers.ros.copies import CopyFinder
 from cartoloop.readers.ros.transforms import TransformTree
 from cartoloop.readers.ros.urdf import parse_urdf, read_urdf
 from cartoloop.readers.ros.wire import DecodeError, frame_name, read_header
@@ -187,7 +187,7 @@ def index_recording(container: Container, options: ReadOptions) -> RecordingInde
         by_key[channel.key] = stream
     is_ros1 = {channel.key: channel.is_ros1 for channel in container.channels}
     edges: dict[tuple[str, str], TopicStream] = {}
-    copies = {name: CopyFinder(stream.is_ros1) for name, stream in streams.items()}
+    copies = {name: CopyFinder() for name in streams}
     for key, recorded, raw in container.messages(by_key.keys() | described):
         record = min(recorded, _LATEST)
         if key in described:
@@ -196,10 +196,18 @@ def index_recording(container: Container, options: ReadOptions) -> RecordingInde
         stream = by_key[key]
         if stream.role == "tf":
             _add_transforms(tree, stream, edges, record, raw)
-        elif not copies[stream.topic, stream.msgtype].is_copy(raw):
+        elif not is_copy(raw, stream, copies[stream.topic, stream.msgtype]):
             _add_message(stream, record, raw)
     findings += _conflicts(tree)
     return RecordingIndex(container, [*streams.values(), *edges.values()], others, tree, findings)
+
+
+def is_copy(raw: bytes, stream: TopicStream, copies: CopyFinder) -> bool:
+    """Return whether a message of a stream is held twice."""
+    try:
+        return copies.is_copy(raw) and read_header(raw, stream.is_ros1).stamp > 0
+    except DecodeError:
+        return False
 
 
 def _add_message(stream: TopicStream, record: int, raw: bytes) -> None:

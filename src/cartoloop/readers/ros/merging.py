@@ -8,11 +8,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cartoloop.readers.copies import COPIED_SCAN, CopyFinder
 from cartoloop.readers.log import ProblemLog
 from cartoloop.readers.ros import raw_messages as ros
 from cartoloop.readers.ros.container import Container
-from cartoloop.readers.ros.copies import CopyFinder
-from cartoloop.readers.ros.index import NO_STAMP, TopicStream, new_poses
+from cartoloop.readers.ros.index import NO_STAMP, TopicStream, is_copy, new_poses
 from cartoloop.readers.ros.stream_times import StreamTimes, merged_order
 from cartoloop.readers.ros.wire import DecodeError
 
@@ -94,7 +94,7 @@ class MergedMessages:
         counts = [0] * len(self._streams)
         owner_of: dict[int, int] = {}
         edges: dict[int, _EdgePoses] = {}
-        copies = [CopyFinder(stream.is_ros1) for stream in self._streams]
+        copies = [CopyFinder() for _ in self._streams]
         for owner, stream in enumerate(self._streams):
             owner_of.update(dict.fromkeys(stream.keys, owner))
             if stream.edge is not None:
@@ -103,9 +103,10 @@ class MergedMessages:
             owner = owner_of.get(key, -1)
             if owner < 0:
                 continue  # a damaged file gives one number to two topics
-            if owner not in edges and copies[owner].is_copy(raw):
-                if self._streams[owner].role in ("scan", "cloud"):
-                    problems.skip("exact copy of a scan before")
+            stream = self._streams[owner]
+            if owner not in edges and is_copy(raw, stream, copies[owner]):
+                if stream.role in ("scan", "cloud"):
+                    problems.skip(COPIED_SCAN)
                 continue
             for message in edges[owner].encoded(raw) if owner in edges else (raw,):
                 number = counts[owner]
