@@ -10,7 +10,7 @@ import pytest
 import cartoloop
 from cartoloop.errors import InputError, Interrupted, OutputError
 from cartoloop.runs.observer import RunObserver
-from cartoloop.sensor.event_faults import SENT_AGAIN
+from cartoloop.sensor.repeated_scans import SENT_AGAIN
 from cartoloop.simulation import ring, simulate
 from cartoloop.stop_request import StopRequest
 

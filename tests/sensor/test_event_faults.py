@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cartoloop.sensor.event_faults import MIN_CHANGES, SENT_AGAIN, EventChecker, fault_of
+from cartoloop.sensor.event_faults import EventChecker, fault_of
 from cartoloop.sensor.events import (
     CloudGeometry,
     Imu,
@@ -19,6 +19,7 @@ from cartoloop.sensor.events import (
     ScanGeometry,
 )
 from cartoloop.sensor.pose import IDENTITY, Pose
+from cartoloop.sensor.repeated_scans import MIN_CHANGES, SENT_AGAIN
 
 SCAN = LaserScan(1.0, 1.0, np.ones(3), ScanGeometry(0.0, 0.1, 3, 0.1, 9.0))
 CLOUD = PointCloud(1.0, 1.0, np.ones((4, 3)), np.zeros(4), CloudGeometry())

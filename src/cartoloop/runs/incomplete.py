@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from cartoloop.errors import InputError, Interrupted
 from cartoloop.runs.end import Saved
-from cartoloop.sensor.event_faults import SENT_AGAIN
+from cartoloop.sensor.repeated_scans import SENT_AGAIN
 
 if TYPE_CHECKING:
     from cartoloop.readers import Log

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 
 import numpy as np
 
@@ -17,27 +16,11 @@ from cartoloop.sensor.events import (
     ScanGeometry,
     SensorEvent,
 )
-from cartoloop.sensor.pose import Pose, relative, wrap_angle
+from cartoloop.sensor.repeated_scans import SENT_AGAIN, RepeatedScans
 from cartoloop.sensor.time_repair import LATEST_STAMP
 
 MAX_TURN_RATE, MAX_ACCELERATION = 100.0, 1000.0
 """Limits of what an IMU on a robot measures [rad/s], [m/s^2]."""
-
-
-SENT_AGAIN = "the scanner repeats its scan while the robot moves"
-"""Reason for skipping a scan that a scanner has sent before."""
-
-STALE_M, STALE_RAD = 0.02, 0.01
-"""A scanner whose scan equals the one before to the last digit, while the odometry has moved by
-more than either of these [m], [rad], has sent the old scan again."""
-
-MIN_CHANGES = 5
-"""Number of times that the scans of a scanner have changed before one counts as sent again: scans
-that are made up may be equal for ever."""
-
-MIN_STALE_RANGES = 20
-"""Number of different ranges that such a scan has at least: where nothing is seen, scans are equal
-as well."""
 
 
 class EventChecker:
@@ -61,9 +44,7 @@ class EventChecker:
         self.last_time = -math.inf
         self._last_time_of: dict[str, float] = {}
         self._sound: ScanGeometry | None = None
-        self._odom: Pose | None = None
-        self._first_equal: dict[str, tuple[bytes, Pose | None]] = {}
-        self._num_changes: Counter[str] = Counter()
+        self._repeated = RepeatedScans()
 
     def reason_to_skip(self, event: SensorEvent) -> str | None:
         """Return why an event cannot be used, or None; the next scans are compared with it."""
@@ -74,7 +55,7 @@ class EventChecker:
         if isinstance(event, Odometry):
             if event.time < self.last_time and not self._accepts_late_odometry:
                 return "time runs backwards"
-            self._odom = event.tf_odom_tracking
+            self._repeated.odom = event.tf_odom_tracking
             return None
         if fault := self._fault_in_order(event):
             return fault
@@ -89,24 +70,9 @@ class EventChecker:
             return "time runs backwards"
         if self._last_time_of.get(scan.geometry.sensor) == scan.time:
             return "two scans at one time"
-        if isinstance(scan, LaserScan) and self._is_sent_again(scan):
+        if isinstance(scan, LaserScan) and self._repeated.is_sent_again(scan):
             return SENT_AGAIN
         return None
-
-    def _is_sent_again(self, scan: LaserScan) -> bool:
-        """Return whether a scan is that before, and the robot has moved since the first of them."""
-        sensor, ranges = scan.geometry.sensor, scan.ranges.tobytes()
-        first, odom = self._first_equal.get(sensor, (b"", None))
-        if ranges != first:
-            self._first_equal[sensor] = ranges, self._odom
-            self._num_changes[sensor] += 1
-            return False
-        if odom is None or self._odom is None or self._num_changes[sensor] < MIN_CHANGES:
-            return False
-        moved = relative(odom, self._odom)
-        distance, angle = math.hypot(moved.x, moved.y), abs(wrap_angle(moved.theta))
-        has_moved = distance > STALE_M or angle > STALE_RAD
-        return has_moved and len(np.unique(scan.ranges)) >= MIN_STALE_RANGES
 
     def _fault_of(self, event: SensorEvent) -> str | None:
         """Return the fault of an event; the geometry that scans share is examined once."""
