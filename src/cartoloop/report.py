@@ -18,7 +18,7 @@ from cartoloop.global_slam.closure_status import Status
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.pose_adjustment import constraint_residuals
 from cartoloop.global_slam.pose_graph import ConstraintKind, PoseGraph
-from cartoloop.quality.odometry_use import turns_against
+from cartoloop.quality.odometry_use import TURNS_ADVICE, TURNS_AGAINST, turns_against
 from cartoloop.quality.verdict import Quality
 from cartoloop.runtime.process_memory import peak_memory_mb
 from cartoloop.runtime.stage_timer import StageSummary
@@ -211,19 +211,9 @@ def sensor_warnings(report: Report) -> list[str]:
         "sensor.max_range sets another limit"
         for name, limit in report.extra.get("useful_range_m", {}).items()
     ]
-    turns = mirror_warning(report)
+    is_mirrored = turns_against(report.extra.get("odometry"))
+    turns = f"{TURNS_AGAINST}; {TURNS_ADVICE}" if is_mirrored else None
     return [line for line in (turns, odometry) if line is not None] + noise
-
-
-def mirror_warning(report: Report) -> str | None:
-    """Return one line if odometry and scans turn to different sides."""
-    if not turns_against(report.extra.get("odometry")):
-        return None
-    return (
-        "the odometry turns to the other side than the scans, so that the map may be a mirror "
-        "image: give --set sensor.upside_down=true if the scanner is mounted upside down or sends "
-        "its beams in the other order; otherwise correct the sign of the odometry's rotation"
-    )
 
 
 def odometry_warning(report: Report) -> str | None:

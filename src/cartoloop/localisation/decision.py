@@ -34,13 +34,14 @@ from cartoloop.localisation.claim_needs import (
     needed_of,
     shows_enough,
 )
+from cartoloop.localisation.fit import Fit
 from cartoloop.localisation.followed_place import (
     MIN_COUNTED_SHARE,
     FollowedPlace,
     follow_best,
     is_proved,
 )
-from cartoloop.localisation.global_search import fit_of_composite, is_same_place, refine
+from cartoloop.localisation.global_search import is_same_place
 from cartoloop.localisation.known_map import KnownMap
 from cartoloop.localisation.trail import Composite
 from cartoloop.sensor.pose import Pose
@@ -158,12 +159,10 @@ def _claim_by_scans(
         return None
     if before.is_undecided:
         needed = needed._replace(score=math.inf)
-    best = candidates[0]
-    claim = _claim(known, composite, best, needed)
-    if claim is None:
-        return None
     # A search finds a place to a pixel, and how well scans fit changes within one.
-    best = refined(known, composite, best.tf_map_tracking)
+    best = refined(known, composite, candidates[0].tf_map_tracking)
+    if not _may_be_claimed(known, composite, candidates[0], best.fit, needed):
+        return None
     is_refuted = partial(_is_refuted, best, margins_of(known, path), needed)
     poses = chain(
         (each.tf_map_tracking for each in candidates[1:]),
@@ -177,7 +176,7 @@ def _claim_by_scans(
         is_same_place(other.tf_map_tracking, best.tf_map_tracking) or is_refuted(other)
         for other in others
     )
-    return claim if is_only_place else None
+    return Claim(best.tf_map_tracking) if is_only_place else None
 
 
 def _claim_by_path(
@@ -224,15 +223,14 @@ def _is_refuted(best: Candidate, margins: Margins, needed: Needed, other: Candid
     return detailed is not None and lower >= 0.0 and detailed.refutes(here, there)
 
 
-def _claim(known: KnownMap, composite: Composite, best: Candidate, needed: Needed) -> Claim | None:
-    """Return the best place as a claim if the scans fit there as they usually do."""
-    if known.value_at(best.tf_map_tracking) == 0:
-        return None
-    match = refine(known, composite.points, best.tf_map_tracking)
-    pose = known.to_map(match.tf_submap_scan)
-    fit = fit_of_composite(known, composite, pose)
+def _may_be_claimed(
+    known: KnownMap, composite: Composite, found: Candidate, fit: Fit, needed: Needed
+) -> bool:
+    """Return whether the scans fit in a place that was found as they usually do, by their fit."""
+    if known.value_at(found.tf_map_tracking) == 0:
+        return False
     is_known = fit.num_counted >= MIN_COUNTED_SHARE * int(composite.scans.counts.sum())
-    return Claim(pose) if is_known and needed.are_reached(best.score, fit) else None
+    return is_known and needed.are_reached(found.score, fit)
 
 
 def _places(known: KnownMap, candidates: list[Candidate]) -> tuple[Place, ...]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cartoloop.quality.odometry_use import turns_against
+from cartoloop.quality.odometry_use import TURNS_ADVICE, TURNS_AGAINST, turns_against
 from cartoloop.quality.pairs import MapContent
 from cartoloop.quality.places import place_around, stamps_of
 from cartoloop.quality.verdict import Kind, Place, Severity
@@ -35,8 +35,7 @@ def mirrored_places(content: MapContent, odometry: Mapping[str, Any] | None) -> 
             stamps_of(content, np.arange(graph.num_nodes)),
             Kind.MIRRORED,
             Severity.DOUBTFUL,
-            "the odometry turns to the other side than the scans: the map may be a mirror image",
-            "give sensor.upside_down=true if the scanner is mounted upside down or sends its beams "
-            "in the other order; otherwise correct the sign of the odometry's rotation",
+            TURNS_AGAINST,
+            TURNS_ADVICE,
         )
     ]

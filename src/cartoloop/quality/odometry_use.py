@@ -75,6 +75,14 @@ def has_odometry(odometry: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, A
     return odometry is not None and odometry.get("translation_error_m") is not None
 
 
+TURNS_AGAINST = "the odometry turns to the other side than the scans: the map may be a mirror image"
+TURNS_ADVICE = (
+    "give sensor.upside_down=true if the scanner is mounted upside down or sends its beams in the "
+    "other order; otherwise correct the sign of the odometry's rotation"
+)
+"""What this means to the user, and what to try."""
+
+
 def turns_against(odometry: Mapping[str, Any] | None) -> bool:
     """Return whether the odometry turns to the other side than the scans."""
     ratio = (odometry or {}).get("turn_ratio")
