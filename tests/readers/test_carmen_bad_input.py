@@ -284,6 +284,26 @@ def test_backward_stamps_are_kept_and_times_follow_the_file(tmp_path):
     assert any("run backwards" in p.message for p in log.problems)
 
 
+def test_few_scans_among_bursty_odometry_keep_their_poses(tmp_path):
+    random = np.random.default_rng(3)
+    lines, own_x = [], []
+    for i in range(600):
+        # written late, in bursts of up to ten lines
+        stamp = round(0.1 * (i + 10 * random.random()), 6)
+        lines.append(f"ODOM {0.05 * i} 0 0 0 0 0 {stamp} host 0")
+        if i % 10 == 5:
+            lines.append(flaser(2.0, stamp=stamp, pose=f"{0.05 * i} 0 0"))
+            own_x.append(0.05 * i)
+    log = open_log(write(tmp_path / "run.clf", *lines))
+
+    events = list(log)
+    times = np.array([e.time for e in events if isinstance(e, LaserScan)])
+    readings = [(e.time, e.tf_odom_tracking.x) for e in events if isinstance(e, Odometry)]
+
+    assert np.diff(times) == pytest.approx([1.0] * (len(times) - 1), abs=0.2)
+    assert [dict(readings)[time] for time in times.tolist()] == own_x
+
+
 def test_lines_without_stamps_get_the_usual_rate(tmp_path):
     lines = [line.rsplit(None, 3)[0] for line in GOOD]
     log = open_log(write(tmp_path / "run.clf", *lines, newline=False))

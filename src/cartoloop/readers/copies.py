@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from collections import deque
 
+from cartoloop.sensor.pose import Pose
+
 COPIED_SCAN = "exact copy of a scan before"
 """Reason for skipping a scan that is held twice."""
 
@@ -27,3 +29,18 @@ class CopyFinder:
             return True
         self._recent.append(content)
         return False
+
+
+class LastOdometry:
+    """Knows whether a line of odometry repeats the one before: a pose with its stamp."""
+
+    def __init__(self) -> None:
+        self._last: tuple[Pose, float] | None = None
+
+    def is_repeated(self, tf_odom_tracking: Pose | None, stamp: float) -> bool:
+        """Return whether a reading is that before it, and note it; None is no reading."""
+        if tf_odom_tracking is None:
+            return False
+        reading = tf_odom_tracking, stamp
+        is_same, self._last = reading == self._last, reading
+        return is_same

@@ -20,7 +20,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.errors import InputError
-from cartoloop.readers.copies import COPIED_SCAN, CopyFinder
+from cartoloop.readers.copies import COPIED_SCAN, CopyFinder, LastOdometry
 from cartoloop.readers.fingerprint import fingerprint
 from cartoloop.readers.kept_readings import KeptReadings
 from cartoloop.readers.line_checks import bounded, careful, check, has_pose, is_finite
@@ -142,7 +142,7 @@ class LineLog(LogBase):
         parse = careful(self._format.parser(self._head))
         unused = self._unused_scanners()
         kinds, times, kept = self._kinds.tolist(), self._times.tolist(), self._kept
-        last_odometry = None
+        last_odometry = LastOdometry()
         for number, (line, kind) in enumerate(zip(self._text.lines(), kinds, strict=False)):
             if kind in unused:
                 problems.skip(unused[kind])
@@ -171,10 +171,9 @@ class LineLog(LogBase):
                 place = f"{self.name}:{number + 1}: the odometry pose is NaN or infinite"
                 problems.skip("odometry not finite, scan kept", place)
             elif reading.tf_odom_tracking is not None:
-                odometry = (reading.tf_odom_tracking, stamp)
-                if not (self._format.repeats_odometry and odometry == last_odometry):
+                is_repeated = last_odometry.is_repeated(reading.tf_odom_tracking, stamp)
+                if not (self._format.repeats_odometry and is_repeated):
                     yield Odometry(stamp, time, reading.tf_odom_tracking)
-                last_odometry = odometry
             if reading.ranges is not None:
                 yield self._scan(reading, reading.ranges, stamp, time)
 
@@ -219,7 +218,7 @@ class LineLog(LogBase):
         self._settings: dict[str, float] = {}
         num_poses: Counter[int] = Counter()
         first_fault = ""
-        copies = CopyFinder()
+        copies, last_odometry = CopyFinder(), LastOdometry()
         for number, line in enumerate(self._text.lines()):
             kind, stamp = _SILENT, math.nan
             outcome: Reading | LineError | None
@@ -227,7 +226,9 @@ class LineLog(LogBase):
                 reading = outcome = parse(bounded(line))
                 if reading is not None:
                     check(reading, self._geometry)
-                    if isfinite(reading.stamp) and copies.is_copy(line):
+                    repeats = last_odometry.is_repeated(reading.tf_odom_tracking, reading.stamp)
+                    repeats = repeats and self._format.repeats_odometry and reading.ranges is None
+                    if isfinite(reading.stamp) and (repeats or copies.is_copy(line)):
                         kind = _COPY
                     else:
                         kind, stamp = self._index_reading(number, reading), reading.stamp

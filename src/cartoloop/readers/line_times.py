@@ -11,7 +11,18 @@ import numpy as np
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.readers.log import ProblemLog
 from cartoloop.readers.text_file import TextFile
-from cartoloop.sensor.time_repair import TimeReport, jump_length, repair_times, times_between
+from cartoloop.sensor.time_repair import (
+    TimeReport,
+    are_bursty,
+    jump_length,
+    repair_times,
+    strictly_increasing,
+    times_between,
+)
+
+DENSE_ODOMETRY = 3
+"""Lines of odometry for each scan from which scans are few: their stamps may seem to be in order
+where those of the odometry show that lines were written in bursts."""
 
 
 def line_times(
@@ -34,8 +45,13 @@ def line_times(
     for lines in reversed(scans):  # the main scanner last: its report is the log's
         times[lines], report = repair_times(stamps[lines])
     sweeps = np.flatnonzero(np.isfinite(times))
-    times[sweeps] = np.maximum.accumulate(times[sweeps])
-    if len(odometry):
+    if len(odometry) >= DENSE_ODOMETRY * len(sweeps) and are_bursty(stamps[odometry]):
+        times[odometry], _ = repair_times(stamps[odometry])
+        times[sweeps] = _times_of_few(stamps, times, sweeps, odometry)
+        num_repaired = int((times[scans[0]] != stamps[scans[0]]).sum())
+        report = replace(report, num_repaired=num_repaired)
+    else:
+        times[sweeps] = np.maximum.accumulate(times[sweeps])
         times[odometry] = times_between(
             stamps[odometry], odometry, stamps[sweeps], times[sweeps], sweeps
         )
@@ -50,6 +66,16 @@ def line_times(
         resets=tuple(scans[0][list(report.resets)].tolist()),
     )
     return times, report
+
+
+def _times_of_few(
+    stamps: FloatArray, times: FloatArray, sweeps: IntArray, odometry: IntArray
+) -> FloatArray:
+    """Return times for scans among lines of odometry, whose times are known."""
+    between = times_between(stamps[sweeps], sweeps, stamps[odometry], times[odometry], odometry)
+    before = odometry[np.maximum(np.searchsorted(odometry, sweeps) - 1, 0)]
+    # a scan repeats the reading before it; in a burst, that after it may have the same stamp
+    return strictly_increasing(np.where(stamps[before] == stamps[sweeps], times[before], between))
 
 
 def note_damage(found: ProblemLog, text: TextFile, num_lines: int) -> None:

@@ -151,6 +151,12 @@ def repair_times(
     return times, report
 
 
+def are_bursty(stamps: FloatArray) -> bool:
+    """Return whether so many stamps run backwards that they were given late, in bursts."""
+    backwards = int((np.diff(stamps) < 0.0).sum())
+    return backwards >= BURSTY_COUNT and backwards >= BURSTY_SHARE * len(stamps)
+
+
 def jump_length(period: float) -> float:
     """Return the minimum length of a jump between stamps [s], given the typical step."""
     return max(MIN_JUMP, JUMP_PERIODS * period)
@@ -217,10 +223,9 @@ def _repair_in_sections(
 
 def _repair_section(stamps: FloatArray, period: float) -> FloatArray:
     """Return increasing times for stamps without long jumps."""
-    backwards = int((np.diff(stamps) < 0.0).sum())
-    if backwards == 0:
+    if not (np.diff(stamps) < 0.0).any():
         return spread_repeats(stamps, period)
-    if backwards >= BURSTY_COUNT and backwards >= BURSTY_SHARE * len(stamps):
+    if are_bursty(stamps):
         ends = [0, *_lasting_gaps(stamps, period), len(stamps)]
         return strictly_increasing(
             np.concatenate([_even_times(stamps[start:end]) for start, end in pairwise(ends)])
