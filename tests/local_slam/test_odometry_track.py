@@ -261,3 +261,15 @@ def test_a_robot_that_sets_off_has_repeated_nothing():
     stands = [(time + 0.2 * k, x, theta) for k in range(1, 20)]
     goes = [(time + 4.0 + 0.2 * k, x + 0.04 * k, theta + 0.1 * k) for k in range(10)]
     assert track(*readings, (time + 0.2, x, theta), *stands, *goes).num_late == 0
+
+
+def test_a_step_from_a_little_before_the_first_reading_is_known():
+    track = OdometryTrack()
+    assert track.known_from(0.5, 3.0) == 0.5
+    for time in (1.0, 2.0, 3.0):
+        track.add(time, Pose(time, 0.0, 0.0))
+    assert track.known_from(0.8, 3.0) == 1.0
+    assert track.known_from(1.2, 3.0) == 1.2
+    # most of what such a step covers is not known
+    assert track.known_from(0.8, 1.2) == 0.8
+    assert track.known_from(-5.0, 3.0) == -5.0

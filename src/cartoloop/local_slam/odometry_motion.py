@@ -268,6 +268,7 @@ class OdometryMotion:
         if self._step_key is not None and _same(key, self._step_key):
             return self._step
         begin, end = begin - model.time_offset, end - model.time_offset
+        begin = self._track.known_from(begin, end)
         before, after = self._track.at(begin), self._track.at(end)
         step = None
         if before is not None and after is not None and not self._track.jumps_between(begin, end):

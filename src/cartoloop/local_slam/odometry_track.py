@@ -28,6 +28,10 @@ MAX_PERIOD_S, MAX_HOLD_SHARE = 1.0, 0.05
 """Readings further apart than the first [s] do not determine a speed. The robot is then assumed at
 the last reading, for a time that is this share of the time between them."""
 
+MAX_HEAD_SHARE = 0.15
+"""A step that begins before the first reading, by this share of it, is known nearly whole: sparse
+scans of a recording begin before the odometry if its clock is late."""
+
 MAX_STEP_M, MAX_SPEED = 1.0, 10.0
 """A step longer than MAX_STEP_M + MAX_SPEED * duration [m], [m/s] is a reset of the odometry, since
 no robot on wheels is so fast."""
@@ -227,6 +231,13 @@ class OdometryTrack:
         if beyond == 0.0 or not gives_speed:
             return self._last
         return interpolate(pose(-2), self._last, 1.0 + beyond / span)
+
+    def known_from(self, begin: float, end: float) -> float:
+        """Return the begin of a step; the first reading's time if that is only a little later."""
+        times = self._readings.times
+        if times and 0.0 < times[0] - begin <= MAX_HEAD_SHARE * (end - begin):
+            return times[0]
+        return begin
 
     def jumps_between(self, begin: float, end: float) -> bool:
         """Return whether the motion between two times is unknown because the readings jumped.
