@@ -97,6 +97,21 @@ def test_after_a_jump_of_odometry_fallback_poses_are_searched(submap, jump):
     assert matcher.num_lost == before + 1
 
 
+@pytest.mark.parametrize("is_far", [True, False])
+def test_after_a_far_step_pixels_are_searched_at_once(submap, is_far):
+    matcher = ScanMatcher(CONFIG)
+    # scans that fit badly have made each residual a usual one
+    matcher.memory = matcher.memory._replace(typical_residual=2.0)
+    information = isotropic_information(0.1, 0.1)
+    prediction = off(0.1, -0.1, 0.3)
+    prior = Prediction(prediction, True, information, lambda: (TRUTH, TRUTH), is_far=is_far)
+
+    found = matcher.match(submap, points(), prior).tf_local_tracking
+
+    assert matcher.num_correlative == is_far
+    assert (abs(wrap_angle(found.theta - TRUTH.theta)) < 0.02) == is_far
+
+
 @pytest.mark.parametrize("step", [Pose(0.7, 0.05, 0.1), Pose(1.1, -0.2, -0.3)])
 def test_a_step_backwards_reported_as_forwards_is_found(submap, step):
     matcher = ScanMatcher(CONFIG)

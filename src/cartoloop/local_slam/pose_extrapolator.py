@@ -33,6 +33,10 @@ MAX_RECENT = 256
 STANDING_SPEED, STANDING_RATE = 0.05, 0.03
 """Velocities below which matched scans do not contradict rest [m/s], [rad/s]: their noise."""
 
+FAR_M, FAR_RAD = 0.5, math.radians(15.0)
+"""Step from scan to scan by odometry from which it is far [m], [rad]: scans are sparse then, or the
+robot turns fast."""
+
 
 class PoseExtrapolator:
     """Predicts by odometry where it is available, by constant velocity otherwise.
@@ -168,6 +172,7 @@ class PoseExtrapolator:
             self.odometry.information(self._prediction),
             partial(self._fallbacks, time),
             stands=step == IDENTITY,
+            is_far=math.hypot(step.x, step.y) > FAR_M or abs(step.theta) > FAR_RAD,
         )
 
     def _without_trusted_odometry(self, time: float) -> Pose:

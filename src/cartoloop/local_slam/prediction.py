@@ -25,6 +25,8 @@ class Prediction(NamedTuple):
         velocity. Valid until the pose of the scan is added.
     stands : whether the odometry reports no motion at all, also before it is known to work.
     over_jump : pose by odometry that jumped, as it was reported; None if it did not jump.
+    is_far : whether the odometry reports a step after which scans overlap so little that least
+        squares may end in a wrong minimum, though not in a poor one.
     """
 
     tf_local_tracking: Pose
@@ -33,6 +35,7 @@ class Prediction(NamedTuple):
     fallbacks: Callable[[], tuple[Pose, Pose]]
     stands: bool = False
     over_jump: Pose | None = None
+    is_far: bool = False
 
 
 def isotropic_information(translation_sigma: float, rotation_sigma: float) -> FloatArray:

@@ -127,10 +127,14 @@ class ScanMatcher:
         self._typical_residual += self._settings.window.residual_memory * change
 
     def _near_prediction(self, fit: ScanFit) -> LeastSquaresMatch:
-        """Return the match by (CS) from the prediction, or from the best pixel if that is poor."""
+        """Return the match by (CS) from the prediction, or from the best pixel if that is better.
+
+        Pixels are searched where the match is poor, or the robot moved far since the last scan.
+        """
         prediction, window = fit.prediction, self._settings.window
         best = fit.refine(fit.prior, fit.prior, prediction.information)
-        if best.residual > self._typical_residual * window.poor_residual_ratio:
+        is_poor = best.residual > self._typical_residual * window.poor_residual_ratio
+        if is_poor or prediction.is_far:
             self.num_correlative += 1
             start = fit.search(fit.prior, window)
             found = fit.refine(start, fit.prior, prediction.information)
