@@ -39,6 +39,7 @@ from cartoloop.sensor.isolated_returns import without_isolated
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative, transform_points
 from cartoloop.sensor.range_filter import RangeFilter, thin
 from cartoloop.sensor.scan_points import ScanPoints
+from cartoloop.sensor.slanting_walls import without_hidden
 from cartoloop.sensor.wall_smoothing import smoothed
 from cartoloop.submaps.probability_grid import (
     behind_walls,
@@ -49,7 +50,7 @@ from cartoloop.submaps.probability_grid import (
 from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (
-    "local SLAM", "filter", "smooth", "isolated", "thin", "move", "cast rays", "update cells",
+    "local SLAM", "filter", "smooth", "hide", "isolated", "thin", "move", "cast rays", "update cells",
     "insert", "match", "correlative", "wall step",
     "finish", "precompute", "mean score", "agree", "fit", "changes", "displace", "branch and bound",
     "match again", "compose map", "fade",
@@ -128,13 +129,19 @@ def _scan_workloads(driven: Drive) -> Iterator[Workload]:
     range_filter = RangeFilter(config.sensor)
     data = range_filter.apply(scan)
     yield Workload(
-        "filter", ("near_neighbours", "range_projection", "voxel_filter", "wall_smoothing"), case,
-        partial(range_filter.apply, scan), beams, "beams",
+        "filter",
+        ("near_neighbours", "range_projection", "slanting_walls", "voxel_filter", "wall_smoothing"),
+        case, partial(range_filter.apply, scan), beams, "beams",
     )  # fmt: skip
     step, range_max = scan.geometry.angle_increment, scan.geometry.range_max
     yield Workload(
         "smooth", ("wall_smoothing",), case,
         partial(smoothed, scan.ranges, step, 0.1, range_max), beams, "beams",
+    )  # fmt: skip
+    ray_length = config.sensor.missing_data_ray_length
+    yield Workload(
+        "hide", ("slanting_walls",), case,
+        partial(without_hidden, scan.ranges, step, 0.1, range_max, ray_length), beams, "beams",
     )  # fmt: skip
     thinning = config.local_slam.adaptive_voxel_filter
     yield Workload(

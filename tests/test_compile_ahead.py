@@ -73,6 +73,7 @@ LOCAL_SLAM = {
     "ray_fan",
     "search_window",
     "scan_residuals",
+    "slanting_walls",
     "voxel_filter",
     "wall_joints",
     "wall_smoothing",

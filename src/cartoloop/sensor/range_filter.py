@@ -19,6 +19,7 @@ from cartoloop.sensor.blocked_beams import BlockedBeams
 from cartoloop.sensor.events import CloudGeometry, LaserScan, PointCloud, ScanGeometry
 from cartoloop.sensor.pose import Pose
 from cartoloop.sensor.range_noise import RangeNoise
+from cartoloop.sensor.slanting_walls import without_hidden
 from cartoloop.sensor.sweep_motion import AT_REST, SweepMotion, rotation, sensor_in_sweep
 from cartoloop.sensor.wall_smoothing import smoothed
 
@@ -130,6 +131,14 @@ class RangeFilter:
         if self._config.smooth_walls:
             ranges = smoothed(
                 ranges, geometry.angle_increment, limits.min_range, limits.no_return_range
+            )
+        if geometry.no_return_is_free:
+            ranges = without_hidden(
+                ranges,
+                geometry.angle_increment,
+                limits.min_range,
+                limits.no_return_range,
+                limits.free_ray_length,
             )
         returns = np.empty((geometry.num_beams, 2))
         misses = np.empty((geometry.num_beams, 2))

@@ -152,7 +152,7 @@ def repair_times(
 
 
 def are_bursty(stamps: FloatArray) -> bool:
-    """Return whether so many stamps run backwards that they were given late, in bursts."""
+    """Return whether stamps run backwards often: lines were written late, in bursts."""
     backwards = int((np.diff(stamps) < 0.0).sum())
     return backwards >= BURSTY_COUNT and backwards >= BURSTY_SHARE * len(stamps)
 
