@@ -50,8 +50,8 @@ from cartoloop.submaps.probability_grid import (
 from cartoloop.submaps.submap import Submap
 
 DRIVE_KERNELS = (
-    "local SLAM", "filter", "smooth", "hide", "isolated", "thin", "move", "cast rays", "update cells",
-    "insert", "match", "correlative", "wall step",
+    "local SLAM", "filter", "smooth", "hide", "isolated", "thin", "move", "cast rays",
+    "update cells", "insert", "match", "correlative", "wall step",
     "finish", "precompute", "mean score", "agree", "fit", "changes", "displace", "branch and bound",
     "match again", "compose map", "fade",
 )  # fmt: skip
