@@ -19,6 +19,7 @@ from cartoloop.localisation.followed_place import (
     SUM_OF_SCAN,
     follow_best,
     follow_in,
+    has_rival,
     is_proved,
     needed_sum,
     refuting_sum,
@@ -143,6 +144,24 @@ def test_other_places_are_followed_before_one_is_proved():
     outscored = [followed[0]._replace(fit=lower)]
     assert is_proved(box, scans, PATH_M, outscored, [], [])
     assert not is_proved(box, scans, PATH_M, outscored, [turned], [])
+
+
+def test_of_two_places_that_are_built_alike_each_is_the_other_s_rival(known, bent):
+    box = known_map(BOX)
+    truth = drive(Pose(3.0, 3.0, 0.1), 8, step=0.3)
+    scans = path_of(BOX, truth, bend=0.4)
+    box.usual = fit_of_composite(box, path_of(BOX, truth), truth[-1])
+    box.low_agreement, box.low_distinctness, box.has_own_fits = 0.97, 0.9, True
+    turned = Pose(10.0 - truth[-1].x, 7.0 - truth[-1].y, truth[-1].theta + math.pi)
+    # moved as one, the scans fit less in it
+    turned = compose(turned, Pose(0.05, 0.05, 0.02))
+    wrong = Pose(NEWEST.x - 0.5, NEWEST.y - 0.4, NEWEST.theta + math.pi)
+
+    assert has_rival(box, scans, truth[-1], [turned])
+    assert not has_rival(box, scans, truth[-1], [truth[-1]])
+    assert not has_rival(known, bent, NEWEST, [wrong])
+    box.has_own_fits = False
+    assert not has_rival(box, scans, truth[-1], [turned])
 
 
 def test_nothing_is_proved_in_a_map_without_own_scans(bent):

@@ -39,6 +39,7 @@ from cartoloop.localisation.followed_place import (
     MIN_COUNTED_SHARE,
     FollowedPlace,
     follow_best,
+    has_rival,
     is_proved,
 )
 from cartoloop.localisation.global_search import is_same_place
@@ -176,7 +177,12 @@ def _claim_by_scans(
         is_same_place(other.tf_map_tracking, best.tf_map_tracking) or is_refuted(other)
         for other in others
     )
-    return Claim(best.tf_map_tracking) if is_only_place else None
+    if not is_only_place:
+        return None
+    likely = chain((each.tf_map_tracking for each in candidates[1:]), before.kept)
+    if has_rival(known, composite, best.tf_map_tracking, likely):
+        return None
+    return Claim(best.tf_map_tracking)
 
 
 def _claim_by_path(

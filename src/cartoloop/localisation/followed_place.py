@@ -46,6 +46,10 @@ SCAN_M, MAX_SCANS_M = 0.1, 1.0
 """Each scan that is kept counts as the first on the path, and all as the second at most [m]: a
 robot that turns on the spot sees more, but not of other places."""
 
+RIVAL_SUM = 0.1
+"""Where scans that are moved as one prove a place, another one is its rival down to a sum that is
+lower by this: a path that is bent may fit better in the wrong one of two that are built alike."""
+
 KEPT_SUM = 2.3
 """Places are kept from one search to the next down to this sum; most wrong ones have less."""
 
@@ -211,6 +215,28 @@ def is_proved(
     if any(_outscores(known, composite, pose, best, most) for pose in listed):
         return False
     return not any(
+        _may_reach(known, composite, pose, least)
+        and (place := follow_in(known, composite, pose)).total > least
+        and not is_same_place(place.pose, best.pose)
+        for pose in others
+    )
+
+
+def has_rival(
+    known: KnownMap, composite: Composite, tf_map_newest: Pose, others: Iterable[Pose]
+) -> bool:
+    """Return whether scans fit about as well in another place if each is matched there.
+
+    Parameters
+    ----------
+    tf_map_newest : of the newest scan in the place where the scans, moved as one, fit best.
+    others : the same of the other places.
+    """
+    if not known.has_own_fits or len(composite.scans) < 2:
+        return False
+    best = follow_in(known, composite, tf_map_newest)
+    least = best.total - RIVAL_SUM
+    return any(
         _may_reach(known, composite, pose, least)
         and (place := follow_in(known, composite, pose)).total > least
         and not is_same_place(place.pose, best.pose)
