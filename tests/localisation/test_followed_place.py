@@ -146,7 +146,7 @@ def test_other_places_are_followed_before_one_is_proved():
     assert not is_proved(box, scans, PATH_M, outscored, [turned], [])
 
 
-def test_of_two_places_that_are_built_alike_each_is_the_other_s_rival(known, bent):
+def test_a_place_that_is_built_alike_is_a_rival(known, bent):
     box = known_map(BOX)
     truth = drive(Pose(3.0, 3.0, 0.1), 8, step=0.3)
     scans = path_of(BOX, truth, bend=0.4)
