@@ -87,6 +87,25 @@ def test_odometry_later_than_the_scans_is_measured(tmp_path):
     assert re.search(r"0\.(39|40|41) s newer", finding.message)
 
 
+def test_a_scanner_upside_down_shows_in_the_turns(tmp_path):
+    path = tmp_path / "upright.log"
+    simulate(ring(), seed=2, duration=250.0).write_carmen(path)
+
+    def reverse(lines):
+        for line in lines:
+            words = line.split()
+            if words[0] == "FLASER":
+                end = 2 + int(words[1])
+                words[2:end] = words[2:end][::-1]
+            yield " ".join(words)
+
+    examination = examine(changed(path, tmp_path, reverse))
+
+    assert the(examination, "odometry_mirrored").severity == "warning"
+    assert "upside_down" in the(examination, "odometry_mirrored").remedy
+    assert "odometry_mirrored" not in codes(examine(path))
+
+
 def test_faults_of_a_log_are_found_with_place_and_count(good_log, tmp_path):
     def spoil(lines):
         scans = [k for k, line in enumerate(lines) if line.startswith("FLASER")]

@@ -14,6 +14,7 @@ from cartoloop.config import Config
 from cartoloop.doctor.odometry import OdometryWatch
 from cartoloop.local_slam.local_slam import LocalSlam
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.quality.odometry_use import turns_against
 from cartoloop.readers.log import Log
 from cartoloop.runtime.stage_timer import StageTimer
 from cartoloop.sensor.event_faults import fault_of
@@ -35,12 +36,14 @@ class Calibration:
     first_scan, num_scans : which part.
     num_matched : scans that could be matched.
     model : of the odometry.
+    is_mirrored : whether the odometry turns to the other side than the scans.
     """
 
     first_scan: int
     num_scans: int
     num_matched: int
     model: OdometryParameters
+    is_mirrored: bool
 
 
 def choose_part(scan_times: FloatArray, odometry: OdometryWatch, size: int = PART_SCANS) -> int:
@@ -87,7 +90,13 @@ def calibrate(
             num_matched += slam.add_scan(event).was_matched
             num_scans += 1
             last = event.time
-    return Calibration(first, num_scans, num_matched, slam.extrapolator.odometry.model)
+    return Calibration(
+        first,
+        num_scans,
+        num_matched,
+        slam.extrapolator.odometry.model,
+        turns_against(slam.summary()["odometry"]),
+    )
 
 
 def _between(log: Log, start: float, end: float) -> Iterator[SensorEvent]:

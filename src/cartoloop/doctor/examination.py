@@ -121,7 +121,8 @@ def examine(
             findings += check_scans(watch, profiles.get(watch.name), watches.odometry.path_length)
         else:
             findings += check_clouds(watch)
-    findings += check_odometry(watches.odometry, model)
+    is_mirrored = calibration is not None and calibration.is_mirrored
+    findings += check_odometry(watches.odometry, model, is_mirrored=is_mirrored)
     findings += check_imu(watches.imu)
     return Examination(
         path=path,

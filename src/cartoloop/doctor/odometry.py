@@ -12,6 +12,7 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.doctor.findings import Finding, first_of
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.quality.odometry_use import TURNS_ADVICE, TURNS_AGAINST
 from cartoloop.sensor.events import Odometry
 from cartoloop.sensor.pose import Pose, relative
 
@@ -100,12 +101,15 @@ class OdometryWatch:
         return np.interp(times, np.asarray(self.times), turned)
 
 
-def check_odometry(watch: OdometryWatch, model: OdometryParameters | None) -> list[Finding]:
+def check_odometry(
+    watch: OdometryWatch, model: OdometryParameters | None, *, is_mirrored: bool = False
+) -> list[Finding]:
     """Return what is wrong with the odometry.
 
     Parameters
     ----------
     model : as calibrated against the scans; None if it was not.
+    is_mirrored : whether it turns to the other side than the scans.
     """
     if watch.count == 0 and not watch.num_bad:
         return [
@@ -118,7 +122,9 @@ def check_odometry(watch: OdometryWatch, model: OdometryParameters | None) -> li
             )
         ]
     found = [check_finite(watch), check_jumps(watch), check_moves(watch)]
-    if model is not None:
+    if is_mirrored:
+        found.append(check_side(watch))
+    elif model is not None:
         found += [
             check_agreement(watch, model),
             check_offset(watch, model),
@@ -182,6 +188,13 @@ def check_agreement(watch: OdometryWatch, model: OdometryParameters) -> Finding 
         "the scans are believed; check frames, units and stamps, or give --odom-topic none",
         watch.name,
         watch.count,
+    )
+
+
+def check_side(watch: OdometryWatch) -> Finding:
+    """Turns to the other side than those of the scans."""
+    return Finding(
+        "warning", "odometry_mirrored", TURNS_AGAINST, TURNS_ADVICE, watch.name, watch.count
     )
 
 
