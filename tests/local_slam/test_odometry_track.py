@@ -139,6 +139,21 @@ def test_across_resets_poses_are_known_as_they_were_reported():
     assert readings.reported_at(0.9) is None
 
 
+def test_right_before_a_reset_the_pose_after_it_is_reported():
+    readings = track((1.0, 0.0, 0.0), (1.2, 0.1, 0.0), (1.4, 50.0, 2.0), (1.6, 50.1, 2.1))
+    assert readings.reported_at(1.2) == pytest.approx(Pose(0.1, 0.2, 0.0))
+    assert readings.reported_at(1.35) == pytest.approx(Pose(50.0, 100.0, 2.0))
+
+
+def test_a_step_that_begins_right_before_a_reset_is_known_after_it():
+    readings = track((1.0, 0.0, 0.0), (1.2, 0.1, 0.0), (1.4, 50.0, 0.0), (1.6, 50.1, 0.0))
+    assert readings.known_from(1.32, 1.52) == 1.4
+    # half of the step would not be known
+    assert readings.known_from(1.25, 1.45) == 1.25
+    assert readings.known_from(1.1, 1.3) == 1.1
+    assert readings.known_from(1.5, 1.7) == 1.5
+
+
 def test_motion_after_a_reset_is_known_at_the_next_reading():
     readings = track((1.0, 0.0, 0.0), (1.2, 0.1, 0.0), (1.4, 50.0, 0.0))
     assert readings.jumps_between(1.4, 1.5)

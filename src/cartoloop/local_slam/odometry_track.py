@@ -32,6 +32,9 @@ MAX_HEAD_SHARE = 0.15
 """A step that begins before the first reading, by this share of it, is known nearly whole: sparse
 scans of a recording begin before the odometry if its clock is late."""
 
+MAX_SHARE_AT_JUMP = 0.5
+"""The same of a step that begins right before a jump: after it the robot moves as before."""
+
 MAX_STEP_M, MAX_SPEED = 1.0, 10.0
 """A step longer than MAX_STEP_M + MAX_SPEED * duration [m], [m/s] is a reset of the odometry, since
 no robot on wheels is so fast."""
@@ -233,11 +236,23 @@ class OdometryTrack:
         return interpolate(pose(-2), self._last, 1.0 + beyond / span)
 
     def known_from(self, begin: float, end: float) -> float:
-        """Return the begin of a step; the first reading's time if that is only a little later."""
+        """Return from when on a step is known: its begin, or a reading that is a little later.
+
+        That is the first one, or the first one after a jump.
+        """
         times = self._readings.times
-        if times and 0.0 < times[0] - begin <= MAX_HEAD_SHARE * (end - begin):
-            return times[0]
-        return begin
+        if not times or begin >= times[-1]:
+            return begin
+        after = bisect_left(times, begin)
+        share = MAX_HEAD_SHARE if after == 0 else MAX_SHARE_AT_JUMP if self._jumped(after) else 0.0
+        is_little = 0.0 < times[after] - begin <= share * (end - begin)
+        return times[after] if is_little else begin
+
+    def _jumped(self, row: int) -> bool:
+        """Return whether a reading is the first after a jump."""
+        time = self._readings.times[row]
+        number = bisect_left(self._jump_times, time)
+        return number < len(self._jump_times) and self._jump_times[number] == time
 
     def jumps_between(self, begin: float, end: float) -> bool:
         """Return whether the motion between two times is unknown because the readings jumped.
@@ -256,8 +271,15 @@ class OdometryTrack:
         return bisect_right(jumps, first) < bisect_right(jumps, until)
 
     def reported_at(self, time: float) -> Pose | None:
-        """Return tf_odom_tracking as it was reported, jumps included; None as :meth:`at`."""
-        pose = self.at(time)
+        """Return tf_odom_tracking as it was reported, jumps included; None as :meth:`at`.
+
+        Right before a jump it is the pose after it: what seems to be one may be a motion in a gap
+        that the times do not show, and most of such a gap precedes a scan.
+        """
+        pose, times = self.at(time), self._readings.times
+        after = bisect_left(times, time)
+        if after < len(times) and self._jumped(after):
+            pose, time = self._readings.pose(after), times[after]
         number = bisect_right(self._jump_times, time)
         if pose is None or number == 0:
             return pose
