@@ -108,8 +108,18 @@ def held(share: float, seconds: float) -> Apply:
 
 
 def reverse_beams(log: CarmenText, _: Rng) -> None:
-    """Send the beams in the other order, as of a scanner that is mounted upside down."""
-    log.ranges = [None if ranges is None else ranges[::-1] for ranges in log.ranges]
+    """Send the beams in the other order, as of a scanner that is mounted upside down.
+
+    An even number of beams begins on the right and ends one step before the left: there is none
+    that is straight on the left once they are mirrored.
+    """
+
+    def reversed_beams(ranges: FloatArray) -> FloatArray:
+        if len(ranges) % 2:
+            return ranges[::-1]
+        return np.append(log.no_return, ranges[:0:-1])
+
+    log.ranges = [None if ranges is None else reversed_beams(ranges) for ranges in log.ranges]
 
 
 def slanting(change: float) -> Apply:
