@@ -50,7 +50,9 @@ def bench_localisation(
     scans: Annotated[int, typer.Option(min=2, help="Single scans of each recording.")] = 300,
     drives: Annotated[int, typer.Option(min=1, help="Drives of each recording and world.")] = 40,
     seeds: Annotated[int, typer.Option(min=0, help="Simulated worlds.")] = 5,
-    first_seed: Annotated[int, typer.Option(min=0, help="First seed of 'strangers'.")] = 0,
+    first_seed: Annotated[
+        int, typer.Option(min=0, help="First seed of 'strangers' and 'alike'.")
+    ] = 0,
     hours: Annotated[float, typer.Option(min=0.0, help="Of one drive again and again.")] = 10.0,
     only: Annotated[
         list[str] | None,

@@ -56,7 +56,7 @@ class Options:
     seeds : simulated worlds.
     hours : of the one drive that is driven again and again.
     parts : names of recordings, and of :data:`PARTS`.
-    first_stranger : seed of the first world whose map is used for another one.
+    first_seed : of the worlds whose maps are used for others, and of those with two wings.
     """
 
     scans: int
@@ -64,7 +64,7 @@ class Options:
     seeds: int
     hours: float
     parts: Sequence[str]
-    first_stranger: int = 0
+    first_seed: int = 0
 
 
 def run(data: Path, options: Options, progress: Progress) -> Record:
@@ -87,12 +87,12 @@ def run(data: Path, options: Options, progress: Progress) -> Record:
         progress(f"{name}: mapping both halves")
         drive = CutRecording(path).drive()
         rows += _reported(_recording_rows(drive, options, progress), progress)
-    strangers = range(options.first_stranger, options.first_stranger + options.seeds)
+    seeds = range(options.first_seed, options.first_seed + options.seeds)
     makers: dict[str, Callable[[], Iterator[Row]]] = {
         "worlds": lambda: simulated_rows(options.seeds, options.drives, progress),
-        "strangers": lambda: stranger_rows(strangers, options.drives, progress),
+        "strangers": lambda: stranger_rows(seeds, options.drives, progress),
         "changes": lambda: changed_rows(options.seeds, progress),
-        "alike": lambda: alike_rows(options.seeds, progress),
+        "alike": lambda: alike_rows(seeds, progress),
         "times": lambda: time_rows(data, options.scans, progress),
         "long": lambda: long_drive_rows(options.hours, progress),
     }

@@ -212,10 +212,10 @@ def _carried(
         yield measures.carried_away(known, away, at, MAX_PATH_M)
 
 
-def alike_rows(seeds: int, progress: Progress) -> Iterator[Row]:
+def alike_rows(seeds: Sequence[int], progress: Progress) -> Iterator[Row]:
     """Return how often a robot is located in the wrong one of two wings that look alike."""
     runs: list[measures.Followed] = []
-    for seed in range(seeds):
+    for seed in seeds:
         progress(f"{ALIKE} {seed}: mapping and driving again")
         drive = simulated_drive(ALIKE, seed)
         known = known_map_of(drive.result)
@@ -223,7 +223,7 @@ def alike_rows(seeds: int, progress: Progress) -> Iterator[Row]:
             first = int(share_of_drive * len(drive.truth))
             runs.append(measures.follow(known, drive, first, MAX_PATH_M))
     if runs:
-        case: Case = {"drive": f"{ALIKE}, {seeds} seeds", "map": "ours"}
+        case: Case = {"drive": f"{ALIKE}, {len(seeds)} seeds", "map": "ours"}
         figures = driving_figures(runs, by_overlap=False)
         yield Row({"what": "wings that look alike, from nowhere", **case}, figures)
 

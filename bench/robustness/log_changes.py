@@ -114,10 +114,12 @@ def reverse_beams(log: CarmenText, _: Rng) -> None:
     that is straight on the left once they are mirrored.
     """
 
+    no_return = log.no_return
+
     def reversed_beams(ranges: FloatArray) -> FloatArray:
         if len(ranges) % 2:
             return ranges[::-1]
-        return np.append(log.no_return, ranges[:0:-1])
+        return np.append(no_return, ranges[:0:-1])
 
     log.ranges = [None if ranges is None else reversed_beams(ranges) for ranges in log.ranges]
 
