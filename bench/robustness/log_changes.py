@@ -113,7 +113,6 @@ def reverse_beams(log: CarmenText, _: Rng) -> None:
     An even number of beams begins on the right and ends one step before the left: there is none
     that is straight on the left once they are mirrored.
     """
-
     no_return = log.no_return
 
     def reversed_beams(ranges: FloatArray) -> FloatArray:
