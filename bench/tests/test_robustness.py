@@ -172,7 +172,7 @@ def test_some_seconds_of_each_minute_are_paused(source, original, tmp_path):
     assert steps.max() < 3.0 + 3.0 * np.diff(original.times).max()
 
 
-def test_beams_in_the_other_order_are_those_of_the_mirrored_angles(source, original, tmp_path):
+def test_beams_in_the_other_order_have_mirrored_angles(source, original, tmp_path):
     before, after = ranges_of(original), ranges_of(changed(source, tmp_path, "upside-down"))
     count = before.shape[1]
     # in the mirrored scan, the beam at an angle is that at its negative

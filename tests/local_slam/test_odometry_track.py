@@ -145,7 +145,7 @@ def test_right_before_a_reset_the_pose_after_it_is_reported():
     assert readings.reported_at(1.35) == pytest.approx(Pose(50.0, 100.0, 2.0))
 
 
-def test_a_step_that_begins_right_before_a_reset_is_known_after_it():
+def test_a_step_from_right_before_a_reset_is_known():
     readings = track((1.0, 0.0, 0.0), (1.2, 0.1, 0.0), (1.4, 50.0, 0.0), (1.6, 50.1, 0.0))
     assert readings.known_from(1.32, 1.52) == 1.4
     # half of the step would not be known
