@@ -5,11 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from cartoloop.sensor.ordered_times import longest_ordered, spread_repeats, strictly_increasing
 from cartoloop.sensor.time_repair import (
-    longest_ordered,
     repair_times,
-    spread_repeats,
-    strictly_increasing,
     times_between,
 )
 

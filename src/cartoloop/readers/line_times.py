@@ -11,12 +11,12 @@ import numpy as np
 from cartoloop.arrays import FloatArray, IntArray
 from cartoloop.readers.log import ProblemLog
 from cartoloop.readers.text_file import TextFile
+from cartoloop.sensor.ordered_times import strictly_increasing
 from cartoloop.sensor.time_repair import (
     TimeReport,
     are_bursty,
     jump_length,
     repair_times,
-    strictly_increasing,
     times_between,
 )
 
