@@ -129,14 +129,20 @@ def test_a_low_score_proves_no_place(known, bent, monkeypatch):
     assert not is_proved(known, bent, PATH_M, followed, [], [])
 
 
-def test_other_places_are_followed_before_one_is_proved():
+def in_a_box():
+    """Return a room that looks the same turned by half, scans in it, and both of their places."""
     box = known_map(BOX)
     truth = drive(Pose(3.0, 3.0, 0.1), 8, step=0.3)
     scans = path_of(BOX, truth, bend=0.4)
     box.usual = fit_of_composite(box, path_of(BOX, truth), truth[-1])
     box.low_agreement, box.low_distinctness, box.has_own_fits = 0.97, 0.9, True
     turned = Pose(10.0 - truth[-1].x, 7.0 - truth[-1].y, truth[-1].theta + math.pi)
-    followed = follow_best(box, scans, [truth[-1]])
+    return box, scans, truth[-1], turned
+
+
+def test_other_places_are_followed_before_one_is_proved():
+    box, scans, newest, turned = in_a_box()
+    followed = follow_best(box, scans, [newest])
 
     assert is_proved(box, scans, PATH_M, followed, [], [])
     assert not is_proved(box, scans, PATH_M, followed, [], [turned])
@@ -147,21 +153,16 @@ def test_other_places_are_followed_before_one_is_proved():
 
 
 def test_a_place_that_is_built_alike_is_a_rival(known, bent):
-    box = known_map(BOX)
-    truth = drive(Pose(3.0, 3.0, 0.1), 8, step=0.3)
-    scans = path_of(BOX, truth, bend=0.4)
-    box.usual = fit_of_composite(box, path_of(BOX, truth), truth[-1])
-    box.low_agreement, box.low_distinctness, box.has_own_fits = 0.97, 0.9, True
-    turned = Pose(10.0 - truth[-1].x, 7.0 - truth[-1].y, truth[-1].theta + math.pi)
+    box, scans, newest, turned = in_a_box()
     # moved as one, the scans fit less in it
     turned = compose(turned, Pose(0.05, 0.05, 0.02))
     wrong = Pose(NEWEST.x - 0.5, NEWEST.y - 0.4, NEWEST.theta + math.pi)
 
-    assert has_rival(box, scans, truth[-1], [turned])
-    assert not has_rival(box, scans, truth[-1], [truth[-1]])
+    assert has_rival(box, scans, newest, [turned])
+    assert not has_rival(box, scans, newest, [newest])
     assert not has_rival(known, bent, NEWEST, [wrong])
     box.has_own_fits = False
-    assert not has_rival(box, scans, truth[-1], [turned])
+    assert not has_rival(box, scans, newest, [turned])
 
 
 def test_nothing_is_proved_in_a_map_without_own_scans(bent):
