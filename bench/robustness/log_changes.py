@@ -197,14 +197,66 @@ def newer_odometry(seconds: float) -> Apply:
     """Return the change that takes the odometry from a later time [s]."""
 
     def apply(log: CarmenText, _: Rng) -> None:
-        times = log.times
-        known = times + np.arange(len(times)) * 1e-7  # so that all differ
-        columns = (log.poses[:, 0], log.poses[:, 1], np.unwrap(log.poses[:, 2]))
-        log.poses = np.column_stack(
-            [np.interp(times + seconds, known, column) for column in columns]
-        )
+        log.poses = _odometry_at(log, log.times + seconds)
 
     return apply
+
+
+def jittering_odometry(sigma: float) -> Apply:
+    """Return the change that takes the odometry from times with normal errors [s]."""
+
+    def apply(log: CarmenText, rng: Rng) -> None:
+        log.poses = _odometry_at(log, log.times + rng.normal(0.0, sigma, len(log.poses)))
+
+    return apply
+
+
+def _odometry_at(log: CarmenText, times: FloatArray) -> FloatArray:
+    """Return the odometry at some times, interpolated, shape (n, 3)."""
+    known = log.times + np.arange(len(log.poses)) * 1e-7  # so that all differ
+    columns = (log.poses[:, 0], log.poses[:, 1], np.unwrap(log.poses[:, 2]))
+    return np.column_stack([np.interp(times, known, column) for column in columns])
+
+
+def noisy_odometry(share: float, radians_a_metre: float) -> Apply:
+    """Return the change that makes the odometry's steps noisy.
+
+    Parameters
+    ----------
+    share : standard deviation of the lengths and turns of its steps, as a share of them.
+    radians_a_metre : standard deviation of the heading after a metre.
+    """
+
+    def apply(log: CarmenText, rng: Rng) -> None:
+        def change(steps: FloatArray) -> FloatArray:
+            count, noisy = len(steps), steps.copy()
+            noisy[:, :2] *= 1.0 + rng.normal(0.0, share, (count, 1))
+            noisy[:, 2] *= 1.0 + rng.normal(0.0, share, count)
+            lengths = np.hypot(steps[:, 0], steps[:, 1])
+            noisy[:, 2] += rng.normal(0.0, radians_a_metre, count) * np.sqrt(lengths)
+            return noisy
+
+        odometry_steps(change)(log, rng)
+
+    return apply
+
+
+def short_sighted(reach: float) -> Apply:
+    """Return the change that leaves out returns from farther than the scanner reaches [m]."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        no_return = log.no_return
+        for ranges in log.ranges:
+            if ranges is not None:
+                ranges[ranges > reach] = no_return
+
+    return apply
+
+
+def cheap_robot(log: CarmenText, rng: Rng) -> None:
+    """Make the recording one of a robot with noisy wheels and a scanner that reaches 8 m."""
+    noisy_odometry(0.1, math.radians(3.0))(log, rng)
+    short_sighted(8.0)(log, rng)
 
 
 def thinned(every: int) -> Apply:

@@ -135,6 +135,26 @@ def test_odometry_is_that_of_a_later_time(source, original, tmp_path):
     assert np.abs(log.poses[:, :2].T - expected).max() < 1e-4
 
 
+def test_jittering_odometry_is_that_of_times_nearby(source, original, tmp_path):
+    jittering = changed(source, tmp_path, "jitter")
+    moved = np.abs(jittering.poses - original.poses)[:, :2].max(axis=1)
+    speed = np.abs(np.diff(original.poses[:, :2], axis=0)).max() / np.diff(original.times).min()
+    assert 0.0 < moved.max() < 0.5 * speed
+    assert np.array_equal(jittering.times, original.times)
+
+
+def test_a_cheap_robot_sees_8_m_and_has_noisy_wheels(source, original, tmp_path):
+    cheap = changed(source, tmp_path, "cheap")
+    before, after = ranges_of(original), ranges_of(cheap)
+    assert np.array_equal(after[before <= 8.0], before[before <= 8.0])
+    assert (after[before > 8.0] == original.no_return).all()
+    moved, said = (np.diff(log.poses[:, :2], axis=0) for log in (original, cheap))
+    lengths = np.hypot(*moved.T)
+    moves = lengths > 0.02
+    ratio = np.hypot(*said.T)[moves] / lengths[moves]
+    assert 0.05 < ratio.std() < 0.15
+
+
 def test_thinned_beams_keep_their_angles(source, original, tmp_path):
     target = changed(source, tmp_path, "beams2")
     scans = [event for event in open_log(target) if isinstance(event, LaserScan)]

@@ -50,6 +50,7 @@ def test_odometry_that_stands_and_leaps_is_left_out():
     leaping = [STAND, STAND, Pose(0.3, 0.0, 0.06)] * 30
     trust = follow_steady(leaping + [STEP] * 5)
     assert not trust.is_trusted
+    assert trust.is_unsteady
     (fault,) = trust.faults
     assert fault.kind == "moves unsteadily"
     assert fault.begin <= 2 * PERIOD

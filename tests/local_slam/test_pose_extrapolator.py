@@ -163,6 +163,26 @@ def test_odometry_that_catches_up_shows_where_the_robot_is(extrapolator, speed):
     assert extrapolator.summary()["odometry"]["catch_ups"] == 1
 
 
+@pytest.mark.parametrize("is_determined", [True, False])
+def test_noisy_odometry_says_how_far_along_a_corridor(extrapolator, is_determined):
+    """The robot moves steadily, unlike its odometry, and then stops, in a room or a corridor."""
+    seen, open_ended = (
+        Evidence(value, 0.0, lambda _: math.inf, lambda: math.inf) for value in (True, False)
+    )
+    for k in range(61):
+        extrapolator.add_odometry(0.2 * k, Pose(0.2 * k + 0.15 * (-1) ** k, 0.0, 0.0))
+        extrapolator.add_pose(0.2 * k, Pose(0.2 * k, 0.0, 0.0), evidence=seen)
+    assert extrapolator.odometry.faults[0].kind == "moves unsteadily"
+    extrapolator.add_odometry(12.2, Pose(12.2, 0.0, 0.3))
+    evidence = seen if is_determined else open_ended
+    extrapolator.add_pose(12.2, Pose(12.2, 0.0, 0.0), evidence=evidence)
+    extrapolator.add_odometry(12.4, Pose(12.2, 0.0, 0.6))
+    prediction = extrapolator.predict(12.4)
+    assert prediction.by_odometry == (not is_determined)
+    moved = 0.2 if is_determined else 0.0
+    assert prediction.tf_local_tracking == pytest.approx(Pose(12.2 + moved, 0.0, 0.0), abs=0.02)
+
+
 def test_odometry_that_began_after_the_last_pose_is_not_used(extrapolator):
     extrapolator.add_pose(0.0, IDENTITY)
     extrapolator.add_pose(1.0, Pose(0.5, 0.0, 0.0))

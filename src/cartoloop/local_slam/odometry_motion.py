@@ -252,6 +252,16 @@ class OdometryMotion:
         step = self.measured_step(begin, end)
         return step if step is not None and follows(step, expected) else None
 
+    def unsteady_step(self, begin: float, end: float) -> Pose | None:
+        """Return the step of odometry that is left out only since its steps are noisy, or None.
+
+        Their sum is right, so that it is better where the scans do not show how far the robot
+        moves: constant velocity does not notice that it becomes faster or slower.
+        """
+        if self._is_stale or not self._trust.is_unsteady or not self._track.has_moved:
+            return None
+        return self.measured_step(begin, end)
+
     def doubtful_step(self, begin: float, end: float) -> Pose | None:
         """Return the step of odometry that is not trusted, or None if it still repeats a reading.
 

@@ -114,6 +114,11 @@ class OdometryTrust:
         return self._fault is not None
 
     @property
+    def is_unsteady(self) -> bool:
+        """Whether it moves as far as the scans, but predicts them worse than constant velocity."""
+        return self._fault is None and not self._record.is_useful
+
+    @property
     def largest_score(self) -> float:
         """The largest score of the predictions so far, that of an earlier pass included."""
         return self._record.largest

@@ -74,6 +74,7 @@ class PoseExtrapolator:
         self._middles: dict[str, tuple[float, Pose]] = {}
         self._recent: deque[tuple[float, Pose]] = deque(maxlen=MAX_RECENT)
         self._num_poses = 0
+        self._is_determined = True
         self.num_overlong_sweeps = 0
 
     @property
@@ -121,7 +122,8 @@ class PoseExtrapolator:
         num_faulty = self.odometry.compare(last, middle_time, middle, evidence, scanner, expected)
         if last is None:
             num_faulty = max(num_faulty, 1)  # there is no step to this scan
-        if evidence is None or evidence.is_determined:
+        self._is_determined = evidence is None or evidence.is_determined
+        if self._is_determined:
             self._extrapolated = None
         self._middle_time, self._middle = middle_time, middle
         self._middles[scanner] = middle_time, middle
@@ -156,6 +158,8 @@ class PoseExtrapolator:
         if step is None:
             expected = self._velocity.step(time - self._time)
             step = self.odometry.agreed_step(self._time, time, expected)
+            if step is None and not self._is_determined:
+                step = self._unsteady_step(time, expected)
         if step is None:
             self._extrapolated = None
             prediction = self.prediction_from(time, self._without_trusted_odometry(time))
@@ -174,6 +178,11 @@ class PoseExtrapolator:
             stands=step == IDENTITY,
             is_far=math.hypot(step.x, step.y) > FAR_M or abs(step.theta) > FAR_RAD,
         )
+
+    def _unsteady_step(self, time: float, expected: Pose) -> Pose | None:
+        """Return a step as long as noisy odometry says, with the turn of constant velocity."""
+        step = self.odometry.unsteady_step(self._time, time)
+        return None if step is None else step._replace(theta=expected.theta)
 
     def _without_trusted_odometry(self, time: float) -> Pose:
         """Return the pose at constant velocity; after a gap, where doubtful odometry says."""

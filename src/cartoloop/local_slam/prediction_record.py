@@ -21,9 +21,10 @@ LEVER_M = 0.5
 MIN_MOTION_M = 0.02
 """Steps by less than this, turn included, say nothing about the predictions [m]."""
 
-SMALL_ERROR_M = 0.015
-"""Smaller errors of the odometry do not count against it [m], twice as large ones fully: a match
-corrects them, and a robot that moves steadily is predicted by constant velocity to millimetres."""
+SMALL_ERROR_M = 0.1
+"""Smaller errors of the odometry do not count against it [m], twice as large ones fully: where the
+map shows the place, a match corrects them. Along corridors it does not, and there noisy odometry is
+better than constant velocity."""
 
 MATCH_ERROR_M = 0.005
 """Error of the matches that both are compared with [m]."""
