@@ -16,6 +16,9 @@ from cartoloop.errors import InputError
 POSE = 3
 """Numbers in a pose: x, y [m], theta [rad]."""
 
+STAMPS = 3
+"""Number of words at the end of each line: time stamp, host and logger's time stamp."""
+
 
 @dataclass(slots=True)
 class CarmenText:
@@ -82,7 +85,7 @@ def read_carmen(path: Path) -> CarmenText:
     try:
         data = path.read_bytes()
         text = (gzip.decompress(data) if path.suffix == ".gz" else data).decode("utf-8", "replace")
-        for line in text.splitlines():
+        for number, line in enumerate(text.splitlines(), 1):
             words = line.split()
             if words[:1] == ["ODOM"]:
                 poses.append([float(word) for word in words[1 : 1 + POSE]])
@@ -95,6 +98,8 @@ def read_carmen(path: Path) -> CarmenText:
                 tails.append(words[end + 2 * POSE :])
             elif words:
                 comments.append(line)
+            if poses and (len(poses[-1]) < POSE or len(tails[-1]) < STAMPS):
+                raise ValueError(f"line {number} ends early")
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be changed: {error}") from error
     if not any(scan is not None for scan in ranges):
