@@ -36,6 +36,9 @@ KNOWN_SHIFTS_S: tuple[float, ...] = (-0.1, 0.1)
 UNKNOWN_SHIFTS_S: tuple[float, ...] = tuple(0.1 * k for k in range(-12, 13) if k)
 """The same before its clock is known [s]."""
 
+BUFFERED_S = 0.5
+"""Readings as near to the ends of a gap may be of other times than their stamps say [s]."""
+
 
 class OdometryMotion:
     """Wheel odometry, calibrated and compared with matched scans.
@@ -299,6 +302,22 @@ class OdometryMotion:
         if before is None or after is None:
             return None
         return model.predict(relative(before, after), before.theta)
+
+    def steps_over_gap(self, begin: float, end: float) -> list[Pose]:
+        """Return what may have been the motion between two times between which nothing was sent.
+
+        What was sent right before and after a gap may have been buffered: readings that are newer
+        or older than their stamps. So each of those around one time is taken with each of those
+        around the other.
+        """
+        model = self.model
+        begin, end = begin - model.time_offset, end - model.time_offset
+        reach = min(BUFFERED_S, 0.5 * (end - begin))
+        return [
+            model.predict(relative(before, after), before.theta)
+            for before in self._track.reported_around(begin, reach)
+            for after in self._track.reported_around(end, reach)
+        ]
 
 
 _StepKey = tuple[float, float, int, OdometryParameters]

@@ -285,6 +285,29 @@ class OdometryTrack:
             return pose
         return compose(inverse(self._frames[number - 1]), pose)
 
+    def reported_around(self, time: float, reach: float) -> list[Pose]:
+        """Return the readings next to a time as they were reported, jumps included.
+
+        That is the last one before it and the first two from it on.
+
+        Parameters
+        ----------
+        reach : readings further away are left out [s].
+        """
+        times = self._readings.times
+        after = bisect_left(times, time)
+        return [
+            self._reported(row)
+            for row in range(max(after - 1, 0), min(after + 2, len(times)))
+            if abs(times[row] - time) <= reach
+        ]
+
+    def _reported(self, row: int) -> Pose:
+        """Return a reading as it was reported."""
+        pose = self._readings.pose(row)
+        number = bisect_right(self._jump_times, self._readings.times[row])
+        return pose if number == 0 else compose(inverse(self._frames[number - 1]), pose)
+
     def arrays(self) -> tuple[FloatArray, FloatArray]:
         """Return times and poses, whose headings are continuous, shapes (n,), (n, 3)."""
         return self._readings.rows()

@@ -37,6 +37,10 @@ FAR_M, FAR_RAD = 0.5, math.radians(15.0)
 """Step from scan to scan by odometry from which it is far [m], [rad]: scans are sparse then, or the
 robot turns fast."""
 
+MIN_GAP_S, GAP_INTERVALS, MIN_RECENT = 1.0, 4.0, 10
+"""A longer time between two scans than the first [s], and than this many of the latest intervals,
+of which there are as many as the third, is a gap in the recording."""
+
 
 class PoseExtrapolator:
     """Predicts by odometry where it is available, by constant velocity otherwise.
@@ -166,7 +170,9 @@ class PoseExtrapolator:
             step = self.odometry.step_over_jump(self._time, time)
             over_jump = step and compose(self._tf_local_tracking, step)
             stands = self.odometry.has_stood(self._time, time)
-            return prediction._replace(over_jump=over_jump, stands=stands)
+            return prediction._replace(
+                over_jump=over_jump, stands=stands, after_gap=self._after_gap(time)
+            )
         step = self._with_overdue_motion(step)
         self._extrapolated = None if self.odometry.reaches(time) else (self._time, step)
         pose = compose(self._tf_local_tracking, self.gyroscope.with_turn(step, self._time, time))
@@ -177,7 +183,18 @@ class PoseExtrapolator:
             partial(self._fallbacks, time),
             stands=step == IDENTITY,
             is_far=math.hypot(step.x, step.y) > FAR_M or abs(step.theta) > FAR_RAD,
+            after_gap=self._after_gap(time, pose),
         )
+
+    def _after_gap(self, time: float, *predicted: Pose) -> tuple[Pose, ...]:
+        """Return where the robot may be by odometry if there is a gap before a scan."""
+        if time - self._time <= MIN_GAP_S or len(self._recent) < MIN_RECENT:
+            return ()
+        intervals = np.diff([scan_time for scan_time, _ in self._recent])
+        if time - self._time <= GAP_INTERVALS * float(np.median(intervals)):
+            return ()
+        steps = self.odometry.steps_over_gap(self._time, time)
+        return (*predicted, *(compose(self._tf_local_tracking, step) for step in steps))
 
     def _unsteady_step(self, time: float, expected: Pose) -> Pose | None:
         """Return a step as long as noisy odometry says, with the turn of constant velocity."""

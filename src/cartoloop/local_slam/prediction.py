@@ -27,6 +27,8 @@ class Prediction(NamedTuple):
     over_jump : pose by odometry that jumped, as it was reported; None if it did not jump.
     is_far : whether the odometry reports a step after which scans overlap so little that least
         squares may end in a wrong minimum, though not in a poor one.
+    after_gap : where the robot may be by odometry after a gap in the recording, the predicted pose
+        first; empty where there was none.
     """
 
     tf_local_tracking: Pose
@@ -36,6 +38,7 @@ class Prediction(NamedTuple):
     stands: bool = False
     over_jump: Pose | None = None
     is_far: bool = False
+    after_gap: tuple[Pose, ...] = ()
 
 
 def isotropic_information(translation_sigma: float, rotation_sigma: float) -> FloatArray:

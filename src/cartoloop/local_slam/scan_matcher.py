@@ -9,6 +9,7 @@ from typing import NamedTuple
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.degenerate_direction import constrain_degenerate_direction
+from cartoloop.local_slam.gap_search import search_after_gap
 from cartoloop.local_slam.lost_heading import LostHeading, is_searched
 from cartoloop.local_slam.lost_search import search_as_lost
 from cartoloop.local_slam.match_records import MatcherMemory
@@ -149,6 +150,8 @@ class ScanMatcher:
         self.num_lost += 1
         self.lost_in_turn = self.lost_in_turn + 1 if fit.prediction.by_odometry else 0
         found = search_as_lost(fit, best, self.lost_in_turn)
+        if fit.prediction.after_gap and (found is best or not fit.fits_as_usual(found)):
+            found = search_after_gap(fit, found)
         if found is best and is_searched(self.lost_in_turn):
             found = self._lost_heading.search(fit, best, self.lost_in_turn)
             return found, found is not best
