@@ -161,7 +161,11 @@ class ScanFit:
             + float(information[5]) * wrap_angle(pose.theta - prior.theta) ** 2
         )
         scale = self.settings.prediction.failure_scale**2
-        weight = num_scans * self.settings.least_squares.occupied_space_weight * len(self.points)
-        usual = match.residual / self.typical_residual
         against = self.settings.window.lost_prior_weight * scale * math.log1p(squares / scale)
-        return weight * usual * usual + against
+        return num_scans * self.cost_of_points(match) + against
+
+    def cost_of_points(self, match: LeastSquaresMatch) -> float:
+        """Return the cost of a match without its motion prior."""
+        weight = self.settings.least_squares.occupied_space_weight * len(self.points)
+        usual = match.residual / self.typical_residual
+        return weight * usual * usual

@@ -116,6 +116,11 @@ class ScanMatcher:
             best = best._replace(tf_submap_scan=pose)
         return matched_scan(submap, best, is_relocated=is_relocated)
 
+    def fits_badly(self, match: LeastSquaresMatch) -> bool:
+        """Return whether the latest scan fits as badly as one that is lost."""
+        limit = self._settings.window.lost_residual_ratio * self._typical_residual
+        return match.residual > limit
+
     def _learn_residual(self, fit: ScanFit, match: LeastSquaresMatch) -> None:
         """Learn how well scans fit.
 

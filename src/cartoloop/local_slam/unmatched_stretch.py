@@ -28,6 +28,10 @@ SCALE_ERROR = 0.01
 """Error of the distance that calibrated odometry reports, as a share of it."""
 
 
+MISFIT_WEIGHT = 0.1
+"""Weight of a match that fits badly, after a gap."""
+
+
 class UnmatchedStretch:
     """The path since the last node that was matched."""
 
@@ -35,6 +39,7 @@ class UnmatchedStretch:
         self._last: Pose | None = None
         self._length = 0.0
         self._num_scans = 0
+        self._has_misfit = False
 
     def add(self, tf_local_tracking: Pose) -> None:
         """Add a scan."""
@@ -48,6 +53,10 @@ class UnmatchedStretch:
         """Note that the latest scan was matched."""
         self._length, self._num_scans = 0.0, 0
 
+    def break_off(self) -> None:
+        """Note that the latest scan, after a gap in the recording, fits badly."""
+        self._has_misfit = True
+
     def end(self, model: OdometryParameters, information: FloatArray) -> FloatArray | None:
         """End it at a scan that becomes a node; return the node's information after a long one.
 
@@ -59,8 +68,11 @@ class UnmatchedStretch:
         information : of the pose as matched, shape (3, 3): that after it where nothing is known of
             the odometry's errors.
         """
-        length, num_scans = self._length, self._num_scans
+        length, num_scans, has_misfit = self._length, self._num_scans, self._has_misfit
         self.clear()
+        self._has_misfit = False
+        if has_misfit:
+            return MISFIT_WEIGHT * information
         if not MIN_STRETCH_M <= length <= MAX_STRETCH_M:
             return None
         if not (model.is_known and model.knows_rotation):
