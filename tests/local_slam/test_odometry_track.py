@@ -288,3 +288,16 @@ def test_a_step_from_a_little_before_the_first_reading_is_known():
     # most of what such a step covers is not known
     assert track.known_from(0.8, 1.2) == 0.8
     assert track.known_from(-5.0, 3.0) == -5.0
+
+
+def test_readings_around_a_time_are_as_reported():
+    readings = track((0.0, 0.0, 0.0), (0.2, 0.05, 0.0), (0.4, 7.0, 2.0), (3.0, 7.1, 2.5))
+    assert readings.num_jumps == 1
+    around = readings.reported_around(0.3, 0.5)
+    assert around == [
+        pytest.approx(Pose(0.05, 0.1, 0.0)),
+        pytest.approx(Pose(7.0, 14.0, 2.0)),
+    ]
+    assert readings.reported_around(2.9, 0.5) == [pytest.approx(Pose(7.1, 14.2, 2.5))]
+    assert readings.reported_around(1.5, 0.5) == []
+    assert OdometryTrack().reported_around(1.5, 0.5) == []

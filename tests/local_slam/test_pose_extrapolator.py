@@ -388,3 +388,28 @@ def test_a_gyroscope_mounted_upside_down_is_not_used():
     assert not extrapolator.gyroscope.calibration.agrees
     ahead = extrapolator.predict(20.0).tf_local_tracking.theta
     assert math.remainder(ahead - 10.0, math.tau) == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("pause", "is_gap"), [(0.3, False), (3.0, True)])
+def test_after_a_gap_odometry_may_have_been_buffered(extrapolator, pause, is_gap):
+    """The last reading before it was already of after the turn, or the first still of before."""
+    for k in range(20):
+        extrapolator.add_odometry(0.2 * k, Pose(0.05 * k, 0.0, 0.0))
+        extrapolator.add_pose(0.2 * k, Pose(0.05 * k, 0.0, 0.0))
+    after = 3.8 + pause
+    extrapolator.add_odometry(after, Pose(0.95, 0.0, 0.0))
+    extrapolator.add_odometry(after + 0.2, Pose(0.95, 0.0, 0.9))
+    prediction = extrapolator.predict(after)
+    assert prediction.tf_local_tracking == pytest.approx(Pose(0.95, 0.0, 0.0))
+    assert bool(prediction.after_gap) == is_gap
+    if is_gap:
+        assert prediction.after_gap[0] == prediction.tf_local_tracking
+        assert any(abs(pose.theta - 0.9) < 1e-6 for pose in prediction.after_gap)
+
+
+def test_where_scans_are_sparse_no_interval_is_a_gap(extrapolator):
+    for k in range(20):
+        extrapolator.add_odometry(3.0 * k, Pose(0.8 * k, 0.0, 0.0))
+        extrapolator.add_pose(3.0 * k, Pose(0.8 * k, 0.0, 0.0))
+    extrapolator.add_odometry(60.0, Pose(16.0, 0.0, 0.0))
+    assert extrapolator.predict(60.0).after_gap == ()

@@ -263,6 +263,55 @@ def test_odometry_that_jumped_is_believed_where_the_scan_agrees(submap, by):
         assert_near(found, expected or assumed, *((0.03, 0.02) if expected else (1.0, 1.1)))
 
 
+@pytest.mark.parametrize("seen", [1.0, 0.4])
+@pytest.mark.parametrize("by", [(0.5, -0.4, 0.2), (-0.6, 0.2, -0.3)])
+def test_after_a_gap_odometry_may_be_wrong_by_far(submap, by, seen):
+    """Also where a scan shows much that is new, and does not fit as usual anywhere."""
+    start = off(-6.0 * by[0], 0.5, 0.1)
+    scan = points()
+    new = np.random.default_rng(1).uniform(4.5, 9.0, (round((1.0 / seen - 1.0) * len(scan)), 2))
+    scan = np.concatenate((scan, transform_points(inverse(TRUTH), new)))
+    certain = isotropic_information(0.01, 0.02)
+    for after_gap in ((off(*by),), ()):
+        matcher = ScanMatcher(CONFIG)
+        for _ in range(30):
+            matched(submap, TRUTH, matcher=matcher)
+        prior = Prediction(off(*by), True, certain, lambda: (start, start), after_gap=after_gap)
+        found = matcher.match(submap, scan, prior)
+        pose = found.tf_local_tracking
+        error = math.hypot(pose.x - TRUTH.x, pose.y - TRUTH.y)
+        assert (error < 0.05) == bool(after_gap)
+        if after_gap:
+            assert matcher.is_misfit(found.match) == (seen < 1.0)
+
+
+def test_after_a_gap_what_buffered_odometry_may_mean_is_searched(submap):
+    matcher = ScanMatcher(CONFIG)
+    for _ in range(30):
+        matched(submap, TRUTH, matcher=matcher)
+    predicted, certain = off(0.0, 0.0, 1.4), isotropic_information(0.01, 0.02)
+    prior = Prediction(
+        predicted,
+        True,
+        certain,
+        lambda: (predicted, predicted),
+        after_gap=(predicted, off(4.0, 1.0, 0.5), off(0.05, 0.02, -0.1)),
+    )
+    assert_near(matcher.match(submap, points(), prior).tf_local_tracking, TRUTH)
+
+
+def test_after_a_gap_a_scan_of_a_new_place_stays_where_odometry_says(submap):
+    matcher = ScanMatcher(CONFIG)
+    for _ in range(30):
+        matched(submap, TRUTH, matcher=matcher)
+    start = off(6.0, 4.0, 0.2)
+    predicted, certain = off(9.0, 5.0, 0.3), isotropic_information(0.01, 0.02)
+    prior = Prediction(
+        predicted, True, certain, lambda: (start, start), after_gap=(predicted, off(8.0, 5.0, 0.0))
+    )
+    assert_near(matcher.match(submap, points(), prior).tf_local_tracking, predicted)
+
+
 def test_lost_scans_of_elsewhere_are_not_turned(submap):
     matcher = ScanMatcher(CONFIG)
     for _ in range(30):

@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
-from cartoloop.local_slam.unmatched_stretch import MAX_STRETCH_M, MIN_STRETCH_M, UnmatchedStretch
+from cartoloop.local_slam.unmatched_stretch import (
+    MAX_STRETCH_M,
+    MIN_STRETCH_M,
+    MISFIT_WEIGHT,
+    UnmatchedStretch,
+)
 from cartoloop.sensor.pose import Pose
 
 KNOWN = OdometryParameters(rotation_error=0.001, translation_error=0.002)
@@ -75,3 +80,11 @@ def test_odometry_without_any_error_is_not_certain():
     information = driven(10.0).end(exact, np.eye(3))
     assert np.isfinite(information).all()
     assert 0.0 < information[2, 2] < 1e6
+
+
+def test_a_misfit_after_a_gap_ends_it_once_with_a_weak_match():
+    stretch, matched = driven(1.0), np.diag((1.0, 2.0, 3.0))
+    stretch.break_off()
+    stretch.clear()
+    np.testing.assert_array_equal(stretch.end(KNOWN, matched), MISFIT_WEIGHT * matched)
+    assert stretch.end(KNOWN, matched) is None

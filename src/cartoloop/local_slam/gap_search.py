@@ -14,7 +14,7 @@ from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose, relative
 
 ERROR_SHARE, LEAST_ERROR_M, MAX_ERROR_M = 0.2, 0.3, 1.0
-"""Error of the odometry in a gap, as a share of the distance that it reports, and its limits [m]."""
+"""Error of the odometry in a gap: a share of the distance that it reports, and limits [m]."""
 
 ERROR_RAD, WINDOW_DEG = 0.1, 30.0
 """Error of its heading [rad], and how far from it is searched."""

@@ -27,6 +27,10 @@ MAX_IGNORED_LOST = 50
 """Number of lost scans in turn from which their residuals are taken for usual: the surroundings
 have changed, and not the place alone."""
 
+MISFIT_RATIO = 1.65
+"""Residual over the typical one of a match that may be wrong by decimetres. After gaps of seconds,
+matches with less were right to some centimetres."""
+
 
 class MatchedScan(NamedTuple):
     """A scan's pose and its match.
@@ -116,10 +120,9 @@ class ScanMatcher:
             best = best._replace(tf_submap_scan=pose)
         return matched_scan(submap, best, is_relocated=is_relocated)
 
-    def fits_badly(self, match: LeastSquaresMatch) -> bool:
-        """Return whether the latest scan fits as badly as one that is lost."""
-        limit = self._settings.window.lost_residual_ratio * self._typical_residual
-        return match.residual > limit
+    def is_misfit(self, match: LeastSquaresMatch) -> bool:
+        """Return whether the latest scan fits worse than one that only shows new places."""
+        return match.residual > MISFIT_RATIO * self._typical_residual
 
     def _learn_residual(self, fit: ScanFit, match: LeastSquaresMatch) -> None:
         """Learn how well scans fit.

@@ -28,8 +28,8 @@ SCALE_ERROR = 0.01
 """Error of the distance that calibrated odometry reports, as a share of it."""
 
 
-MISFIT_WEIGHT = 0.1
-"""Weight of a match that fits badly, after a gap."""
+MISFIT_WEIGHT = 0.02
+"""Weight of the information of a match that fits badly, after a gap: of errors of decimetres."""
 
 
 class UnmatchedStretch:
