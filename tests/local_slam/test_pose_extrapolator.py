@@ -401,10 +401,10 @@ def test_after_a_gap_odometry_may_have_been_buffered(extrapolator, pause, is_gap
     extrapolator.add_odometry(after + 0.2, Pose(0.95, 0.0, 0.9))
     prediction = extrapolator.predict(after)
     assert prediction.tf_local_tracking == pytest.approx(Pose(0.95, 0.0, 0.0))
-    assert bool(prediction.after_gap) == is_gap
+    assert (prediction.gap is not None) == is_gap
     if is_gap:
-        assert prediction.after_gap[0] == prediction.tf_local_tracking
-        assert any(abs(pose.theta - 0.9) < 1e-6 for pose in prediction.after_gap)
+        assert prediction.gap.poses[0] == prediction.tf_local_tracking
+        assert any(abs(pose.theta - 0.9) < 1e-6 for pose in prediction.gap.poses)
 
 
 def test_where_scans_are_sparse_no_interval_is_a_gap(extrapolator):
@@ -412,4 +412,4 @@ def test_where_scans_are_sparse_no_interval_is_a_gap(extrapolator):
         extrapolator.add_odometry(3.0 * k, Pose(0.8 * k, 0.0, 0.0))
         extrapolator.add_pose(3.0 * k, Pose(0.8 * k, 0.0, 0.0))
     extrapolator.add_odometry(60.0, Pose(16.0, 0.0, 0.0))
-    assert extrapolator.predict(60.0).after_gap == ()
+    assert extrapolator.predict(60.0).gap is None

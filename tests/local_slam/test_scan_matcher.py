@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cartoloop.config import LocalSlamConfig
-from cartoloop.local_slam.prediction import Prediction, isotropic_information
+from cartoloop.local_slam.prediction import Gap, Prediction, isotropic_information
 from cartoloop.local_slam.scan_matcher import MAX_IGNORED_LOST, ScanMatcher
 from cartoloop.local_slam.seen_points import values_at
 from cartoloop.scan_matching import correlative
@@ -272,16 +272,16 @@ def test_after_a_gap_odometry_may_be_wrong_by_far(submap, by, seen):
     new = np.random.default_rng(1).uniform(4.5, 9.0, (round((1.0 / seen - 1.0) * len(scan)), 2))
     scan = np.concatenate((scan, transform_points(inverse(TRUTH), new)))
     certain = isotropic_information(0.01, 0.02)
-    for after_gap in ((off(*by),), ()):
+    for gap in (Gap((off(*by),), 0.7, 0.1), None):
         matcher = ScanMatcher(CONFIG)
         for _ in range(30):
             matched(submap, TRUTH, matcher=matcher)
-        prior = Prediction(off(*by), True, certain, lambda: (start, start), after_gap=after_gap)
+        prior = Prediction(off(*by), True, certain, lambda: (start, start), gap=gap)
         found = matcher.match(submap, scan, prior)
         pose = found.tf_local_tracking
         error = math.hypot(pose.x - TRUTH.x, pose.y - TRUTH.y)
-        assert (error < 0.05) == bool(after_gap)
-        if after_gap:
+        assert (error < 0.05) == (gap is not None)
+        if gap is not None:
             assert matcher.is_misfit(found.match) == (seen < 1.0)
 
 
@@ -295,7 +295,7 @@ def test_after_a_gap_what_buffered_odometry_may_mean_is_searched(submap):
         True,
         certain,
         lambda: (predicted, predicted),
-        after_gap=(predicted, off(4.0, 1.0, 0.5), off(0.05, 0.02, -0.1)),
+        gap=Gap((predicted, off(4.0, 1.0, 0.5), off(0.05, 0.02, -0.1)), 0.3, 0.1),
     )
     assert_near(matcher.match(submap, points(), prior).tf_local_tracking, TRUTH)
 
@@ -307,7 +307,11 @@ def test_after_a_gap_a_scan_of_a_new_place_stays_where_odometry_says(submap):
     start = off(6.0, 4.0, 0.2)
     predicted, certain = off(9.0, 5.0, 0.3), isotropic_information(0.01, 0.02)
     prior = Prediction(
-        predicted, True, certain, lambda: (start, start), after_gap=(predicted, off(8.0, 5.0, 0.0))
+        predicted,
+        True,
+        certain,
+        lambda: (start, start),
+        gap=Gap((predicted, off(8.0, 5.0, 0.0)), 1.0, 0.1),
     )
     assert_near(matcher.match(submap, points(), prior).tf_local_tracking, predicted)
 

@@ -209,7 +209,7 @@ class LocalSlam:
         scanner.wall_step.add(time, pose, filtered.data.tf_tracking_sensor, filtered.data.returns)
         self._measure_distance(time, pose, filtered.data, scanner)
         self._unmatched.add(pose)
-        if match is not None and prediction.after_gap and scanner.matcher.is_misfit(match.match):
+        if match is not None and prediction.gap and scanner.matcher.is_misfit(match.match):
             self._unmatched.break_off()
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):

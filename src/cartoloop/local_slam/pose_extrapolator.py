@@ -16,7 +16,7 @@ from cartoloop.local_slam.gyroscope import Gyroscope
 from cartoloop.local_slam.odometry_motion import OdometryMotion
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.local_slam.odometry_window import Evidence
-from cartoloop.local_slam.prediction import Prediction, isotropic_information
+from cartoloop.local_slam.prediction import Gap, Prediction, isotropic_information
 from cartoloop.local_slam.velocity_filter import VelocityFilter
 from cartoloop.sensor.events import Imu
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
@@ -40,6 +40,15 @@ robot turns fast."""
 MIN_GAP_S, GAP_INTERVALS, MIN_RECENT = 1.0, 4.0, 10
 """A longer time between two scans than the first [s], and than this many of the latest intervals,
 of which there are as many as the third, is a gap in the recording."""
+
+LEAST_ERROR_M, MAX_ERROR_M = 0.3, 1.5
+"""Limits of the error of a pose that is predicted across a gap [m]."""
+
+ODOMETRY_ERROR_SHARE, ODOMETRY_ERROR_RAD = 0.2, 0.1
+"""The same by odometry: share of the distance, and of the heading [rad]."""
+
+VELOCITY_ERROR_SHARE, VELOCITY_ERROR_RAD = 0.5, 0.2
+"""The same at constant velocity."""
 
 
 class PoseExtrapolator:
@@ -170,9 +179,8 @@ class PoseExtrapolator:
             step = self.odometry.step_over_jump(self._time, time)
             over_jump = step and compose(self._tf_local_tracking, step)
             stands = self.odometry.has_stood(self._time, time)
-            return prediction._replace(
-                over_jump=over_jump, stands=stands, after_gap=self._after_gap(time)
-            )
+            gap = self._gap(time, prediction.tf_local_tracking, by_odometry=False)
+            return prediction._replace(over_jump=over_jump, stands=stands, gap=gap)
         step = self._with_overdue_motion(step)
         self._extrapolated = None if self.odometry.reaches(time) else (self._time, step)
         pose = compose(self._tf_local_tracking, self.gyroscope.with_turn(step, self._time, time))
@@ -183,18 +191,27 @@ class PoseExtrapolator:
             partial(self._fallbacks, time),
             stands=step == IDENTITY,
             is_far=math.hypot(step.x, step.y) > FAR_M or abs(step.theta) > FAR_RAD,
-            after_gap=self._after_gap(time, pose),
+            gap=self._gap(time, pose, by_odometry=True),
         )
 
-    def _after_gap(self, time: float, *predicted: Pose) -> tuple[Pose, ...]:
-        """Return where the robot may be by odometry if there is a gap before a scan."""
-        if time - self._time <= MIN_GAP_S or len(self._recent) < MIN_RECENT:
-            return ()
+    def _gap(self, time: float, predicted: Pose, *, by_odometry: bool) -> Gap | None:
+        """Return the gap in the recording before a scan, if there is one."""
+        duration = time - self._time
+        if duration <= MIN_GAP_S or len(self._recent) < MIN_RECENT:
+            return None
         intervals = np.diff([scan_time for scan_time, _ in self._recent])
-        if time - self._time <= GAP_INTERVALS * float(np.median(intervals)):
-            return ()
+        if duration <= GAP_INTERVALS * float(np.median(intervals)):
+            return None
+        last = self._tf_local_tracking
         steps = self.odometry.steps_over_gap(self._time, time)
-        return (*predicted, *(compose(self._tf_local_tracking, step) for step in steps))
+        poses = (predicted, *(compose(last, step) for step in steps))
+        if by_odometry:
+            moved = math.hypot(predicted.x - last.x, predicted.y - last.y)
+            error = min(max(ODOMETRY_ERROR_SHARE * moved, LEAST_ERROR_M), MAX_ERROR_M)
+            return Gap(poses, error, ODOMETRY_ERROR_RAD)
+        x, y, _ = self._velocity.step(1.0)
+        error = VELOCITY_ERROR_SHARE * math.hypot(x, y) * duration
+        return Gap(poses, min(max(error, LEAST_ERROR_M), MAX_ERROR_M), VELOCITY_ERROR_RAD)
 
     def _unsteady_step(self, time: float, expected: Pose) -> Pose | None:
         """Return a step as long as noisy odometry says, with the turn of constant velocity."""

@@ -12,6 +12,20 @@ from cartoloop.arrays import FloatArray
 from cartoloop.sensor.pose import Pose
 
 
+class Gap(NamedTuple):
+    """Where the robot may be after a gap in the recording.
+
+    Attributes
+    ----------
+    poses : the predicted one first, then what else buffered odometry may mean.
+    linear_error, angular_error : of the predicted pose [m], [rad].
+    """
+
+    poses: tuple[Pose, ...]
+    linear_error: float
+    angular_error: float
+
+
 class Prediction(NamedTuple):
     """The motion prior of a scan: all that the scan matcher needs besides scan and submap.
 
@@ -27,8 +41,7 @@ class Prediction(NamedTuple):
     over_jump : pose by odometry that jumped, as it was reported; None if it did not jump.
     is_far : whether the odometry reports a step after which scans overlap so little that least
         squares may end in a wrong minimum, though not in a poor one.
-    after_gap : where the robot may be by odometry after a gap in the recording, the predicted pose
-        first; empty where there was none.
+    gap : of the recording right before the scan; None where there was none.
     """
 
     tf_local_tracking: Pose
@@ -38,7 +51,7 @@ class Prediction(NamedTuple):
     stands: bool = False
     over_jump: Pose | None = None
     is_far: bool = False
-    after_gap: tuple[Pose, ...] = ()
+    gap: Gap | None = None
 
 
 def isotropic_information(translation_sigma: float, rotation_sigma: float) -> FloatArray:

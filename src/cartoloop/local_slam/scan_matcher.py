@@ -158,8 +158,9 @@ class ScanMatcher:
         self.num_lost += 1
         self.lost_in_turn = self.lost_in_turn + 1 if fit.prediction.by_odometry else 0
         found = search_as_lost(fit, best, self.lost_in_turn)
-        if fit.prediction.after_gap and (found is best or not fit.fits_as_usual(found)):
-            found = search_after_gap(fit, found)
+        gap = fit.prediction.gap
+        if gap is not None and (found is best or not fit.fits_as_usual(found)):
+            found = search_after_gap(fit, found, gap)
         if found is best and is_searched(self.lost_in_turn):
             found = self._lost_heading.search(fit, best, self.lost_in_turn)
             return found, found is not best
