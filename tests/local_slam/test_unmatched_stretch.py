@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.prediction import Gap
 from cartoloop.local_slam.unmatched_stretch import (
     MAX_STRETCH_M,
     MIN_STRETCH_M,
-    MISFIT_WEIGHT,
     UnmatchedStretch,
 )
 from cartoloop.sensor.pose import Pose
@@ -82,9 +82,9 @@ def test_odometry_without_any_error_is_not_certain():
     assert 0.0 < information[2, 2] < 1e6
 
 
-def test_a_misfit_after_a_gap_ends_it_once_with_a_weak_match():
-    stretch, matched = driven(1.0), np.diag((1.0, 2.0, 3.0))
-    stretch.break_off()
+def test_a_misfit_after_a_gap_ends_it_once_with_the_errors_of_the_gap():
+    stretch, matched = driven(1.0), 1e4 * np.eye(3)
+    stretch.break_off(Gap((Pose(1.0, 0.0, 0.0),), 0.5, 0.1))
     stretch.clear()
-    np.testing.assert_array_equal(stretch.end(KNOWN, matched), MISFIT_WEIGHT * matched)
+    np.testing.assert_allclose(stretch.end(KNOWN, matched), np.diag((4.0, 4.0, 100.0)))
     assert stretch.end(KNOWN, matched) is None

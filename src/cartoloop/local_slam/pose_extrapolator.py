@@ -47,8 +47,9 @@ LEAST_ERROR_M, MAX_ERROR_M = 0.3, 1.5
 ODOMETRY_ERROR_SHARE, ODOMETRY_ERROR_RAD = 0.2, 0.1
 """The same by odometry: share of the distance, and of the heading [rad]."""
 
-VELOCITY_ERROR_SHARE, VELOCITY_ERROR_RAD = 0.5, 0.2
-"""The same at constant velocity."""
+VELOCITY_ERROR, VELOCITY_ERROR_RAD = 0.6, 0.2
+"""The same without odometry: of the velocity [m/s], as robots set off and stop, and of the heading
+[rad]."""
 
 
 class PoseExtrapolator:
@@ -209,9 +210,8 @@ class PoseExtrapolator:
             moved = math.hypot(predicted.x - last.x, predicted.y - last.y)
             error = min(max(ODOMETRY_ERROR_SHARE * moved, LEAST_ERROR_M), MAX_ERROR_M)
             return Gap(poses, error, ODOMETRY_ERROR_RAD)
-        x, y, _ = self._velocity.step(1.0)
-        error = VELOCITY_ERROR_SHARE * math.hypot(x, y) * duration
-        return Gap(poses, min(max(error, LEAST_ERROR_M), MAX_ERROR_M), VELOCITY_ERROR_RAD)
+        error = min(VELOCITY_ERROR * duration, MAX_ERROR_M)
+        return Gap(poses, error, VELOCITY_ERROR_RAD)
 
     def _unsteady_step(self, time: float, expected: Pose) -> Pose | None:
         """Return a step as long as noisy odometry says, with the turn of constant velocity."""

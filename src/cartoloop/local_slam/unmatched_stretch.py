@@ -13,6 +13,7 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.prediction import Gap
 from cartoloop.sensor.pose import Pose
 
 MIN_STRETCH_M = 5.0
@@ -28,10 +29,6 @@ SCALE_ERROR = 0.01
 """Error of the distance that calibrated odometry reports, as a share of it."""
 
 
-MISFIT_WEIGHT = 0.02
-"""Weight of the information of a match that fits badly, after a gap: of errors of decimetres."""
-
-
 class UnmatchedStretch:
     """The path since the last node that was matched."""
 
@@ -39,7 +36,7 @@ class UnmatchedStretch:
         self._last: Pose | None = None
         self._length = 0.0
         self._num_scans = 0
-        self._has_misfit = False
+        self._gap: Gap | None = None
 
     def add(self, tf_local_tracking: Pose) -> None:
         """Add a scan."""
@@ -53,9 +50,9 @@ class UnmatchedStretch:
         """Note that the latest scan was matched."""
         self._length, self._num_scans = 0.0, 0
 
-    def break_off(self) -> None:
+    def break_off(self, gap: Gap) -> None:
         """Note that the latest scan, after a gap in the recording, fits badly."""
-        self._has_misfit = True
+        self._gap = gap
 
     def end(self, model: OdometryParameters, information: FloatArray) -> FloatArray | None:
         """End it at a scan that becomes a node; return the node's information after a long one.
@@ -68,11 +65,13 @@ class UnmatchedStretch:
         information : of the pose as matched, shape (3, 3): that after it where nothing is known of
             the odometry's errors.
         """
-        length, num_scans, has_misfit = self._length, self._num_scans, self._has_misfit
+        length, num_scans, gap = self._length, self._num_scans, self._gap
         self.clear()
-        self._has_misfit = False
-        if has_misfit:
-            return MISFIT_WEIGHT * information
+        self._gap = None
+        if gap is not None:
+            return np.diag(
+                np.array((gap.linear_error, gap.linear_error, gap.angular_error)) ** -2.0
+            )
         if not MIN_STRETCH_M <= length <= MAX_STRETCH_M:
             return None
         if not (model.is_known and model.knows_rotation):
