@@ -18,6 +18,9 @@ Apply = Callable[[CarmenText, Rng], None]
 NEAREST, FARTHEST = 0.05, 40.0
 """Ranges between these are returns [m], to which noise is added."""
 
+AFTER_START_S = 30.0
+"""Nothing is lost before this time [s]: a map has begun."""
+
 
 def drop_every(count: int) -> Apply:
     """Return the change that leaves out every n-th scan."""
@@ -78,6 +81,27 @@ def pauses(period: float, seconds: float) -> Apply:
     def apply(log: CarmenText, _: Rng) -> None:
         times = log.times
         log.keep((times - times[0]) % period > seconds)
+
+    return apply
+
+
+def lost_scans(share: float, seconds: float) -> Apply:
+    """Return the change that leaves out the scans of some seconds in turn, at random times.
+
+    Readings of odometry alone are left.
+
+    Parameters
+    ----------
+    share : of the duration that is left out, roughly.
+    seconds : that each gap lasts.
+    """
+
+    def apply(log: CarmenText, rng: Rng) -> None:
+        times = log.times
+        number = int(share * (times[-1] - times[0]) / seconds)
+        begins = np.sort(rng.uniform(times[0] + AFTER_START_S, times[-1], number))
+        last = np.concatenate(([-math.inf], begins))[np.searchsorted(begins, times)]
+        log.keep((times - last >= seconds) | ~log.is_scan)
 
     return apply
 

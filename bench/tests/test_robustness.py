@@ -207,6 +207,17 @@ def test_some_seconds_of_each_minute_are_paused(source, original, tmp_path):
     assert steps.max() < 3.0 + 3.0 * np.diff(original.times).max()
 
 
+def test_scans_of_some_seconds_are_lost(source, original, tmp_path):
+    lossy = changed(source, tmp_path, "gaps")
+    assert np.isin(lossy.times, original.times).all()
+    assert (~lossy.is_scan).sum() == (~original.is_scan).sum()
+    duration = original.times[-1] - original.times[0]
+    steps = np.diff(lossy.times[lossy.is_scan])
+    assert 1 <= (steps > 4.0).sum() <= 0.05 * duration / 4.0
+    share = 1.0 - lossy.is_scan.sum() / original.is_scan.sum()
+    assert 0.0 < share < 0.06
+
+
 def test_beams_in_the_other_order_have_mirrored_angles(source, original, tmp_path):
     before, after = ranges_of(original), ranges_of(changed(source, tmp_path, "upside-down"))
     count = before.shape[1]

@@ -285,7 +285,7 @@ def test_after_a_gap_odometry_may_be_wrong_by_far(submap, by, seen):
             assert matcher.is_misfit(found.match) == (seen < 1.0)
 
 
-def test_after_a_gap_what_buffered_odometry_may_mean_is_searched(submap):
+def test_what_buffered_odometry_may_mean_is_searched(submap):
     matcher = ScanMatcher(CONFIG)
     for _ in range(30):
         matched(submap, TRUTH, matcher=matcher)
@@ -300,7 +300,7 @@ def test_after_a_gap_what_buffered_odometry_may_mean_is_searched(submap):
     assert_near(matcher.match(submap, points(), prior).tf_local_tracking, TRUTH)
 
 
-def test_after_a_gap_a_scan_of_a_new_place_stays_where_odometry_says(submap):
+def test_after_a_gap_scans_of_new_places_stay_with_odometry(submap):
     matcher = ScanMatcher(CONFIG)
     for _ in range(30):
         matched(submap, TRUTH, matcher=matcher)

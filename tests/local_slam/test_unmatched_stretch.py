@@ -82,7 +82,7 @@ def test_odometry_without_any_error_is_not_certain():
     assert 0.0 < information[2, 2] < 1e6
 
 
-def test_a_misfit_after_a_gap_ends_it_once_with_the_errors_of_the_gap():
+def test_a_misfit_after_a_gap_has_the_errors_of_the_gap():
     stretch, matched = driven(1.0), 1e4 * np.eye(3)
     stretch.break_off(Gap((Pose(1.0, 0.0, 0.0),), 0.5, 0.1))
     stretch.clear()
