@@ -38,8 +38,8 @@ FAR_M, FAR_RAD = 0.5, math.radians(15.0)
 robot turns fast."""
 
 MIN_GAP_S, GAP_INTERVALS, MIN_RECENT = 1.0, 4.0, 10
-"""A longer time between two scans than the first [s], and than this many of the latest intervals, is
-a gap in the recording. The latest are at least as many as the third."""
+"""A gap in the recording is longer than the first [s], and than this many of the latest intervals
+between scans, where these are at least as many as the third."""
 
 LEAST_ERROR_M, MAX_ERROR_M = 0.3, 1.5
 """Limits of the error of a pose that is predicted across a gap [m]."""
