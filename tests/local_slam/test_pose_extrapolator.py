@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cartoloop.config import LocalSlamConfig
+from cartoloop.local_slam.gap import MAX_ERROR_M, ODOMETRY_ERROR_SHARE
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator
 from cartoloop.sensor.events import Imu
@@ -413,3 +414,24 @@ def test_where_scans_are_sparse_no_interval_is_a_gap(extrapolator):
         extrapolator.add_pose(3.0 * k, Pose(0.8 * k, 0.0, 0.0))
     extrapolator.add_odometry(60.0, Pose(16.0, 0.0, 0.0))
     assert extrapolator.predict(60.0).gap is None
+
+
+def test_without_odometry_a_gap_is_as_uncertain_as_it_is_long(extrapolator):
+    for k in range(20):
+        extrapolator.add_pose(0.2 * k, Pose(0.1 * k, 0.0, 0.0))
+    assert extrapolator.predict(4.0).gap is None
+    errors = []
+    for pause in (1.5, 2.0, 60.0):
+        prediction = extrapolator.predict(3.8 + pause)
+        assert prediction.gap.poses == (prediction.tf_local_tracking,)
+        errors.append(prediction.gap.linear_error)
+    assert errors[0] < errors[1] < errors[2] == MAX_ERROR_M
+
+
+def test_after_a_gap_odometry_errs_by_a_share_of_the_distance(extrapolator):
+    for k in range(20):
+        extrapolator.add_odometry(0.2 * k, Pose(0.1 * k, 0.0, 0.0))
+        extrapolator.add_pose(0.2 * k, Pose(0.1 * k, 0.0, 0.0))
+    extrapolator.add_odometry(6.0, Pose(1.9 + 4.0, 0.0, 0.0))
+    gap = extrapolator.predict(6.0).gap
+    assert gap.linear_error == pytest.approx(ODOMETRY_ERROR_SHARE * 4.0)

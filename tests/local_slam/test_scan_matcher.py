@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from cartoloop.config import LocalSlamConfig
-from cartoloop.local_slam.prediction import Gap, Prediction, isotropic_information
+from cartoloop.local_slam.gap import Gap
+from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.scan_matcher import MAX_IGNORED_LOST, ScanMatcher
 from cartoloop.local_slam.seen_points import values_at
 from cartoloop.scan_matching import correlative

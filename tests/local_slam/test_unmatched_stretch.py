@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
+from cartoloop.local_slam.gap import Gap
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
-from cartoloop.local_slam.prediction import Gap
 from cartoloop.local_slam.unmatched_stretch import (
     MAX_STRETCH_M,
     MIN_STRETCH_M,

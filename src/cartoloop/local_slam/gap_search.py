@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from cartoloop.local_slam.prediction import Gap
+from cartoloop.local_slam.gap import Gap
 from cartoloop.local_slam.scan_fit import ScanFit
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose, relative

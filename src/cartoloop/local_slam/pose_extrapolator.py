@@ -12,11 +12,12 @@ import numpy as np
 
 from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
+from cartoloop.local_slam.gap import MIN_GAP_S, Gap, gap_by_odometry, gap_without_odometry, is_gap
 from cartoloop.local_slam.gyroscope import Gyroscope
 from cartoloop.local_slam.odometry_motion import OdometryMotion
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.local_slam.odometry_window import Evidence
-from cartoloop.local_slam.prediction import Gap, Prediction, isotropic_information
+from cartoloop.local_slam.prediction import Prediction, isotropic_information
 from cartoloop.local_slam.velocity_filter import VelocityFilter
 from cartoloop.sensor.events import Imu
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
@@ -36,20 +37,6 @@ STANDING_SPEED, STANDING_RATE = 0.05, 0.03
 FAR_M, FAR_RAD = 0.5, math.radians(15.0)
 """Step from scan to scan by odometry from which it is far [m], [rad]: scans are sparse then, or the
 robot turns fast."""
-
-MIN_GAP_S, GAP_INTERVALS, MIN_RECENT = 1.0, 4.0, 10
-"""A gap in the recording is longer than the first [s], and than this many of the latest intervals
-between scans, where these are at least as many as the third."""
-
-LEAST_ERROR_M, MAX_ERROR_M = 0.3, 1.5
-"""Limits of the error of a pose that is predicted across a gap [m]."""
-
-ODOMETRY_ERROR_SHARE, ODOMETRY_ERROR_RAD = 0.2, 0.1
-"""The same by odometry: share of the distance, and of the heading [rad]."""
-
-VELOCITY_ERROR, VELOCITY_ERROR_RAD = 0.6, 0.2
-"""The same without odometry: of the velocity [m/s], as robots set off and stop, and of the heading
-[rad]."""
 
 
 class PoseExtrapolator:
@@ -197,21 +184,14 @@ class PoseExtrapolator:
 
     def _gap(self, time: float, predicted: Pose, *, by_odometry: bool) -> Gap | None:
         """Return the gap in the recording before a scan, if there is one."""
-        duration = time - self._time
-        if duration <= MIN_GAP_S or len(self._recent) < MIN_RECENT:
+        duration, last = time - self._time, self._tf_local_tracking
+        if duration <= MIN_GAP_S or not is_gap(duration, [when for when, _ in self._recent]):
             return None
-        intervals = np.diff([scan_time for scan_time, _ in self._recent])
-        if duration <= GAP_INTERVALS * float(np.median(intervals)):
-            return None
-        last = self._tf_local_tracking
         steps = self.odometry.steps_over_gap(self._time, time)
         poses = (predicted, *(compose(last, step) for step in steps))
         if by_odometry:
-            moved = math.hypot(predicted.x - last.x, predicted.y - last.y)
-            error = min(max(ODOMETRY_ERROR_SHARE * moved, LEAST_ERROR_M), MAX_ERROR_M)
-            return Gap(poses, error, ODOMETRY_ERROR_RAD)
-        error = min(VELOCITY_ERROR * duration, MAX_ERROR_M)
-        return Gap(poses, error, VELOCITY_ERROR_RAD)
+            return gap_by_odometry(poses, math.hypot(predicted.x - last.x, predicted.y - last.y))
+        return gap_without_odometry(poses, duration)
 
     def _unsteady_step(self, time: float, expected: Pose) -> Pose | None:
         """Return a step as long as noisy odometry says, with the turn of constant velocity."""

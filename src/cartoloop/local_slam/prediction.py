@@ -9,21 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import FloatArray
+from cartoloop.local_slam.gap import Gap
 from cartoloop.sensor.pose import Pose
-
-
-class Gap(NamedTuple):
-    """Where the robot may be after a gap in the recording.
-
-    Attributes
-    ----------
-    poses : the predicted one first, then what else buffered odometry may mean.
-    linear_error, angular_error : of the predicted pose [m], [rad].
-    """
-
-    poses: tuple[Pose, ...]
-    linear_error: float
-    angular_error: float
 
 
 class Prediction(NamedTuple):

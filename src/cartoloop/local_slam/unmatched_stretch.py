@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from cartoloop.arrays import FloatArray
+from cartoloop.local_slam.gap import Gap
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
-from cartoloop.local_slam.prediction import Gap
 from cartoloop.sensor.pose import Pose
 
 MIN_STRETCH_M = 5.0
