@@ -275,6 +275,27 @@ def test_a_jump_of_the_odometry_does_no_harm(recording):
     assert distance.max() < 0.2
 
 
+@pytest.mark.parametrize(("with_odometry", "end"), [(True, 10.5), (False, 9.5)])
+def test_what_happens_while_scans_are_lost_is_found_out(recording, with_odometry, end):
+    """Wheels slip meanwhile; without them, nothing measures the motion."""
+    begin = recording.stamps[0]
+
+    def lossy():
+        for event in recording.events(with_odometry=with_odometry):
+            elapsed = event.time - begin
+            if isinstance(event, Odometry):
+                x, y, theta = event.tf_odom_tracking
+                slip = 1.2 * min(max((elapsed - 8.2) / 2.0, 0.0), 1.0)
+                yield replace(event, tf_odom_tracking=Pose(x + slip, y - 0.6 * slip, theta))
+            elif not 8.0 < elapsed < end:
+                yield event
+
+    poses, _, _ = run(lossy())
+    kept = (recording.stamps - begin <= 8.0) | (recording.stamps - begin >= end)
+    distance, _ = errors(poses, recording.true_poses[kept])
+    assert distance.max() < 0.06
+
+
 def test_odometry_that_ends_early_does_no_harm(recording):
     events = (
         event
