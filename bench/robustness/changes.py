@@ -27,6 +27,7 @@ from bench.robustness.log_changes import (
     jittering_odometry,
     longer,
     longer_ranges,
+    lossy_robot,
     lost_scans,
     mirror,
     missing,
@@ -121,6 +122,7 @@ CHANGES: Final = {
         Change("jitter", jittering_odometry(0.1), seeds=2),
         Change("range8", short_sighted(8.0)),
         Change("cheap", cheap_robot, seeds=2),
+        Change("lossy", lossy_robot, seeds=3),
         Change("combined", combined, seeds=NOISE_SEEDS),
         Change("no-odometry", settings=("local_slam.use_odometry=false",)),
     )

@@ -283,6 +283,12 @@ def cheap_robot(log: CarmenText, rng: Rng) -> None:
     short_sighted(8.0)(log, rng)
 
 
+def lossy_robot(log: CarmenText, rng: Rng) -> None:
+    """Make the recording one of a robot with noisy wheels, from which scans were lost."""
+    noisy_odometry(0.1, math.radians(3.0))(log, rng)
+    lost_scans(0.05, 4.0)(log, rng)
+
+
 def thinned(every: int) -> Apply:
     """Return the change that keeps one in n beams."""
 

@@ -170,6 +170,18 @@ def test_a_cheap_robot_sees_8_m_and_has_noisy_wheels(source, original, tmp_path)
     assert 0.05 < ratio.std() < 0.15
 
 
+def test_a_lossy_robot_loses_scans_and_has_noisy_wheels(source, original, tmp_path):
+    lossy = changed(source, tmp_path, "lossy")
+    assert np.diff(lossy.times[lossy.is_scan]).max() > 4.0
+    kept = np.isin(original.times, lossy.times)
+    moved, said = (np.diff(poses[:, :2], axis=0) for poses in (original.poses[kept], lossy.poses))
+    lengths = np.hypot(*moved.T)
+    # Over a gap, the errors of many steps cancel each other.
+    moves = (lengths > 0.02) & (lengths < 0.3)
+    ratio = np.hypot(*said.T)[moves] / lengths[moves]
+    assert 0.05 < ratio.std() < 0.15
+
+
 def test_thinned_beams_keep_their_angles(source, original, tmp_path):
     target = changed(source, tmp_path, "beams2")
     scans = [event for event in open_log(target) if isinstance(event, LaserScan)]
