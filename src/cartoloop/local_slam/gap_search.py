@@ -64,7 +64,7 @@ def _is_better(
 
     Parameters
     ----------
-    chi_square : of its pose against the gap.
+    chi_square : of its pose, against where the robot was expected.
     """
     seen = fit.residual_of_seen(best)
     share = MAX_RESIDUAL_SHARE if seen else MAX_UNSEEN_SHARE

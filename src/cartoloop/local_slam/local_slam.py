@@ -210,7 +210,7 @@ class LocalSlam:
         self._measure_distance(time, pose, filtered.data, scanner)
         self._unmatched.add(pose)
         if match is not None and prediction.gap and scanner.matcher.is_misfit(match.match):
-            self._unmatched.break_off(prediction.gap)
+            self._unmatched.add_gap(prediction.gap)
         node = None
         if has_points and scanner.motion_filter.is_new(scan.time, pose):
             information = self._information(match)

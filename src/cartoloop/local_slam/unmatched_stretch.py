@@ -50,14 +50,14 @@ class UnmatchedStretch:
         """Note that the latest scan was matched."""
         self._length, self._num_scans = 0.0, 0
 
-    def break_off(self, gap: Gap) -> None:
-        """Note that the latest scan, after a gap in the recording, fits badly."""
+    def add_gap(self, gap: Gap) -> None:
+        """Note a gap before the latest scan, which fits badly: it ends any stretch."""
         self._gap = gap
 
     def end(self, model: OdometryParameters, information: FloatArray) -> FloatArray | None:
         """End it at a scan that becomes a node; return the node's information after a long one.
 
-        None if it was not long.
+        None if it was not long, and there was no gap.
 
         Parameters
         ----------
@@ -69,9 +69,8 @@ class UnmatchedStretch:
         self.clear()
         self._gap = None
         if gap is not None:
-            return np.diag(
-                np.array((gap.linear_error, gap.linear_error, gap.angular_error)) ** -2.0
-            )
+            linear, angular = gap.linear_error, gap.angular_error
+            return np.diag((linear**-2.0, linear**-2.0, angular**-2.0))
         if not MIN_STRETCH_M <= length <= MAX_STRETCH_M:
             return None
         if not (model.is_known and model.knows_rotation):
