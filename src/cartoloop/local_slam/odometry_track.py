@@ -280,10 +280,7 @@ class OdometryTrack:
         after = bisect_left(times, time)
         if after < len(times) and self._jumped(after):
             pose, time = self._readings.pose(after), times[after]
-        number = bisect_right(self._jump_times, time)
-        if pose is None or number == 0:
-            return pose
-        return compose(inverse(self._frames[number - 1]), pose)
+        return None if pose is None else self._as_reported(time, pose)
 
     def reported_around(self, time: float, reach: float) -> list[Pose]:
         """Return the readings next to a time as they were reported, jumps included.
@@ -297,15 +294,14 @@ class OdometryTrack:
         times = self._readings.times
         after = bisect_left(times, time)
         return [
-            self._reported(row)
+            self._as_reported(times[row], self._readings.pose(row))
             for row in range(max(after - 1, 0), min(after + 2, len(times)))
             if abs(times[row] - time) <= reach
         ]
 
-    def _reported(self, row: int) -> Pose:
-        """Return a reading as it was reported."""
-        pose = self._readings.pose(row)
-        number = bisect_right(self._jump_times, self._readings.times[row])
+    def _as_reported(self, time: float, pose: Pose) -> Pose:
+        """Return a pose of the track in the frame in which it was reported at a time."""
+        number = bisect_right(self._jump_times, time)
         return pose if number == 0 else compose(inverse(self._frames[number - 1]), pose)
 
     def arrays(self) -> tuple[FloatArray, FloatArray]:
