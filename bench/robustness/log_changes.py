@@ -131,6 +131,20 @@ def held(share: float, seconds: float) -> Apply:
     return apply
 
 
+def seldom_read(period: float) -> Apply:
+    """Return the change that reads the odometry once in a period [s], and repeats it until then."""
+
+    def apply(log: CarmenText, _: Rng) -> None:
+        read, row_read, rows = -math.inf, 0, []
+        for row, time in enumerate(log.times.tolist()):
+            if time - read >= period:
+                read, row_read = time, row
+            rows.append(row_read)
+        log.poses = log.poses[rows]
+
+    return apply
+
+
 def reverse_beams(log: CarmenText, _: Rng) -> None:
     """Send the beams in the other order, as of a scanner that is mounted upside down.
 

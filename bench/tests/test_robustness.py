@@ -230,6 +230,14 @@ def test_scans_of_some_seconds_are_lost(source, original, tmp_path):
     assert 0.0 < share < 0.06
 
 
+def test_odometry_that_is_seldom_read_is_repeated(source, original, tmp_path):
+    seldom = changed(source, tmp_path, "seldom-read")
+    assert np.array_equal(seldom.times, original.times)
+    is_new = np.append(True, (np.diff(seldom.poses, axis=0) != 0.0).any(axis=1))
+    assert np.diff(original.times[is_new]).min() >= 1.0
+    assert np.array_equal(seldom.poses[is_new], original.poses[is_new])
+
+
 def test_beams_in_the_other_order_have_mirrored_angles(source, original, tmp_path):
     before, after = ranges_of(original), ranges_of(changed(source, tmp_path, "upside-down"))
     count = before.shape[1]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -27,7 +28,7 @@ from cartoloop.simulation import (
     make_world,
     simulate,
 )
-from tests.local_slam.small_world import errors, furnished_room, local_slam, record, run
+from tests.local_slam.small_world import LIDAR, errors, furnished_room, local_slam, record, run
 
 MIN_POINTS = LocalSlamConfig().insertion.min_num_points
 
@@ -123,6 +124,38 @@ def test_a_scan_does_not_wait_long_for_odometry_that_ended(recording):
     slam.add_odometry(Odometry(scan.time - 5.0, scan.time - 5.0, IDENTITY))
     assert not slam.is_ready(scan, scan.time + 0.4)
     assert slam.is_ready(scan, scan.time + scan.sweep[1] + 0.6)
+
+
+def test_odometry_read_once_a_second_shows_the_way_along_walls():
+    """The walls show nothing of the way along them; what was read last is sent with each scan."""
+    plan = FloorPlan()
+    for y in (0.0, 2.2):
+        plan.wall((0.0, y), (80.0, y))
+    world = World("bare walls", plan.segments(), np.array([(15.0, 1.0), (65.0, 1.2)]))
+    recording = simulate(world, replace(LIDAR, range_max=10.0), seed=3, duration=60.0)
+    slam, queue, poses = local_slam(Config()), deque(), []
+    for event in held_odometry(recording, 1.0):
+        if isinstance(event, Odometry):
+            slam.add_odometry(event)
+        else:
+            queue.append(event)
+        while queue and slam.is_ready(queue[0], event.time):
+            poses.append(slam.add_scan(queue.popleft()).tf_local_tracking)
+    later = slice(len(poses) // 3, len(poses))  # the period has become known
+    distance, _ = errors(np.array(poses)[later], recording.true_poses[later])
+    assert distance.max() < 0.5  # the odometry measures 1% too much
+
+
+def held_odometry(recording, period):
+    """Yield the events of a recording; what the odometry has read is sent again for a period."""
+    read, last = -math.inf, None
+    for event in recording.events():
+        if isinstance(event, Odometry):
+            if event.time - read >= period:
+                read, last = event.time, event.tf_odom_tracking
+            yield replace(event, tf_odom_tracking=last)
+        else:
+            yield event
 
 
 def test_disabled_odometry_equals_absent_odometry(recording):

@@ -270,6 +270,40 @@ def true_x(k):
     return 54 * 0.2 * 0.8 / math.sqrt(5.0) + (k - 54) * 0.2 * 0.2 / math.sqrt(5.0)
 
 
+def held_for(readings, count):
+    """Return readings, only one in some new; the others repeat the one before."""
+    return [(time, *readings[k - k % count][1:]) for k, (time, _, _) in enumerate(readings)]
+
+
+def test_odometry_that_is_read_seldom_moves_in_between():
+    """So slowly that a single repeated reading is no surprise."""
+    true = drive(60.0, speed=0.2, rate=0.05)
+    readings = track(*held_for(true, 5))
+    assert readings.num_jumps == 0
+    for time, x, theta in true[60:296]:
+        assert readings.at(time) == pytest.approx(Pose(x, 2.0 * x, theta))
+
+
+def test_a_reading_that_is_sent_again_shows_no_motion():
+    true = drive(60.6, speed=0.2, rate=0.05)
+    readings = track(*held_for(true, 5))
+    assert readings.latest == pytest.approx(60.6)
+    assert readings.known_until == pytest.approx(60.0)
+    assert track(*true).known_until == pytest.approx(60.6)
+
+
+def test_with_held_readings_a_robot_at_rest_is_believed():
+    true = held_for(drive(60.0, speed=0.2, rate=0.05), 5)
+    time, x, theta = true[-1]
+    at_rest = [(time + 0.2 * k, x, theta) for k in range(1, 100)]
+    readings = track(*true, *at_rest)
+    assert readings.known_until == pytest.approx(time + 19.8)
+    assert readings.at(time + 5.0) == pytest.approx(Pose(x, 2.0 * x, theta))
+    sets_off = track(*true, *at_rest, (time + 20.0, x + 0.02, theta))
+    assert sets_off.at(time + 15.0) == pytest.approx(Pose(x, 2.0 * x, theta))
+    assert x < sets_off.at(time + 19.5).x < x + 0.02
+
+
 def test_a_robot_that_sets_off_has_repeated_nothing():
     readings = drive(20.0)
     time, x, theta = readings[-1]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
-from cartoloop.local_slam.odometry_track import MAX_PERIOD_S
+from cartoloop.local_slam.odometry_pace import MAX_PERIOD_S
 
 OFFSETS_S: FloatArray = np.arange(-60.0, 61.0) * 0.02
 """Clock offsets tried [s], in steps of a tenth of the usual time between scans; positive: the

@@ -22,7 +22,6 @@ from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes
 from cartoloop.kernels.moved_points import moved_points
 from cartoloop.local_slam.degenerate_direction import degenerate_direction
 from cartoloop.local_slam.first_map import FirstMap
-from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
@@ -117,9 +116,11 @@ class LocalSlam:
         self._clocks = ScannerClocks(known.scanner_offsets if known else None)
         self._unmatched = UnmatchedStretch()
         self._next_node = first_node
-        self.extrapolator = PoseExtrapolator(
-            config, known.odometry if known else None, known.odometry_score if known else 0.0
-        )
+        self.extrapolator = PoseExtrapolator(config)
+        if known:
+            self.extrapolator = PoseExtrapolator(
+                config, known.odometry, known.odometry_score, known.odometry_held_s
+            )
 
     @property
     def active_submaps(self) -> tuple[Submap, ...]:
@@ -129,8 +130,10 @@ class LocalSlam:
     @property
     def calibration(self) -> SensorCalibration:
         """What is known about the sensors by now."""
-        motion = self.extrapolator
-        return SensorCalibration(motion.odometry.model, self._clocks.offsets, motion.odometry.score)
+        odometry = self.extrapolator.odometry
+        return SensorCalibration(
+            odometry.model, self._clocks.offsets, odometry.score, odometry.held_s
+        )
 
     def summary(self) -> dict[str, Any]:
         """Return the estimates about odometry, IMU and scanners, for the report."""
@@ -158,15 +161,14 @@ class LocalSlam:
         """Return whether the odometry and IMU readings that affect a scan have been read by a time.
 
         Odometry is waited for until it reaches the end of the sweep by its own clock, but for no
-        longer than it is extrapolated.
+        longer than its next reading may take.
         """
         if not self.extrapolator.measures_motion:
             return True
         offset = self._clocks.offset_of(scan.geometry.sensor)
         end = scan.time + offset + min(scan.sweep[1], MAX_SWEEP_S)
-        return end <= time and (
-            self.extrapolator.odometry.reaches(end) or time > end + MAX_EXTRAPOLATION_S
-        )
+        odometry = self.extrapolator.odometry
+        return end <= time and (odometry.reaches(end) or time > end + odometry.longest_wait_s)
 
     def add_scan(
         self, scan: LaserScan | PointCloud, on_pose: Callable[[Pose], None] | None = None

@@ -15,7 +15,7 @@ from cartoloop.config import PredictionConfig
 from cartoloop.local_slam.measured_distance import MeasuredDistance
 from cartoloop.local_slam.odometry_calibration import OdometryCalibration
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
-from cartoloop.local_slam.odometry_track import OdometryTrack
+from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S, OdometryTrack
 from cartoloop.local_slam.odometry_trust import OdometryFault, OdometryTrust, differ, follows
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.prediction import isotropic_information
@@ -47,10 +47,14 @@ class OdometryMotion:
     ----------
     model : what is known about it before; by default nothing.
     score : largest score against its predictions in an earlier pass.
+    held_s : how long its readings are held, by an earlier pass; 0 if they are not [s].
     """
 
-    def __init__(self, model: OdometryParameters | None = None, score: float = 0.0) -> None:
-        self._track = OdometryTrack()
+    def __init__(
+        self, model: OdometryParameters | None = None, score: float = 0.0, held_s: float = 0.0
+    ) -> None:
+        self._known_before = model, score
+        self._track = OdometryTrack(held_s)
         self._calibration = OdometryCalibration(model)
         self._trust = OdometryTrust(score)
         self._turns: dict[str, TurnComparison] = {}
@@ -68,6 +72,11 @@ class OdometryMotion:
     def score(self) -> float:
         """The largest score against its predictions so far."""
         return self._trust.largest_score
+
+    @property
+    def held_s(self) -> float:
+        """How long its readings are held [s]; 0 if they are not."""
+        return self._track.period.held_s
 
     @property
     def faults(self) -> list[OdometryFault]:
@@ -111,7 +120,12 @@ class OdometryMotion:
 
     def add(self, time: float, tf_odom_tracking: Pose) -> None:
         """Add a reading."""
+        were_held = self._track.period.are_held
         self._track.add(time, tf_odom_tracking)
+        if self._track.period.are_held and not were_held:
+            # Until now, the motion of several scans was compared with that of one.
+            model, score = self._known_before
+            self._calibration, self._trust = OdometryCalibration(model), OdometryTrust(score)
 
     def forget(self, needed: Sequence[float]) -> None:
         """Forget what cannot change any pose or calibration any more.
@@ -128,7 +142,12 @@ class OdometryMotion:
 
         Beyond its readings it is extrapolated, and what that is wrong by stays in the next step.
         """
-        return not self.has_readings or self._track.latest + self.model.time_offset >= time
+        return not self.has_readings or self._track.known_until + self.model.time_offset >= time
+
+    @property
+    def longest_wait_s(self) -> float:
+        """How long a scan waits for the reading after it [s]: as long as it may take to come."""
+        return max(MAX_EXTRAPOLATION_S, self._track.period.longest_s)
 
     def add_pose(self, time: float, pose: Pose, num_faulty: int, scanner: str) -> None:
         """Calibrate with a matched pose; `num_faulty` of the latest steps are left out."""

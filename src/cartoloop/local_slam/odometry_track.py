@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from typing import NamedTuple
 
 import numpy as np
 
 from cartoloop.arrays import FloatArray
+from cartoloop.local_slam.odometry_pace import MAX_PERIOD_S, Pace
 from cartoloop.local_slam.odometry_readings import OdometryReadings
+from cartoloop.local_slam.reading_period import MAX_REPEAT_S, ReadingPeriod
 from cartoloop.sensor.pose import (
     IDENTITY,
     Pose,
@@ -24,8 +25,8 @@ MAX_EXTRAPOLATION_S = 0.5
 """Longest time after the last reading over which the motion is extrapolated [s]: a few readings
 may be late, but wheels that send nothing have not stopped."""
 
-MAX_PERIOD_S, MAX_HOLD_SHARE = 1.0, 0.05
-"""Readings further apart than the first [s] do not determine a speed. The robot is then assumed at
+MAX_HOLD_SHARE = 0.05
+"""Readings further apart than `MAX_PERIOD_S` do not determine a speed. The robot is then assumed at
 the last reading, for a time that is this share of the time between them."""
 
 MAX_HEAD_SHARE = 0.15
@@ -42,31 +43,12 @@ no robot on wheels is so fast."""
 MAX_STEP_RAD, MAX_TURN_RATE = 1.0, 10.0
 """The same for the heading [rad], [rad/s]."""
 
-KNOWN_STEP_M, KNOWN_STEP_RAD, TIMES_FASTEST = 0.3, 0.3, 3.0
-"""Once a robot has shown how fast it is, a step longer than KNOWN_STEP + TIMES_FASTEST * duration *
-its largest speed is a reset, too [m], [rad]. Steps of real robots remain below half of that."""
-
-LEAST_FASTEST, LEAST_FASTEST_RATE = 0.3, 0.6
-"""Least of these largest speeds [m/s], [rad/s]: a robot may not have turned yet."""
-
-PACE_S, NUM_PACES, MIN_PACE = 1.0, 10, 0.1
-"""Time over which a speed is measured [s], so that jitter of the stamps is not in it; number of
-such times in which the robot moved by more than the third [m], [rad], after which its largest speed
-is known."""
-
 SPEED_OVER_S = 0.3
 """Time before a reading over which its speed is measured [s]."""
 
 MIN_SPEED, MAX_DECELERATION = 0.3, 2.0
 """A robot faster than both does not stand at once [m/s], [m/s^2]: a reading equal to the last one
 repeats it."""
-
-MAX_REPEAT_S = 3.0
-"""Longest time for which odometry repeats a reading and catches up [s]; beyond, it stands."""
-
-HASTY_M, HASTY_RAD, HASTY_TIMES_FASTEST = 0.1, 0.1, 1.5
-"""A step from repeated readings that is longer than the first and this many times the largest speed
-[m], [rad] is that of the time in which they were repeated."""
 
 
 class OdometryTrack:
@@ -77,7 +59,12 @@ class OdometryTrack:
 
     A reading that is repeated while the robot moves, because the odometry is slower than its
     stamps, is left out: the motion is uniform until the odometry catches up. That it was repeated
-    shows in the speed before, or only afterwards.
+    shows in the speed before, or only afterwards. So is one that is sent again until the next is
+    read, by odometry that does so all the time.
+
+    Parameters
+    ----------
+    held_s : how long readings are held, by an earlier pass; 0 if they are not, or unknown [s].
 
     Attributes
     ----------
@@ -86,15 +73,17 @@ class OdometryTrack:
     late_since : time of the reading that it last repeated before it caught up [s].
     latest : time of the latest reading [s], be it left out.
     has_moved : whether it has reported any motion.
+    period : how often it is read.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, held_s: float = 0.0) -> None:
         self.num_jumps = self.num_late = 0
         self.latest = -math.inf
         self.late_since = math.nan
         self.has_moved = False
+        self.period = ReadingPeriod(held_s)
         self._is_repeating = False
-        self._pace = self._pace_before = _Pace()  # now, and before the last reading
+        self._pace = self._pace_before = Pace()  # now, and before the last reading
         self._jump_times: list[float] = []
         self._frames: list[Pose] = []  # tf_track_odom from each jump on
         self._readings = OdometryReadings()
@@ -104,6 +93,13 @@ class OdometryTrack:
     def __len__(self) -> int:
         """Return the number of readings, with those that were forgotten."""
         return len(self._readings) + self._num_forgotten
+
+    @property
+    def known_until(self) -> float:
+        """Up to when it is known how the robot moved [s]: a reading sent again does not show it."""
+        if self.period.are_held and self._is_repeating:
+            return self._readings.times[-1]
+        return self.latest
 
     @property
     def is_long(self) -> bool:
@@ -149,6 +145,7 @@ class OdometryTrack:
         self._last = self._readings.pose(-1) if len(self._readings) else IDENTITY
 
     def _append(self, time: float, tf_odom_tracking: Pose) -> None:
+        self.period.add(time, tf_odom_tracking)
         pose = self._in_track(time, tf_odom_tracking)
         was_repeating, self._is_repeating = self._is_repeating, self._repeats(time, pose)
         if self._is_repeating:
@@ -166,17 +163,15 @@ class OdometryTrack:
     def _drop_repeated(self, time: float, pose: Pose) -> bool:
         """Drop readings that were repeated, if the next one shows it; return whether it does."""
         readings, times = self._readings, self._readings.times
-        if (
-            len(times) < 2
-            or self._last != readings.pose(-2)
-            or not self._pace.is_hasty(self._last, pose, time - times[-1])
-        ):
+        if len(times) < 2 or pose == self._last or self._last != readings.pose(-2):
             return False
-        while (
-            len(times) > 1 and self._last == readings.pose(-2) and time - times[-2] <= MAX_REPEAT_S
-        ):
+        longest = MAX_REPEAT_S
+        if not self._pace.is_hasty(self._last, pose, time - times[-1]):
+            longest = self.period.held_s
+        number = len(times)
+        while len(times) > 1 and self._last == readings.pose(-2) and time - times[-2] <= longest:
             self._pop()
-        return True
+        return len(times) < number
 
     def _in_track(self, time: float, tf_odom_tracking: Pose) -> Pose:
         """Return a new reading in the frame of the track, which is shifted if it jumps."""
@@ -204,6 +199,8 @@ class OdometryTrack:
         if len(times) < 2 or pose != self._last or time in self._jump_times[-1:]:
             return False
         since = time - times[-1]
+        if self.period.are_held:
+            return time - self.period.latest_new <= self.period.longest_s
         if self._is_repeating:
             return since <= MAX_REPEAT_S
         before = min(bisect_left(times, times[-1] - SPEED_OVER_S), len(times) - 2)
@@ -307,82 +304,6 @@ class OdometryTrack:
     def arrays(self) -> tuple[FloatArray, FloatArray]:
         """Return times and poses, whose headings are continuous, shapes (n,), (n, 3)."""
         return self._readings.rows()
-
-
-class _Pace(NamedTuple):
-    """The largest speeds of the odometry so far.
-
-    Attributes
-    ----------
-    begin, moved, turned : of the time over which a speed is being measured [s], and the motion in
-        it [m], [rad].
-    last, changed : times of the last reading, and of the last one that differed from the one before
-        [s].
-    num_paces : number of such times in which the robot moved.
-    fastest, fastest_rate : the largest speeds [m/s], [rad/s].
-    """
-
-    begin: float = math.nan
-    last: float = math.nan
-    changed: float = math.nan
-    moved: float = 0.0
-    turned: float = 0.0
-    num_paces: int = 0
-    fastest: float = LEAST_FASTEST
-    fastest_rate: float = LEAST_FASTEST_RATE
-
-    def with_step(self, time: float, before: Pose, after: Pose) -> _Pace:
-        """Return it with the step to another reading."""
-        if math.isnan(self.begin):
-            return self._replace(begin=time, last=time, changed=time)
-        # The first reading after a gap in the recording may be of before it.
-        has_changed = after != before and time - self.last <= MAX_PERIOD_S
-        changed = time if has_changed else self.changed
-        moved = self.moved + math.hypot(after.x - before.x, after.y - before.y)
-        turned = self.turned + abs(wrap_angle(after.theta - before.theta))
-        duration = time - self.begin
-        if duration < PACE_S:
-            return _Pace(  # a third of the time of _replace
-                self.begin,
-                time,
-                changed,
-                moved,
-                turned,
-                self.num_paces,
-                self.fastest,
-                self.fastest_rate,
-            )
-        return _Pace(
-            begin=time,
-            last=time,
-            changed=changed,
-            num_paces=self.num_paces + (moved > MIN_PACE or turned > MIN_PACE),
-            fastest=max(self.fastest, moved / duration),
-            fastest_rate=max(self.fastest_rate, turned / duration),
-        )
-
-    def is_hasty(self, before: Pose, after: Pose, duration: float) -> bool:
-        """Return whether a step took longer than a duration, by the largest speeds so far."""
-        distance = math.hypot(after.x - before.x, after.y - before.y)
-        turn = abs(wrap_angle(after.theta - before.theta))
-        times = HASTY_TIMES_FASTEST * duration
-        return self.num_paces >= NUM_PACES and (
-            distance > HASTY_M + times * self.fastest
-            or turn > HASTY_RAD + times * self.fastest_rate
-        )
-
-    def is_exceeded(self, distance: float, turn: float, time: float) -> bool:
-        """Return whether the step to a reading at a time is much faster than any so far.
-
-        It may be that of all the time since the last reading that was another.
-        """
-        if self.num_paces < NUM_PACES:
-            return False
-        duration = TIMES_FASTEST * (time - self.changed)
-        return (
-            distance > KNOWN_STEP_M + self.fastest * duration
-            or turn > KNOWN_STEP_RAD + self.fastest_rate * duration
-        )
 
 
 def _is_too_far(distance: float, turn: float, duration: float) -> bool:

@@ -49,6 +49,7 @@ class PoseExtrapolator:
     config : parameters of local SLAM.
     odometry_model : what is known about the odometry before; by default nothing.
     odometry_score : largest score against its predictions in an earlier pass.
+    odometry_held_s : how long its readings are held, by an earlier pass; 0 if they are not [s].
 
     Attributes
     ----------
@@ -62,10 +63,11 @@ class PoseExtrapolator:
         config: LocalSlamConfig,
         odometry_model: OdometryParameters | None = None,
         odometry_score: float = 0.0,
+        odometry_held_s: float = 0.0,
     ) -> None:
         self._config = config
         self._prediction = config.prediction
-        self.odometry = OdometryMotion(odometry_model, odometry_score)
+        self.odometry = OdometryMotion(odometry_model, odometry_score, odometry_held_s)
         self.gyroscope = Gyroscope(config.imu_gravity_time_constant)
         self._extrapolated: tuple[float, Pose] | None = None
         self._time = 0.0

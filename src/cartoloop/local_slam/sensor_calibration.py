@@ -18,11 +18,13 @@ class SensorCalibration(NamedTuple):
     scanner_offsets : by name: scans show the robot this much later than those of the first scanner
         with the same stamps [s]; 0 for the first.
     odometry_score : the largest score against the odometry's predictions so far.
+    odometry_held_s : how long the odometry's readings are held [s]; 0 if they are not.
     """
 
     odometry: OdometryParameters
     scanner_offsets: Mapping[str, float]
     odometry_score: float = 0.0
+    odometry_held_s: float = 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as values of JSON, None for what is not known."""
@@ -30,6 +32,7 @@ class SensorCalibration(NamedTuple):
             "odometry": self.odometry.to_dict(),
             "scanner_offsets": dict(self.scanner_offsets),
             "odometry_score": self.odometry_score,
+            "odometry_held_s": self.odometry_held_s,
         }
 
     @classmethod
@@ -46,4 +49,5 @@ class SensorCalibration(NamedTuple):
             OdometryParameters.from_dict(content.get("odometry", {})),
             {str(name): float(offset) for name, offset in offsets.items()},
             float(content.get("odometry_score", 0.0)),
+            float(content.get("odometry_held_s", 0.0)),
         )
