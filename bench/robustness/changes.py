@@ -121,6 +121,7 @@ CHANGES: Final = {
         Change("held", held(0.01, 0.5)),
         Change("upside-down", reverse_beams, settings=("sensor.upside_down=true",)),
         Change("jitter", jittering_odometry(0.1), seeds=2),
+        Change("wheels2", odometry_steps(longer(1.0))),
         Change("seldom-read", seldom_read(1.0)),
         Change("range8", short_sighted(8.0)),
         Change("cheap", cheap_robot, seeds=2),

@@ -15,8 +15,9 @@ from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.local_slam.odometry_readings import are_measured
 from cartoloop.sensor.pose import relative_all
 
-MIN_SCALE, MAX_SCALE = 0.7, 1.4
-"""Limits of the scales; odometry beyond them is broken, not badly calibrated."""
+MIN_SCALE, MAX_SCALE = 0.4, 2.5
+"""Limits of the scales; odometry beyond them is broken, not badly calibrated: a wrong wheel or gear
+makes a factor of two."""
 
 NUM_DISTANCES = 600
 """Number of latest distances that are used: some 600 m."""
