@@ -221,6 +221,11 @@ def longer(share: float) -> Callable[[FloatArray], FloatArray]:
     return lambda steps: steps * (1.0 + share, 1.0 + share, 1.0)
 
 
+def multiplied(factor: float) -> Callable[[FloatArray], FloatArray]:
+    """Return what multiplies steps and turns, as a wrong gear ratio does."""
+    return lambda steps: steps * factor
+
+
 def drifting(radians_a_metre: float) -> Callable[[FloatArray], FloatArray]:
     """Return what makes steps turn to the left [rad/m]."""
 

@@ -230,6 +230,17 @@ def test_scans_of_some_seconds_are_lost(source, original, tmp_path):
     assert 0.0 < share < 0.06
 
 
+def test_a_wrong_gear_doubles_steps_and_turns(source, original, tmp_path):
+    doubled = changed(source, tmp_path, "wheels2")
+    for before, after in zip(steps_of(original.poses), steps_of(doubled.poses), strict=True):
+        assert after == pytest.approx(2.0 * before, abs=1e-4)
+
+
+def steps_of(poses):
+    steps = relative_all(poses[:-1], poses[1:])
+    return np.hypot(steps[:, 0], steps[:, 1]), steps[:, 2]
+
+
 def test_odometry_that_is_seldom_read_is_repeated(source, original, tmp_path):
     seldom = changed(source, tmp_path, "seldom-read")
     assert np.array_equal(seldom.times, original.times)

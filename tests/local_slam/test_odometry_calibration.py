@@ -87,7 +87,7 @@ def test_the_offset_of_the_clock_is_found(offset):
     assert found.time_offset == pytest.approx(offset, abs=0.02)
 
 
-@pytest.mark.parametrize("scale", [0.82, 1.0, 1.2, 2.0])
+@pytest.mark.parametrize("scale", [0.5, 0.82, 1.0, 1.2, 2.0])
 def test_the_scale_of_rotation_is_found(scale):
     found = calibrated(OdometryParameters(rotation_scale=scale, time_offset=0.1))
     assert found.rotation_scale == pytest.approx(scale, rel=0.02)

@@ -66,6 +66,9 @@ SCALE_PRIOR, LEVER_PRIOR = 1e-3, 0.02
 """Least weight of the prior of the scale, and that of a lever arm of zero, which without turns the
 equations leave undetermined; a lever arm of half a metre is large."""
 
+USUAL_SCALES = (0.7, 1.4)
+"""Turns that are other than reported by up to these factors are compared as they are."""
+
 NOTED_CHANGE = 0.002
 """Changes of the scale that are noted, as a share of it."""
 
@@ -221,8 +224,14 @@ def estimate(
     turns_enough = num_turns >= MIN_STEPS
     is_open = False
     if turns_enough:
+        rotation_scale = _coarse_scale(times, steps[:, 2], turning, odometry_times, heading)
         found = clock_offset(
-            times, steps[:, 2], turning, odometry_times, heading, previous=previous.time_offset
+            times,
+            steps[:, 2],
+            turning,
+            odometry_times,
+            rotation_scale * heading,
+            previous=previous.time_offset,
         )
         if found is None:
             return previous
@@ -234,7 +243,7 @@ def estimate(
     reported = relative_all(at_scans[:-1], at_scans[1:])
     reported = previous.veer.corrected_all(reported, at_scans[:-1, 2])
     if turns_enough:
-        rotation_scale = _robust_scale(reported[turning, 2], steps[turning, 2])
+        rotation_scale = _robust_scale(reported[turning, 2], steps[turning, 2], rotation_scale)
     moving = known & (turning | (np.hypot(reported[:, 0], reported[:, 1]) > MIN_MOVE_M))
     if np.count_nonzero(moving) < MIN_STEPS:
         return previous
@@ -253,9 +262,31 @@ def estimate(
     )
 
 
-def _robust_scale(reported: FloatArray, true: FloatArray) -> float:
-    """Return the factor from reported to true motion, from the better half of the steps."""
-    scale = 1.0
+def _coarse_scale(
+    times: FloatArray,
+    turns: FloatArray,
+    turning: BoolArray,
+    odometry_times: FloatArray,
+    heading: FloatArray,
+) -> float:
+    """Return the factor from reported to true turns if it is far from 1, else 1.
+
+    It does not depend on the clock's offset, nor on which way the odometry turns.
+    """
+    reported = np.diff(np.interp(times, odometry_times, heading))[turning]
+    most = float(np.abs(reported).sum())
+    scale = float(np.abs(turns[turning]).sum()) / most if most > 0.0 else 1.0
+    is_far = not USUAL_SCALES[0] <= scale <= USUAL_SCALES[1]
+    return scale if is_far and MIN_SCALE <= scale <= MAX_SCALE else 1.0
+
+
+def _robust_scale(reported: FloatArray, true: FloatArray, scale: float) -> float:
+    """Return the factor from reported to true motion, from the better half of the steps.
+
+    Parameters
+    ----------
+    scale : the factor, coarsely.
+    """
     for _ in range(SCALE_ROUNDS):
         error = np.abs(true - scale * reported)
         agreeing = error <= np.median(error)
