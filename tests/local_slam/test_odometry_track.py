@@ -270,6 +270,31 @@ def true_x(k):
     return 54 * 0.2 * 0.8 / math.sqrt(5.0) + (k - 54) * 0.2 * 0.2 / math.sqrt(5.0)
 
 
+def after_a_gap(*readings):
+    """Return readings of a robot that turned by a radian in a gap of 3 s, and then some."""
+    true = drive(20.0)
+    time, x, theta = true[-1]
+    return time, theta, track(*true, *[(time + since, x, theta + turn) for since, turn in readings])
+
+
+def test_a_reading_of_before_the_end_of_a_gap_is_left_out():
+    end, theta, readings = after_a_gap((3.0, 0.2), (3.2, 1.0))
+    assert readings.num_jumps == 0
+    assert wrap_angle(readings.at(end + 3.1).theta - theta) == pytest.approx(3.1 / 3.2)
+
+
+def test_what_a_robot_does_after_a_gap_is_kept():
+    end, theta, readings = after_a_gap((3.0, 0.8), (3.2, 1.0))
+    assert wrap_angle(readings.at(end + 3.0).theta - theta) == pytest.approx(0.8)
+
+
+def test_the_next_reading_shows_what_happened_in_a_gap():
+    end, _, readings = after_a_gap((3.0, 0.2))
+    assert readings.known_until == pytest.approx(end)
+    end, _, readings = after_a_gap((3.0, 0.2), (3.2, 0.3))
+    assert readings.known_until == pytest.approx(end + 3.2)
+
+
 def held_for(readings, count):
     """Return readings, only one in some new; the others repeat the one before."""
     return [(time, *readings[k - k % count][1:]) for k, (time, _, _) in enumerate(readings)]

@@ -96,7 +96,13 @@ class OdometryTrack:
 
     @property
     def known_until(self) -> float:
-        """Up to when it is known how the robot moved [s]: a reading sent again does not show it."""
+        """Up to when it is known how the robot moved [s].
+
+        A reading that is sent again does not show it. The next one shows whether the first after a
+        gap is of its end.
+        """
+        if self._is_after_gap():
+            return self._readings.times[-2]
         if self.period.are_held and self._is_repeating:
             return self._readings.times[-1]
         return self.latest
@@ -151,6 +157,7 @@ class OdometryTrack:
         if self._is_repeating:
             return
         if len(self._readings):
+            self._drop_outdated(time, pose)
             if self._drop_repeated(time, pose) or (was_repeating and pose != self._last):
                 self.num_late += 1
                 self.late_since = self._readings.times[-1]
@@ -172,6 +179,23 @@ class OdometryTrack:
         while len(times) > 1 and self._last == readings.pose(-2) and time - times[-2] <= longest:
             self._pop()
         return len(times) < number
+
+    def _drop_outdated(self, time: float, pose: Pose) -> None:
+        """Drop the first reading after a gap if the next one shows that it was older."""
+        if not self._is_after_gap():
+            return
+        times, is_hasty = self._readings.times, self._pace.is_hasty
+        before = self._readings.pose(-2)
+        if is_hasty(self._last, pose, time - times[-1]) and not is_hasty(
+            before, pose, time - times[-2]
+        ):
+            self._pop()
+
+    def _is_after_gap(self) -> bool:
+        """Return whether the last reading is the first after a gap."""
+        times = self._readings.times
+        longest = max(MAX_PERIOD_S, self.period.longest_s)
+        return len(times) > 1 and times[-1] - times[-2] > longest
 
     def _in_track(self, time: float, tf_odom_tracking: Pose) -> Pose:
         """Return a new reading in the frame of the track, which is shifted if it jumps."""
