@@ -113,6 +113,28 @@ def test_after_a_far_step_pixels_are_searched_at_once(submap, is_far):
     assert (abs(wrap_angle(found.theta - TRUTH.theta)) < 0.02) == is_far
 
 
+def match_of_odometry_at_rest(submap, last, moving):
+    """The match of a scan at TRUTH that fits as usual anywhere near; the odometry reports rest."""
+    matcher = ScanMatcher(CONFIG)
+    matcher.memory = matcher.memory._replace(typical_residual=4.0)
+    information = isotropic_information(0.01, 0.01)
+    prior = Prediction(last, True, information, lambda: (last, moving), stands=True)
+    found = matcher.match(submap, points(), prior)
+    assert matcher.num_lost == 0
+    return found.tf_local_tracking
+
+
+def test_a_robot_that_has_not_stopped_with_its_odometry_goes_on(submap):
+    last = off(-0.2, 0.0, 0.0)
+    assert_near(match_of_odometry_at_rest(submap, last, TRUTH), TRUTH)
+    slower_than_that = match_of_odometry_at_rest(submap, last, off(-0.19, 0.0, 0.0))
+    assert_near(slower_than_that, last, distance=0.1)
+
+
+def test_a_robot_that_stops_with_its_odometry_stands(submap):
+    assert_near(match_of_odometry_at_rest(submap, TRUTH, off(0.2, 0.0, 0.0)), TRUTH)
+
+
 @pytest.mark.parametrize("step", [Pose(0.7, 0.05, 0.1), Pose(1.1, -0.2, -0.3)])
 def test_a_step_backwards_reported_as_forwards_is_found(submap, step):
     matcher = ScanMatcher(CONFIG)

@@ -48,6 +48,10 @@ class MatchedScan(NamedTuple):
     is_relocated: bool = False
 
 
+MIN_MOTION_M = 0.03
+"""A robot that moves by less from scan to scan may stop at once [m]."""
+
+
 class ScanMatcher:
     """Matches scans to a submap, and keeps the typical residual of a match.
 
@@ -151,6 +155,22 @@ class ScanMatcher:
                 not prediction.by_odometry or _may_correct(fit, best, found)
             ):
                 best = found
+        if prediction.stands and prediction.by_odometry:
+            best = self._moving(fit, best)
+        return best
+
+    def _moving(self, fit: ScanFit, best: LeastSquaresMatch) -> LeastSquaresMatch:
+        """Return the match of a robot that has not stopped, if it fits much better than at rest.
+
+        Along a corridor, odometry that has stopped leads to a match at rest, which fits worse and
+        worse, but not so badly that the scan is lost.
+        """
+        rest, moving = fit.prediction.fallbacks()
+        if math.hypot(moving.x - rest.x, moving.y - rest.y) < MIN_MOTION_M:
+            return best
+        found = fit.refine_freely(fit.in_submap(moving))
+        if found.residual < self._settings.window.lost_improvement * best.residual:
+            return found
         return best
 
     def _elsewhere(self, fit: ScanFit, best: LeastSquaresMatch) -> tuple[LeastSquaresMatch, bool]:
