@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -24,6 +25,14 @@ VELOCITY_ERROR, VELOCITY_ERROR_RAD = 0.6, 0.2
 """The same without odometry: of the velocity [m/s], as robots set off and stop, and of the heading
 [rad]."""
 
+TURN_SHARE, MAX_TURN_RAD = 0.2, math.pi
+"""Error of the heading of a robot that turned when the gap began: share of the turn that it would
+have made in the gap, and the largest such turn [rad]. It may have gone on or stopped, and what the
+odometry reports right after a gap may be of before its end."""
+
+TURN_RATE = 1.5
+"""Rate at which a robot may turn whose motion nothing measures [rad/s]."""
+
 
 class Gap(NamedTuple):
     """Where the robot may be after a gap.
@@ -32,11 +41,13 @@ class Gap(NamedTuple):
     ----------
     poses : the predicted one first, then what else buffered odometry may mean.
     linear_error, angular_error : of the predicted pose [m], [rad].
+    turn_error : error of the heading for the search, as the robot may have turned on [rad].
     """
 
     poses: tuple[Pose, ...]
     linear_error: float
     angular_error: float
+    turn_error: float
 
 
 def is_gap(duration: float, scan_times: Sequence[float]) -> bool:
@@ -52,12 +63,23 @@ def is_gap(duration: float, scan_times: Sequence[float]) -> bool:
     return duration > GAP_INTERVALS * float(np.median(np.diff(scan_times)))
 
 
-def gap_by_odometry(poses: tuple[Pose, ...], moved: float) -> Gap:
-    """Return a gap across which the odometry has reported a motion by some distance [m]."""
+def gap_by_odometry(poses: tuple[Pose, ...], moved: float, turn: float) -> Gap:
+    """Return a gap across which the odometry has reported a motion by some distance [m].
+
+    Parameters
+    ----------
+    turn : of a robot that turns in the gap as it did before [rad].
+    """
     error = min(max(ODOMETRY_ERROR_SHARE * moved, LEAST_ERROR_M), MAX_ERROR_M)
-    return Gap(poses, error, ODOMETRY_ERROR_RAD)
+    return Gap(poses, error, ODOMETRY_ERROR_RAD, max(ODOMETRY_ERROR_RAD, _turn_error(turn)))
 
 
-def gap_without_odometry(poses: tuple[Pose, ...], duration: float) -> Gap:
+def gap_without_odometry(poses: tuple[Pose, ...], duration: float, turn: float) -> Gap:
     """Return a gap of some duration [s] in which nothing measured the motion."""
-    return Gap(poses, min(VELOCITY_ERROR * duration, MAX_ERROR_M), VELOCITY_ERROR_RAD)
+    error = min(VELOCITY_ERROR * duration, MAX_ERROR_M)
+    turn = max(abs(turn), TURN_RATE * duration)
+    return Gap(poses, error, VELOCITY_ERROR_RAD, max(VELOCITY_ERROR_RAD, _turn_error(turn)))
+
+
+def _turn_error(turn: float) -> float:
+    return TURN_SHARE * min(abs(turn), MAX_TURN_RAD)

@@ -47,7 +47,7 @@ def search_after_gap(fit: ScanFit, best: LeastSquaresMatch, gap: Gap) -> LeastSq
         window = settings.lost_window.model_copy(
             update={
                 "linear_search_window": reach,
-                "angular_search_window_deg": math.degrees(WINDOW_ERRORS * gap.angular_error),
+                "angular_search_window_deg": math.degrees(WINDOW_ERRORS * gap.turn_error),
             }
         )
         centre = fit.in_submap(pose)
@@ -79,7 +79,7 @@ def _is_better(
 
 def _chi_square(match: LeastSquaresMatch, centre: Pose, gap: Gap) -> float:
     apart = relative(centre, match.tf_submap_scan)
-    return (apart.x**2 + apart.y**2) / gap.linear_error**2 + (apart.theta / gap.angular_error) ** 2
+    return (apart.x**2 + apart.y**2) / gap.linear_error**2 + (apart.theta / gap.turn_error) ** 2
 
 
 def _are_same(one: Pose, other: Pose) -> bool:

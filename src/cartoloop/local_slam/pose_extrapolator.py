@@ -191,9 +191,11 @@ class PoseExtrapolator:
             return None
         steps = self.odometry.steps_over_gap(self._time, time)
         poses = (predicted, *(compose(last, step) for step in steps))
+        turn = duration * self._velocity.step(1.0).theta
         if by_odometry:
-            return gap_by_odometry(poses, math.hypot(predicted.x - last.x, predicted.y - last.y))
-        return gap_without_odometry(poses, duration)
+            moved = math.hypot(predicted.x - last.x, predicted.y - last.y)
+            return gap_by_odometry(poses, moved, turn)
+        return gap_without_odometry(poses, duration, turn)
 
     def _unsteady_step(self, time: float, expected: Pose) -> Pose | None:
         """Return a step as long as noisy odometry says, with the turn of constant velocity."""
@@ -237,11 +239,13 @@ class PoseExtrapolator:
         self.odometry.renew()
         if step is None or not self.odometry.forgive(since):
             return None
+        predicted = compose(pose, self.gyroscope.with_turn(step, begin, time))
         return Prediction(
-            compose(pose, self.gyroscope.with_turn(step, begin, time)),
+            predicted,
             True,
             self.odometry.information(self._prediction) / (number + 1),
             partial(self._fallbacks, time),
+            gap=self._gap(time, predicted, by_odometry=True),
         )
 
     def prediction_from(self, time: float, tf_local_tracking: Pose) -> Prediction:
