@@ -116,11 +116,7 @@ class LocalSlam:
         self._clocks = ScannerClocks(known.scanner_offsets if known else None)
         self._unmatched = UnmatchedStretch()
         self._next_node = first_node
-        self.extrapolator = PoseExtrapolator(config)
-        if known:
-            self.extrapolator = PoseExtrapolator(
-                config, known.odometry, known.odometry_score, known.odometry_held_s
-            )
+        self.extrapolator = PoseExtrapolator(config, known)
 
     @property
     def active_submaps(self) -> tuple[Submap, ...]:

@@ -54,6 +54,7 @@ class OdometryMotion:
         self, model: OdometryParameters | None = None, score: float = 0.0, held_s: float = 0.0
     ) -> None:
         self._known_before = model, score
+        self._is_held = held_s > 0.0
         self._track = OdometryTrack(held_s)
         self._calibration = OdometryCalibration(model)
         self._trust = OdometryTrust(score)
@@ -120,10 +121,10 @@ class OdometryMotion:
 
     def add(self, time: float, tf_odom_tracking: Pose) -> None:
         """Add a reading."""
-        were_held = self._track.period.are_held
         self._track.add(time, tf_odom_tracking)
-        if self._track.period.are_held and not were_held:
+        if self._track.period.are_held and not self._is_held:
             # Until now, the motion of several scans was compared with that of one.
+            self._is_held = True
             model, score = self._known_before
             self._calibration, self._trust = OdometryCalibration(model), OdometryTrust(score)
 

@@ -15,9 +15,9 @@ from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.gap import MIN_GAP_S, Gap, gap_by_odometry, gap_without_odometry, is_gap
 from cartoloop.local_slam.gyroscope import Gyroscope
 from cartoloop.local_slam.odometry_motion import OdometryMotion
-from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.prediction import Prediction, isotropic_information
+from cartoloop.local_slam.sensor_calibration import SensorCalibration
 from cartoloop.local_slam.velocity_filter import VelocityFilter
 from cartoloop.sensor.events import Imu
 from cartoloop.sensor.pose import IDENTITY, Pose, compose, relative
@@ -47,9 +47,7 @@ class PoseExtrapolator:
     Parameters
     ----------
     config : parameters of local SLAM.
-    odometry_model : what is known about the odometry before; by default nothing.
-    odometry_score : largest score against its predictions in an earlier pass.
-    odometry_held_s : how long its readings are held, by an earlier pass; 0 if they are not [s].
+    known : what is known about the sensors before; by default nothing.
 
     Attributes
     ----------
@@ -58,16 +56,14 @@ class PoseExtrapolator:
     num_overlong_sweeps : number of sweeps longer than `MAX_SWEEP_S`.
     """
 
-    def __init__(
-        self,
-        config: LocalSlamConfig,
-        odometry_model: OdometryParameters | None = None,
-        odometry_score: float = 0.0,
-        odometry_held_s: float = 0.0,
-    ) -> None:
+    def __init__(self, config: LocalSlamConfig, known: SensorCalibration | None = None) -> None:
         self._config = config
         self._prediction = config.prediction
-        self.odometry = OdometryMotion(odometry_model, odometry_score, odometry_held_s)
+        self.odometry = OdometryMotion()
+        if known is not None:
+            self.odometry = OdometryMotion(
+                known.odometry, known.odometry_score, known.odometry_held_s
+            )
         self.gyroscope = Gyroscope(config.imu_gravity_time_constant)
         self._extrapolated: tuple[float, Pose] | None = None
         self._time = 0.0
