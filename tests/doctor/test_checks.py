@@ -177,6 +177,14 @@ class TestOdometry:
         assert finding.code == "odometry_still"
         assert odometry.check_moves(odometry_of(MOVING)) is None
 
+    def test_readings_that_are_sent_again(self):
+        assert odometry.check_period(odometry_of(MOVING)) is None
+        held = odometry_of([MOVING[k - k % 5] for k in range(len(MOVING))])
+        finding = odometry.check_period(held)
+        assert finding.code == "odometry_held"
+        assert finding.severity == "info"
+        assert f"each {held.period.usual_s:.2g} s" in finding.message
+
     def test_disagreement(self):
         unknown = OdometryParameters()
         assert odometry.check_agreement(odometry_of(MOVING), unknown).code == "odometry_disagrees"

@@ -12,6 +12,7 @@ import numpy as np
 from cartoloop.arrays import FloatArray
 from cartoloop.doctor.findings import Finding, first_of
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.reading_period import ReadingPeriod
 from cartoloop.quality.odometry_use import TURNS_ADVICE, TURNS_AGAINST
 from cartoloop.sensor.events import Odometry
 from cartoloop.sensor.pose import Pose, relative
@@ -48,6 +49,7 @@ class OdometryWatch:
     fastest, fastest_turn : [m/s], [rad/s], jumps left out.
     num_jumps, first_jump : impossible steps; stamp of the first.
     num_bad : poses that are not finite.
+    period : how often it is read.
     """
 
     name: str = "odometry"
@@ -61,6 +63,7 @@ class OdometryWatch:
     num_jumps: int = 0
     first_jump: float | None = None
     num_bad: int = 0
+    period: ReadingPeriod = field(default_factory=ReadingPeriod)
     _last: Pose | None = None
 
     @property
@@ -74,6 +77,7 @@ class OdometryWatch:
         if not all(map(math.isfinite, pose)):
             self.num_bad += 1
             return
+        self.period.add(odometry.time, pose)
         turn = self.turns[-1] if self.turns else 0.0
         if self._last is not None:
             step = relative(self._last, pose)
@@ -121,7 +125,7 @@ def check_odometry(
                 "come out better",
             )
         ]
-    found = [check_finite(watch), check_jumps(watch), check_moves(watch)]
+    found = [check_finite(watch), check_jumps(watch), check_moves(watch), check_period(watch)]
     if is_mirrored:
         found.append(check_side(watch))
     elif model is not None:
@@ -172,6 +176,20 @@ def check_moves(watch: OdometryWatch) -> Finding | None:
         "odometry_still",
         "the odometry never moves",
         "if the robot did, check the odometry's driver; --odom-topic none leaves it out",
+        watch.name,
+        watch.count,
+    )
+
+
+def check_period(watch: OdometryWatch) -> Finding | None:
+    """Readings that are sent again until the next one."""
+    if not watch.period.are_held:
+        return None
+    return Finding(
+        "info",
+        "odometry_held",
+        f"the odometry is read each {watch.period.usual_s:.2g} s, and repeated in between",
+        "the robot is taken to move in between; faster readings give better maps in corridors",
         watch.name,
         watch.count,
     )

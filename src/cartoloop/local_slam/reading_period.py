@@ -40,6 +40,7 @@ class ReadingPeriod:
 
     Attributes
     ----------
+    usual_s : usual time from one to the next [s]; 0 before it is known.
     longest_s : time after which the next new reading has come if the robot moves [s]; 0 before it
         is known.
     latest_new : time of the latest new reading [s].
@@ -47,6 +48,7 @@ class ReadingPeriod:
     """
 
     def __init__(self, held_s: float = 0.0) -> None:
+        self.usual_s = 0.0
         self.longest_s = held_s
         self.latest_new = math.nan
         self.are_held = held_s > 0.0
@@ -76,7 +78,7 @@ class ReadingPeriod:
         self.latest_new = time
 
     def _estimate(self) -> None:
-        period = median(self._periods)
-        self.longest_s = min(MAX_PERIODS * period, MAX_REPEAT_S)
-        num_held = sum(self._held)
-        self.are_held = period >= MIN_HELD_S and num_held >= HELD_SHARE * len(self._held)
+        self.usual_s = median(self._periods)
+        self.longest_s = min(MAX_PERIODS * self.usual_s, MAX_REPEAT_S)
+        are_most = sum(self._held) >= HELD_SHARE * len(self._held)
+        self.are_held = are_most and self.usual_s >= MIN_HELD_S
