@@ -97,13 +97,31 @@ def lost_scans(share: float, seconds: float) -> Apply:
     """
 
     def apply(log: CarmenText, rng: Rng) -> None:
-        times = log.times
-        number = int(share * (times[-1] - times[0]) / seconds)
-        begins = np.sort(rng.uniform(times[0] + AFTER_START_S, times[-1], number))
-        last = np.concatenate(([-math.inf], begins))[np.searchsorted(begins, times)]
-        log.keep((times - last >= seconds) | ~log.is_scan)
+        log.keep(~_at_random(log.times, share, seconds, rng) | ~log.is_scan)
 
     return apply
+
+
+def frozen(share: float, seconds: float) -> Apply:
+    """Return the change whose odometry misses the motion of some seconds in turn, at random times.
+
+    Parameters are those of :func:`lost_scans`.
+    """
+
+    def apply(log: CarmenText, rng: Rng) -> None:
+        is_missed = _at_random(log.times, share, seconds, rng)[1:, np.newaxis]
+        odometry_steps(lambda steps: np.where(is_missed, 0.0, steps))(log, rng)
+
+    return apply
+
+
+def _at_random(times: FloatArray, share: float, seconds: float, rng: Rng) -> BoolArray:
+    """Return which times are in one of the stretches of some seconds."""
+    number = int(share * (times[-1] - times[0]) / seconds)
+    begins = np.sort(rng.uniform(times[0] + AFTER_START_S, times[-1], number))
+    last = np.concatenate(([-math.inf], begins))[np.searchsorted(begins, times)]
+    is_within: BoolArray = times - last < seconds
+    return is_within
 
 
 def twice(log: CarmenText, _: Rng) -> None:

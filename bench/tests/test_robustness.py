@@ -230,6 +230,14 @@ def test_scans_of_some_seconds_are_lost(source, original, tmp_path):
     assert 0.0 < share < 0.06
 
 
+def test_frozen_odometry_misses_some_seconds(source, original, tmp_path):
+    frozen = changed(source, tmp_path, "frozen")
+    before, after = steps_of(original.poses)[0], steps_of(frozen.poses)[0]
+    is_missed = (before > 1e-3) & (after < 1e-9)
+    assert after[~is_missed] == pytest.approx(before[~is_missed], abs=1e-4)
+    assert 0.02 < is_missed[before > 1e-3].mean() < 0.25
+
+
 def test_a_wrong_gear_doubles_steps_and_turns(source, original, tmp_path):
     doubled = changed(source, tmp_path, "wheels2")
     for before, after in zip(steps_of(original.poses), steps_of(doubled.poses), strict=True):
