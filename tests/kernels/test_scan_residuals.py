@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares, minimize
 
 from cartoloop.kernels.scan_residuals import (
+    MIN_DAMPING,
     MatchOptions,
     MotionPrior,
     accumulate_match,
@@ -34,6 +35,20 @@ def random_grid(seed, shape):
     return grid.astype(np.float32)
 
 
+def projected(jacobian, angles, points, theta):
+    """A Jacobian without the derivatives along the walls of points; angles in the scan's frame."""
+    cos, sin = math.cos(theta), math.sin(theta)
+    result = []
+    for (jx, jy, _), angle, (x, y) in zip(jacobian, angles, points, strict=True):
+        across = np.array((jx, jy))
+        if not math.isnan(angle):
+            normal = np.array((-math.sin(angle + theta), math.cos(angle + theta)))
+            across = (across @ normal) * normal
+        arm_x, arm_y = cos * x - sin * y, sin * x + cos * y
+        result.append((*across, across[1] * arm_x - across[0] * arm_y))
+    return np.array(result)
+
+
 @settings(deadline=None, max_examples=40)
 @given(
     seed=seeds,
@@ -41,10 +56,16 @@ def random_grid(seed, shape):
     x=st.floats(-1.0, 1.0),
     y=st.floats(-1.0, 1.0),
     theta=st.floats(-7.0, 7.0),
+    share_of_walls=st.sampled_from([0.0, 0.5, 1.0]),
 )
-def test_the_normal_equations_equal_finite_differences(seed, num_points, x, y, theta):
+def test_the_normal_equations_equal_finite_differences(
+    seed, num_points, x, y, theta, share_of_walls
+):
     grid, origin, resolution = random_grid(seed, (20, 24)), (-1.0, -1.1), 0.1
-    points = np.random.default_rng(seed).uniform(-0.6, 0.6, (num_points, 2))
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-0.6, 0.6, (num_points, 2))
+    angles = rng.uniform(-4.0, 4.0, num_points)
+    angles[rng.random(num_points) >= share_of_walls] = np.nan
 
     def errors(pose):
         return naive_errors(grid, UNKNOWN, origin, resolution, points, pose)
@@ -54,6 +75,7 @@ def test_the_normal_equations_equal_finite_differences(seed, num_points, x, y, t
         SmoothMap(grid, *origin, resolution),
         UNKNOWN,
         points,
+        np.nan_to_num(np.stack((np.cos(2.0 * angles), np.sin(2.0 * angles)))),
         x,
         y,
         theta,
@@ -62,7 +84,7 @@ def test_the_normal_equations_equal_finite_differences(seed, num_points, x, y, t
     )
 
     at = errors((x, y, theta))
-    jacobian = central_differences(errors, (x, y, theta), 1e-7)
+    jacobian = projected(central_differences(errors, (x, y, theta), 1e-7), angles, points, theta)
     assert total == pytest.approx(at @ at)
     normal = (jacobian.T @ jacobian)[np.triu_indices(3)]
     assert system[:6] == pytest.approx(normal, rel=1e-4, abs=1e-3)
@@ -77,7 +99,11 @@ def test_the_damped_equations_are_solved(seed, damping):
     normal, right = factor.T @ factor, rng.normal(size=3)
     step = np.zeros(3)
     assert solve_3x3(np.append(normal[np.triu_indices(3)], right), damping, step)
-    damped = normal + damping * np.diag(np.diag(normal))
+    own = min(damping, MIN_DAMPING)
+    isotropic = (damping - own) * 0.5 * (normal[0, 0] + normal[1, 1])
+    added = own * np.diag(normal) + isotropic
+    added[2] = damping * normal[2, 2]
+    damped = normal + np.diag(added)
     assert damped @ step == pytest.approx(-right, abs=1e-6)
 
 
@@ -307,6 +333,7 @@ def test_match_has_curvature_and_squares_at_its_pose():
         SmoothMap(*grid, RESOLUTION),
         UNKNOWN,
         walls,
+        np.zeros((2, len(walls))),
         *found[:3].tolist(),
         point_scratch(len(walls)),
         system,
@@ -336,3 +363,17 @@ def test_a_scan_that_fits_too_poorly_at_the_start_is_left_there():
     assert left[:3].tolist() == list(start)
     assert left[3:9].tolist() == [0.0] * 6
     assert np.isinf(left[9:]).all()
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("start", [(0.0, 0.0, 0.0), (0.0, 0.03, 0.02)])
+def test_points_beyond_what_is_mapped_of_walls_do_not_attract_the_scan(side, start):
+    (grid, *origin), _ = corridor()
+    grid = grid.copy()
+    grid[:, side * (origin[0] + RESOLUTION * np.arange(grid.shape[1])) > 1.0] = 0.0
+    along = np.arange(-2.0, 2.0, 0.05)
+    points = np.concatenate([np.stack((along, np.full(80, y)), -1) for y in (-ROOM[1], ROOM[1])])
+    odometry = (1e4, 0.0, 0.0, 1e4, 0.0, 1e2)
+    found, _ = run((grid, *origin), points, start, (0.0, 0.0, 0.0), odometry, weight=250.0)
+    assert found[0] == pytest.approx(0.0, abs=0.01)
+    assert found[1:3] == pytest.approx(0.0, abs=0.01)

@@ -184,7 +184,9 @@ def test_evidence_against_wheels_ends_where_they_are_right():
     wall_step, scan = WallStep(CONFIG), partial(corridor_scan, rng=Silent(), cupboards=CUPBOARDS)
     wall_step.add(0.0, IDENTITY, IDENTITY, scan(0.0))
     slipping = Pose(0.05, 0.0, 0.0), scan(0.25)
-    pose = wall_step.better_pose(0.4, *slipping, by_odometry=True)
+    assert wall_step.better_pose(0.4, *slipping, by_odometry=True) is None
+    wall_step.add(0.4, slipping[0], IDENTITY, slipping[1])
+    pose = wall_step.better_pose(0.5, *slipping, by_odometry=True)
     assert pose.x == pytest.approx(0.25, abs=0.03)
 
     at_rest, seen = Pose(0.25, 0.0, 0.0), scan(0.25)
@@ -243,4 +245,4 @@ def test_odometry_that_repeats_a_reading_is_given_time():
     odometry = {"by_odometry": True, "stands": True}
     found = walk(wall_step, places, np.zeros(30), CUPBOARDS, **odometry)
     first = next(k for k, pose in enumerate(found) if pose is not None)
-    assert 0.2 * first == pytest.approx(CONFIG.max_standstill, abs=0.5)
+    assert 0.2 * first == pytest.approx(CONFIG.max_standstill, abs=0.7)

@@ -22,10 +22,13 @@ from cartoloop.kernels.smooth_map import (
     point_scratch,
     sample_smooth_map,
 )
+from cartoloop.kernels.wall_directions import wall_directions
 
 MIN_DAMPING = 0.7
 """Smallest and first damping, as a share of the diagonal of J^T J. On the ridge of a wall the cost
-curves up to twice as much as J^T J indicates, and undamped steps overshoot."""
+curves up to twice as much as J^T J indicates, and undamped steps overshoot. What is more is the same
+in all directions: along a corridor, where J^T J is small, a step that raised the cost was too long.
+"""
 
 DAMPING_DECREASE = 0.3
 """Factor of the damping after a step that lowered the cost."""
@@ -76,6 +79,7 @@ def accumulate_match(
     smooth_map: SmoothMap,
     unknown: float,
     points: FloatArray,
+    walls: FloatArray,
     x: float,
     y: float,
     theta: float,
@@ -84,11 +88,16 @@ def accumulate_match(
 ) -> float:
     """Write the normal equations of (CS) at a pose into `out_system`; return the sum of squares.
 
+    Along a straight wall the map looks the same everywhere. Where its values change there, they
+    show how often it was observed, or where that ends, and would attract the scan to what is known
+    best. So the derivatives count across the wall only.
+
     Parameters
     ----------
     smooth_map : the occupancy grid.
     unknown : the value of cells never observed.
     points : float64, shape (n, 2), tracking frame [m].
+    walls : float64, shape (2, n), as :func:`wall_directions` writes it.
     x, y, theta : tf_submap_scan.
     scratch : for n points.
     out_system : float64, shape (9,): upper triangle of J^T J (xx, xy, xt, yy, yt, tt), then J^T e.
@@ -97,10 +106,18 @@ def accumulate_match(
     samples = scratch.samples
     scale = 1.0 / smooth_map.resolution
     xx = xy = xt = yy = yt = tt = bx = by = bt = total = 0.0
+    cos, sin = math.cos(2.0 * theta), math.sin(2.0 * theta)
     for k in range(points.shape[0]):
         error = 1.0 - samples[VALUE, k]
         jx = -samples[D_COL, k] * scale
         jy = -samples[D_ROW, k] * scale
+        is_wall = walls[0, k] ** 2 + walls[1, k] ** 2  # 1 or 0
+        wall_cos = cos * walls[0, k] - sin * walls[1, k]
+        wall_sin = sin * walls[0, k] + cos * walls[1, k]
+        along_x = 0.5 * ((is_wall + wall_cos) * jx + wall_sin * jy)
+        along_y = 0.5 * (wall_sin * jx + (is_wall - wall_cos) * jy)
+        jx -= along_x
+        jy -= along_y
         jt = -jx * samples[ARM_Y, k] + jy * samples[ARM_X, k]
         xx += jx * jx
         xy += jx * jy
@@ -125,14 +142,21 @@ def accumulate_match(
 
 
 @borrowing_kernel
+def damping_terms(system: FloatArray, damping: float) -> tuple[float, float, float]:
+    """Return what damping adds to the diagonal of the normal equations: x, y, theta."""
+    own = min(damping, MIN_DAMPING)
+    isotropic = 0.5 * (damping - own) * (system[0] + system[3])
+    return own * system[0] + isotropic, own * system[3] + isotropic, damping * system[5]
+
+
+@borrowing_kernel
 def solve_3x3(system: FloatArray, damping: float, out_step: FloatArray) -> bool:
     """Write the solution of the damped normal equations into `out_step`; return if it exists.
 
-    `system` as :func:`accumulate_match` leaves it; the diagonal is scaled by 1 + `damping`.
+    `system` as :func:`accumulate_match` leaves it, damped by :func:`damping_terms`.
     """
-    a00 = system[0] * (1.0 + damping)
-    a11 = system[3] * (1.0 + damping)
-    a22 = system[5] * (1.0 + damping)
+    d00, d11, d22 = damping_terms(system, damping)
+    a00, a11, a22 = system[0] + d00, system[3] + d11, system[5] + d22
     if not a00 > 0.0:
         return False
     l10 = system[1] / a00
@@ -179,9 +203,8 @@ def predicted_decrease(system: FloatArray, damping: float, step: FloatArray) -> 
     """Return the decrease of the cost that the damped model predicts for a step."""
     # Half the gradient is system[6:9].
     decrease = -(step[0] * system[6] + step[1] * system[7] + step[2] * system[8])
-    decrease += damping * (
-        system[0] * step[0] ** 2 + system[3] * step[1] ** 2 + system[5] * step[2] ** 2
-    )
+    d00, d11, d22 = damping_terms(system, damping)
+    decrease += d00 * step[0] ** 2 + d11 * step[1] ** 2 + d22 * step[2] ** 2
     return float(decrease)
 
 
@@ -218,6 +241,8 @@ def match_least_squares(
     """
     point_weight = options.point_weight
     scratch = point_scratch(points.shape[0])
+    walls = np.empty((2, points.shape[0]))
+    wall_directions(points, walls)
     points_system, system, step = np.empty(9), np.empty(9), np.zeros(3)
     damping, best_cost, iterations = MIN_DAMPING, np.inf, 0
     pose_x, pose_y, pose_t = start[0], start[1], start[2]
@@ -225,7 +250,7 @@ def match_least_squares(
     while iterations < options.max_num_iterations:
         iterations += 1
         squares = accumulate_match(
-            smooth_map, unknown, points, try_x, try_y, try_t, scratch, points_system
+            smooth_map, unknown, points, walls, try_x, try_y, try_t, scratch, points_system
         )
         if iterations == 1 and squares > max_start_squares:
             for k in range(3):

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The directions of the straight walls that the points of a scan lie on."""
+
+from __future__ import annotations
+
+import math
+
+from cartoloop._jit import borrowing_kernel
+from cartoloop.arrays import FloatArray
+
+REACH_M = 0.4
+"""A wall is fitted to the points within this distance [m]: long enough for its direction to be
+known to some degrees in spite of the ranges' noise, and short enough to leave door frames out."""
+
+SPARSE_REACH_M = 0.8
+"""The next point on either side counts up to this distance [m]: far points are sparse."""
+
+MAX_OFFSET_M = 0.03
+"""Largest root mean square of the points' distances from the line, and largest distance of the
+point itself [m]: walls and the noise of scanners."""
+
+
+@borrowing_kernel
+def wall_directions(points: FloatArray, out_directions: FloatArray) -> None:
+    """Write the direction of the straight wall at each point into `out_directions`.
+
+    A point lies on a straight wall if the points before and after it in the scan lie on a line with
+    it. Next to corners, door frames, ends of walls and things that are not straight it does not.
+
+    Parameters
+    ----------
+    points : float64, shape (n, 2), in the order of the beams [m].
+    out_directions : float64, shape (2, n): cosine and sine of twice the angle of the wall; 0 where
+        there is no straight wall. A direction and its opposite are one.
+
+    Notes
+    -----
+    O(n points within reach). The line is the main axis of the points' scatter, whose double angle
+    needs no trigonometry.
+    """
+    num_points = points.shape[0]
+    for k in range(num_points):
+        out_directions[0, k] = out_directions[1, k] = 0.0
+        first, end = _neighbours(points, k)
+        if first == k or end == k + 1:
+            continue
+        scale = 1.0 / (end - first)
+        x = y = xx = xy = yy = 0.0
+        for j in range(first, end):
+            dx, dy = points[j, 0] - points[k, 0], points[j, 1] - points[k, 1]
+            x += dx
+            y += dy
+            xx += dx * dx
+            xy += dx * dy
+            yy += dy * dy
+        x, y = scale * x, scale * y
+        xx, xy, yy = scale * xx - x * x, scale * xy - x * y, scale * yy - y * y
+        length = math.sqrt((xx - yy) ** 2 + 4.0 * xy * xy)
+        if not length > 0.0:
+            continue
+        cos, sin = (xx - yy) / length, 2.0 * xy / length
+        variance = 0.5 * (xx + yy - length)
+        offset = 0.5 * ((1.0 - cos) * x * x - 2.0 * sin * x * y + (1.0 + cos) * y * y)
+        if variance <= MAX_OFFSET_M**2 and offset <= MAX_OFFSET_M**2:
+            out_directions[0, k] = cos
+            out_directions[1, k] = sin
+
+
+@borrowing_kernel
+def _neighbours(points: FloatArray, k: int) -> tuple[int, int]:
+    """Return the first of the points around point k, and the one after the last."""
+    first, end = k, k + 1
+    while first > 0 and _is_near(points, k, first - 1, first == k):
+        first -= 1
+    while end < points.shape[0] and _is_near(points, k, end, end == k + 1):
+        end += 1
+    return first, end
+
+
+@borrowing_kernel
+def _is_near(points: FloatArray, k: int, j: int, is_next: bool) -> bool:
+    dx, dy = points[j, 0] - points[k, 0], points[j, 1] - points[k, 1]
+    reach = SPARSE_REACH_M if is_next else REACH_M
+    return bool(dx * dx + dy * dy <= reach * reach)
