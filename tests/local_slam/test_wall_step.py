@@ -184,9 +184,7 @@ def test_evidence_against_wheels_ends_where_they_are_right():
     wall_step, scan = WallStep(CONFIG), partial(corridor_scan, rng=Silent(), cupboards=CUPBOARDS)
     wall_step.add(0.0, IDENTITY, IDENTITY, scan(0.0))
     slipping = Pose(0.05, 0.0, 0.0), scan(0.25)
-    assert wall_step.better_pose(0.4, *slipping, by_odometry=True) is None
-    wall_step.add(0.4, slipping[0], IDENTITY, slipping[1])
-    pose = wall_step.better_pose(0.5, *slipping, by_odometry=True)
+    pose = wall_step.better_pose(0.4, *slipping, by_odometry=True)
     assert pose.x == pytest.approx(0.25, abs=0.03)
 
     at_rest, seen = Pose(0.25, 0.0, 0.0), scan(0.25)
@@ -211,6 +209,18 @@ def test_people_who_walk_along_do_not_contradict_wheels(max_loss_share):
         wall_step.add(x, pose, IDENTITY, returns)
     # the cupboard that stands there distinguishes them from wheels that spin
     assert any(found) == (max_loss_share == 1.0)
+
+
+def test_people_who_overtake_the_robot_do_not_contradict_wheels():
+    """They hide what stands; wheels that slip do not turn the robot's motion round."""
+    rng, wall_step = np.random.default_rng(0), WallStep(CONFIG)
+    for k in range(8):
+        x = 0.2 * k
+        people = tuple(edge + 0.4 * k for edge in (1.2, 1.6, 2.4, 2.9, 3.6, 4.2))
+        returns = corridor_scan(x, rng, people)
+        pose = Pose(x, 0.0, 0.0)
+        assert wall_step.better_pose(x, pose, returns, by_odometry=True) is None
+        wall_step.add(x, pose, IDENTITY, returns)
 
 
 @pytest.mark.parametrize("error", [0.0, 0.01])
@@ -245,4 +255,4 @@ def test_odometry_that_repeats_a_reading_is_given_time():
     odometry = {"by_odometry": True, "stands": True}
     found = walk(wall_step, places, np.zeros(30), CUPBOARDS, **odometry)
     first = next(k for k, pose in enumerate(found) if pose is not None)
-    assert 0.2 * first == pytest.approx(CONFIG.max_standstill, abs=0.7)
+    assert 0.2 * first == pytest.approx(CONFIG.max_standstill, abs=0.5)

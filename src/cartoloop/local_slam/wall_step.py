@@ -119,9 +119,8 @@ class WallStep:
             return None
         # People who walk along fit another step, and all that stands the one of the odometry.
         is_contradicted = (by_odometry or stands) and self._is_contradicted(found, len(returns))
-        moved = math.hypot(pose.x - last.pose.x, pose.y - last.pose.y)
-        can_wait = 2.0 * moved <= config.max_odometry_step
-        missed = self._missed_until(found, by_odometry, is_contradicted, can_wait)
+        is_contradicted |= by_odometry and self._is_backwards(found, last.pose, pose)
+        missed = self._missed_until(found, by_odometry, is_contradicted)
         if missed is None:
             return None
         x, y = missed.tolist()
@@ -133,14 +132,19 @@ class WallStep:
         fits_closely = found.cost <= config.close_fit * num_returns
         return not fits_closely and found.loss_share > config.max_loss_share
 
+    def _is_backwards(self, found: Comparison, last: Pose, pose: Pose) -> bool:
+        """Return whether the robot would move against its wheels: even wheels that slip do not."""
+        x, y = found.along.tolist()
+        moved = x * (pose.x - last.x) + y * (pose.y - last.y)
+        step = moved + found.apart
+        return moved * step < 0.0 and min(abs(moved), abs(step)) > self._config.min_odometry_error
+
     def _missed_until(
-        self, found: Comparison, by_odometry: bool, is_contradicted: bool, can_wait: bool
+        self, found: Comparison, by_odometry: bool, is_contradicted: bool
     ) -> FloatArray | None:
         """Add up the evidence for another step; return what was missed [m] if it is enough.
 
         With odometry, each comparison begins where the one before ended, and their steps add up.
-        One alone proves nothing then: where people hide what stands, they are all that is compared.
-        So the next scan is compared with the same one, if it is near enough.
         """
         config, apart = self._config, found.apart
         side = apart * found.along
@@ -156,16 +160,12 @@ class WallStep:
             evidence = max(evidence - config.noise_factor * found.noise, 0.0)
         if abs(apart) < _NEIGHBOUR * config.step:
             evidence = max(evidence - config.evidence_of_noise, 0.0)
-        is_first, self._evidence = self._evidence == 0.0, self._evidence + evidence
+        self._evidence += evidence
         step = found.correction(config.step) * found.along
-        if not by_odometry:
-            return step if self._evidence >= config.min_evidence else None
-        is_enough = self._evidence >= config.min_odometry_evidence
-        is_proven = is_enough and not is_first
-        if is_enough and is_first and can_wait:
-            self._is_due = False
-            return None
-        missed = self._missed + step
+        missed = self._missed + step if by_odometry else step
+        is_proven = self._evidence >= (
+            config.min_odometry_evidence if by_odometry else config.min_evidence
+        )
         self._missed = np.zeros(2) if is_proven else missed
         return missed if is_proven else None
 
