@@ -197,7 +197,7 @@ def _match_workloads(driven: Drive) -> Iterator[Workload]:
     start = compose(in_submap, Pose(0.03, -0.02, 0.01))
     finished = FinishedSubmap(0, submap.grid.finish(), 1.0)
     yield Workload(
-        "match", ("match_batch", "scan_residuals", "smooth_map"), case,
+        "match", ("match_batch", "scan_residuals", "smooth_map", "wall_directions"), case,
         partial(
             refine_all, finished.smooth_map, ScanPoints.of([points]), np.array((start,)), search,
             math.inf,

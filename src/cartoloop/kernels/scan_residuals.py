@@ -26,9 +26,8 @@ from cartoloop.kernels.wall_directions import wall_directions
 
 MIN_DAMPING = 0.7
 """Smallest and first damping, as a share of the diagonal of J^T J. On the ridge of a wall the cost
-curves up to twice as much as J^T J indicates, and undamped steps overshoot. What is more is the same
-in all directions: along a corridor, where J^T J is small, a step that raised the cost was too long.
-"""
+curves up to twice as much as J^T J indicates, and undamped steps overshoot. What is added to it is
+equal in all directions: along a corridor J^T J is small, and steps that raise the cost too long."""
 
 DAMPING_DECREASE = 0.3
 """Factor of the damping after a step that lowered the cost."""

@@ -135,9 +135,10 @@ class WallStep:
     def _is_backwards(self, found: Comparison, last: Pose, pose: Pose) -> bool:
         """Return whether the robot would move against its wheels: even wheels that slip do not."""
         x, y = found.along.tolist()
-        moved = x * (pose.x - last.x) + y * (pose.y - last.y)
+        moved: float = x * (pose.x - last.x) + y * (pose.y - last.y)
         step = moved + found.apart
-        return moved * step < 0.0 and min(abs(moved), abs(step)) > self._config.min_odometry_error
+        is_opposite = moved * step < 0.0
+        return is_opposite and min(abs(moved), abs(step)) > self._config.min_odometry_error
 
     def _missed_until(
         self, found: Comparison, by_odometry: bool, is_contradicted: bool
