@@ -14,9 +14,10 @@ from typing import Final
 
 import numpy as np
 
-from bench.robustness.carmen_text import read_carmen, write_carmen
+from bench.robustness.carmen_text import CarmenText, read_carmen, write_carmen
 from bench.robustness.log_changes import (
     Apply,
+    backwards,
     blocked,
     cheap_robot,
     combined,
@@ -69,6 +70,7 @@ class Change:
     settings : parameters that are not the defaults, as ``key=value``.
     seeds : how many seeds are tried; more than one only where something is random.
     is_mirrored : whether left and right are exchanged.
+    is_backwards : whether times run from the end to the begin.
     scale : of all lengths.
     """
 
@@ -77,6 +79,7 @@ class Change:
     settings: tuple[str, ...] = ()
     seeds: int = 1
     is_mirrored: bool = False
+    is_backwards: bool = False
     scale: float = 1.0
 
 
@@ -120,6 +123,7 @@ CHANGES: Final = {
         Change("gaps", lost_scans(0.05, 4.0), seeds=3),
         Change("slanting", slanting(0.05)),
         Change("twice", twice),
+        Change("backwards", backwards, is_backwards=True),
         Change("held", held(0.01, 0.5)),
         Change("upside-down", reverse_beams, settings=("sensor.upside_down=true",)),
         Change("jitter", jittering_odometry(0.1), seeds=2),
@@ -167,21 +171,25 @@ def changed_log(source: Path, target: Path, change: Change, seed: int) -> None:
     write_carmen(target, log)
 
 
-def changed_relations(relations: Relations, change: Change, num_beams: int) -> Relations:
-    """Return relations as they are in the changed recording.
+def changed_relations(relations: Relations, change: Change, log: CarmenText) -> Relations:
+    """Return relations as they are in the changed recording; `log` is the unchanged one.
 
     The beams of a mirrored scan are named in the reverse order. Readers take the first beam of a
     scan to be at -90 degrees, so that scanners whose last beam is not at +90 degrees, as those of
     180 or 360 beams, look aside by one step after it: so does the robot that they find.
     """
     x, y, theta = relations.poses.T
+    num_beams, stamps = log.num_beams, relations.stamps
+    if change.is_backwards:
+        times = log.times
+        stamps = times[0] + times[-1] - stamps
     if change.is_mirrored:
         step = math.radians(round(180.0 / num_beams * 2.0) / 2.0)
         aside = math.pi - (num_beams - 1) * step
         mirrored = np.column_stack((x, -y, -theta))
         turned = np.column_stack((np.zeros((len(x), 2)), np.full(len(x), aside)))
         x, y, theta = compose_all(relative_all(turned, mirrored), turned).T
-    return Relations(relations.stamps, np.column_stack((x * change.scale, y * change.scale, theta)))
+    return Relations(stamps, np.column_stack((x * change.scale, y * change.scale, theta)))
 
 
 def check_relations_left(relations: Relations, stamps: FloatArray, what: str) -> None:

@@ -179,8 +179,7 @@ class Runner:
             relations = self._relations_of(name)
             if unchanged is None and relations.parent == self._options.folder:
                 run_command("evaluate", "make-relations", out, "-o", relations)
-            num_beams = read_carmen(source).num_beams
-            expected = changed_relations(read_relations(relations), change, num_beams)
+            expected = changed_relations(read_relations(relations), change, read_carmen(source))
             trajectory = mapped.trajectory
             check_relations_left(expected, trajectory.stamps, f"{name}, {change.name}")
             error = evaluate_relations(trajectory, expected, STAMP_TOLERANCE_S)

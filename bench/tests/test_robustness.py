@@ -14,7 +14,7 @@ import pytest
 
 from bench.__main__ import run
 from bench.robustness.benchmark import parts_named, rows
-from bench.robustness.carmen_text import read_carmen
+from bench.robustness.carmen_text import CarmenText, read_carmen
 from bench.robustness.changes import (
     CHANGES,
     UNCHANGED,
@@ -315,22 +315,47 @@ def test_combined_changes_are_several(source, original, tmp_path):
     )
 
 
+def scans_of(num_beams, times=(0.0,)):
+    """A log of scans with a number of beams."""
+    return CarmenText(
+        [],
+        np.zeros((len(times), 3)),
+        [np.ones(num_beams) for _ in times],
+        [[str(time), "host", str(time)] for time in times],
+    )
+
+
+def test_a_recording_played_backwards_ends_where_it_began(source, original, tmp_path):
+    log = changed(source, tmp_path, "backwards")
+    assert np.array_equal(log.poses, original.poses[::-1])
+    assert np.array_equal(ranges_of(log), ranges_of(original)[::-1])
+    assert (np.diff(log.times) >= 0.0).all()
+    assert log.times == pytest.approx(original.times[0] + original.times[-1] - original.times[::-1])
+
+
+def test_relations_of_a_log_played_backwards_have_its_stamps():
+    relations = Relations(np.array([(1.0, 2.0)]), np.array([(1.0, 2.0, 0.3)]))
+    played = changed_relations(relations, CHANGES["backwards"], scans_of(180, (0.5, 1.0, 5.0)))
+    assert played.stamps == pytest.approx(np.array([(4.5, 3.5)]))
+    assert np.array_equal(played.poses, relations.poses)
+
+
 def test_relations_of_a_mirrored_scanner_are_mirrored():
     poses = np.array([(1.0, 0.5, 0.2), (0.0, -2.0, -3.0)])
     relations = Relations(np.array([(1.0, 2.0), (3.0, 4.0)]), poses)
-    symmetric = changed_relations(relations, CHANGES["mirror"], 361).poses
+    symmetric = changed_relations(relations, CHANGES["mirror"], scans_of(361)).poses
     assert symmetric == pytest.approx(poses * (1.0, -1.0, -1.0))
     aside = math.radians(1.0)
     mirrored = poses * (1.0, -1.0, -1.0)
     cos, sin = math.cos(aside), math.sin(aside)
-    turned = changed_relations(relations, CHANGES["mirror"], 180).poses
+    turned = changed_relations(relations, CHANGES["mirror"], scans_of(180)).poses
     assert turned[:, 2] == pytest.approx(mirrored[:, 2])
     assert turned[:, :2] == pytest.approx(mirrored[:, :2] @ np.array([(cos, -sin), (sin, cos)]))
 
 
 def test_lengths_of_relations_follow_longer_ranges():
     relations = Relations(np.array([(1.0, 2.0)]), np.array([(1.0, 2.0, 0.3)]))
-    longer = changed_relations(relations, CHANGES["range101"], 180)
+    longer = changed_relations(relations, CHANGES["range101"], scans_of(180))
     assert longer.poses == pytest.approx(np.array([(1.01, 2.02, 0.3)]))
 
 

@@ -367,7 +367,7 @@ def test_a_scan_that_fits_too_poorly_at_the_start_is_left_there():
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize("start", [(0.0, 0.0, 0.0), (0.0, 0.03, 0.02)])
-def test_points_beyond_what_is_mapped_of_walls_do_not_attract_the_scan(side, start):
+def test_walls_beyond_what_is_mapped_do_not_attract_scans(side, start):
     (grid, *origin), _ = corridor()
     grid = grid.copy()
     grid[:, side * (origin[0] + RESOLUTION * np.arange(grid.shape[1])) > 1.0] = 0.0
