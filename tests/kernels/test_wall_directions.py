@@ -10,7 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cartoloop.kernels.wall_directions import REACH_M, SPARSE_REACH_M, wall_directions
+from cartoloop.kernels.wall_directions import (
+    MAX_SPACING_RATIO,
+    REACH_M,
+    SPARSE_REACH_M,
+    wall_directions,
+)
 from tests.reference.naive_wall_directions import naive_wall_directions
 
 
@@ -69,6 +74,13 @@ def test_points_next_to_a_corner_lie_on_no_straight_wall():
 def test_sparse_points_are_joined_up_to_a_limit(spacing, is_wall):
     points = spacing * SPARSE_REACH_M * np.stack((np.arange(5.0), np.zeros(5)), -1)
     assert (~np.isnan(directions_of(points)[1:-1]) == is_wall).all()
+
+
+@pytest.mark.parametrize(("ratio", "is_wall"), [(0.95, True), (1.05, False)])
+def test_points_beside_an_opening_lie_on_no_straight_wall(ratio, is_wall):
+    x = np.array((-1.0, -0.5, 0.0, 0.5 * ratio * MAX_SPACING_RATIO))
+    points = np.stack((x, np.zeros(4)), -1)
+    assert ~np.isnan(directions_of(points)[2]) == is_wall
 
 
 def test_equal_points_lie_on_no_wall():

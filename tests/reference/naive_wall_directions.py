@@ -5,7 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cartoloop.kernels.wall_directions import MAX_OFFSET_M, REACH_M, SPARSE_REACH_M
+from cartoloop.kernels.wall_directions import (
+    MAX_OFFSET_M,
+    MAX_SPACING_RATIO,
+    REACH_M,
+    SPARSE_REACH_M,
+)
 
 
 def naive_wall_directions(points):
@@ -14,17 +19,19 @@ def naive_wall_directions(points):
 
 
 def _direction(points, k):
+    if k in (0, len(points) - 1):
+        return np.nan
     distances = np.linalg.norm(points - points[k], axis=1)
-    sides = [range(k - 1, -1, -1), range(k + 1, len(points))]
-    chosen = [k]
-    for side in sides:
-        before = len(chosen)
-        for number, j in enumerate(side):
-            if distances[j] > (SPARSE_REACH_M if number == 0 else REACH_M):
+    nearer, farther = sorted(distances[[k - 1, k + 1]])
+    is_sparse = farther <= MAX_SPACING_RATIO * nearer and farther <= SPARSE_REACH_M
+    if farther > REACH_M and not is_sparse:
+        return np.nan
+    chosen = [k - 1, k, k + 1]
+    for side in (range(k - 2, -1, -1), range(k + 2, len(points))):
+        for j in side:
+            if distances[j] > REACH_M:
                 break
             chosen.append(j)
-        if len(chosen) == before:
-            return np.nan
     near = points[chosen]
     _, sizes, axes = np.linalg.svd(near - near.mean(axis=0), full_matrices=False)
     normal = axes[1]

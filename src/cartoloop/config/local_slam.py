@@ -26,7 +26,7 @@ class PredictionConfig(Section):
         4.0, gt=0, description="scale of the Cauchy loss on the motion prior [standard deviations]"
     )
     spurious_information: float = Field(
-        0.05,
+        0.02,
         ge=0,
         le=1,
         description="share of a scan's information across a corridor that noise adds along it",

@@ -12,8 +12,9 @@ REACH_M = 0.4
 """A wall is fitted to the points within this distance [m]: long enough for its direction to be
 known to some degrees in spite of the ranges' noise, and short enough to leave door frames out."""
 
-SPARSE_REACH_M = 0.8
-"""The next point on either side counts up to this distance [m]: far points are sparse."""
+SPARSE_REACH_M, MAX_SPACING_RATIO = 4.0, 2.5
+"""The next points on both sides count up to this distance [m] where it is about the same on both
+sides: far points are sparse. The larger over the smaller is more next to a door frame."""
 
 MAX_OFFSET_M = 0.03
 """Largest root mean square of the points' distances from the line, and largest distance of the
@@ -69,16 +70,20 @@ def wall_directions(points: FloatArray, out_directions: FloatArray) -> None:
 @borrowing_kernel
 def _neighbours(points: FloatArray, k: int) -> tuple[int, int]:
     """Return the first of the points around point k, and the one after the last."""
-    first, end = k, k + 1
-    while first > 0 and _is_near(points, k, first - 1, first == k):
+    if k == 0 or k + 1 == points.shape[0]:
+        return k, k + 1
+    before, after = _distance(points, k, k - 1), _distance(points, k, k + 1)
+    reach = min(max(MAX_SPACING_RATIO * min(before, after), REACH_M), SPARSE_REACH_M)
+    if before > reach or after > reach:
+        return k, k + 1
+    first, end = k - 1, k + 2
+    while first > 0 and _distance(points, k, first - 1) <= REACH_M:
         first -= 1
-    while end < points.shape[0] and _is_near(points, k, end, end == k + 1):
+    while end < points.shape[0] and _distance(points, k, end) <= REACH_M:
         end += 1
     return first, end
 
 
 @borrowing_kernel
-def _is_near(points: FloatArray, k: int, j: int, is_next: bool) -> bool:
-    dx, dy = points[j, 0] - points[k, 0], points[j, 1] - points[k, 1]
-    reach = SPARSE_REACH_M if is_next else REACH_M
-    return bool(dx * dx + dy * dy <= reach * reach)
+def _distance(points: FloatArray, k: int, j: int) -> float:
+    return math.hypot(points[j, 0] - points[k, 0], points[j, 1] - points[k, 1])
