@@ -80,13 +80,12 @@ def _poor_odometry_places(
     if not has_odometry(odometry):
         return []
     places = []
-    paths = path_lengths(content.graph.node_poses)
     for rows in _runs(halls, chosen):
         nodes = halls.nodes[rows]
         length = extent(content.graph.node_poses[nodes, :2])
         by_scale = scale_error(
             stamps_of(content, nodes),
-            paths[nodes],
+            content.graph.node_poses[nodes, :2],
             odometry,
             is_confirmed=bool(confirmed[nodes].mean() >= CONFIRMED_SHARE),
         )

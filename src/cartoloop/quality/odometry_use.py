@@ -11,6 +11,7 @@ import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.local_slam.turn_comparison import OPPOSITE_RATIO
+from cartoloop.quality.places import extent
 
 SCALE_ERROR, SCALE_OF_ROTATION = 0.002, 1.6
 """Expected error of a corridor's length, as a share of it: of good odometry, and more for each
@@ -42,18 +43,20 @@ def length_error(length: float, odometry: Mapping[str, Any]) -> float:
 
 
 def scale_error(
-    stamps: FloatArray, paths: FloatArray, odometry: Mapping[str, Any], *, is_confirmed: bool
+    stamps: FloatArray, places: FloatArray, odometry: Mapping[str, Any], *, is_confirmed: bool
 ) -> float:
-    """Return by how much a part of a path is too long or short for the scales that were used [m].
+    """Return by how much the places of a path are displaced by the scales that were used [m].
 
     While the scale is learnt, distances that rest on the odometry are wrong by as much as it is
     off from what it turns out to be in the end. It counts between the two places that are displaced
-    most against each other: errors of both signs may leave the length of the whole path right.
+    most against each other: errors of both signs may leave the length of the whole path right, and
+    a path back with the same scale displaces nothing further.
     Where later visits confirm the path, :data:`SCALE_LEFT` of that is left in the finished map.
 
     Parameters
     ----------
-    stamps, paths : of the path's nodes, in order, shape (n,): as recorded [s], path length [m].
+    stamps : of the path's nodes, in order, shape (n,), as recorded [s].
+    places : of the nodes, shape (n, 2) [m].
     odometry : its calibration, as in the report; what was mapped before it began does not count.
     is_confirmed : whether another visit confirms most of the path.
     """
@@ -64,10 +67,10 @@ def scale_error(
     scales = np.array([float(one["translation_scale"]) for one in used])
     rows = np.searchsorted(begins, stamps[:-1], side="right") - 1
     is_known = rows >= 0
-    steps = np.diff(paths)[is_known] * (scales[rows[is_known]] / float(final) - 1.0)
-    displaced = np.cumsum(steps)
-    left = SCALE_LEFT if is_confirmed else 1.0
-    return left * float(displaced.max(initial=0.0) - displaced.min(initial=0.0))
+    errors = scales[rows[is_known]] / float(final) - 1.0
+    steps = np.diff(places, axis=0)[is_known] * errors[:, np.newaxis]
+    displaced = np.vstack((np.zeros(2), np.cumsum(steps, axis=0)))
+    return (SCALE_LEFT if is_confirmed else 1.0) * extent(displaced)
 
 
 def has_odometry(odometry: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, Any]]:
