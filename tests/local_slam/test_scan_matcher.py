@@ -421,8 +421,10 @@ def test_odometry_into_unobserved_space_is_believed(submap):
     assert_near(found.tf_local_tracking, outside, 0.1, 0.1)
 
 
-@pytest.mark.parametrize(("by_odometry", "num_lost"), [(True, 0), (False, 1)])
-def test_scans_that_show_only_new_places_are_not_lost(submap, by_odometry, num_lost):
+@pytest.mark.parametrize(
+    ("by_odometry", "is_far", "num_lost"), [(True, False, 0), (True, True, 1), (False, False, 1)]
+)
+def test_scans_that_show_only_new_places_are_not_lost(submap, by_odometry, is_far, num_lost):
     matcher = ScanMatcher(CONFIG)
     for _ in range(60):
         matched(submap, TRUTH, matcher=matcher)
@@ -430,7 +432,8 @@ def test_scans_that_show_only_new_places_are_not_lost(submap, by_odometry, num_l
     along = np.arange(-8.0, 8.0, 0.05)
     new = transform_points(inverse(TRUTH), np.column_stack((along, np.full(len(along), 9.0))))
     prior = Prediction(TRUTH, by_odometry, isotropic_information(0.02, 0.01), lambda: (TRUTH,) * 2)
-    found = matcher.match(submap, np.concatenate((points(), new)), prior)
+    scan = np.concatenate((points(), new))
+    found = matcher.match(submap, scan, prior._replace(is_far=is_far))
     assert matcher.num_lost == num_lost
     assert_near(found.tf_local_tracking, TRUTH)
 

@@ -105,7 +105,7 @@ class ScanMatcher:
         """
         fit = ScanFit(self._settings, submap, points, prediction, self._typical_residual)
         best = self._near_prediction(fit)
-        is_lost = fit.is_lost(best) and not (prediction.by_odometry and fit.shows_only_new(best))
+        is_lost = fit.is_lost(best) and not fit.shows_only_new(best)
         found, is_relocated = self._elsewhere(fit, best) if is_lost else (best, False)
         is_elsewhere, best = found is not best, found
         if is_elsewhere or not is_lost:
