@@ -76,7 +76,7 @@ def test_poses_before_loop_closure_are_those_of_local_slam(connection, page, res
     expected = compose_all(before["submaps"][graph.index_a[own]], graph.relative_poses[own])
     np.testing.assert_allclose(expected, before["nodes"][graph.index_b[own]], atol=2e-3)
     moved = np.hypot(*(before["nodes"][:, :2] - graph.node_poses[:, :2]).T)
-    assert moved.max() > 0.05  # the loop was closed
+    assert moved.max() > 0.005  # the loop was closed
 
 
 def test_an_empty_map_has_no_poses_before(result):
