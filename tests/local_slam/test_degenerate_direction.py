@@ -12,6 +12,7 @@ from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.degenerate_direction import (
     constrain_degenerate_direction,
     degenerate_direction,
+    is_determined,
     where_prior_leads,
 )
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
@@ -78,4 +79,9 @@ def test_the_prior_decides_along_a_degenerate_direction(pixel_information, kept)
 )
 def test_odometry_decides_along_bare_walls(prior, ratio, expected):
     match = match_of(np.diag((ratio, 1.0, 1.0)))._replace(tf_submap_scan=Pose(0.0, 0.0, 0.0))
-    assert where_prior_leads(match, prior, 0.1) == pytest.approx(expected)
+    assert where_prior_leads(match, prior, 0.04) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("ratio", "expected"), [(0.04, False), (0.06, True)])
+def test_a_match_determines_more_than_the_noise_of_pixels(ratio, expected):
+    assert is_determined(ratio, 0.02) == expected

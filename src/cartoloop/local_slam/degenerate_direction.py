@@ -10,9 +10,10 @@ from cartoloop.config import PredictionConfig
 from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose, wrap_angle
 
-OPEN_FACTOR = 2.0
+OPEN_FACTOR, DETERMINED_FACTOR = 5.0, 2.5
 """A match far from where odometry leads must determine where it is: its curvature along a direction
-must be this many times what pixel noise alone makes."""
+must be this many times what pixel noise alone makes. The second is that of one near it, from which
+it says something about the odometry."""
 
 ASIDE_SHARE, LEVER_M = 0.25, 1.0
 """Otherwise it may differ from odometry only along that direction: by up to this share across it,
@@ -67,6 +68,17 @@ def degenerate_direction(match: LeastSquaresMatch) -> tuple[float, float]:
     mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
     ratio = max(mean - half, 0.0) / (mean + half) if mean + half > 0.0 else 0.0
     return ratio, 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+
+
+def is_determined(ratio: float, spurious_information: float) -> bool:
+    """Return whether a match near the prior determines the position in all directions.
+
+    Parameters
+    ----------
+    ratio : of the eigenvalues of its translation.
+    spurious_information : share of the curvature that pixel noise alone makes.
+    """
+    return ratio > DETERMINED_FACTOR * spurious_information
 
 
 def leaves_direction_open(match: LeastSquaresMatch, spurious_information: float) -> bool:

@@ -20,7 +20,7 @@ from cartoloop.config import (
 from cartoloop.errors import InputError
 from cartoloop.journal.outcomes import NO_RUN_OUTCOMES, RunOutcomes
 from cartoloop.kernels.moved_points import moved_points
-from cartoloop.local_slam.degenerate_direction import degenerate_direction
+from cartoloop.local_slam.degenerate_direction import degenerate_direction, is_determined
 from cartoloop.local_slam.first_map import FirstMap
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.pose_extrapolator import MAX_SWEEP_S, PoseExtrapolator
@@ -286,9 +286,8 @@ class LocalSlam:
             return Evidence(True, 0.0, scanner.change_since, lambda: math.inf)
         ratio, direction = degenerate_direction(match.match)
         turned = self._active.submaps[0].tf_local_submap.theta
-        is_determined = ratio > self._config.prediction.spurious_information
         return Evidence(
-            is_determined,
+            is_determined(ratio, self._config.prediction.spurious_information),
             direction + turned,
             scanner.change_since,
             partial(normal_ratio, points, math.inf),

@@ -129,16 +129,6 @@ class ScanFit:
         """Return whether a scan hardly ever fits as badly."""
         return match.residual > self.typical_residual * self.settings.window.lost_residual_ratio
 
-    def shows_only_new(self, match: LeastSquaresMatch) -> bool:
-        """Return whether a scan fits badly only where nothing was observed: it is not lost.
-
-        Without odometry, or after a far step, the prediction is too poor to say so.
-        """
-        if not self.prediction.by_odometry or self.prediction.is_far:
-            return False
-        limit = self.typical_residual * self.settings.window.lost_residual_ratio
-        return 0.0 < self.residual_of_seen(match) <= limit
-
     def fits_as_usual(self, match: LeastSquaresMatch) -> bool:
         """Return whether enough points fit as scans do."""
         return len(self.points) >= self.settings.window.min_num_seen and not self.is_lost(match)

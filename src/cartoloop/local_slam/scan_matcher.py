@@ -105,15 +105,14 @@ class ScanMatcher:
         """
         fit = ScanFit(self._settings, submap, points, prediction, self._typical_residual)
         best = self._near_prediction(fit)
-        is_lost = fit.is_lost(best) and not fit.shows_only_new(best)
-        found, is_relocated = self._elsewhere(fit, best) if is_lost else (best, False)
-        is_elsewhere, best = found is not best, found
-        if is_elsewhere or not is_lost:
+        found, is_relocated = self._elsewhere(fit, best) if fit.is_lost(best) else (best, False)
+        is_lost, best = found is not best, found
+        if is_lost or not fit.is_lost(best):
             self.lost_in_turn = 0
         if not is_searched(self.lost_in_turn):
             self._lost_heading.tf_found_predicted = None
         self._learn_residual(fit, best)
-        if not is_elsewhere:
+        if not is_lost:
             pose = constrain_degenerate_direction(
                 best,
                 fit.prior,
