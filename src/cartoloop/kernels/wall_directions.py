@@ -72,18 +72,20 @@ def _neighbours(points: FloatArray, k: int) -> tuple[int, int]:
     """Return the first of the points around point k, and the one after the last."""
     if k == 0 or k + 1 == points.shape[0]:
         return k, k + 1
-    before, after = _distance(points, k, k - 1), _distance(points, k, k + 1)
-    reach = min(max(MAX_SPACING_RATIO * min(before, after), REACH_M), SPARSE_REACH_M)
+    before, after = _square(points, k, k - 1), _square(points, k, k + 1)
+    reach = min(max(MAX_SPACING_RATIO**2 * min(before, after), REACH_M**2), SPARSE_REACH_M**2)
     if before > reach or after > reach:
         return k, k + 1
     first, end = k - 1, k + 2
-    while first > 0 and _distance(points, k, first - 1) <= REACH_M:
+    while first > 0 and _square(points, k, first - 1) <= REACH_M**2:
         first -= 1
-    while end < points.shape[0] and _distance(points, k, end) <= REACH_M:
+    while end < points.shape[0] and _square(points, k, end) <= REACH_M**2:
         end += 1
     return first, end
 
 
 @borrowing_kernel
-def _distance(points: FloatArray, k: int, j: int) -> float:
-    return math.hypot(points[j, 0] - points[k, 0], points[j, 1] - points[k, 1])
+def _square(points: FloatArray, k: int, j: int) -> float:
+    """Return the squared distance of two points [m^2]."""
+    dx, dy = points[j, 0] - points[k, 0], points[j, 1] - points[k, 1]
+    return float(dx * dx + dy * dy)
