@@ -43,7 +43,7 @@ def wall_directions(points: FloatArray, out_directions: FloatArray) -> None:
     for k in range(num_points):
         out_directions[0, k] = out_directions[1, k] = 0.0
         first, end = _neighbours(points, k)
-        if first == k or end == k + 1:
+        if end == k + 1:
             continue
         scale = 1.0 / (end - first)
         x = y = xx = xy = yy = 0.0
@@ -69,7 +69,7 @@ def wall_directions(points: FloatArray, out_directions: FloatArray) -> None:
 
 @borrowing_kernel
 def _neighbours(points: FloatArray, k: int) -> tuple[int, int]:
-    """Return the first of the points around point k, and the one after the last."""
+    """Return the first of the points around point k, and the one after the last; k, k + 1: none."""
     if k == 0 or k + 1 == points.shape[0]:
         return k, k + 1
     before, after = _square(points, k, k - 1), _square(points, k, k + 1)
