@@ -107,6 +107,18 @@ def test_late_and_miscalibrated_odometry_is_corrected():
     assert slam.extrapolator.odometry.model.rotation_scale == pytest.approx(1 / 1.15, rel=0.05)
 
 
+def test_distances_wrong_by_a_factor_are_learnt():
+    """Matches follow odometry along a corridor: only two scans by themselves contradict it."""
+    twice = OdometryModel(translation_scale=2.0)
+    recording = simulate(make_world("corridor", 1), odometry=twice, seed=1, duration=30.0)
+    poses, _, slam = run(recording.events())
+    odometry = slam.extrapolator.odometry
+    assert odometry.model.translation_scale == pytest.approx(0.5, rel=0.01)
+    assert odometry.is_trusted
+    distance, _ = errors(poses, recording.true_poses)
+    assert distance.max() < 0.2
+
+
 def test_a_recorded_scan_waits_for_its_odometry(recording):
     """Beyond its readings odometry is a guess, whose error would stay in the path."""
     slam = local_slam(Config(), SensorCalibration(OdometryParameters(time_offset=-0.1), {}))

@@ -76,17 +76,21 @@ def test_a_meter_that_forgets_compares_nothing():
     assert meter.add(1.5, Pose(1.2, 0.0, 0.0), IDENTITY, corridor_scan(1.2, rng)) is None
 
 
+def measured_as(lengths):
+    """Distances of these lengths [m], one a second."""
+    return [
+        MeasuredDistance(float(k), k + 1.0, float(one), (1.0, 0.0), 1000.0)
+        for k, one in enumerate(lengths)
+    ]
+
+
 def distances(scale, number=100, noise=0.02, seed=1):
     """Return distances along x, one a second, and the odometry that reports 1 m for each."""
     rng = np.random.default_rng(seed)
     measured = scale + rng.normal(0.0, noise, number)
     times = np.arange(number + 1.0)
     odometry = np.column_stack((times, np.zeros(number + 1), np.zeros(number + 1)))
-    found = [
-        MeasuredDistance(float(k), k + 1.0, float(one), (1.0, 0.0), 1000.0)
-        for k, one in enumerate(measured)
-    ]
-    return found, times, odometry
+    return measured_as(measured), times, odometry
 
 
 def test_the_ratio_is_that_of_most_distances():
@@ -101,12 +105,16 @@ def test_the_ratio_is_that_of_most_distances():
 def test_the_noise_is_that_of_a_metre():
     rng = np.random.default_rng(2)
     walked = rng.uniform(0.5, 2.0, 400)
-    distance = 1.01 * walked + rng.normal(0.0, 0.03, 400) * np.sqrt(walked)
-    measured = [
-        MeasuredDistance(float(k), k + 1.0, float(one), (1.0, 0.0), 1000.0)
-        for k, one in enumerate(distance)
-    ]
+    measured = measured_as(1.01 * walked + rng.normal(0.0, 0.03, 400) * np.sqrt(walked))
     assert measured_ratio(measured, walked)[2] == pytest.approx(0.03, rel=0.15)
+
+
+def test_noise_of_the_odometry_does_not_change_the_ratio():
+    rng = np.random.default_rng(5)
+    lengths = rng.uniform(1.0, 1.2, 4000)
+    ratio, error, _ = measured_ratio(measured_as(lengths), lengths + rng.normal(0.0, 0.15, 4000))
+    assert ratio == pytest.approx(1.0, abs=3.0 * error)
+    assert error < 0.004
 
 
 def test_a_ratio_of_nothing_is_not_known():

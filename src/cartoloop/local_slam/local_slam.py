@@ -320,9 +320,12 @@ class LocalSlam:
         return self._match(filtered, prediction, scanner.matcher), True
 
     def _measure_distance(self, time: float, pose: Pose, data: RangeData, scanner: Scanner) -> None:
-        """Measure the distance from a scan about a metre back, to calibrate the odometry."""
+        """Measure the distance from a scan about a metre back, to calibrate the odometry.
+
+        Also while that is not trusted: its distances may be wrong by a factor.
+        """
         meter = scanner.distance_meter
-        if not self.extrapolator.odometry.is_trusted:
+        if not self.extrapolator.odometry.shows_motion:
             meter.forget()
             return
         with self._timer.measure("match"):

@@ -95,10 +95,15 @@ class OdometryMotion:
         return self._is_stale
 
     @property
+    def shows_motion(self) -> bool:
+        """Whether there is odometry that moves when the scans do, and turns the same way."""
+        is_mirrored = any(turns.are_opposite for turns in self._turns.values())
+        return self.has_readings and not (self._is_stale or is_mirrored)
+
+    @property
     def is_trusted(self) -> bool:
         """Whether there is odometry that moves as the scans do."""
-        is_mirrored = any(turns.are_opposite for turns in self._turns.values())
-        return self.has_readings and not (self._is_stale or is_mirrored) and self._trust.is_trusted
+        return self.shows_motion and self._trust.is_trusted
 
     @property
     def is_long(self) -> bool:

@@ -149,9 +149,10 @@ def measured_ratio(
 
     Notes
     -----
-    Reweighted least squares: where the wheels slip, odometry is far from what is measured. The
-    error follows from the residuals. The noise of the odometry adds up like steps at random; that
-    of the comparisons is in it, too. It is the standard deviation of a metre, from the median [m].
+    The ratio of two sums that are reweighted: where the wheels slip, odometry is far from what is
+    measured. Least squares would take the noise of the odometry for a smaller ratio. The error
+    follows from the residuals. The noise of the odometry adds up like steps at random; that of the
+    comparisons is in it, too. It is the standard deviation of a metre, from the median [m].
     """
     measured = np.array([one.distance for one in distances])
     information = np.array([one.information for one in distances])
@@ -161,12 +162,12 @@ def measured_ratio(
         squares = information * (measured - ratio * predicted) ** 2
         typical = max(math.sqrt(float(np.median(squares))), MIN_TYPICAL_ERROR_M)
         weights = information / (1.0 + squares / (LOSS_SCALE * typical) ** 2)
-        sum_of_weights = float(weights @ predicted**2)
-        if sum_of_weights <= 0.0:
+        total = float(weights @ predicted)
+        if total <= 0.0:
             return 1.0, math.inf, math.nan
-        ratio = float(weights @ (predicted * measured)) / sum_of_weights
-    terms = weights * predicted * (measured - ratio * predicted)
-    error = math.sqrt(float(terms @ terms)) / sum_of_weights
+        ratio = float(weights @ measured) / total
+    terms = weights * (measured - ratio * predicted)
+    error = math.sqrt(float(terms @ terms)) / total
     lengths = np.maximum(np.abs(predicted), MIN_LENGTH_M)
     noise = MEDIAN_TO_SIGMA * float(np.median(np.abs(measured - ratio * predicted) / lengths**0.5))
     return ratio, max(error, MIN_ERROR), noise
