@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from cartoloop._jit import kernel
+from cartoloop._jit import borrowing_kernel, kernel
 from cartoloop.arrays import FloatArray
 
 MAX_BEAMS = 24
@@ -64,13 +64,14 @@ def points_behind_walls(
     return behind[:num_behind]
 
 
-@kernel
+@borrowing_kernel
 def _end_of_wall(returns: FloatArray, k: int, step: int, reach: float) -> int:
     """Return the first return from `k` on, in steps of 1 or -1, that is at least `reach` away."""
-    last = returns.shape[0] - 1
+    at_x, at_y = returns[k, 0], returns[k, 1]
+    farthest = min(max(k + MAX_BEAMS * step, 0), returns.shape[0] - 1)
     end = k + step
-    while 0 < end < last and abs(end - k) < MAX_BEAMS:
-        x, y = returns[end, 0] - returns[k, 0], returns[end, 1] - returns[k, 1]
+    while end != farthest:
+        x, y = returns[end, 0] - at_x, returns[end, 1] - at_y
         if x * x + y * y >= reach * reach:
             break
         end += step

@@ -232,7 +232,7 @@ def search_rotation(
         dx = stack[height, COL] - half_width
         dy = stack[height, ROW] - half_width
         score = mean_probability(grid, np.float32(unknown), cols, rows, dx, dy)
-        distance = resolution * math.hypot(dx, dy)
+        distance = resolution * math.sqrt(dx * dx + dy * dy)
         rotation = turn * window.rotation_step
         delta = window.translation_weight * distance + window.rotation_weight * abs(rotation)
         weighted = score * math.exp(-delta * delta)

@@ -193,7 +193,7 @@ def pairs_of_node(
         if not may_be_due(submap, node, due):
             continue
         dx, dy = x - submap_poses[submap, 0], y - submap_poses[submap, 1]
-        if math.hypot(dx, dy) > due.max_distance:
+        if dx * dx + dy * dy > due.max_distance**2:
             continue
         if first == submap or last == submap:
             continue
@@ -246,7 +246,7 @@ def pairs_of_submap(
             continue
         dx = node_poses[node, 0] - tf_map_submap[0]
         dy = node_poses[node, 1] - tf_map_submap[1]
-        if math.hypot(dx, dy) > rule.max_distance:
+        if dx * dx + dy * dy > rule.max_distance**2:
             continue
         if paths.node_submaps[node, 0] == submap or paths.node_submaps[node, 1] == submap:
             continue

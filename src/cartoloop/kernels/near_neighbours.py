@@ -25,15 +25,16 @@ def have_near_neighbour(
     """
     count = len(order)
     is_near = np.zeros(count, dtype=np.bool_)
-    gap_before = math.inf
+    before = math.inf
     for k in range(count):
-        i, gap = order[k], math.inf
+        i, after = order[k], math.inf
+        x, y = points[i, 0], points[i, 1]
         if k + 1 < count:
             j = order[k + 1]
-            gap = math.hypot(points[j, 0] - points[i, 0], points[j, 1] - points[i, 1])
-        limit = near + slope * math.hypot(points[i, 0], points[i, 1])
-        is_near[i] = min(gap_before, gap) <= limit
-        gap_before = gap
+            after = (points[j, 0] - x) ** 2 + (points[j, 1] - y) ** 2
+        limit = near + slope * math.sqrt(x * x + y * y)
+        is_near[i] = min(before, after) <= limit * limit
+        before = after
     return is_near
 
 

@@ -44,7 +44,7 @@ def lines_of(bearings: FloatArray, ends: FloatArray, max_gap: float) -> FloatArr
         lines[k + 1, 2] = lines[k + 1, 3] = math.nan
         if k + 1 < count and bearings[k + 1] - bearings[k] < max_gap:
             x, y = ends[k + 1, 0] - ends[k, 0], ends[k + 1, 1] - ends[k, 1]
-            length = max(math.hypot(x, y), SHORTEST_M)
+            length = max(math.sqrt(x * x + y * y), SHORTEST_M)
             lines[k + 1, 2], lines[k + 1, 3] = x / length, y / length
     return lines
 

@@ -50,7 +50,7 @@ def open_direction(bearings: FloatArray, ends: FloatArray, max_gap: float) -> tu
         if not bearings[line + 1] - bearings[line] < max_gap:
             continue
         x, y = ends[line + 1, 0] - ends[line, 0], ends[line + 1, 1] - ends[line, 1]
-        length = math.hypot(x, y)
+        length = math.sqrt(x * x + y * y)
         weight = min(length, 1.0) / max(length, SHORTEST_M) ** 2
         xx += weight * y**2
         yy += weight * x**2
@@ -294,7 +294,7 @@ def _noise_and_loss(
     for k in range(places.shape[0]):
         if k > 0:
             step_x, step_y = places[k, 0] - places[k - 1, 0], places[k, 1] - places[k - 1, 1]
-            length += math.hypot(step_x, step_y)
+            length += math.sqrt(step_x * step_x + step_y * step_y)
         if length > STRETCH_M:
             loss += max(-gain, 0.0)
             gain, length = 0.0, 0.0

@@ -140,7 +140,7 @@ def _is_blocked(
 ) -> bool:
     """Return whether a beam passes through a wall, away from its ends; all in cells."""
     num_rows, num_cols = grid.cells.shape
-    length = math.hypot(end_col - start_col, end_row - start_row)
+    length = math.sqrt((end_col - start_col) ** 2 + (end_row - start_row) ** 2)
     for k in range(math.ceil(limits.clearance), math.floor(length - limits.clearance) + 1):
         share = k / length
         col = np.int64(np.floor(start_col + share * (end_col - start_col) + 0.5))
@@ -189,7 +189,7 @@ def count_passes(
             along_cols -= start_col
             along_rows = (poses[i, 1] + sin * x + cos * y - grid.origin_y) / grid.resolution
             along_rows -= start_row
-            length = math.hypot(along_cols, along_rows)
+            length = math.sqrt(along_cols * along_cols + along_rows * along_rows)
             last_row, last_col = np.int64(-1), np.int64(-1)
             first, end = math.ceil(limits.clearance), math.floor(length - limits.clearance) + 1
             for k in range(first, end):

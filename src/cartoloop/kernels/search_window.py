@@ -74,7 +74,7 @@ def scan_extent(points: FloatArray) -> ScanExtent:
     """
     total, largest = 0.0, 0.0
     for k in range(points.shape[0]):
-        distance = math.hypot(points[k, 0], points[k, 1])
+        distance = math.sqrt(points[k, 0] ** 2 + points[k, 1] ** 2)
         total += distance
         largest = max(largest, distance)
     return ScanExtent(total / points.shape[0], largest)

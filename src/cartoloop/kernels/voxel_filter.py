@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cartoloop._jit import kernel
+from cartoloop._jit import inlined_kernel, kernel
 from cartoloop.arrays import FloatArray
 
 
@@ -29,10 +29,7 @@ def voxel_filter(points: FloatArray, num_points: int, edge: float, out_points: F
     keys = np.full(size, np.int64(-1), dtype=np.int64)
     kept = 0
     for k in range(num_points):
-        cell_x = np.int64(np.floor(points[k, 0] / edge)) + 1073741824
-        cell_y = np.int64(np.floor(points[k, 1] / edge)) + 1073741824
-        key = (cell_x << 31) | cell_y
-        slot = ((cell_x * 73856093) ^ (cell_y * 19349663)) & (size - 1)
+        key, slot = _cell_of(points, k, edge, size)
         while keys[slot] != -1 and keys[slot] != key:
             slot = (slot + 1) & (size - 1)
         if keys[slot] == -1:
@@ -41,6 +38,42 @@ def voxel_filter(points: FloatArray, num_points: int, edge: float, out_points: F
             out_points[kept, 1] = points[k, 1]
             kept += 1
     return kept
+
+
+@kernel
+def _fills_cells(points: FloatArray, num_points: int, edge: float, needed: int) -> bool:
+    """Return whether the points lie in at least `needed` cells, as soon as that is certain.
+
+    Parameters
+    ----------
+    points, num_points, edge : as for :func:`voxel_filter`.
+    needed : number of cells, positive.
+    """
+    size = 16
+    while size < 2 * num_points:
+        size *= 2
+    keys = np.full(size, np.int64(-1), dtype=np.int64)
+    filled = 0
+    for k in range(num_points):
+        if filled + num_points - k < needed:
+            return False
+        key, slot = _cell_of(points, k, edge, size)
+        while keys[slot] != -1 and keys[slot] != key:
+            slot = (slot + 1) & (size - 1)
+        if keys[slot] == -1:
+            keys[slot] = key
+            filled += 1
+            if filled == needed:
+                return True
+    return False
+
+
+@inlined_kernel
+def _cell_of(points: FloatArray, k: int, edge: float, size: int) -> tuple[np.int64, np.int64]:
+    """Return the key of the cell of a point, and its first slot in a hash table of a size."""
+    cell_x = np.int64(np.floor(points[k, 0] / edge)) + 1073741824
+    cell_y = np.int64(np.floor(points[k, 1] / edge)) + 1073741824
+    return (cell_x << 31) | cell_y, ((cell_x * 73856093) ^ (cell_y * 19349663)) & (size - 1)
 
 
 @kernel
@@ -70,7 +103,7 @@ def adaptive_voxel_filter(
     ----------
     points : float64, shape (n, 2) [m], tracking frame.
     max_length : edge of the largest cells [m].
-    min_num_points : number of points that must remain, if there are as many.
+    min_num_points : number of points that must remain, if there are as many; positive.
     max_range : points further from the frame's origin are dropped [m].
     out_points : float64, shape (>= n, 2) [m].
 
@@ -89,20 +122,17 @@ def adaptive_voxel_filter(
             num_near += 1
     if num_near <= min_num_points:
         return copy_points(near, num_near, out_points)
-    kept = voxel_filter(near, num_near, max_length, out_points)
-    if kept >= min_num_points:
-        return kept
-    high = max_length
-    low = max_length
-    while kept < min_num_points and low > 1e-2 * max_length:
+    low = high = max_length
+    is_enough = _fills_cells(near, num_near, low, min_num_points)
+    while not is_enough and low > 1e-2 * max_length:
         high = low
         low = 0.5 * low
-        kept = voxel_filter(near, num_near, low, out_points)
-    if kept < min_num_points:
+        is_enough = _fills_cells(near, num_near, low, min_num_points)
+    if not is_enough:
         return copy_points(near, num_near, out_points)
     while high - low > 0.1 * low:
         middle = 0.5 * (low + high)
-        if voxel_filter(near, num_near, middle, out_points) >= min_num_points:
+        if _fills_cells(near, num_near, middle, min_num_points):
             low = middle
         else:
             high = middle

@@ -32,7 +32,8 @@ def without_isolated(returns: FloatArray) -> FloatArray:
         return returns
     angles = np.arctan2(returns[:, 1], returns[:, 0])
     order = np.argsort(angles, kind="stable")
-    spacing = median(np.diff(angles[order]))
+    by_angle = angles[order]
+    spacing = median(by_angle[1:] - by_angle[:-1])
     is_near = have_near_neighbour(returns, order, NEAR_M, NEAR_SPACINGS * spacing)
     kept: FloatArray = returns[is_near]
     return kept
