@@ -7,7 +7,14 @@ import math
 
 import pytest
 
-from cartoloop.local_slam.lost_heading import AGREE_M, AGREE_RAD, LostHeading, is_searched
+from cartoloop.local_slam.lost_heading import (
+    AGREE_M,
+    AGREE_RAD,
+    CLOSE_M,
+    CLOSE_RAD,
+    LostHeading,
+    is_searched,
+)
 from cartoloop.sensor.pose import Pose, compose
 
 TURN = Pose(0.2, -0.1, 2.0)
@@ -32,6 +39,15 @@ def test_two_scans_that_show_the_same_turn_agree():
 def test_scans_that_show_different_turns_do_not_agree(off):
     first, second = (compose(TURN, predicted) for predicted in PREDICTED)
     assert agree(first, Pose(*(a + b for a, b in zip(second, off, strict=True)))) == [False, False]
+
+
+@pytest.mark.parametrize(("share", "is_close"), [(0.9, True), (1.1, False)])
+def test_scans_that_fit_less_clearly_must_agree_closely(share, is_close):
+    first, second = (compose(TURN, predicted) for predicted in PREDICTED)
+    for by in ((share * CLOSE_M, 0.0, 0.0), (0.0, 0.0, share * CLOSE_RAD)):
+        lost, near = LostHeading(), Pose(*(a + b for a, b in zip(second, by, strict=True)))
+        assert not lost.add(PREDICTED[0], first, is_clear=False)
+        assert lost.add(PREDICTED[1], near, is_clear=False) == is_close
 
 
 def test_a_scan_that_fits_nowhere_ends_the_agreement():

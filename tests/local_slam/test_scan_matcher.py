@@ -214,6 +214,29 @@ def test_lost_scans_find_the_heading_they_agree_on(submap, turn):
     assert_near(pose, TRUTH)
 
 
+@pytest.mark.parametrize(("turn", "is_found"), [(0.5, True), (0.0, False)])
+def test_poor_fits_of_different_views_agree_on_a_heading(submap, turn, is_found):
+    """Much has changed, so that scans fit nowhere well: two of the same view would say nothing."""
+    rng, matcher = np.random.default_rng(7), ScanMatcher(CONFIG)
+    for _ in range(30):
+        matched(submap, TRUTH, matcher=matcher)
+    certain, relocated = isotropic_information(0.005, 0.002), []
+    truth, last = TRUTH, off(0.0, 0.0, 1.3)
+    for _ in range(5):
+        scan = transform_points(inverse(truth), walls(99))
+        changed = rng.random(len(scan)) < 0.45
+        scan[changed] = rng.uniform(-3.0, 3.0, (np.count_nonzero(changed), 2))
+        predicted = last._replace(theta=last.theta + turn)
+        fallbacks = partial(itertools.repeat, last, 2)
+        found = matcher.match(submap, scan, Prediction(predicted, True, certain, fallbacks))
+        relocated.append(found.is_relocated)
+        if found.is_relocated:
+            assert_near(found.tf_local_tracking, truth, 0.1, 0.05)
+            break
+        last, truth = predicted, truth._replace(theta=truth.theta + turn)
+    assert any(relocated) == is_found
+
+
 def test_a_robot_that_drives_is_not_turned(submap):
     matcher = ScanMatcher(CONFIG)
     for _ in range(30):
