@@ -71,8 +71,8 @@ class LostHeading:
 
         The robot must stand or turn on the spot. Each scan must fit as scans usually do, in
         observed cells, and outweigh the motion prior as any match of a lost scan. A corridor, which
-        looks alike in both directions, does not count. Scans of different views need not fit as
-        well if they agree closely.
+        looks alike in both directions, does not count. Scans of different views may fit less well
+        if they agree closely.
 
         Parameters
         ----------
