@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from cartoloop._jit import inlined_kernel, kernel
-from cartoloop.arrays import FloatArray
+from cartoloop.arrays import FloatArray, IntArray
 
 
 @kernel
@@ -23,17 +23,10 @@ def voxel_filter(points: FloatArray, num_points: int, edge: float, out_points: F
     -----
     An open-addressing hash table of cell keys; O(n).
     """
-    size = 16
-    while size < 2 * num_points:
-        size *= 2
-    keys = np.full(size, np.int64(-1), dtype=np.int64)
+    keys = _empty_table(num_points)
     kept = 0
     for k in range(num_points):
-        key, slot = _cell_of(points, k, edge, size)
-        while keys[slot] != -1 and keys[slot] != key:
-            slot = (slot + 1) & (size - 1)
-        if keys[slot] == -1:
-            keys[slot] = key
+        if _is_first_in_cell(points, k, edge, keys):
             out_points[kept, 0] = points[k, 0]
             out_points[kept, 1] = points[k, 1]
             kept += 1
@@ -49,19 +42,12 @@ def _fills_cells(points: FloatArray, num_points: int, edge: float, needed: int) 
     points, num_points, edge : as for :func:`voxel_filter`.
     needed : number of cells, positive.
     """
-    size = 16
-    while size < 2 * num_points:
-        size *= 2
-    keys = np.full(size, np.int64(-1), dtype=np.int64)
+    keys = _empty_table(num_points)
     filled = 0
     for k in range(num_points):
         if filled + num_points - k < needed:
             return False
-        key, slot = _cell_of(points, k, edge, size)
-        while keys[slot] != -1 and keys[slot] != key:
-            slot = (slot + 1) & (size - 1)
-        if keys[slot] == -1:
-            keys[slot] = key
+        if _is_first_in_cell(points, k, edge, keys):
             filled += 1
             if filled == needed:
                 return True
@@ -69,11 +55,27 @@ def _fills_cells(points: FloatArray, num_points: int, edge: float, needed: int) 
 
 
 @inlined_kernel
-def _cell_of(points: FloatArray, k: int, edge: float, size: int) -> tuple[np.int64, np.int64]:
-    """Return the key of the cell of a point, and its first slot in a hash table of a size."""
+def _empty_table(num_points: int) -> IntArray:
+    """Return a hash table for the cells of a number of points; -1 is an empty slot."""
+    size = 16
+    while size < 2 * num_points:
+        size *= 2
+    return np.full(size, np.int64(-1), dtype=np.int64)
+
+
+@inlined_kernel
+def _is_first_in_cell(points: FloatArray, k: int, edge: float, keys: IntArray) -> bool:
+    """Return whether no point was in the cell of a point, and enter the cell into the table."""
+    last = keys.size - 1
     cell_x = np.int64(np.floor(points[k, 0] / edge)) + 1073741824
     cell_y = np.int64(np.floor(points[k, 1] / edge)) + 1073741824
-    return (cell_x << 31) | cell_y, ((cell_x * 73856093) ^ (cell_y * 19349663)) & (size - 1)
+    key = (cell_x << 31) | cell_y
+    slot = ((cell_x * 73856093) ^ (cell_y * 19349663)) & last
+    while keys[slot] != -1 and keys[slot] != key:
+        slot = (slot + 1) & last
+    is_first: bool = keys[slot] == -1
+    keys[slot] = key
+    return is_first
 
 
 @kernel

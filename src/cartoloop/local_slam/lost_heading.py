@@ -24,9 +24,10 @@ enough that it is usual: what scans usually have rises while they fit nowhere. A
 heading of a corridor, scans of a new place have fitted with 0.56 and 0.7 of it."""
 
 MAX_AGREED_SHARE, MAX_AGREED_TURN_RAD = 0.92, math.radians(150.0)
-"""The same where two scans in turn agree closely that show different walls, and farthest from the
-predicted heading [rad]. After a turn that the odometry missed by 75 degrees, three scans of a hall
-had 0.84 to 0.9 there, within a degree of each other; elsewhere none had less than 0.94."""
+"""Largest residual of two scans in turn that show different walls and agree closely, as such a
+share, and the largest turn from the predicted heading [rad]. After turns on the spot that the
+odometry missed by 75 degrees, three scans of a hall had shares of 0.84 to 0.9 at the right heading,
+and agreed to a degree; at other headings all had 0.94 and more."""
 
 OTHER_VIEW_RAD = math.radians(15.0)
 """Turn from scan to scan after which they show different walls [rad]: two of the same view agree in
