@@ -10,17 +10,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cartoloop.config import Config
+from cartoloop.global_slam import repair
 from cartoloop.global_slam.closure_search import FinishedSubmap
 from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.closures import Closures
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.pose_graph import NO_ROW, ConstraintKind, PoseGraph
 from cartoloop.global_slam.repair import (
+    MAX_TEAR_M,
     NEAR_OBSERVED_M,
     Contradicted,
     Contradictions,
     Repair,
     add_closures,
+    are_torn,
     determined_share,
     near_observed,
 )
@@ -108,8 +111,9 @@ class TwoVisits:
             config.constraint_search, Closures(), self.submaps, NodePoints(), 1
         )
         try:
-            repair = Repair(config, self.submaps, self.points, search)
-            return repair.run(self.graph, find or self.contradictions)
+            return Repair(config, self.submaps, self.points, search).run(
+                self.graph, find or self.contradictions
+            )
         finally:
             search.close()
 
@@ -166,6 +170,25 @@ def test_a_visit_is_searched_once():
 
     assert len(visits.repaired(still_there).closures.node) == 1
     assert len(asked) == 2
+
+
+def test_a_match_that_takes_one_scan_out_of_its_path_is_false(monkeypatch):
+    monkeypatch.setattr(repair, "MAX_TEAR_M", 0.2)
+    visits, lengths = TwoVisits(room()), iter((8.0, 0.0, 8.0, 0.0))
+
+    def better_with_it(graph):
+        return visits.contradictions(visits.graph)._replace(length=next(lengths))
+
+    assert len(visits.repaired(better_with_it).closures.node) == 1
+    visits.graph.fix_submap(1)
+    assert len(visits.repaired(better_with_it).closures.node) == 0
+
+
+def test_nodes_moved_within_their_submaps_are_torn():
+    graph = TwoVisits(room()).graph
+    graph.node_poses[15, 0] += 2.0 * MAX_TEAR_M
+    graph.node_poses[16, 0] += 0.5 * MAX_TEAR_M
+    assert are_torn(graph, np.array([3, 16, 15, 15])).tolist() == [False, False, True, True]
 
 
 def test_without_contradictions_nothing_is_searched():

@@ -84,6 +84,16 @@ def test_a_later_scan_multiplies_the_odds_and_keeps_the_rest():
     assert probability(grid, 203, 200) == pytest.approx(0.6)
 
 
+@pytest.mark.parametrize("times", [2, 4])
+def test_a_weight_stands_for_that_many_scans(times):
+    weighted, repeated = ProbabilityGrid(RESOLUTION), ProbabilityGrid(RESOLUTION)
+    cells = scan_cells(Pose(0, 0, 0), points([(0.3, 0.0)]), points([(0.0, 0.2)]), RESOLUTION)
+    insert_cells(weighted, cells, CONFIG, weight=float(times))
+    for _ in range(times):
+        insert_cells(repeated, cells, CONFIG)
+    assert weighted.cells == pytest.approx(repeated.cells, abs=1e-6)
+
+
 def test_contradicting_scans_cancel():
     grid = ProbabilityGrid(RESOLUTION)
     config = SubmapConfig(resolution=RESOLUTION, hit_probability=0.6, miss_probability=0.4)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from cartoloop.config import SubmapConfig
 from cartoloop.sensor.pose import Pose
-from cartoloop.submaps.finished_grid import MIN_PROBABILITY
+from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY
 from cartoloop.submaps.probability_grid import (
     ProbabilityGrid,
     behind_walls,
@@ -20,7 +20,7 @@ from cartoloop.submaps.probability_grid import (
     scan_cells,
     with_joints,
 )
-from cartoloop.submaps.submap import ActiveSubmaps
+from cartoloop.submaps.submap import MAX_WEIGHT, ActiveSubmaps
 
 RESOLUTION = 0.1
 NO_POINTS = np.zeros((0, 2))
@@ -132,7 +132,7 @@ def test_all_submaps_show_the_same_world():
     walls = with_joints(ends, config_)
     behind = behind_walls(sensor, ends, config_)
     cells = scan_cells(sensor, walls, NO_POINTS, RESOLUTION, behind)
-    insert_cells(in_local, cells, config_)
+    insert_cells(in_local, cells, config_, weight=MAX_WEIGHT)  # it is far from the first
     expected = in_local.finish()
 
     assert len(insertion.submaps) == 2
@@ -225,3 +225,14 @@ def test_scanners_in_turn_do_not_count_as_travel():
         insertion = active.insert(sensor, ends, NO_POINTS, tf_local_robot=robot)
     assert indices(insertion) == [0]
     assert active.submaps[0].travelled == 0.0
+
+
+@pytest.mark.parametrize(("step", "weight"), [(0.2, 1), (0.45, 1), (0.75, 3), (1.0, 4), (3.0, 4)])
+def test_a_sparse_scan_counts_for_the_path_since_the_last(step, weight):
+    active, config_ = ActiveSubmaps(config(5)), config(5)
+    active.insert(Pose(0.0, 0.0, 0.0), NO_POINTS, NO_POINTS)
+    active.insert(Pose(step, 0.0, 0.0), np.array([(step + 1.0, 0.0)]), NO_POINTS)
+    grid = active.submaps[0].grid
+    odds = config_.hit_probability / (1.0 - config_.hit_probability)
+    hit = odds**weight / (1.0 + odds**weight)
+    assert grid.cells.max() == pytest.approx(min(hit, MAX_PROBABILITY), abs=1e-6)

@@ -24,7 +24,13 @@ from cartoloop.global_slam.closure_search import FinishedSubmap, refined
 from cartoloop.global_slam.closure_status import Reason
 from cartoloop.global_slam.constraint_search import ConstraintSearch
 from cartoloop.global_slam.graph_adjustment import GraphAdjustment
-from cartoloop.global_slam.pose_graph import NO_ROW, ClosureConstraints, PoseGraph
+from cartoloop.global_slam.pose_adjustment import constraint_residuals
+from cartoloop.global_slam.pose_graph import (
+    NO_ROW,
+    ClosureConstraints,
+    ConstraintKind,
+    PoseGraph,
+)
 from cartoloop.global_slam.refinement import NO_FINAL_MATCHES
 from cartoloop.scan_matching.branch_and_bound import RunnerUp
 from cartoloop.sensor.pose import Pose, relative_all, transform_points, wrap_angles
@@ -40,6 +46,10 @@ NEAR_OBSERVED_M = 0.2
 
 MIN_RETURNS = 60
 """With fewer returns that can be compared, nothing is searched."""
+
+MAX_TEAR_M = 0.5
+"""A match that moves its node by more within the submaps that it was inserted into is false [m]:
+what leads a visit astray bends its path, and does not take one scan out of it."""
 
 
 class Contradicted(NamedTuple):
@@ -155,8 +165,8 @@ class Repair:
             new = self._matches(graph, contradictions, tried)
             if len(new.node) == 0:
                 break
+            graph, new = self._adjusted(graph, new)
             found = _together((found, new))
-            graph = self._adjusted(graph, new)
             contradictions = find(graph)
             if contradictions.length < (before if best is None else best.after):
                 best = Repaired(found, graph, before, contradictions.length)
@@ -235,15 +245,18 @@ class Repair:
             ]
         )
 
-    def _adjusted(self, graph: PoseGraph, closures: FinalMatches) -> PoseGraph:
-        """Return a copy of a graph, adjusted with more closures."""
-        graph = graph.copy()
-        add_closures(graph, closures, np.full(len(closures.node), NO_ROW))
+    def _adjusted(self, graph: PoseGraph, closures: FinalMatches) -> tuple[PoseGraph, FinalMatches]:
+        """Return a copy of a graph, adjusted with more closures, and those of them that hold."""
+        adjusted = graph.copy()
+        add_closures(adjusted, closures, np.full(len(closures.node), NO_ROW))
         config = self._config.pose_adjustment
-        GraphAdjustment(graph, self._config, config.mapping_share).run(
+        GraphAdjustment(adjusted, self._config, config.mapping_share).run(
             config.max_num_final_iterations
         )
-        return graph
+        is_torn = are_torn(adjusted, closures.node)
+        if not is_torn.any():
+            return adjusted, closures
+        return self._adjusted(graph, FinalMatches._make(column[~is_torn] for column in closures))
 
 
 def add_closures(graph: PoseGraph, closures: FinalMatches, rows: IntArray) -> None:
@@ -255,6 +268,16 @@ def add_closures(graph: PoseGraph, closures: FinalMatches, rows: IntArray) -> No
     """
     columns = (closures.submap, closures.node, closures.tf_submap_node, closures.information)
     graph.add_loop_closures(ClosureConstraints(rows, *columns), are_trusted=True)
+
+
+def are_torn(graph: PoseGraph, nodes: IntArray) -> BoolArray:
+    """Return which nodes were moved within the submaps that they were inserted into, shape (n,)."""
+    inside = np.flatnonzero(
+        (graph.kinds == ConstraintKind.INTRA_SUBMAP) & np.isin(graph.index_b, nodes)
+    )
+    translation_error, _ = constraint_residuals(graph, inside)
+    is_torn: BoolArray = np.isin(nodes, graph.index_b[inside[translation_error > MAX_TEAR_M]])
+    return is_torn
 
 
 def determined_share(curvature: FloatArray) -> float:

@@ -239,7 +239,11 @@ def behind_walls(tf_grid_sensor: Pose, returns: FloatArray, config: SubmapConfig
 
 
 def insert_cells(
-    grid: ProbabilityGrid, cells: ScanCells, config: SubmapConfig, origin: tuple[int, int] = (0, 0)
+    grid: ProbabilityGrid,
+    cells: ScanCells,
+    config: SubmapConfig,
+    origin: tuple[int, int] = (0, 0),
+    weight: float = 1.0,
 ) -> None:
     """Update the grid's probabilities by a scan's hits and misses.
 
@@ -247,6 +251,8 @@ def insert_cells(
     ----------
     cells : in a lattice that may be shifted against the grid's by whole cells.
     origin : lattice coordinates of the origin of the grid's frame.
+    weight : number of independent observations that the scan stands for; the odds of eq. (3) are
+        raised to this power.
 
     Raises
     ------
@@ -275,11 +281,19 @@ def insert_cells(
         cells.hits,
         cells.free,
         cells.hidden,
-        config.hit_probability,
-        config.miss_probability,
+        _repeated(config.hit_probability, weight),
+        _repeated(config.miss_probability, weight),
         MIN_PROBABILITY,
         MAX_PROBABILITY,
     )
+
+
+def _repeated(probability: float, times: float) -> float:
+    """Return the probability of a cell after some observations, each of which alone says this."""
+    if times == 1.0:
+        return probability
+    odds: float = (probability / (1.0 - probability)) ** times
+    return odds / (1.0 + odds)
 
 
 def _check_extent(

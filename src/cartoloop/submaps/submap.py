@@ -24,6 +24,11 @@ SPARSE_STEP_M = 0.5
 """Steps from scan to scan from which scans are sparse [m]. A wall is seen a few times only, and
 where matching is wrong by more than the noise: what one scan hides, another may rightly show."""
 
+WEIGHT_STEP_M, MAX_WEIGHT = 0.25, 4.0
+"""A sparse scan counts once for each such step since the last one [m], as often as dense scans were
+inserted on that path, and not more often than the second. Seen free once only, cells would be worth
+more in (CS) than those never seen, and would attract the next scans."""
+
 
 @dataclass(slots=True)
 class Submap:
@@ -131,14 +136,16 @@ class ActiveSubmaps:
             x, y = self._last_position
             step = math.hypot(robot.x - x, robot.y - y)
         self._last_position = (robot.x, robot.y)
+        is_dense = step < SPARSE_STEP_M
+        weight = 1.0 if is_dense else min(step / WEIGHT_STEP_M, MAX_WEIGHT)
         for submap in self._submaps:
             submap.travelled += step if submap.num_scans else 0.0
             if submap.index not in self._known:
                 if cells is None:
                     cells = self._cells(
-                        tf_local_sensor, returns_local, misses_local, is_dense=step < SPARSE_STEP_M
+                        tf_local_sensor, returns_local, misses_local, is_dense=is_dense
                     )
-                insert_cells(submap.grid, cells, config, self._lattice_origin(submap))
+                insert_cells(submap.grid, cells, config, self._lattice_origin(submap), weight)
             submap.num_scans += 1
         inserted = tuple(before + self._submaps)
         if len(self._submaps) == 2 and self._is_half_full(self._submaps[1]):
