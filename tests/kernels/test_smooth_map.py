@@ -19,7 +19,11 @@ from cartoloop.kernels.smooth_map import (
     SmoothMap,
     sample_smooth_map,
 )
-from tests.reference.naive_scan_residuals import central_differences, naive_smooth_probability
+from tests.reference.naive_scan_residuals import (
+    central_differences,
+    naive_smooth_probability,
+    naive_smoothed_probability,
+)
 
 UNKNOWN = 0.1
 ROWS, COLS = 7, 9
@@ -35,7 +39,7 @@ def random_grid(seed, shape=(ROWS, COLS)):
     return grid.astype(np.float32)
 
 
-def sample(grid, points, pose=(0.0, 0.0, 0.0), origin=(0.0, 0.0), resolution=1.0):
+def sample(grid, points, pose=(0.0, 0.0, 0.0), origin=(0.0, 0.0), resolution=1.0, smoothing=0.0):
     """Value and derivatives along columns and rows at each point, shape (n, 3)."""
     points = np.array(points, dtype=np.float64).reshape(-1, 2)
     scratch = PointScratch(
@@ -43,13 +47,15 @@ def sample(grid, points, pose=(0.0, 0.0, 0.0), origin=(0.0, 0.0), resolution=1.0
         np.full((PATCH_CELLS, len(points)), np.nan, dtype=np.float32),
         np.full((NUM_ROWS, len(points)), np.nan),
     )
-    sample_smooth_map(SmoothMap(grid, *origin, resolution), UNKNOWN, points, *pose, scratch)
+    smooth_map = SmoothMap(grid, *origin, resolution, smoothing)
+    sample_smooth_map(smooth_map, UNKNOWN, points, *pose, scratch)
     return scratch.samples[VALUE : D_ROW + 1].T
 
 
-def smooth_probability(grid, col, row):
+def smooth_probability(grid, col, row, smoothing=0.0):
     """Value and derivatives at a place in cells."""
-    return tuple(sample(grid, (0.0, 0.0), (float(col), float(row), 0.0))[0].tolist())
+    pose = (float(col), float(row), 0.0)
+    return tuple(sample(grid, (0.0, 0.0), pose, smoothing=smoothing)[0].tolist())
 
 
 # From well outside of the grid on one side to well outside on the other.
@@ -63,6 +69,20 @@ def test_the_smooth_map_equals_plain_bicubic_interpolation(seed, col, row):
     grid = random_grid(seed)
     expected = naive_smooth_probability(grid, UNKNOWN, col, row)
     assert smooth_probability(grid, col, row)[0] == pytest.approx(expected, abs=1e-12)
+
+
+@settings(deadline=None, max_examples=100)
+@given(seed=seeds, col=col_places, row=row_places, smoothing=st.floats(0.0, 1.0))
+def test_in_full_smoothing_is_a_b_spline(seed, col, row, smoothing):
+    grid = random_grid(seed)
+    smoothed = naive_smoothed_probability(grid, UNKNOWN, col, row)
+    assert smooth_probability(grid, col, row, 1.0)[0] == pytest.approx(smoothed, abs=1e-12)
+
+    def value(at):
+        return smooth_probability(grid, at[0], at[1], smoothing)[0]
+
+    _, *slopes = smooth_probability(grid, col, row, smoothing)
+    assert slopes == pytest.approx(central_differences(value, (col, row), 1e-6), abs=1e-5)
 
 
 @settings(deadline=None, max_examples=150)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 
 def _hermite(before, left, right, after, u):
@@ -33,6 +34,19 @@ def naive_smooth_probability(grid, unknown, col, row):
         for r in range(below - 1, below + 3)
     ]
     return _hermite(*along, row - below)
+
+
+def naive_smoothed_probability(grid, unknown, col, row):
+    """Return the cells weighted by their distances, in both directions, by the cubic B-spline."""
+    bell = BSpline.basis_element([-2.0, -1.0, 0.0, 1.0, 2.0], extrapolate=False)
+    total = 0.0
+    for at_row in range(math.floor(row) - 2, math.floor(row) + 4):
+        for at_col in range(math.floor(col) - 2, math.floor(col) + 4):
+            weight = np.nan_to_num(bell(at_col - col)) * np.nan_to_num(bell(at_row - row))
+            inside = 0 <= at_row < grid.shape[0] and 0 <= at_col < grid.shape[1]
+            p = float(grid[at_row, at_col]) if inside else 0.0
+            total += weight * (p if p > 0.0 else unknown)
+    return total
 
 
 def naive_errors(grid, unknown, origin, resolution, points, pose):

@@ -236,3 +236,13 @@ def test_a_sparse_scan_counts_for_the_path_since_the_last(step, weight):
     odds = config_.hit_probability / (1.0 - config_.hit_probability)
     hit = odds**weight / (1.0 + odds**weight)
     assert grid.cells.max() == pytest.approx(min(hit, MAX_PROBABILITY), abs=1e-6)
+
+
+@pytest.mark.parametrize(("step", "is_sparse"), [(0.0, False), (0.3, False), (0.6, True)])
+def test_submaps_of_scans_far_apart_are_sparse(step, is_sparse):
+    active = ActiveSubmaps(config(50))
+    active.insert(Pose(0.0, 0.0, 0.0), NO_POINTS, NO_POINTS)
+    assert not active.submaps[0].is_sparse
+    for k in range(1, 5):
+        active.insert(Pose(k * step, 0.0, 0.0), NO_POINTS, NO_POINTS)
+    assert active.submaps[0].is_sparse == is_sparse

@@ -269,7 +269,7 @@ def match_correlative(
     -----
     Of equally good candidates the first counts, by rotation, then row, then column.
     """
-    smooth_map = SmoothMap(grid[0], grid[1], grid[2], grid[3])
+    smooth_map = SmoothMap(grid[0], grid[1], grid[2], grid[3], grid[4])
     limits = CorrelativeWindow(window[0], window[1], window[2], window[3], window[4])
     places, grid_cells = scratch
     map_cells, resolution = smooth_map.cells, smooth_map.resolution

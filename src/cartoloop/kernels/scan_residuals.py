@@ -305,7 +305,7 @@ def match_scan(
     prior, options : fields of a `MotionPrior` and of `MatchOptions`.
     """
     return match_least_squares(
-        SmoothMap(smooth_map[0], smooth_map[1], smooth_map[2], smooth_map[3]),
+        SmoothMap(smooth_map[0], smooth_map[1], smooth_map[2], smooth_map[3], smooth_map[4]),
         unknown,
         points,
         start,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""M_smooth of (CS) and its gradient at all points of a scan: bicubic (Catmull-Rom) interpolation.
+"""M_smooth of (CS) and its gradient at all points of a scan: bicubic interpolation, or smoothing.
 
 Each step processes all points before the next begins. The arithmetic steps have no branches and
 read neighbouring points from neighbouring memory, so that the compiler vectorises them.
@@ -38,15 +38,19 @@ class SmoothMap(NamedTuple):
     cells : float32, shape (num_rows, num_cols), probabilities; 0 or less where never observed.
     origin_x, origin_y : centre of cell (0, 0) [m, submap frame].
     resolution : edge of a cell [m].
+    smoothing : from 0, cells are interpolated (Catmull-Rom), to 1, they are smoothed by a cubic
+        B-spline, a bell with a standard deviation of 0.58 cells: B of Mitchell and Netravali
+        (Reconstruction filters in computer graphics, SIGGRAPH 1988), with C = (1 - B) / 2.
     """
 
     cells: PatchArray
     origin_x: float
     origin_y: float
     resolution: float
+    smoothing: float = 0.0
 
 
-SmoothMapFields = tuple[PatchArray, float, float, float]
+SmoothMapFields = tuple[PatchArray, float, float, float, float]
 """The fields of a `SmoothMap` as a plain tuple, ``smooth_map[:]``: for calls from Python, where a
 NamedTuple costs a microsecond more."""
 
@@ -157,24 +161,25 @@ def copy_patches(grid: PatchArray, cells: IntArray, out_patches: PatchArray) -> 
 
 
 @kernel
-def cubic_weights(u: float) -> tuple[float, float, float, float]:
-    """Return the Catmull-Rom weights of the four cells around an offset `u` in [0, 1) cells."""
+def cubic_weights(u: float, smoothing: float) -> tuple[float, float, float, float]:
+    """Return the weights of the four cells around an offset `u` in [0, 1) cells."""
+    sixth = smoothing / 6.0
     return (
-        ((-0.5 * u + 1.0) * u - 0.5) * u,
-        (1.5 * u - 2.5) * u * u + 1.0,
-        ((-1.5 * u + 2.0) * u + 0.5) * u,
-        (0.5 * u - 0.5) * u * u,
+        (((-0.5 + 2.0 * sixth) * u + (1.0 - 3.0 * sixth)) * u - 0.5) * u + sixth,
+        ((1.5 - smoothing) * u + (-2.5 + 1.5 * smoothing)) * u * u + (1.0 - 2.0 * sixth),
+        (((-1.5 + smoothing) * u + (2.0 - 1.5 * smoothing)) * u + 0.5) * u + sixth,
+        ((0.5 - 2.0 * sixth) * u + (-0.5 + 0.5 * smoothing)) * u * u,
     )
 
 
 @kernel
-def cubic_slopes(u: float) -> tuple[float, float, float, float]:
+def cubic_slopes(u: float, smoothing: float) -> tuple[float, float, float, float]:
     """Return the derivatives of :func:`cubic_weights`."""
     return (
-        (-1.5 * u + 2.0) * u - 0.5,
-        (4.5 * u - 5.0) * u,
-        (-4.5 * u + 4.0) * u + 0.5,
-        (1.5 * u - 1.0) * u,
+        ((-1.5 + smoothing) * u + (2.0 - smoothing)) * u - 0.5,
+        ((4.5 - 3.0 * smoothing) * u + (-5.0 + 3.0 * smoothing)) * u,
+        ((-4.5 + 3.0 * smoothing) * u + (4.0 - 3.0 * smoothing)) * u + 0.5,
+        ((1.5 - smoothing) * u + (-1.0 + smoothing)) * u,
     )
 
 
@@ -200,25 +205,28 @@ def along_row(
 
 
 @borrowing_kernel
-def interpolate_patches(p: PatchArray, unknown: float, samples: FloatArray) -> None:
+def interpolate_patches(
+    p: PatchArray, unknown: float, smoothing: float, samples: FloatArray
+) -> None:
     """Write M_smooth and its derivatives at the points into `samples`.
 
     Parameters
     ----------
     p : float32, shape (16, n), the cells around each point; 0 or less where never observed.
     unknown : the value of cells never observed.
+    smoothing : as in :class:`SmoothMap`.
     samples : float64, shape (7, n), offsets of the points in their cells; the last three rows are
         written.
     """
     for k in range(samples.shape[1]):
         u, v = samples[BEYOND_COL, k], samples[BEYOND_ROW, k]
-        weights, slopes = cubic_weights(u), cubic_slopes(u)
+        weights, slopes = cubic_weights(u, smoothing), cubic_slopes(u, smoothing)
         a0, s0 = along_row(p[0, k], p[1, k], p[2, k], p[3, k], unknown, weights, slopes)
         a1, s1 = along_row(p[4, k], p[5, k], p[6, k], p[7, k], unknown, weights, slopes)
         a2, s2 = along_row(p[8, k], p[9, k], p[10, k], p[11, k], unknown, weights, slopes)
         a3, s3 = along_row(p[12, k], p[13, k], p[14, k], p[15, k], unknown, weights, slopes)
-        w0, w1, w2, w3 = cubic_weights(v)
-        d0, d1, d2, d3 = cubic_slopes(v)
+        w0, w1, w2, w3 = cubic_weights(v, smoothing)
+        d0, d1, d2, d3 = cubic_slopes(v, smoothing)
         samples[VALUE, k] = w0 * a0 + w1 * a1 + w2 * a2 + w3 * a3
         samples[D_COL, k] = w0 * s0 + w1 * s1 + w2 * s2 + w3 * s3
         samples[D_ROW, k] = d0 * a0 + d1 * a1 + d2 * a2 + d3 * a3
@@ -246,7 +254,7 @@ def sample_smooth_map(
     grid, cells, out_samples = smooth_map.cells, scratch.cells, scratch.samples
     place_points(smooth_map, points, x, y, theta, out_samples, cells)
     all_inside = copy_patches(grid, cells, scratch.patches)
-    interpolate_patches(scratch.patches, unknown, out_samples)
+    interpolate_patches(scratch.patches, unknown, smooth_map.smoothing, out_samples)
     if all_inside:
         return
     num_rows, num_cols = grid.shape

@@ -22,6 +22,10 @@ from cartoloop.scan_matching.least_squares import LeastSquaresMatch
 from cartoloop.sensor.pose import Pose, compose, relative, wrap_angle
 from cartoloop.submaps.submap import Submap
 
+SPARSE_SMOOTHING = 1.0
+"""Smoothing of a submap of sparse scans: these saw each wall a few times only, and show more of the
+noise of the ranges than of the wall."""
+
 
 @dataclass(frozen=True)
 class MatcherSettings:
@@ -105,7 +109,13 @@ class ScanFit:
         """Return the match by (CS) from a start, with a motion prior."""
         grid, config = self.submap.grid, self.settings.least_squares
         return least_squares.match(
-            least_squares.SmoothMap(grid.cells, grid.origin_x, grid.origin_y, grid.resolution),
+            least_squares.SmoothMap(
+                grid.cells,
+                grid.origin_x,
+                grid.origin_y,
+                grid.resolution,
+                SPARSE_SMOOTHING if self.submap.is_sparse else 0.0,
+            ),
             self.points,
             start,
             prior,

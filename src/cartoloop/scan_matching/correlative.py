@@ -82,7 +82,7 @@ def match(
     margin, num_levels = 2 * (2 * half_width + 1), 1 + (2 * half_width).bit_length()
     pose = np.empty(3)
     score = match_correlative(
-        (grid.cells, grid.origin_x, grid.origin_y, resolution),
+        (grid.cells, grid.origin_x, grid.origin_y, resolution, 0.0),
         MIN_PROBABILITY,
         points,
         np.array(tf_submap_scan),

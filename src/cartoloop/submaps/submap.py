@@ -50,6 +50,11 @@ class Submap:
     num_scans: int = 0
     travelled: float = 0.0
 
+    @property
+    def is_sparse(self) -> bool:
+        """Whether its scans are far apart in the mean."""
+        return self.travelled > SPARSE_STEP_M * max(self.num_scans - 1, 0)
+
 
 @dataclass(frozen=True, slots=True)
 class Insertion:
