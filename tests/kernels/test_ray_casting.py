@@ -26,17 +26,24 @@ def as_array(rows):
     return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
 
-def all_cells(origin, returns, misses, resolution):
+def all_cells(origin, returns, misses, resolution, uncertain_share=0.0):
     """Hits and misses of the kernel as lists, and those expected as sets."""
     hits, free, _, *box = scan_cells(
-        *origin, as_array(returns), as_array(misses), NO_POINTS, resolution
+        *origin, as_array(returns), as_array(misses), NO_POINTS, resolution, uncertain_share
     )
     missed = [(col, row) for row, first, after in free.tolist() for col in range(first, after)]
     first_col, first_row, last_col, last_row = box
     hits = [tuple(cell) for cell in hits.tolist()]
     assert all(first_col <= c <= last_col and first_row <= r <= last_row for c, r in hits + missed)
     expected = naive_scan_cells(
-        origin, returns, misses, resolution, first_col, first_row, SUBPIXELS
+        origin,
+        returns,
+        misses,
+        resolution,
+        first_col,
+        first_row,
+        SUBPIXELS,
+        uncertain_share,
     )
     return hits, missed, expected
 
@@ -47,9 +54,14 @@ def all_cells(origin, returns, misses, resolution):
     returns=points,
     misses=points,
     resolution=st.sampled_from((0.1, 0.25, 0.0625)),
+    uncertain_share=st.sampled_from((0.0, 0.02, 0.25, 1.0)),
 )
-def test_hit_and_miss_sets_equal_exact_geometry(origin, returns, misses, resolution):
-    hits, missed, (expected_hits, expected_misses) = all_cells(origin, returns, misses, resolution)
+def test_hit_and_miss_sets_equal_exact_geometry(
+    origin, returns, misses, resolution, uncertain_share
+):
+    hits, missed, (expected_hits, expected_misses) = all_cells(
+        origin, returns, misses, resolution, uncertain_share
+    )
     assert len(set(hits)) == len(hits)
     assert len(set(missed)) == len(missed)
     assert set(hits) == expected_hits
@@ -66,9 +78,9 @@ def test_a_hit_wins_over_rays_that_pass_through_its_pixel():
 @given(returns=points, misses=points, behind=points)
 def test_hidden_cells_are_neither_hit_nor_missed(returns, misses, behind):
     hits, free, hidden, *box = scan_cells(
-        0.0, 0.0, as_array(returns), as_array(misses), as_array(behind), 0.1
+        0.0, 0.0, as_array(returns), as_array(misses), as_array(behind), 0.1, 0.0
     )
-    without = scan_cells(0.0, 0.0, as_array(returns), as_array(misses), NO_POINTS, 0.1)
+    without = scan_cells(0.0, 0.0, as_array(returns), as_array(misses), NO_POINTS, 0.1, 0.0)
     assert np.array_equal(hits, without[0])
     assert np.array_equal(free, without[1])
     known = {tuple(cell) for cell in hits.tolist()}
@@ -99,7 +111,7 @@ def test_a_scan_larger_than_any_submap_has_no_cells(far):
     if not np.isnan(far):  # ends of rays are numbers, or poses are not
         cases += [(0.0, 0.0, wide, nothing), (0.0, 0.0, near, wide)]
     for x, y, returns, misses in cases:
-        hits, free, hidden, *box = scan_cells(x, y, returns, misses, near, 0.05)
+        hits, free, hidden, *box = scan_cells(x, y, returns, misses, near, 0.05, 0.0)
         assert len(hits) == len(free) == len(hidden) == 0
         assert not fits(*box)
 
@@ -107,8 +119,8 @@ def test_a_scan_larger_than_any_submap_has_no_cells(far):
 def test_cells_far_from_the_origin_are_those_near_it_shifted():
     shift = np.array((1.0, -1.0)) * (FARTHEST - 100) * 0.125  # exact
     returns, misses = np.array([(1.0, 2.0), (-1.5, 0.25)]), np.array([(3.0, -1.0)])
-    near = scan_cells(0.0, 0.0, returns, misses, NO_POINTS, 0.125)
-    far = scan_cells(*shift, returns + shift, misses + shift, NO_POINTS, 0.125)
+    near = scan_cells(0.0, 0.0, returns, misses, NO_POINTS, 0.125, 0.0)
+    far = scan_cells(*shift, returns + shift, misses + shift, NO_POINTS, 0.125, 0.0)
     cells = FARTHEST - 100
     assert (far[0] - (cells, -cells)).tolist() == near[0].tolist()
     assert (far[1] - (-cells, cells, cells)).tolist() == near[1].tolist()

@@ -45,7 +45,9 @@ def naive_ray(start, end):
     return {(col, row) for col in cols for row in rows if intersects(start, end, col, row)}
 
 
-def naive_scan_cells(origin, returns, misses, resolution, first_col, first_row, subpixels):
+def naive_scan_cells(
+    origin, returns, misses, resolution, first_col, first_row, subpixels, uncertain_share=0.0
+):
     """Return the sets of hits and misses, as lattice cells (col, row)."""
 
     def pixel(point):
@@ -57,7 +59,11 @@ def naive_scan_cells(origin, returns, misses, resolution, first_col, first_row, 
 
     hits = {tuple(math.floor(x / resolution + 0.5) for x in point) for point in returns}
     crossed = set()
-    for end in [*returns, *misses]:
+    certain = [
+        tuple(x - uncertain_share * (x - start) for x, start in zip(point, origin, strict=True))
+        for point in returns
+    ]
+    for end in [*certain, *misses]:
         ray = naive_ray(pixel(origin), pixel(end))
         crossed |= {(col + first_col, row + first_row) for col, row in ray}
     return hits, crossed - hits

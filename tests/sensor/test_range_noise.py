@@ -82,6 +82,7 @@ def test_returns_beyond_the_useful_range_are_misses():
     assert 3.0 < farthest < 1.2 * MAX_NOISE_M / 0.03
     assert len(data.misses) > 0
     assert range_filter.useful_ranges == {"": pytest.approx(farthest, abs=0.2)}
+    assert data.noise_share == pytest.approx(0.03, rel=0.15)
 
 
 def test_a_range_that_is_configured_is_not_limited():
@@ -92,6 +93,7 @@ def test_a_range_that_is_configured_is_not_limited():
         data = range_filter.apply(LaserScan(time, time, ranges, GEOMETRY))
     assert np.linalg.norm(data.returns, axis=1).max() > 5.5
     assert range_filter.useful_ranges == {}
+    assert data.noise_share == 0.0
 
 
 def test_ranges_of_zero_are_no_error():

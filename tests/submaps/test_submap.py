@@ -246,3 +246,23 @@ def test_submaps_of_scans_far_apart_are_sparse(step, is_sparse):
     for k in range(1, 5):
         active.insert(Pose(k * step, 0.0, 0.0), NO_POINTS, NO_POINTS)
     assert active.submaps[0].is_sparse == is_sparse
+
+
+def wall_shown_by_noisy_ranges(noise_share):
+    """The mean value of the cells of a wall 4 m away."""
+    active, rng = ActiveSubmaps(SubmapConfig(resolution=0.05)), np.random.default_rng(0)
+    angles = np.radians(np.arange(-20.0, 20.0, 2.0))
+    beams = np.column_stack((np.cos(angles), np.sin(angles)))
+    for k in range(60):
+        sensor = Pose(0.0, 0.005 * k, 0.0)
+        ranges = 4.0 / np.cos(angles) * (1.0 + 0.015 * rng.standard_normal(len(angles)))
+        ends = np.array(sensor[:2]) + ranges[:, np.newaxis] * beams
+        active.insert(sensor, ends, NO_POINTS, noise_share=noise_share)
+    grid = active.submaps[0].grid
+    rows = np.arange(-20, 20) - grid.first_row
+    return grid.cells[rows, round(4.0 / 0.05) - grid.first_col].mean()
+
+
+def test_rays_of_a_noisy_scanner_do_not_erase_the_wall():
+    """Half of the rays end behind it, and pass through its cells."""
+    assert wall_shown_by_noisy_ranges(0.015) > wall_shown_by_noisy_ranges(0.0) + 0.1

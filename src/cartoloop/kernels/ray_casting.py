@@ -39,6 +39,7 @@ def scan_cells(
     misses: FloatArray,
     behind: FloatArray,
     resolution: float,
+    uncertain_share: float,
 ) -> tuple[CellArray, RunArray, CellArray, int, int, int, int]:
     """Return the disjoint sets of cells that a scan says something of, and the box around them.
 
@@ -49,6 +50,7 @@ def scan_cells(
     misses : float64, shape (k, 2), ends of rays that did not, grid frame [m].
     behind : float64, shape (m, 2), points just behind walls, grid frame [m].
     resolution : pixel edge r [m].
+    uncertain_share : of a ray to a return, in front of that: it may lie behind what was hit.
 
     Returns
     -------
@@ -62,8 +64,8 @@ def scan_cells(
 
     Notes
     -----
-    A miss is every pixel that a ray intersects and that is not a hit. All sets are empty where the
-    box reaches beyond `FARTHEST` or has more than `MAX_CELLS` cells.
+    A miss is every pixel that the certain part of a ray intersects and that is not a hit. All sets
+    are empty where the box reaches beyond `FARTHEST` or has more than `MAX_CELLS` cells.
     """
     first_col, last_col = _lattice_range(origin_x, returns[:, 0], misses[:, 0], resolution)
     first_row, last_row = _lattice_range(origin_y, returns[:, 1], misses[:, 1], resolution)
@@ -73,8 +75,10 @@ def scan_cells(
     num_returns = returns.shape[0]
     ends = np.empty((num_returns + misses.shape[0], 2), dtype=np.int64)
     for k in range(num_returns):
-        ends[k, 0] = _subpixels(returns[k, 0], resolution, first_col)
-        ends[k, 1] = _subpixels(returns[k, 1], resolution, first_row)
+        x = returns[k, 0] - uncertain_share * (returns[k, 0] - origin_x)
+        y = returns[k, 1] - uncertain_share * (returns[k, 1] - origin_y)
+        ends[k, 0] = _subpixels(x, resolution, first_col)
+        ends[k, 1] = _subpixels(y, resolution, first_row)
     for k in range(misses.shape[0]):
         ends[num_returns + k, 0] = _subpixels(misses[k, 0], resolution, first_col)
         ends[num_returns + k, 1] = _subpixels(misses[k, 1], resolution, first_row)
@@ -151,7 +155,7 @@ def _mark_hits(
         row = int(np.floor(returns[k, 1] / resolution + 0.5))
         out_hits[k, 0] = col
         out_hits[k, 1] = row
-        # Already marked by its ray, except where the end was rounded to another pixel.
+        # Its ray has marked it already, if it was not rounded to another pixel, or ends before it.
         add_span(out_marked, row - first_row, col - first_col, col - first_col)
 
 

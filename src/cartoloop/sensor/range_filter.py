@@ -39,11 +39,13 @@ class RangeData(NamedTuple):
         sweep.
     returns, misses : float64, shapes (n, 2), (k, 2) [m], tracking frame: ends of beams with a
         return, and of the free space along beams without one.
+    noise_share : standard deviation of the ranges as a share of them, 0 unless they are noisy.
     """
 
     tf_tracking_sensor: Pose
     returns: FloatArray
     misses: FloatArray
+    noise_share: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +171,7 @@ class RangeFilter:
         edge = self._config.voxel_filter_size
         num_returns = voxel_filter(returns, num_returns, edge, returns)
         num_misses = voxel_filter(misses, num_misses, edge, misses)
-        return RangeData(mounting, returns[:num_returns], misses[:num_misses])
+        return RangeData(mounting, returns[:num_returns], misses[:num_misses], scanner.noise.share)
 
     def _apply_to_cloud(self, cloud: PointCloud, motion: SweepMotion) -> RangeData:
         geometry, config = cloud.geometry, self._config

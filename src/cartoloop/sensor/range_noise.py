@@ -48,10 +48,12 @@ class RangeNoise:
     Attributes
     ----------
     useful_range : returns farther away are too noisy [m]; infinite as long as that is not known.
+    share : standard deviation of the ranges as a share of them; 0 where nothing limits the range.
     """
 
     def __init__(self, step: float) -> None:
         self.useful_range = math.inf
+        self.share = 0.0
         self._step = step
         self._num_scans = 0
         self._near, self._far = _Samples(NEAR_M), _Samples(FAR_M)
@@ -78,7 +80,7 @@ class RangeNoise:
         if self._is_known:
             near, far = self._near.median, self._far.median
             if far >= MIN_SHARE and near <= MAX_RATIO * far:
-                self.useful_range = MAX_NOISE_M / far
+                self.useful_range, self.share = MAX_NOISE_M / far, far
 
 
 class _Samples:

@@ -177,6 +177,7 @@ def scan_cells(
     misses: FloatArray,
     resolution: float,
     behind: FloatArray = NO_POINTS,
+    uncertain_share: float = 0.0,
 ) -> ScanCells:
     """Return the hit and miss sets of a scan.
 
@@ -186,6 +187,8 @@ def scan_cells(
     returns, misses : float64, shapes (n, 2), (k, 2), ends of the rays [m, grid frame].
     resolution : pixel edge r [m].
     behind : float64, shape (m, 2), points just behind walls [m, grid frame].
+    uncertain_share : of a ray to a return, in front of that: it is not known to be free, since the
+        range may be too long.
 
     Raises
     ------
@@ -193,7 +196,9 @@ def scan_cells(
         They are too far from each other, or from the origin, for any map.
     """
     x, y, _ = tf_grid_sensor
-    cells = ScanCells(*ray_casting.scan_cells(x, y, returns, misses, behind, resolution))
+    cells = ScanCells(
+        *ray_casting.scan_cells(x, y, returns, misses, behind, resolution, uncertain_share)
+    )
     _check_extent(*cells[3:], resolution)
     return cells
 
@@ -289,7 +294,7 @@ def insert_cells(
 
 
 def _repeated(probability: float, times: float) -> float:
-    """Return the probability of a cell after some observations, each of which alone says this."""
+    """Return the probability of a cell after a number of equal observations."""
     if times == 1.0:
         return probability
     odds: float = (probability / (1.0 - probability)) ** times

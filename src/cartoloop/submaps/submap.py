@@ -29,6 +29,10 @@ WEIGHT_STEP_M, MAX_WEIGHT = 0.25, 4.0
 inserted on that path, and not more often than the second. Seen free once only, cells would be worth
 more in (CS) than those never seen, and would attract the next scans."""
 
+UNCERTAIN_SIGMAS = 1.5
+"""A ray of a noisy scanner does not show free space so close in front of its return [standard
+deviations]: most rays that hit the wall farther back would erase it."""
+
 
 @dataclass(slots=True)
 class Submap:
@@ -113,6 +117,7 @@ class ActiveSubmaps:
         misses_local: FloatArray,
         *,
         tf_local_robot: Pose | None = None,
+        noise_share: float = 0.0,
         starts_over: bool = False,
     ) -> Insertion:
         """Insert a scan into the active submaps, starting and finishing submaps as they fill.
@@ -124,6 +129,7 @@ class ActiveSubmaps:
             without a return [m, local frame].
         tf_local_robot : its steps count as travel: scanners in turn are in different places of the
             robot. By default the sensor's.
+        noise_share : standard deviation of the ranges as a share of them, if they are noisy.
         starts_over : whether a new submap begins, and no more scans go into the others: the last of
             these is among the submaps of the insertion, but the scan is not drawn in it.
         """
@@ -148,7 +154,11 @@ class ActiveSubmaps:
             if submap.index not in self._known:
                 if cells is None:
                     cells = self._cells(
-                        tf_local_sensor, returns_local, misses_local, is_dense=is_dense
+                        tf_local_sensor,
+                        returns_local,
+                        misses_local,
+                        noise_share,
+                        is_dense=is_dense,
                     )
                 insert_cells(submap.grid, cells, config, self._lattice_origin(submap), weight)
             submap.num_scans += 1
@@ -162,6 +172,7 @@ class ActiveSubmaps:
         tf_local_sensor: Pose,
         returns_local: FloatArray,
         misses_local: FloatArray,
+        noise_share: float,
         *,
         is_dense: bool,
     ) -> ScanCells:
@@ -169,7 +180,10 @@ class ActiveSubmaps:
         config = self._config
         behind = behind_walls(tf_local_sensor, returns_local, config) if is_dense else NO_POINTS
         returns = with_joints(returns_local, config)
-        return scan_cells(tf_local_sensor, returns, misses_local, config.resolution, behind)
+        uncertain = min(UNCERTAIN_SIGMAS * noise_share, 1.0)
+        return scan_cells(
+            tf_local_sensor, returns, misses_local, config.resolution, behind, uncertain
+        )
 
     def _is_half_full(self, submap: Submap) -> bool:
         """Return whether the next submap is due to start."""
