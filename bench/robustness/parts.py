@@ -23,6 +23,7 @@ from bench.robustness.changes import (
     changed_relations,
     check_relations_left,
 )
+from bench.robustness.log_changes import noise
 from bench.robustness.one_map import OneMap, map_log
 from bench.robustness.runs import Run, RunStore
 from bench.robustness.simulated_worlds import (
@@ -59,6 +60,10 @@ SPARSE_RECORDINGS: Final = ("belgioioso", "acapulco", "edmonton", "fhw")
 STAMP_TOLERANCE_S = 1e-4
 """Scans with a stamp this near that of a relation are its scan [s]: no change alters stamps, and
 where every second scan is left out, the nearest one may be another, a few ms later."""
+
+COPIES: Final = Change("5 mm of noise", noise(0.005), seeds=3)
+"""Two copies of a sparse recording with such noise should give the same map: how far their poses
+are apart is its error. One map alone may be right by chance."""
 
 SPARSE_BAR_M = 0.20
 """Largest root mean square error of belgioioso against the poses of GMapping [m]."""
@@ -140,7 +145,10 @@ class Runner:
                 table = simulated_worlds() if part == WORLDS else handicapped_worlds()
                 yield from self._worlds(part, table)
             elif part == SPARSE:
-                yield from (self._sparse(name) for name in SPARSE_RECORDINGS)
+                for name in SPARSE_RECORDINGS:
+                    yield self._sparse(name)
+                    for seed in range(self._options.count(COPIES.seeds)):
+                        yield self._copies(name, seed)
             elif part == SCANNERS:
                 for name in BAGS:
                     alone: list[Run] = []
@@ -235,6 +243,24 @@ class Runner:
             return _finished(mapped, figures)
 
         return self._made(Run(SPARSE, name, 0), ".log", make)
+
+    def _copies(self, name: str, seed: int) -> Run:
+        """Return the run of two copies of a recording; the second one's map is judged."""
+
+        def make(log: Path, out: Path) -> Run:
+            source = self._given(f"radish-sparse/{name}.clf.gz")
+            changed_log(source, log, COPIES, 2 * seed)
+            first = self._mapped(log, out).trajectory
+            changed_log(source, log, COPIES, 2 * seed + 1)
+            second = self._mapped(log, out)
+            error = evaluate_trajectory(second.trajectory, first).absolute
+            figures = second.figures() | {
+                "error": float(np.sqrt(np.mean(error.translation**2))),
+                "largest": float(error.translation.max()),
+            }
+            return _finished(second, figures)
+
+        return self._made(Run(SPARSE, f"{name}, two noisy copies", seed), ".clf", make)
 
     def _bag(self, name: str, case: str, alone: Sequence[Run]) -> Run:
         def make(_: Path, out: Path) -> Run:
