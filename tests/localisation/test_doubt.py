@@ -10,8 +10,15 @@ from cartoloop.localisation.doubt import PROOF_M, Doubt
 LOW = 0.8
 
 
+def proved(low=LOW):
+    """Return the doubt after a path that has proved the pose."""
+    doubt = Doubt(low)
+    doubt.add(0.9, PROOF_M, 0.1)
+    return doubt
+
+
 def steps_until_lost(agreement, path, duration):
-    doubt = Doubt(LOW)
+    doubt = proved()
     for step in range(1, 1000):
         doubt.add(agreement, path, duration)
         if doubt.is_lost:
@@ -30,7 +37,7 @@ def test_moved_furniture_does_not_make_a_robot_lost():
 
 
 def doubt_after(agreements):
-    doubt = Doubt()
+    doubt = proved(low=1.0)
     for agreement in agreements:
         doubt.add(agreement, 0.1, 0.1)
     return doubt
@@ -85,18 +92,31 @@ def test_a_search_that_finds_no_better_place_halves_the_doubt():
 
 
 def test_a_claim_is_dropped_where_it_does_not_prove_itself():
-    proved, claimed = Doubt(LOW), Doubt(LOW, is_proved=False)
+    followed, claimed = proved(), Doubt(LOW)
     for _ in range(20):
-        for doubt in (proved, claimed):
+        for doubt in (followed, claimed):
             doubt.add(LOW - 0.1, 0.1, 0.1)
 
     assert claimed.is_lost
     assert not claimed.is_proved
-    assert not proved.is_lost
+    assert not followed.is_lost
+
+
+def test_a_user_is_believed_longer_than_a_claim_but_not_for_ever():
+    given, claimed = Doubt(LOW, is_given=True), Doubt(LOW)
+    metres = []
+    for doubt in (claimed, given):
+        steps = 0
+        while not doubt.is_lost:
+            doubt.add(LOW - 0.1, 0.1, 0.1)
+            steps += 1
+        metres.append(0.1 * steps)
+
+    assert metres[0] < 2.0 < metres[1] < PROOF_M
 
 
 def test_a_claim_is_proved_after_a_path_that_agrees():
-    doubt = Doubt(LOW, is_proved=False)
+    doubt = Doubt(LOW)
     doubt.add(1.0, 0.1 + PROOF_M, 0.1)
 
     assert doubt.is_proved

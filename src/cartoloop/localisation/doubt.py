@@ -44,6 +44,10 @@ NEW_SHARE, NEW_LIMIT = 1.0, 0.15
 PROOF_M = 15.0
 """Path on which a claim is proved [m]."""
 
+GIVEN_LIMIT = 0.7
+"""The limit of the first metres for a pose that a user gave: places may have changed since the map
+was made, and a user knows. But the map may be of another building."""
+
 SUSPECT_AGREEMENT = 0.8
 """Mean agreement of the latest scans, relative to the usual one, below which the map is searched
 for another place: some places resemble others."""
@@ -73,22 +77,23 @@ class Doubt:
     Parameters
     ----------
     low : the agreement that nine of ten scans of the map reach, relative to the usual one.
-    is_proved : whether the pose was given by a user, and needs no proof.
+    is_given : whether a user gave the pose, and is believed more than a claim.
 
     Attributes
     ----------
     level : of the doubt; lost from 1 on.
     """
 
-    def __init__(self, low: float = 1.0, *, is_proved: bool = True) -> None:
+    def __init__(self, low: float = 1.0, *, is_given: bool = False) -> None:
         slow = Watch(SLOW_SHARE * low, SLOW_LIMIT)
-        self._watches = [QUICK, slow, Watch(NEW_SHARE * low, NEW_LIMIT)]
+        new = Watch(NEW_SHARE * low, GIVEN_LIMIT if is_given else NEW_LIMIT)
+        self._watches = [QUICK, slow, new]
         self._sums = [0.0, 0.0, 0.0]
         self._mean = 1.0
         self._latest = (0.0, 0.0)
         self._trust = 0.0
         self._has_fallen = False
-        self._unproved = 0.0 if is_proved else PROOF_M
+        self._unproved = PROOF_M
 
     @property
     def level(self) -> float:

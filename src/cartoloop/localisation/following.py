@@ -29,7 +29,7 @@ class Following:
     known : the map.
     config : of local SLAM, whose matcher is used.
     tf_map_tracking : the claimed pose, of the scan that is followed first.
-    is_proved : whether a user gave the pose.
+    is_given : whether a user gave the pose.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Following:
         config: LocalSlamConfig,
         tf_map_tracking: Pose,
         *,
-        is_proved: bool,
+        is_given: bool,
     ) -> None:
         variances = np.square((FIRST_SIGMA_M, FIRST_SIGMA_M, FIRST_SIGMA_RAD))
         self._known = known
@@ -50,7 +50,7 @@ class Following:
         self._last: LocalScan | None = None
         self._agreement = math.nan
         low = known.low_agreement / known.usual.agreement
-        self.doubt = Doubt(low, is_proved=is_proved)
+        self.doubt = Doubt(low, is_given=is_given)
 
     @property
     def pose(self) -> Pose:

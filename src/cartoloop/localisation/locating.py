@@ -83,7 +83,7 @@ class Locating:
             self._lose()
             self._num_refuted = 0
             scan = self._moved(event)
-            self._believe(given, scan, is_proved=True)
+            self._believe(given, scan, is_given=True)
         elif self._following is not None:
             self._follow(self._following, scan)
             if self._following.doubt.is_lost:
@@ -124,7 +124,7 @@ class Locating:
         if start is not None:
             claim = self._claim_at(start, tf_odom_tracking)
             if claim is not None:
-                self._believe(claim, scan, is_proved=start.is_certain)
+                self._believe(claim, scan, is_given=start.is_certain)
                 return
         claim = self._search.search(scan, self.motion.trail, self._num_refuted)
         if claim is not None:
@@ -144,10 +144,10 @@ class Locating:
         self._given, self.given_fits = None, claim is not None
         return claim
 
-    def _believe(self, claim: Claim, scan: LocalScan, *, is_proved: bool = False) -> None:
+    def _believe(self, claim: Claim, scan: LocalScan, *, is_given: bool = False) -> None:
         """Follow the robot from a place that is claimed."""
         self._following = Following(
-            self._known, self._config.local_slam, claim.tf_map_tracking, is_proved=is_proved
+            self._known, self._config.local_slam, claim.tf_map_tracking, is_given=is_given
         )
         self._following.begin(scan)
         self._was_located = True
