@@ -102,7 +102,7 @@ def test_a_claim_is_dropped_where_it_does_not_prove_itself():
     assert not followed.is_lost
 
 
-def test_a_user_is_believed_longer_than_a_claim_but_not_for_ever():
+def test_a_user_is_believed_longer_than_a_claim():
     given, claimed = Doubt(LOW, is_given=True), Doubt(LOW)
     metres = []
     for doubt in (claimed, given):
