@@ -67,8 +67,10 @@ RECORDINGS = {
     "radish-sparse/acapulco.clf.gz": (
         861, 1387, 824.7, 0.08, ["gap 11", "odometry_offset 11281", "sparse_scans 861"],
     ),
+    # Few of its turns are matched well: with 5 mm of noise on the ranges the offset that is found
+    # varies from 0.02 to 0.07 s, around the least one that is reported.
     "radish-sparse/edmonton.clf.gz": (
-        340, 739, 332.5, 0.07, ["gap 239", "odometry_offset 6008", "sparse_scans 340"],
+        340, 739, 332.5, 0.05, ["gap 239", "sparse_scans 340"],
     ),
     "radish-sparse/fhw.clf.gz": (
         488, 2189, 404.4, 0.06,
