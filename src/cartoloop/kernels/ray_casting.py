@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from cartoloop._jit import kernel
-from cartoloop.arrays import CellArray, FloatArray
+from cartoloop.arrays import CellArray, FloatArray, IntArray
 from cartoloop.kernels.pixel_rows import (
     PixelRows,
     RunArray,
@@ -72,16 +72,12 @@ def scan_cells(
     if not fits(first_col, first_row, last_col, last_row):
         nowhere = np.empty((0, 2), dtype=np.int32), np.empty((0, 3), dtype=np.int32)
         return *nowhere, nowhere[0], first_col, first_row, last_col, last_row
-    num_returns = returns.shape[0]
-    ends = np.empty((num_returns + misses.shape[0], 2), dtype=np.int64)
-    for k in range(num_returns):
-        x = returns[k, 0] - uncertain_share * (returns[k, 0] - origin_x)
-        y = returns[k, 1] - uncertain_share * (returns[k, 1] - origin_y)
-        ends[k, 0] = _subpixels(x, resolution, first_col)
-        ends[k, 1] = _subpixels(y, resolution, first_row)
-    for k in range(misses.shape[0]):
-        ends[num_returns + k, 0] = _subpixels(misses[k, 0], resolution, first_col)
-        ends[num_returns + k, 1] = _subpixels(misses[k, 1], resolution, first_row)
+    ends = np.empty((returns.shape[0] + misses.shape[0], 2), dtype=np.int64)
+    for axis, origin, first in ((0, origin_x, first_col), (1, origin_y, first_row)):
+        _ray_ends(
+            origin, returns[:, axis], misses[:, axis], resolution, first, uncertain_share,
+            ends[:, axis],
+        )  # fmt: skip
     num_words = words_across(last_col - first_col + 1)
     marked = np.zeros((last_row - first_row + 1, num_words), dtype=np.uint32)
     num_spans = mark_rays(
@@ -90,7 +86,7 @@ def scan_cells(
         ends,
         marked,
     )
-    hits = np.empty((num_returns, 2), dtype=np.int32)
+    hits = np.empty((returns.shape[0], 2), dtype=np.int32)
     _mark_hits(returns, resolution, first_col, first_row, marked, hits)
     hidden = _unmarked(behind, resolution, first_col, first_row, marked)
     num_hits = _take_hits(first_col, first_row, marked, hits)
@@ -102,6 +98,25 @@ def scan_cells(
         free[k, 1] += first_col
         free[k, 2] += first_col
     return hits[:num_hits], free[:num_runs], hidden, first_col, first_row, last_col, last_row
+
+
+@kernel
+def _ray_ends(
+    origin: float,
+    returns: FloatArray,
+    misses: FloatArray,
+    resolution: float,
+    first: int,
+    uncertain_share: float,
+    out_ends: IntArray,
+) -> None:
+    """Write up to where rays are free along an axis [subpixels], those with a return first."""
+    num_returns = returns.shape[0]
+    for k in range(num_returns):
+        certain = returns[k] - uncertain_share * (returns[k] - origin)
+        out_ends[k] = _subpixels(certain, resolution, first)
+    for k in range(misses.shape[0]):
+        out_ends[num_returns + k] = _subpixels(misses[k], resolution, first)
 
 
 @kernel

@@ -30,8 +30,8 @@ inserted on that path, and not more often than the second. Seen free once only, 
 more in (CS) than those never seen, and would attract the next scans."""
 
 UNCERTAIN_SIGMAS = 1.5
-"""A ray of a noisy scanner does not show free space so close in front of its return [standard
-deviations]: most rays that hit the wall farther back would erase it."""
+"""So close to its return, a ray of a noisy scanner does not show free space [standard deviations of
+a range]: half of the rays end behind the wall, and would count its cells as free."""
 
 
 @dataclass(slots=True)
