@@ -26,10 +26,10 @@ def as_array(rows):
     return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
 
-def all_cells(origin, returns, misses, resolution, uncertain_share=0.0):
+def all_cells(origin, returns, misses, resolution, uncertain=(0.0, 0.0)):
     """Hits and misses of the kernel as lists, and those expected as sets."""
     hits, free, _, *box = scan_cells(
-        *origin, as_array(returns), as_array(misses), NO_POINTS, resolution, uncertain_share
+        *origin, as_array(returns), as_array(misses), NO_POINTS, resolution, *uncertain
     )
     missed = [(col, row) for row, first, after in free.tolist() for col in range(first, after)]
     first_col, first_row, last_col, last_row = box
@@ -43,7 +43,7 @@ def all_cells(origin, returns, misses, resolution, uncertain_share=0.0):
         first_col,
         first_row,
         SUBPIXELS,
-        uncertain_share,
+        uncertain,
     )
     return hits, missed, expected
 
@@ -54,13 +54,11 @@ def all_cells(origin, returns, misses, resolution, uncertain_share=0.0):
     returns=points,
     misses=points,
     resolution=st.sampled_from((0.1, 0.25, 0.0625)),
-    uncertain_share=st.sampled_from((0.0, 0.02, 0.25, 1.0)),
+    uncertain=st.tuples(st.sampled_from((0.0, 0.125, 1.0)), st.sampled_from((0.0, 0.25, 1.0))),
 )
-def test_hit_and_miss_sets_equal_exact_geometry(
-    origin, returns, misses, resolution, uncertain_share
-):
+def test_hit_and_miss_sets_equal_exact_geometry(origin, returns, misses, resolution, uncertain):
     hits, missed, (expected_hits, expected_misses) = all_cells(
-        origin, returns, misses, resolution, uncertain_share
+        origin, returns, misses, resolution, uncertain
     )
     assert len(set(hits)) == len(hits)
     assert len(set(missed)) == len(missed)
@@ -78,9 +76,9 @@ def test_a_hit_wins_over_rays_that_pass_through_its_pixel():
 @given(returns=points, misses=points, behind=points)
 def test_hidden_cells_are_neither_hit_nor_missed(returns, misses, behind):
     hits, free, hidden, *box = scan_cells(
-        0.0, 0.0, as_array(returns), as_array(misses), as_array(behind), 0.1, 0.0
+        0.0, 0.0, as_array(returns), as_array(misses), as_array(behind), 0.1, 0.0, 0.0
     )
-    without = scan_cells(0.0, 0.0, as_array(returns), as_array(misses), NO_POINTS, 0.1, 0.0)
+    without = scan_cells(0.0, 0.0, as_array(returns), as_array(misses), NO_POINTS, 0.1, 0.0, 0.0)
     assert np.array_equal(hits, without[0])
     assert np.array_equal(free, without[1])
     known = {tuple(cell) for cell in hits.tolist()}
@@ -111,7 +109,7 @@ def test_a_scan_larger_than_any_submap_has_no_cells(far):
     if not np.isnan(far):  # ends of rays are numbers, or poses are not
         cases += [(0.0, 0.0, wide, nothing), (0.0, 0.0, near, wide)]
     for x, y, returns, misses in cases:
-        hits, free, hidden, *box = scan_cells(x, y, returns, misses, near, 0.05, 0.0)
+        hits, free, hidden, *box = scan_cells(x, y, returns, misses, near, 0.05, 0.0, 0.0)
         assert len(hits) == len(free) == len(hidden) == 0
         assert not fits(*box)
 
@@ -119,8 +117,8 @@ def test_a_scan_larger_than_any_submap_has_no_cells(far):
 def test_cells_far_from_the_origin_are_those_near_it_shifted():
     shift = np.array((1.0, -1.0)) * (FARTHEST - 100) * 0.125  # exact
     returns, misses = np.array([(1.0, 2.0), (-1.5, 0.25)]), np.array([(3.0, -1.0)])
-    near = scan_cells(0.0, 0.0, returns, misses, NO_POINTS, 0.125, 0.0)
-    far = scan_cells(*shift, returns + shift, misses + shift, NO_POINTS, 0.125, 0.0)
+    near = scan_cells(0.0, 0.0, returns, misses, NO_POINTS, 0.125, 0.0, 0.0)
+    far = scan_cells(*shift, returns + shift, misses + shift, NO_POINTS, 0.125, 0.0, 0.0)
     cells = FARTHEST - 100
     assert (far[0] - (cells, -cells)).tolist() == near[0].tolist()
     assert (far[1] - (-cells, cells, cells)).tolist() == near[1].tolist()

@@ -45,8 +45,16 @@ def naive_ray(start, end):
     return {(col, row) for col in cols for row in rows if intersects(start, end, col, row)}
 
 
+def certain_end(origin, point, length, share):
+    """Return up to where a ray to a return is free for certain."""
+    squared_ray = (point[0] - origin[0]) ** 2 + (point[1] - origin[1]) ** 2
+    uncertain = length**2 + share**2 * squared_ray
+    share = math.sqrt(uncertain / squared_ray) if uncertain < squared_ray else 1.0
+    return tuple(x - share * (x - start) for x, start in zip(point, origin, strict=True))
+
+
 def naive_scan_cells(
-    origin, returns, misses, resolution, first_col, first_row, subpixels, uncertain_share=0.0
+    origin, returns, misses, resolution, first_col, first_row, subpixels, uncertain=(0.0, 0.0)
 ):
     """Return the sets of hits and misses, as lattice cells (col, row)."""
 
@@ -59,11 +67,7 @@ def naive_scan_cells(
 
     hits = {tuple(math.floor(x / resolution + 0.5) for x in point) for point in returns}
     crossed = set()
-    certain = [
-        tuple(x - uncertain_share * (x - start) for x, start in zip(point, origin, strict=True))
-        for point in returns
-    ]
-    for end in [*certain, *misses]:
+    for end in [*(certain_end(origin, point, *uncertain) for point in returns), *misses]:
         ray = naive_ray(pixel(origin), pixel(end))
         crossed |= {(col + first_col, row + first_row) for col, row in ray}
     return hits, crossed - hits

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from cartoloop.config import SubmapConfig
 from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.range_noise import NO_NOISE, Noise
 from cartoloop.submaps.finished_grid import MAX_PROBABILITY, MIN_PROBABILITY
 from cartoloop.submaps.probability_grid import (
     ProbabilityGrid,
@@ -248,7 +249,7 @@ def test_submaps_of_scans_far_apart_are_sparse(step, is_sparse):
     assert active.submaps[0].is_sparse == is_sparse
 
 
-def wall_shown_by_noisy_ranges(noise_share):
+def wall_shown_by_noisy_ranges(noise):
     """The mean value of the cells of a wall 4 m away."""
     active, rng = ActiveSubmaps(SubmapConfig(resolution=0.05)), np.random.default_rng(0)
     angles = np.radians(np.arange(-20.0, 20.0, 2.0))
@@ -257,7 +258,7 @@ def wall_shown_by_noisy_ranges(noise_share):
         sensor = Pose(0.0, 0.005 * k, 0.0)
         ranges = 4.0 / np.cos(angles) * (1.0 + 0.015 * rng.standard_normal(len(angles)))
         ends = np.array(sensor[:2]) + ranges[:, np.newaxis] * beams
-        active.insert(sensor, ends, NO_POINTS, noise_share=noise_share)
+        active.insert(sensor, ends, NO_POINTS, noise=noise)
     grid = active.submaps[0].grid
     rows = np.arange(-20, 20) - grid.first_row
     return grid.cells[rows, round(4.0 / 0.05) - grid.first_col].mean()
@@ -265,4 +266,6 @@ def wall_shown_by_noisy_ranges(noise_share):
 
 def test_rays_of_a_noisy_scanner_do_not_erase_the_wall():
     """Half of the rays end behind it, and pass through its cells."""
-    assert wall_shown_by_noisy_ranges(0.015) > wall_shown_by_noisy_ranges(0.0) + 0.1
+    unaware = wall_shown_by_noisy_ranges(NO_NOISE)
+    assert wall_shown_by_noisy_ranges(Noise(share=0.015)) > unaware + 0.1
+    assert wall_shown_by_noisy_ranges(Noise(constant=0.06)) > unaware + 0.1

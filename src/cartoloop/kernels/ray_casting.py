@@ -8,6 +8,8 @@ once and applied to every submap that the scan is inserted into.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cartoloop._jit import kernel
@@ -39,6 +41,7 @@ def scan_cells(
     misses: FloatArray,
     behind: FloatArray,
     resolution: float,
+    uncertain_length: float,
     uncertain_share: float,
 ) -> tuple[CellArray, RunArray, CellArray, int, int, int, int]:
     """Return the disjoint sets of cells that a scan says something of, and the box around them.
@@ -50,7 +53,8 @@ def scan_cells(
     misses : float64, shape (k, 2), ends of rays that did not, grid frame [m].
     behind : float64, shape (m, 2), points just behind walls, grid frame [m].
     resolution : pixel edge r [m].
-    uncertain_share : of a ray to a return, in front of that: it may lie behind what was hit.
+    uncertain_length, uncertain_share : so much of a ray in front of its return may lie behind what
+        was hit: a length [m] and a share of the ray, their squares added.
 
     Returns
     -------
@@ -73,11 +77,11 @@ def scan_cells(
         nowhere = np.empty((0, 2), dtype=np.int32), np.empty((0, 3), dtype=np.int32)
         return *nowhere, nowhere[0], first_col, first_row, last_col, last_row
     ends = np.empty((returns.shape[0] + misses.shape[0], 2), dtype=np.int64)
+    uncertain = _uncertain_shares(origin_x, origin_y, returns, uncertain_length, uncertain_share)
     for axis, origin, first in ((0, origin_x, first_col), (1, origin_y, first_row)):
         _ray_ends(
-            origin, returns[:, axis], misses[:, axis], resolution, first, uncertain_share,
-            ends[:, axis],
-        )  # fmt: skip
+            origin, returns[:, axis], misses[:, axis], resolution, first, uncertain, ends[:, axis]
+        )
     num_words = words_across(last_col - first_col + 1)
     marked = np.zeros((last_row - first_row + 1, num_words), dtype=np.uint32)
     num_spans = mark_rays(
@@ -101,19 +105,32 @@ def scan_cells(
 
 
 @kernel
+def _uncertain_shares(
+    origin_x: float, origin_y: float, returns: FloatArray, length: float, share: float
+) -> FloatArray:
+    """Return the share of each ray to a return, in front of that, which is not known to be free."""
+    shares = np.empty(returns.shape[0])
+    for k in range(returns.shape[0]):
+        squared_ray = (returns[k, 0] - origin_x) ** 2 + (returns[k, 1] - origin_y) ** 2
+        uncertain = length**2 + share**2 * squared_ray
+        shares[k] = math.sqrt(uncertain / squared_ray) if uncertain < squared_ray else 1.0
+    return shares
+
+
+@kernel
 def _ray_ends(
     origin: float,
     returns: FloatArray,
     misses: FloatArray,
     resolution: float,
     first: int,
-    uncertain_share: float,
+    uncertain: FloatArray,
     out_ends: IntArray,
 ) -> None:
     """Write up to where rays are free along an axis [subpixels], those with a return first."""
     num_returns = returns.shape[0]
     for k in range(num_returns):
-        certain = returns[k] - uncertain_share * (returns[k] - origin)
+        certain = returns[k] - uncertain[k] * (returns[k] - origin)
         out_ends[k] = _subpixels(certain, resolution, first)
     for k in range(misses.shape[0]):
         out_ends[num_returns + k] = _subpixels(misses[k], resolution, first)

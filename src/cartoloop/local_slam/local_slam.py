@@ -389,7 +389,7 @@ class LocalSlam:
                     moved_points(*tf_local_tracking, data.returns),
                     moved_points(*tf_local_tracking, data.misses),
                     tf_local_robot=tf_local_tracking,
-                    noise_share=data.noise_share,
+                    noise=data.noise,
                     starts_over=by_odometry is not None,
                 )
             except InputError as error:

@@ -18,7 +18,7 @@ from cartoloop.kernels.voxel_filter import adaptive_voxel_filter, voxel_filter
 from cartoloop.sensor.blocked_beams import BlockedBeams
 from cartoloop.sensor.events import CloudGeometry, LaserScan, PointCloud, ScanGeometry
 from cartoloop.sensor.pose import Pose
-from cartoloop.sensor.range_noise import RangeNoise
+from cartoloop.sensor.range_noise import NO_NOISE, Noise, RangeNoise
 from cartoloop.sensor.slanting_walls import without_hidden
 from cartoloop.sensor.sweep_motion import AT_REST, SweepMotion, rotation, sensor_in_sweep
 from cartoloop.sensor.wall_smoothing import smoothed
@@ -39,13 +39,13 @@ class RangeData(NamedTuple):
         sweep.
     returns, misses : float64, shapes (n, 2), (k, 2) [m], tracking frame: ends of beams with a
         return, and of the free space along beams without one.
-    noise_share : standard deviation of the ranges as a share of them, 0 unless they are noisy.
+    noise : of the ranges, if they are noisy.
     """
 
     tf_tracking_sensor: Pose
     returns: FloatArray
     misses: FloatArray
-    noise_share: float = 0.0
+    noise: Noise = NO_NOISE
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ class RangeFilter:
         return {
             name: noise.useful_range
             for (name, _), noise in sorted(self._noise.items())
-            if math.isfinite(noise.useful_range)
+            if self._config.max_range is None and math.isfinite(noise.useful_range)
         }
 
     def apply(self, scan: LaserScan | PointCloud, motion: SweepMotion | None = None) -> RangeData:
@@ -125,10 +125,9 @@ class RangeFilter:
         geometry = scan.geometry
         scanner = self._scanners.get(id(geometry)) or self._add_scanner(geometry)
         limits = scanner.limits
-        if self._config.max_range is None:
-            scanner.noise.add(scan.ranges, limits.min_range, limits.no_return_range)
-            if scanner.noise.useful_range < limits.max_range:
-                limits = limits._replace(max_range=scanner.noise.useful_range)
+        scanner.noise.add(scan.ranges, limits.min_range, limits.no_return_range)
+        if self._config.max_range is None and scanner.noise.useful_range < limits.max_range:
+            limits = limits._replace(max_range=scanner.noise.useful_range)
         ranges = scanner.blocked.apply(scan.ranges, limits.min_range, limits.no_return_range)
         if self._config.smooth_walls:
             ranges = smoothed(
@@ -171,7 +170,7 @@ class RangeFilter:
         edge = self._config.voxel_filter_size
         num_returns = voxel_filter(returns, num_returns, edge, returns)
         num_misses = voxel_filter(misses, num_misses, edge, misses)
-        return RangeData(mounting, returns[:num_returns], misses[:num_misses], scanner.noise.share)
+        return RangeData(mounting, returns[:num_returns], misses[:num_misses], scanner.noise.noise)
 
     def _apply_to_cloud(self, cloud: PointCloud, motion: SweepMotion) -> RangeData:
         geometry, config = cloud.geometry, self._config

@@ -1,28 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise that grows with the range, as cheap scanners have it, and up to where returns are useful.
+"""The noise of a scanner's ranges, and up to where its returns are useful.
 
-Far returns of such scanners smear the walls of submaps, which near ones show well.
+Far returns of cheap scanners, whose noise grows with the range, smear the walls of submaps, which
+near ones show well.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray
 
-NEAR_M, FAR_M = (1.0, 2.0), (4.0, 8.0)
-"""Ranges at which the noise is measured [m]: where scanners measure best, and where most of the
-walls are that help."""
+WINDOW = 7
+"""Number of neighbouring returns to which a straight wall is fitted."""
 
-EVERY_NTH_SCAN, MIN_SAMPLES = 5, 2000
-"""One in five scans is measured, until there is this number of samples at both ranges."""
+QUANTILE, QUANTILE_OF_MEAN = 0.25, 0.5349
+"""The noise is this quantile of the mean squared residuals, which is so much of their mean where
+all are of walls (chi-squared with `WINDOW` - 2 degrees of freedom). Corners and what stands about
+have larger ones."""
 
-MIN_SHARE, MAX_RATIO = 0.0125, 2.0
-"""Noise of this share of the range or more limits the range, if the share is not larger by more
-than the second near the scanner: other noise, and bushes, do not grow with the range. Good
-scanners measure to 0.3 to 0.8% at these ranges."""
+MAX_SLOPE = 1.0
+"""Tangent of the steepest angle of incidence at which a wall shows the noise of a range."""
+
+BANDS_M = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+"""Limits of the bands of ranges in which the noise is measured [m]."""
+
+MIN_SAMPLES = 200
+"""Number of samples from which the noise in a band is known."""
+
+ALL_UNTIL, EVERY_NTH_SCAN = 20, 5
+"""The first scans are all measured, then one in five."""
+
+ESTIMATED_AFTER = (20, 80, 320)
+"""Numbers of measured scans after which the noise is estimated, the last time for good."""
+
+MIN_NOISE_M, AT_RANGE_M = 0.015, 4.0
+"""A scanner with this noise or more at this range is noisy [m]: that of others is lost in a pixel.
+"""
+
+MIN_SHARE = 0.0125
+"""Noise that grows by this share of the range or more limits the range. Good scanners measure to
+0.3 to 0.8%."""
 
 MAX_NOISE_M = 0.15
 """Returns are useful up to where the noise has this standard deviation [m], three pixels."""
@@ -34,8 +56,25 @@ EDGE_M, EDGE_SHARE = 0.3, 0.1
 SHORTEST_M = 0.1
 """Shorter ranges have no reciprocal that means anything [m]."""
 
-MEDIAN_OF_NORMAL = 0.6745
-"""Median of the absolute value of a normal variable with a standard deviation of 1."""
+
+class Noise(NamedTuple):
+    """Standard deviation of the ranges of a scanner: the root of the sum of two squares.
+
+    Attributes
+    ----------
+    constant : the same at all ranges [m].
+    share : grows with the range, as a share of it.
+    """
+
+    constant: float = 0.0
+    share: float = 0.0
+
+    def at(self, range_m: float) -> float:
+        """Return the standard deviation of a range [m]."""
+        return math.hypot(self.constant, self.share * range_m)
+
+
+NO_NOISE = Noise()
 
 
 class RangeNoise:
@@ -47,17 +86,21 @@ class RangeNoise:
 
     Attributes
     ----------
+    noise : as estimated so far, if the scanner is noisy; otherwise none.
     useful_range : returns farther away are too noisy [m]; infinite as long as that is not known.
-    share : standard deviation of the ranges as a share of them; 0 where nothing limits the range.
     """
 
     def __init__(self, step: float) -> None:
+        self.noise = NO_NOISE
         self.useful_range = math.inf
-        self.share = 0.0
         self._step = step
-        self._num_scans = 0
-        self._near, self._far = _Samples(NEAR_M), _Samples(FAR_M)
-        self._is_known = False
+        self._num_scans = self._num_measured = 0
+        self._ranges: list[FloatArray] = []
+        self._variances: list[FloatArray] = []
+
+    @property
+    def _is_known(self) -> bool:
+        return self._num_measured >= ESTIMATED_AFTER[-1]
 
     def add(self, ranges: FloatArray, min_range: float, no_return_range: float) -> None:
         """Measure the noise of a scan, if it is not known yet.
@@ -70,47 +113,58 @@ class RangeNoise:
         if self._is_known:
             return
         self._num_scans += 1
-        if self._num_scans % EVERY_NTH_SCAN:
+        if self._num_scans > ALL_UNTIL and self._num_scans % EVERY_NTH_SCAN:
             return
         is_return = (ranges >= max(min_range, SHORTEST_M)) & (ranges < no_return_range)
-        middle, shares = noise_shares(np.where(is_return, ranges, np.nan), self._step)
-        self._near.add(middle, shares)
-        self._far.add(middle, shares)
-        self._is_known = self._near.are_enough and self._far.are_enough
+        middle, variances = wall_residuals(np.where(is_return, ranges, np.nan), self._step)
+        self._ranges.append(middle)
+        self._variances.append(variances)
+        self._num_measured += 1
+        if self._num_measured in ESTIMATED_AFTER:
+            self._estimate()
+
+    def _estimate(self) -> None:
+        noise = fitted_noise(np.concatenate(self._ranges), np.concatenate(self._variances))
+        self.noise = noise if noise.at(AT_RANGE_M) >= MIN_NOISE_M else NO_NOISE
+        self.useful_range = math.inf
+        if noise.share >= MIN_SHARE:
+            squared = max(MAX_NOISE_M**2 - noise.constant**2, 0.0)
+            self.useful_range = math.sqrt(squared) / noise.share
         if self._is_known:
-            near, far = self._near.median, self._far.median
-            if far >= MIN_SHARE and near <= MAX_RATIO * far:
-                self.useful_range, self.share = MAX_NOISE_M / far, far
+            self._ranges, self._variances = [], []
 
 
-class _Samples:
-    """Samples of the noise within some ranges [m], until there are enough."""
+def fitted_noise(ranges: FloatArray, variances: FloatArray) -> Noise:
+    """Return the noise that mean squared residuals of walls show; none where they are too few.
 
-    def __init__(self, ranges: tuple[float, float]) -> None:
-        self._first, self._last = ranges
-        self._shares: list[FloatArray] = []
-        self._count = 0
+    Parameters
+    ----------
+    ranges, variances : float64, shapes (n,), as of :func:`wall_residuals`.
+    """
+    rows = []
+    for first, last in itertools.pairwise(BANDS_M):
+        is_within = (ranges >= first) & (ranges < last)
+        if np.count_nonzero(is_within) >= MIN_SAMPLES:
+            variance = np.quantile(variances[is_within], QUANTILE) / QUANTILE_OF_MEAN
+            rows.append((np.mean(ranges[is_within] ** 2), variance))
+    if not rows:
+        return NO_NOISE
+    squared_ranges, observed = np.array(rows).T
+    # relative errors count, as those of variances are
+    weights = 1.0 / np.maximum(observed, 1e-12)
+    design = np.column_stack((np.ones(len(rows)), squared_ranges)) * weights[:, np.newaxis]
+    constant, growth = np.linalg.lstsq(design, np.ones(len(rows)), rcond=None)[0]
+    if len(rows) == 1 or growth <= 0.0:
+        return Noise(math.sqrt(np.mean(observed)))
+    if constant <= 0.0:
+        return Noise(0.0, math.sqrt(np.mean(observed / squared_ranges)))
+    return Noise(math.sqrt(constant), math.sqrt(growth))
 
-    @property
-    def are_enough(self) -> bool:
-        return self._count >= MIN_SAMPLES
 
-    @property
-    def median(self) -> float:
-        return float(np.median(np.concatenate(self._shares)))
+def wall_residuals(ranges: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Return ranges of walls, and mean squared residuals of the returns about them, shapes (k,).
 
-    def add(self, middle: FloatArray, shares: FloatArray) -> None:
-        """Add those of a scan."""
-        chosen = shares[(middle >= self._first) & (middle < self._last)]
-        if len(chosen) and not self.are_enough:
-            self._shares.append(chosen)
-            self._count += len(chosen)
-
-
-def noise_shares(ranges: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
-    """Return ranges on walls, and samples of their noise as a share of them, shapes (k,).
-
-    The median of the samples is the standard deviation.
+    The mean of these is the variance of a range where all neighbouring returns are of one wall.
 
     Parameters
     ----------
@@ -119,14 +173,23 @@ def noise_shares(ranges: FloatArray, step: float) -> tuple[FloatArray, FloatArra
 
     Notes
     -----
-    On a straight wall the reciprocal u of the range is a sinusoid of the angle, so that of three
-    neighbours u[i-1] + u[i+1] - 2 cos(step) u[i] is 0, and otherwise the noise of all three.
+    On a straight wall the reciprocal of the range is a sinusoid of the angle, a cos + b sin: a
+    linear least squares problem, the same for each `WINDOW` of neighbouring returns.
     """
-    before, middle, after = ranges[:-2], ranges[1:-1], ranges[2:]
-    limit = EDGE_M + EDGE_SHARE * middle
+    nothing = np.empty(0), np.empty(0)
+    if len(ranges) < WINDOW:
+        return nothing
+    windows = np.lib.stride_tricks.sliding_window_view(ranges, WINDOW)
+    middle = windows[:, WINDOW // 2]
+    limit = (EDGE_M + EDGE_SHARE * middle)[:, np.newaxis]
     # NaN is near to none
-    is_wall: BoolArray = (np.abs(before - middle) <= limit) & (np.abs(after - middle) <= limit)
-    before, middle, after = before[is_wall], middle[is_wall], after[is_wall]
-    cos = math.cos(step)
-    apart = np.abs(1.0 / before + 1.0 / after - 2.0 * cos / middle) * middle
-    return middle, apart / (MEDIAN_OF_NORMAL * math.sqrt(2.0 + 4.0 * cos**2))
+    is_wall: BoolArray = np.all(np.abs(np.diff(windows, axis=1)) <= limit, axis=1)
+    angles = step * (np.arange(WINDOW) - WINDOW // 2)
+    basis = np.column_stack((np.cos(angles), np.sin(angles)))
+    solve = np.linalg.pinv(basis)
+    middle, reciprocals = middle[is_wall], 1.0 / windows[is_wall]
+    along, across = solve @ reciprocals.T
+    is_facing = np.abs(across) <= MAX_SLOPE * np.abs(along)
+    residuals = (reciprocals - reciprocals @ solve.T @ basis.T) * middle[:, np.newaxis] ** 2
+    variances = np.sum(residuals**2, axis=1) / (WINDOW - 2)
+    return middle[is_facing], variances[is_facing]

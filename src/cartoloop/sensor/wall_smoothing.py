@@ -14,7 +14,6 @@ import math
 from cartoloop.arrays import FloatArray
 from cartoloop.kernels.wall_smoothing import second_differences, smooth_on_walls
 from cartoloop.sensor.median import median
-from cartoloop.sensor.range_noise import MEDIAN_OF_NORMAL
 
 MAX_STEP_RAD = math.radians(0.4)
 """Angle between two beams up to which scans are dense [rad]."""
@@ -29,6 +28,9 @@ SHORTEST_M = 0.1
 MIN_NOISE_M, MAX_NOISE_M = 0.007, 0.05
 """With less noise there is nothing to gain, and more is none of walls [m]. A scanner for safety has
 2 to 5 mm, a good one for mapping 7 to 10 mm."""
+
+MEDIAN_OF_NORMAL = 0.6745
+"""Median of the absolute value of a normal variable with a standard deviation of 1."""
 
 MAX_RESIDUAL = 1.0
 """Returns whose distances from a line are larger than the noise by this factor are not averaged:

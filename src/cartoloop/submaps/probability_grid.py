@@ -177,7 +177,7 @@ def scan_cells(
     misses: FloatArray,
     resolution: float,
     behind: FloatArray = NO_POINTS,
-    uncertain_share: float = 0.0,
+    uncertain: tuple[float, float] = (0.0, 0.0),
 ) -> ScanCells:
     """Return the hit and miss sets of a scan.
 
@@ -187,8 +187,8 @@ def scan_cells(
     returns, misses : float64, shapes (n, 2), (k, 2), ends of the rays [m, grid frame].
     resolution : pixel edge r [m].
     behind : float64, shape (m, 2), points just behind walls [m, grid frame].
-    uncertain_share : of a ray to a return, in front of that: it is not known to be free, since the
-        range may be too long.
+    uncertain : so much of a ray in front of its return is not known to be free, since the range may
+        be too long: a length [m] and a share of the ray, their squares added.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def scan_cells(
     """
     x, y, _ = tf_grid_sensor
     cells = ScanCells(
-        *ray_casting.scan_cells(x, y, returns, misses, behind, resolution, uncertain_share)
+        *ray_casting.scan_cells(x, y, returns, misses, behind, resolution, *uncertain)
     )
     _check_extent(*cells[3:], resolution)
     return cells

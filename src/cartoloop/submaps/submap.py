@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from cartoloop.arrays import FloatArray
 from cartoloop.config import SubmapConfig
 from cartoloop.sensor.pose import Pose
+from cartoloop.sensor.range_noise import NO_NOISE, Noise
 from cartoloop.submaps.probability_grid import (
     NO_POINTS,
     ProbabilityGrid,
@@ -117,7 +118,7 @@ class ActiveSubmaps:
         misses_local: FloatArray,
         *,
         tf_local_robot: Pose | None = None,
-        noise_share: float = 0.0,
+        noise: Noise = NO_NOISE,
         starts_over: bool = False,
     ) -> Insertion:
         """Insert a scan into the active submaps, starting and finishing submaps as they fill.
@@ -129,7 +130,7 @@ class ActiveSubmaps:
             without a return [m, local frame].
         tf_local_robot : its steps count as travel: scanners in turn are in different places of the
             robot. By default the sensor's.
-        noise_share : standard deviation of the ranges as a share of them, if they are noisy.
+        noise : of the ranges, if they are noisy.
         starts_over : whether a new submap begins, and no more scans go into the others: the last of
             these is among the submaps of the insertion, but the scan is not drawn in it.
         """
@@ -157,7 +158,7 @@ class ActiveSubmaps:
                         tf_local_sensor,
                         returns_local,
                         misses_local,
-                        noise_share,
+                        noise,
                         is_dense=is_dense,
                     )
                 insert_cells(submap.grid, cells, config, self._lattice_origin(submap), weight)
@@ -172,7 +173,7 @@ class ActiveSubmaps:
         tf_local_sensor: Pose,
         returns_local: FloatArray,
         misses_local: FloatArray,
-        noise_share: float,
+        noise: Noise,
         *,
         is_dense: bool,
     ) -> ScanCells:
@@ -180,7 +181,7 @@ class ActiveSubmaps:
         config = self._config
         behind = behind_walls(tf_local_sensor, returns_local, config) if is_dense else NO_POINTS
         returns = with_joints(returns_local, config)
-        uncertain = min(UNCERTAIN_SIGMAS * noise_share, 1.0)
+        uncertain = UNCERTAIN_SIGMAS * noise.constant, UNCERTAIN_SIGMAS * noise.share
         return scan_cells(
             tf_local_sensor, returns, misses_local, config.resolution, behind, uncertain
         )
