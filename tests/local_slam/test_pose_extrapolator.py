@@ -127,6 +127,34 @@ def test_what_was_extrapolated_wrongly_is_made_up_for(extrapolator, is_determine
     assert x == pytest.approx(0.08 if is_determined else 0.12)
 
 
+def test_wrong_guesses_in_turn_are_made_up_for_once_each(extrapolator):
+    evidence = Evidence(False, 0.0, lambda _: math.inf, lambda: 0.0)
+    for time, x in ((0.0, 0.0), (0.1, 0.02)):
+        extrapolator.add_odometry(time, Pose(x, 0.0, 0.0))
+    extrapolator.add_pose(0.1, Pose(0.02, 0.0, 0.0), evidence=evidence)
+    for number in range(2, 8):
+        time = 0.1 * number
+        predicted = extrapolator.predict(time).tf_local_tracking
+        extrapolator.add_pose(time, predicted, evidence=evidence)
+        extrapolator.add_odometry(time, Pose(0.02 * number**2, 0.0, 0.0))
+    extrapolator.add_odometry(0.8, Pose(0.02 * 8**2, 0.0, 0.0))
+    assert extrapolator.predict(0.8).tf_local_tracking.x == pytest.approx(0.02 * 8**2)
+
+
+def test_readings_that_give_way_to_others_do_not_add_up(extrapolator):
+    """Two readings of each stamp differ, the second comes after the scan."""
+    evidence = Evidence(False, 0.0, lambda _: math.inf, lambda: 0.0)
+    extrapolator.add_odometry(0.0, IDENTITY)
+    extrapolator.add_pose(0.0, IDENTITY, evidence=evidence)
+    for number in range(1, 50):
+        time = 0.1 * number
+        extrapolator.add_odometry(time, Pose(0.1 * number, 0.0, 0.0))
+        predicted = extrapolator.predict(time).tf_local_tracking
+        extrapolator.add_pose(time, predicted, evidence=evidence)
+        extrapolator.add_odometry(time, Pose(0.1 * number + 0.01, 0.0, 0.0))
+    assert predicted.x == pytest.approx(4.9, abs=0.02)
+
+
 def test_odometry_that_never_moved_predicts_nothing(extrapolator):
     for number in range(4):
         extrapolator.add_odometry(0.2 * number, IDENTITY)

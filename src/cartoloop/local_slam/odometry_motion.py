@@ -301,7 +301,7 @@ class OdometryMotion:
     def measured_step(self, begin: float, end: float) -> Pose | None:
         """Return the calibrated motion that it measured between two times, or None."""
         model = self.model
-        key = begin, end, len(self._track), model
+        key = begin, end, self._track.revision, model
         # The prediction of a scan and its comparison with the match ask for the same step.
         if self._step_key is not None and _same(key, self._step_key):
             return self._step

@@ -74,6 +74,7 @@ class OdometryTrack:
     latest : time of the latest reading [s], be it left out.
     has_moved : whether it has reported any motion.
     period : how often it is read.
+    revision : grows with each change of the readings.
     """
 
     def __init__(self, held_s: float = 0.0) -> None:
@@ -89,6 +90,7 @@ class OdometryTrack:
         self._readings = OdometryReadings()
         self._last = IDENTITY
         self._num_forgotten = 0
+        self.revision = 0
 
     def __len__(self) -> int:
         """Return the number of readings, with those that were forgotten."""
@@ -147,6 +149,7 @@ class OdometryTrack:
         self._append(time, tf_odom_tracking)
 
     def _pop(self) -> None:
+        self.revision += 1
         self._readings.pop()
         self._last = self._readings.pose(-1) if len(self._readings) else IDENTITY
 
@@ -164,6 +167,7 @@ class OdometryTrack:
             self._pace_before = self._pace
             self._pace = self._pace.with_step(time, self._last, pose)
             self.has_moved = self.has_moved or pose != self._last
+        self.revision += 1
         self._readings.append(time, pose)
         self._last = pose
 

@@ -65,7 +65,9 @@ class PoseExtrapolator:
                 known.odometry, known.odometry_score, known.odometry_held_s
             )
         self.gyroscope = Gyroscope(config.imu_gravity_time_constant)
-        self._extrapolated: tuple[float, Pose] | None = None
+        self._assumed: tuple[float, Pose] | None = (
+            None  # begin and motion of the odometry's last step
+        )
         self._time = 0.0
         self._tf_local_tracking = IDENTITY
         self._velocity = VelocityFilter(config.prediction)
@@ -123,7 +125,7 @@ class PoseExtrapolator:
             num_faulty = max(num_faulty, 1)  # there is no step to this scan
         self._is_determined = evidence is None or evidence.is_determined
         if self._is_determined:
-            self._extrapolated = None
+            self._assumed = None
         self._middle_time, self._middle = middle_time, middle
         self._middles[scanner] = middle_time, middle
         self._time, self._tf_local_tracking = time, tf_local_tracking
@@ -152,6 +154,7 @@ class PoseExtrapolator:
             return self.prediction_from(time, IDENTITY)
         since = self.odometry.caught_up_since()
         if since is not None and (caught_up := self._caught_up(since, time)) is not None:
+            self._assumed = None
             return caught_up
         step = self.odometry.step(self._time, time)
         if step is None:
@@ -160,15 +163,14 @@ class PoseExtrapolator:
             if step is None and not self._is_determined:
                 step = self._unsteady_step(time, expected)
         if step is None:
-            self._extrapolated = None
+            self._assumed = None
             prediction = self.prediction_from(time, self._without_trusted_odometry(time))
             step = self.odometry.step_over_jump(self._time, time)
             over_jump = step and compose(self._tf_local_tracking, step)
             stands = self.odometry.has_stood(self._time, time)
             gap = self._gap(time, prediction.tf_local_tracking, by_odometry=False)
             return prediction._replace(over_jump=over_jump, stands=stands, gap=gap)
-        step = self._with_overdue_motion(step)
-        self._extrapolated = None if self.odometry.reaches(time) else (self._time, step)
+        step, self._assumed = self._with_missed_motion(step), (self._time, step)
         pose = compose(self._tf_local_tracking, self.gyroscope.with_turn(step, self._time, time))
         return Prediction(
             pose,
@@ -207,16 +209,17 @@ class PoseExtrapolator:
                 return compose(self._tf_local_tracking, turned)
         return self._at_constant_velocity(time)
 
-    def _with_overdue_motion(self, step: Pose) -> Pose:
-        """Return a step, and by how much the odometry was extrapolated wrongly to the last scan.
+    def _with_missed_motion(self, step: Pose) -> Pose:
+        """Return a step, and by how much the odometry's last step was wrong, as is known by now.
 
-        Only live: recorded scans wait for it. A match along bare walls has followed the odometry.
+        Live, it was extrapolated; and readings give way to others with the same stamp. Along bare
+        walls the last match has followed it, so that errors would add up.
         """
-        if self._extrapolated is None:
+        if self._assumed is None:
             return step
-        begin, assumed = self._extrapolated
+        begin, assumed = self._assumed
         known = self.odometry.step(begin, self._time)
-        if known is None:
+        if known is None or known == assumed:
             return step
         missed = relative(assumed, known)
         return compose(Pose(missed.x, missed.y, 0.0), step)
