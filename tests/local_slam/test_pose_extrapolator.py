@@ -155,6 +155,47 @@ def test_readings_that_give_way_to_others_do_not_add_up(extrapolator):
     assert predicted.x == pytest.approx(4.9, abs=0.02)
 
 
+@pytest.mark.parametrize(("share", "is_by_odometry"), [(0.0, True), (0.1, True), (0.4, False)])
+def test_odometry_rests_only_while_ranges_stay(extrapolator, share, is_by_odometry):
+    """Along bare walls, where the match follows the odometry."""
+    evidence = Evidence(False, 0.0, lambda _: math.inf, lambda: 0.0, lambda _: share)
+    steps = [0.0] + 8 * [0.1] + [0.07, 0.04, 0.01] + 10 * [0.0] + 3 * [0.05]
+    predicted = []
+    for number, x in enumerate(np.cumsum(steps).tolist()):
+        extrapolator.add_odometry(0.2 * number, Pose(x, 0.0, 0.0))
+        predicted.append(extrapolator.predict(0.2 * number).by_odometry)
+        extrapolator.add_pose(0.2 * number, Pose(x, 0.0, 0.0), evidence=evidence)
+    assert predicted[11]
+    assert predicted[21] is is_by_odometry
+    assert predicted[-1]
+
+
+def test_noise_along_bare_walls_moves_no_robot_that_stands(extrapolator):
+    """The matches drift by a few centimetres to and fro; constant velocity would go on with it."""
+    evidence = Evidence(False, 0.0, lambda _: math.inf, lambda: 0.0)
+    rng, x = np.random.default_rng(0), 0.0
+    for number in range(200):
+        time = 0.2 * number
+        extrapolator.add_odometry(time, IDENTITY)
+        if number:
+            predicted = extrapolator.predict(time)
+            assert not predicted.by_odometry
+            x = predicted.tf_local_tracking.x + 0.02 * float(rng.normal())
+        extrapolator.add_pose(time, Pose(x, 0.0, 0.0), evidence=evidence)
+    assert abs(x) < 1.0
+
+
+@pytest.mark.parametrize(("step", "is_stale"), [(0.04, False), (0.15, True)])
+def test_odometry_that_never_moved_may_be_right(extrapolator, step, is_stale):
+    """Scans of a noisy scanner move by centimetres while the robot stands."""
+    seen = Evidence(True, 0.0, lambda _: math.inf, lambda: math.inf)
+    for number in range(6):
+        extrapolator.add_odometry(0.2 * number, IDENTITY)
+        x = step * (number if is_stale else number % 2)
+        extrapolator.add_pose(0.2 * number, Pose(x, 0.0, 0.0), evidence=seen)
+    assert extrapolator.odometry.is_stale is is_stale
+
+
 def test_odometry_that_never_moved_predicts_nothing(extrapolator):
     for number in range(4):
         extrapolator.add_odometry(0.2 * number, IDENTITY)

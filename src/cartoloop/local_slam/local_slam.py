@@ -283,7 +283,9 @@ class LocalSlam:
         if match is None:
             return None
         if by_walls:
-            return Evidence(True, 0.0, scanner.change_since, lambda: math.inf)
+            return Evidence(
+                True, 0.0, scanner.change_since, lambda: math.inf, scanner.changed_share_since
+            )
         ratio, direction = degenerate_direction(match.match)
         turned = self._active.submaps[0].tf_local_submap.theta
         return Evidence(
@@ -291,6 +293,7 @@ class LocalSlam:
             direction + turned,
             scanner.change_since,
             partial(normal_ratio, points, math.inf),
+            scanner.changed_share_since,
         )
 
     def _along_walls(

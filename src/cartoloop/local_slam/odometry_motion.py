@@ -22,6 +22,14 @@ from cartoloop.local_slam.prediction import isotropic_information
 from cartoloop.local_slam.turn_comparison import TurnComparison
 from cartoloop.sensor.pose import IDENTITY, Pose, relative
 
+STOOD_M, STOOD_RAD = 0.2, 0.1
+"""Odometry that has not moved so far is wrong once the scans have moved by this [m], [rad]: those
+of a noisy scanner move by some centimetres while the robot stands."""
+
+MIN_REST_S, CHANGE_OVER_S, MAX_CHANGED_SHARE = 0.5, 1.0, 0.15
+"""Odometry that has not changed for the first [s] misses a motion if more than this share of the
+ranges has changed over the second [s], or since then: around a robot at rest, only people move."""
+
 STALE_M, STALE_RAD, STALE_SHARE = 0.03, 0.03, 0.5
 """Odometry that does not change at all while the scans move by more than this [m], [rad] repeats an
 old reading. It is new again when it agrees with the scans up to that and a share of the motion."""
@@ -61,7 +69,9 @@ class OdometryMotion:
         self._turns: dict[str, TurnComparison] = {}
         self._step_key: _StepKey | None = None
         self._step: Pose | None = None
-        self._is_stale = False
+        self._is_stale = self._misses_motion = False
+        self._rests_since = math.inf
+        self._stood_at: Pose | None = None
         self._num_late = 0
 
     @property
@@ -92,13 +102,13 @@ class OdometryMotion:
     @property
     def is_stale(self) -> bool:
         """Whether it repeats an old reading while the scans move."""
-        return self._is_stale
+        return self._is_stale or self._misses_motion
 
     @property
     def shows_motion(self) -> bool:
         """Whether there is odometry that moves when the scans do, and turns the same way."""
         is_mirrored = any(turns.are_opposite for turns in self._turns.values())
-        return self.has_readings and not (self._is_stale or is_mirrored)
+        return self.has_readings and not (self.is_stale or is_mirrored)
 
     @property
     def is_trusted(self) -> bool:
@@ -193,22 +203,40 @@ class OdometryMotion:
         if not self.has_readings:
             return 0
         reported = None if last is None else self.measured_step(last[0], time)
+        self._misses_motion = self._is_at_rest_wrongly(time, reported, evidence)
         is_known = self.model.is_known
         num_faulty = self._trust.add(
             time, pose, reported, evidence, self._is_late, is_known, scanner, expected
         )
         if last is None or reported is None or evidence is None or not evidence.is_determined:
-            return num_faulty
+            return max(num_faulty, int(self._misses_motion))
         matched = relative(last[1], pose)
         apart = math.hypot(matched.x - reported.x, matched.y - reported.y)
         turned_apart = abs(matched.theta - reported.theta)
-        if self._is_stale:
+        if not self._track.has_moved:
+            first = self._stood_at = self._stood_at or last[1]
+            moved = relative(first, pose)
+            self._is_stale = math.hypot(moved.x, moved.y) > STOOD_M or abs(moved.theta) > STOOD_RAD
+        elif self._is_stale:
             self._is_stale = apart > STALE_M + STALE_SHARE * math.hypot(
                 matched.x, matched.y
             ) or turned_apart > STALE_RAD + STALE_SHARE * abs(matched.theta)
         elif reported == IDENTITY:
             self._is_stale = apart > STALE_M or turned_apart > STALE_RAD
-        return max(num_faulty, int(self._is_stale))
+        return max(num_faulty, int(self.is_stale))
+
+    def _is_at_rest_wrongly(
+        self, time: float, reported: Pose | None, evidence: Evidence | None
+    ) -> bool:
+        """Return whether it has not changed for some time in which the ranges have."""
+        if reported != IDENTITY:
+            self._rests_since = math.inf
+            return False
+        self._rests_since = min(self._rests_since, time)
+        if not self._track.has_moved or evidence is None or time - self._rests_since < MIN_REST_S:
+            return False
+        since = max(self._rests_since, time - CHANGE_OVER_S)
+        return evidence.changed_share(since) > MAX_CHANGED_SHARE
 
     def _is_late(self, begin: float, end: float, matched: Pose) -> bool:
         """Return whether the odometry reports about such a motion shortly before or after."""
@@ -257,7 +285,7 @@ class OdometryMotion:
 
     def step(self, begin: float, end: float) -> Pose | None:
         """Return the calibrated motion between two times, None if it is not known or trusted."""
-        if self._is_stale or not self._trust.is_trusted or not self._track.has_moved:
+        if self.is_stale or not self._trust.is_trusted or not self._track.has_moved:
             return None
         return self.measured_step(begin, end)
 
@@ -275,7 +303,7 @@ class OdometryMotion:
 
         Along bare walls it cannot show that it is good again, and is better than what they show.
         """
-        if self._is_stale or not self._trust.has_fault:
+        if self.is_stale or not self._trust.has_fault:
             return None
         step = self.measured_step(begin, end)
         return step if step is not None and follows(step, expected) else None
@@ -286,7 +314,7 @@ class OdometryMotion:
         Their sum is right, so that it is better where the scans do not show how far the robot
         moves: constant velocity does not notice that it becomes faster or slower.
         """
-        if self._is_stale or not self._trust.is_unsteady or not self._track.has_moved:
+        if self.is_stale or not self._trust.is_unsteady or not self._track.has_moved:
             return None
         return self.measured_step(begin, end)
 
@@ -296,7 +324,7 @@ class OdometryMotion:
         Across a gap between scans it is better than what nothing measures.
         """
         step = self.measured_step(begin, end)
-        return None if self._is_stale and step == IDENTITY else step
+        return None if self.is_stale and step == IDENTITY else step
 
     def measured_step(self, begin: float, end: float) -> Pose | None:
         """Return the calibrated motion that it measured between two times, or None."""

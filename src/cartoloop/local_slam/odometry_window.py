@@ -29,12 +29,15 @@ class Evidence(NamedTuple):
     change_since : returns by how much the ranges have changed since a time, in the median [m]; inf
         if that is not known.
     wall_ratio : returns which way walls face, see :func:`normal_ratio`.
+    changed_share : returns the share of the ranges that have changed since a time; 0 if that is not
+        known.
     """
 
     is_determined: bool
     direction: float
     change_since: Callable[[float], float]
     wall_ratio: Callable[[], float]
+    changed_share: Callable[[float], float] = lambda _: 0.0
 
 
 class Step(NamedTuple):

@@ -164,10 +164,13 @@ class PoseExtrapolator:
                 step = self._unsteady_step(time, expected)
         if step is None:
             self._assumed = None
-            prediction = self.prediction_from(time, self._without_trusted_odometry(time))
+            stands = self.odometry.has_stood(self._time, time)
+            # Along bare walls, constant velocity would go on for ever with what noise began.
+            rests = stands and not self._is_determined
+            expected = self._tf_local_tracking if rests else self._without_trusted_odometry(time)
+            prediction = self.prediction_from(time, expected)
             step = self.odometry.step_over_jump(self._time, time)
             over_jump = step and compose(self._tf_local_tracking, step)
-            stands = self.odometry.has_stood(self._time, time)
             gap = self._gap(time, prediction.tf_local_tracking, by_odometry=False)
             return prediction._replace(over_jump=over_jump, stands=stands, gap=gap)
         step, self._assumed = self._with_missed_motion(step), (self._time, step)

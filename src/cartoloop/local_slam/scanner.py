@@ -10,6 +10,7 @@ from typing import Self
 
 import numpy as np
 
+from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.measured_distance import DistanceMeter
 from cartoloop.local_slam.motion_filter import MotionFilter
@@ -19,6 +20,10 @@ from cartoloop.sensor.events import LaserScan, PointCloud
 
 MAX_RECENT = 64
 """Number of scans of a scanner that are kept for a comparison: more than a second of them."""
+
+CHANGE_M, CHANGE_SHARE = 0.05, 0.03
+"""A range has changed if it has by more than the first [m] and this share of it: noise makes less
+of a difference."""
 
 
 @dataclass(slots=True)
@@ -46,16 +51,28 @@ class Scanner:
 
     def change_since(self, time: float) -> float:
         """Return the median change of the ranges since a time [m]; inf if it is not known."""
+        both = self._ranges_since(time)
+        return float(np.median(np.abs(both[1] - both[0]))) if both.size else math.inf
+
+    def changed_share_since(self, time: float) -> float:
+        """Return the share of the ranges that have changed since a time; 0 if it is not known."""
+        both = self._ranges_since(time)
+        if not both.size:
+            return 0.0
+        limits = CHANGE_M + CHANGE_SHARE * both.min(axis=0)
+        return float(np.mean(np.abs(both[1] - both[0]) > limits))
+
+    def _ranges_since(self, time: float) -> FloatArray:
+        """Return ranges of the same beams in the first scan since a time and now, shape (2, n)."""
         first = next((scan for scan in self.recent if scan.time >= time), None)
         if first is None or first is self.recent[-1]:
-            return math.inf
+            return np.empty((2, 0))
         before, now = first.ranges, self.recent[-1].ranges
         if len(before) != len(now):
-            return math.inf
+            return np.empty((2, 0))
         limit = first.geometry.range_max
-        both = (before > 0.0) & (now > 0.0) & (before < limit) & (now < limit)
-        changes = np.abs(now[both] - before[both])
-        return float(np.median(changes)) if len(changes) else math.inf
+        is_both = (before > 0.0) & (now > 0.0) & (before < limit) & (now < limit)
+        return np.stack((before[is_both], now[is_both]))
 
     @classmethod
     def of(cls, config: LocalSlamConfig) -> Self:

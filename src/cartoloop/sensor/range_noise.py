@@ -35,12 +35,12 @@ MIN_SAMPLES = 200
 ALL_UNTIL, EVERY_NTH_SCAN = 20, 5
 """The first scans are all measured, then one in five."""
 
-ESTIMATED_AFTER = (20, 80, 320)
+ESTIMATED_AFTER = (10, 40, 160, 320)
 """Numbers of measured scans after which the noise is estimated, the last time for good."""
 
-MIN_NOISE_M, AT_RANGE_M = 0.015, 4.0
-"""A scanner with this noise or more at this range is noisy [m]: that of others is lost in a pixel.
-"""
+MIN_NOISE_M = 0.015
+"""A scanner with this noise or more at the median range is noisy [m]: that of others is lost in a
+pixel."""
 
 MIN_SHARE = 0.0125
 """Noise that grows by this share of the range or more limits the range. Good scanners measure to
@@ -124,8 +124,10 @@ class RangeNoise:
             self._estimate()
 
     def _estimate(self) -> None:
-        noise = fitted_noise(np.concatenate(self._ranges), np.concatenate(self._variances))
-        self.noise = noise if noise.at(AT_RANGE_M) >= MIN_NOISE_M else NO_NOISE
+        ranges, variances = np.concatenate(self._ranges), np.concatenate(self._variances)
+        noise = fitted_noise(ranges, variances)
+        is_noisy = len(ranges) > 0 and noise.at(float(np.median(ranges))) >= MIN_NOISE_M
+        self.noise = noise if is_noisy else NO_NOISE
         self.useful_range = math.inf
         if noise.share >= MIN_SHARE:
             squared = max(MAX_NOISE_M**2 - noise.constant**2, 0.0)
@@ -144,20 +146,21 @@ def fitted_noise(ranges: FloatArray, variances: FloatArray) -> Noise:
     rows = []
     for first, last in itertools.pairwise(BANDS_M):
         is_within = (ranges >= first) & (ranges < last)
-        if np.count_nonzero(is_within) >= MIN_SAMPLES:
+        count = np.count_nonzero(is_within)
+        if count >= MIN_SAMPLES:
             variance = np.quantile(variances[is_within], QUANTILE) / QUANTILE_OF_MEAN
-            rows.append((np.mean(ranges[is_within] ** 2), variance))
+            rows.append((np.mean(ranges[is_within] ** 2), variance, count))
     if not rows:
         return NO_NOISE
-    squared_ranges, observed = np.array(rows).T
-    # relative errors count, as those of variances are
-    weights = 1.0 / np.maximum(observed, 1e-12)
+    squared_ranges, observed, counts = np.array(rows).T
+    # the relative error of a variance falls with the root of the number of samples
+    weights = np.sqrt(counts) / np.maximum(observed, 1e-12)
     design = np.column_stack((np.ones(len(rows)), squared_ranges)) * weights[:, np.newaxis]
-    constant, growth = np.linalg.lstsq(design, np.ones(len(rows)), rcond=None)[0]
+    constant, growth = np.linalg.lstsq(design, weights * observed, rcond=None)[0]
     if len(rows) == 1 or growth <= 0.0:
-        return Noise(math.sqrt(np.mean(observed)))
+        return Noise(math.sqrt(np.average(observed, weights=counts)))
     if constant <= 0.0:
-        return Noise(0.0, math.sqrt(np.mean(observed / squared_ranges)))
+        return Noise(0.0, math.sqrt(np.average(observed / squared_ranges, weights=counts)))
     return Noise(math.sqrt(constant), math.sqrt(growth))
 
 
