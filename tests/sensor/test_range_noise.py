@@ -86,6 +86,15 @@ def test_things_that_stand_about_are_no_noise():
     assert noise.noise == NO_NOISE
 
 
+def test_where_there_are_no_walls_there_is_no_noise():
+    rng = np.random.default_rng(5)
+    noise = RangeNoise(STEP)
+    for _ in range(ENOUGH_SCANS):
+        noise.add(room() * rng.uniform(0.7, 1.0, len(ANGLES)), 0.1, 20.0)
+    assert noise.noise == NO_NOISE
+    assert noise.useful_range == math.inf
+
+
 def test_a_small_room_shows_no_limit():
     ranges = room(width=1.5, length=3.0)
     assert measured(ranges, 0.02).useful_range == math.inf

@@ -65,9 +65,8 @@ class PoseExtrapolator:
                 known.odometry, known.odometry_score, known.odometry_held_s
             )
         self.gyroscope = Gyroscope(config.imu_gravity_time_constant)
-        self._assumed: tuple[float, Pose] | None = (
-            None  # begin and motion of the odometry's last step
-        )
+        # begin and motion of the last step by odometry
+        self._assumed: tuple[float, Pose] | None = None
         self._time = 0.0
         self._tf_local_tracking = IDENTITY
         self._velocity = VelocityFilter(config.prediction)

@@ -40,7 +40,7 @@ ESTIMATED_AFTER = (10, 40, 160, 320)
 
 MIN_NOISE_M = 0.015
 """A scanner with this noise or more at the median range is noisy [m]: that of others is lost in a
-pixel."""
+pixel. More than `MAX_NOISE_M` is none of a scanner: no walls are in sight, but bushes."""
 
 MIN_SHARE = 0.0125
 """Noise that grows by this share of the range or more limits the range. Good scanners measure to
@@ -126,12 +126,12 @@ class RangeNoise:
     def _estimate(self) -> None:
         ranges, variances = np.concatenate(self._ranges), np.concatenate(self._variances)
         noise = fitted_noise(ranges, variances)
-        is_noisy = len(ranges) > 0 and noise.at(float(np.median(ranges))) >= MIN_NOISE_M
-        self.noise = noise if is_noisy else NO_NOISE
+        usual = noise.at(float(np.median(ranges))) if len(ranges) else 0.0
+        self.noise = noise if MIN_NOISE_M <= usual <= MAX_NOISE_M else NO_NOISE
         self.useful_range = math.inf
-        if noise.share >= MIN_SHARE:
-            squared = max(MAX_NOISE_M**2 - noise.constant**2, 0.0)
-            self.useful_range = math.sqrt(squared) / noise.share
+        if self.noise.share >= MIN_SHARE:
+            growth = MAX_NOISE_M**2 - self.noise.constant**2
+            self.useful_range = math.sqrt(growth) / self.noise.share
         if self._is_known:
             self._ranges, self._variances = [], []
 
