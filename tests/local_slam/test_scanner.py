@@ -11,6 +11,7 @@ import pytest
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.scanner import Scanner
 from cartoloop.sensor.events import LaserScan, ScanGeometry
+from cartoloop.sensor.range_noise import Noise
 
 GEOMETRY = ScanGeometry(
     angle_min=-1.0, angle_increment=0.1, num_beams=20, range_min=0.1, range_max=10.0
@@ -44,6 +45,15 @@ def test_noise_in_far_ranges_is_no_change():
     ranges = np.linspace(1.0, 9.0, 20)
     scans = ranges * (1.0 + 0.01 * rng.standard_normal((2, 20)))
     assert scanner_with(*scans).changed_share_since(0.0) == 0.0
+
+
+def test_noise_of_a_noisy_scanner_is_no_change():
+    rng = np.random.default_rng(0)
+    ranges = np.linspace(1.0, 9.0, 20)
+    scanner = scanner_with(*(ranges * (1.0 + 0.03 * rng.standard_normal((2, 20)))))
+    assert scanner.changed_share_since(0.0) > 0.0
+    scanner.noise = Noise(share=0.03)
+    assert scanner.changed_share_since(0.0) == 0.0
 
 
 def test_nothing_is_known_of_one_scan_or_after_all():

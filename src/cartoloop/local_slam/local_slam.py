@@ -184,6 +184,7 @@ class LocalSlam:
         scanner, name = self._scanner_of(scan), scan.geometry.sensor
         time = scan.time + self._clocks.offset_of(name)
         filtered = self._filter(scan, time)
+        scanner.noise = filtered.data.noise
         with self._timer.measure("predict"):
             prediction = self.extrapolator.predict(time)
         has_points = len(filtered.points) >= self._config.insertion.min_num_points

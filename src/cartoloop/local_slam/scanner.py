@@ -17,13 +17,14 @@ from cartoloop.local_slam.motion_filter import MotionFilter
 from cartoloop.local_slam.scan_matcher import ScanMatcher
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.sensor.events import LaserScan, PointCloud
+from cartoloop.sensor.range_noise import NO_NOISE, Noise
 
 MAX_RECENT = 64
 """Number of scans of a scanner that are kept for a comparison: more than a second of them."""
 
-CHANGE_M, CHANGE_SHARE = 0.05, 0.03
-"""A range has changed if it has by more than the first [m] and this share of it: noise makes less
-of a difference."""
+CHANGE_M, CHANGE_SHARE, CHANGE_SIGMAS = 0.05, 0.03, 4.0
+"""A range has changed if it has by more than the first [m], this share of it, and this number of
+standard deviations of a noisy scanner."""
 
 
 @dataclass(slots=True)
@@ -38,6 +39,7 @@ class Scanner:
     distance_meter : measures the distance between scans about a metre apart.
     num_scans : number of its scans.
     is_in_map : whether one of its scans was inserted.
+    noise : of its ranges, if they are noisy.
     recent : its latest scans.
     """
 
@@ -47,6 +49,7 @@ class Scanner:
     distance_meter: DistanceMeter = field(default_factory=DistanceMeter)
     num_scans: int = 0
     is_in_map: bool = False
+    noise: Noise = NO_NOISE
     recent: deque[LaserScan] = field(default_factory=lambda: deque(maxlen=MAX_RECENT))
 
     def change_since(self, time: float) -> float:
@@ -59,7 +62,9 @@ class Scanner:
         both = self._ranges_since(time)
         if not both.size:
             return 0.0
-        limits = CHANGE_M + CHANGE_SHARE * both.min(axis=0)
+        ranges = both.min(axis=0)
+        sigma = np.hypot(self.noise.constant, self.noise.share * ranges)
+        limits = CHANGE_M + CHANGE_SHARE * ranges + CHANGE_SIGMAS * sigma
         return float(np.mean(np.abs(both[1] - both[0]) > limits))
 
     def _ranges_since(self, time: float) -> FloatArray:

@@ -32,7 +32,8 @@ more in (CS) than those never seen, and would attract the next scans."""
 
 UNCERTAIN_SIGMAS = 1.5
 """So close to its return, a ray of a noisy scanner does not show free space [standard deviations of
-a range]: half of the rays end behind the wall, and would count its cells as free."""
+a range]: half of the rays end behind the wall, and would count its cells as free. Where scans are
+sparse they do: few others would show what is free."""
 
 
 @dataclass(slots=True)
@@ -179,9 +180,11 @@ class ActiveSubmaps:
     ) -> ScanCells:
         """Return the cells of a scan, those behind its walls among them where scans are dense."""
         config = self._config
-        behind = behind_walls(tf_local_sensor, returns_local, config) if is_dense else NO_POINTS
+        behind, uncertain = NO_POINTS, (0.0, 0.0)
+        if is_dense:
+            behind = behind_walls(tf_local_sensor, returns_local, config)
+            uncertain = UNCERTAIN_SIGMAS * noise.constant, UNCERTAIN_SIGMAS * noise.share
         returns = with_joints(returns_local, config)
-        uncertain = UNCERTAIN_SIGMAS * noise.constant, UNCERTAIN_SIGMAS * noise.share
         return scan_cells(
             tf_local_sensor, returns, misses_local, config.resolution, behind, uncertain
         )
