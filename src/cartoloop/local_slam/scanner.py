@@ -63,8 +63,7 @@ class Scanner:
         if not both.size:
             return 0.0
         ranges = both.min(axis=0)
-        sigma = np.hypot(self.noise.constant, self.noise.share * ranges)
-        limits = CHANGE_M + CHANGE_SHARE * ranges + CHANGE_SIGMAS * sigma
+        limits = CHANGE_M + CHANGE_SHARE * ranges + CHANGE_SIGMAS * self.noise.at(ranges)
         return float(np.mean(np.abs(both[1] - both[0]) > limits))
 
     def _ranges_since(self, time: float) -> FloatArray:

@@ -69,9 +69,9 @@ class Noise(NamedTuple):
     constant: float = 0.0
     share: float = 0.0
 
-    def at(self, range_m: float) -> float:
-        """Return the standard deviation of a range [m]."""
-        return math.hypot(self.constant, self.share * range_m)
+    def at(self, ranges: FloatArray) -> FloatArray:
+        """Return the standard deviations of ranges [m], any shape."""
+        return np.hypot(self.constant, self.share * ranges)
 
 
 NO_NOISE = Noise()
@@ -126,7 +126,7 @@ class RangeNoise:
     def _estimate(self) -> None:
         ranges, variances = np.concatenate(self._ranges), np.concatenate(self._variances)
         noise = fitted_noise(ranges, variances)
-        usual = noise.at(float(np.median(ranges))) if len(ranges) else 0.0
+        usual = float(noise.at(np.median(ranges, keepdims=True))[0]) if len(ranges) else 0.0
         self.noise = noise if MIN_NOISE_M <= usual <= MAX_NOISE_M else NO_NOISE
         self.useful_range = math.inf
         if self.noise.share >= MIN_SHARE:
