@@ -17,7 +17,6 @@ import numpy as np
 from bench.robustness.carmen_text import CarmenText, read_carmen, write_carmen
 from bench.robustness.log_changes import (
     Apply,
-    backwards,
     blocked,
     cheap_robot,
     combined,
@@ -49,6 +48,13 @@ from bench.robustness.log_changes import (
     thinned,
     twice,
 )
+from bench.robustness.stamp_changes import (
+    NewTimes,
+    late_in_bursts,
+    played_backwards,
+    renamed,
+    with_new_times,
+)
 from cartoloop.arrays import FloatArray
 from cartoloop.errors import CartoloopError, ConfigError, InputError
 from cartoloop.evaluation.relations import Relations
@@ -70,7 +76,7 @@ class Change:
     settings : parameters that are not the defaults, as ``key=value``.
     seeds : how many seeds are tried; more than one only where something is random.
     is_mirrored : whether left and right are exchanged.
-    is_backwards : whether times run from the end to the begin.
+    new_times : of the readings, in their order or reversed; None leaves them.
     scale : of all lengths.
     """
 
@@ -79,7 +85,7 @@ class Change:
     settings: tuple[str, ...] = ()
     seeds: int = 1
     is_mirrored: bool = False
-    is_backwards: bool = False
+    new_times: NewTimes | None = None
     scale: float = 1.0
 
 
@@ -123,7 +129,8 @@ CHANGES: Final = {
         Change("gaps", lost_scans(0.05, 4.0), seeds=3),
         Change("slanting", slanting(0.05)),
         Change("twice", twice),
-        Change("backwards", backwards, is_backwards=True),
+        Change("backwards", new_times=played_backwards),
+        Change("bursts", new_times=late_in_bursts(15.0, 0.5, 2.5), seeds=2),
         Change("held", held(0.01, 0.5)),
         Change("upside-down", reverse_beams, settings=("sensor.upside_down=true",)),
         Change("jitter", jittering_odometry(0.1), seeds=2),
@@ -166,12 +173,16 @@ def changed_log(source: Path, target: Path, change: Change, seed: int) -> None:
     log = read_carmen(source)
     if change.apply is not None:
         change.apply(log, np.random.default_rng(seed))
+    if change.new_times is not None:
+        with_new_times(log, change.new_times, np.random.default_rng(seed))
     if not log.is_scan.any():
         raise NothingLeft(f"{source.name}: {change.name} leaves nothing: the recording is shorter")
     write_carmen(target, log)
 
 
-def changed_relations(relations: Relations, change: Change, log: CarmenText) -> Relations:
+def changed_relations(
+    relations: Relations, change: Change, log: CarmenText, seed: int = 0
+) -> Relations:
     """Return relations as they are in the changed recording; `log` is the unchanged one.
 
     The beams of a mirrored scan are named in the reverse order. Readers take the first beam of a
@@ -180,9 +191,8 @@ def changed_relations(relations: Relations, change: Change, log: CarmenText) -> 
     """
     x, y, theta = relations.poses.T
     num_beams, stamps = log.num_beams, relations.stamps
-    if change.is_backwards:
-        times = log.times
-        stamps = times[0] + times[-1] - stamps
+    if change.new_times is not None:
+        stamps = renamed(stamps, log, change.new_times, np.random.default_rng(seed))
     if change.is_mirrored:
         step = math.radians(round(180.0 / num_beams * 2.0) / 2.0)
         aside = math.pi - (num_beams - 1) * step

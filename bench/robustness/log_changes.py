@@ -179,18 +179,6 @@ def reverse_beams(log: CarmenText, _: Rng) -> None:
     log.ranges = [None if ranges is None else reversed_beams(ranges) for ranges in log.ranges]
 
 
-def backwards(log: CarmenText, _: Rng) -> None:
-    """Play the recording from its end: a robot that drives backwards, and sees where it was."""
-    times = log.times
-    stamps = [f"{time:.6f}" for time in (times[0] + times[-1] - times[::-1]).tolist()]
-    log.poses = log.poses[::-1].copy()
-    log.ranges = log.ranges[::-1]
-    log.tails = [
-        [*tail[:-3], stamp, tail[-2], stamp]
-        for stamp, tail in zip(stamps, log.tails[::-1], strict=True)
-    ]
-
-
 def slanting(change: float) -> Apply:
     """Return the change that leaves beams without a return where ranges change much.
 

@@ -187,7 +187,9 @@ class Runner:
             relations = self._relations_of(name)
             if unchanged is None and relations.parent == self._options.folder:
                 run_command("evaluate", "make-relations", out, "-o", relations)
-            expected = changed_relations(read_relations(relations), change, read_carmen(source))
+            expected = changed_relations(
+                read_relations(relations), change, read_carmen(source), seed
+            )
             trajectory = mapped.trajectory
             check_relations_left(expected, trajectory.stamps, f"{name}, {change.name}")
             error = evaluate_relations(trajectory, expected, STAMP_TOLERANCE_S)

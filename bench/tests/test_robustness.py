@@ -333,10 +333,28 @@ def test_a_recording_played_backwards_ends_where_it_began(source, original, tmp_
     assert log.times == pytest.approx(original.times[0] + original.times[-1] - original.times[::-1])
 
 
+def test_messages_that_arrive_in_bursts_keep_their_order(source, original, tmp_path):
+    log = changed(source, tmp_path, "bursts", seed=1)
+    late = log.times - original.times
+    assert np.array_equal(log.poses, original.poses)
+    assert (np.diff(log.times) >= 0.0).all()
+    assert 0.02 < np.mean(late > 0.0) < 0.5
+    assert 0.4 < late.max() < 2.6
+    assert late.min() > -1e-6
+
+
+def test_relations_of_late_messages_have_their_stamps(source, original, tmp_path):
+    log = changed(source, tmp_path, "bursts", seed=1)
+    pairs = original.times[[[3, 50], [120, 7]]]
+    relations = Relations(pairs, np.zeros((2, 3)))
+    late = changed_relations(relations, CHANGES["bursts"], original, 1)
+    assert late.stamps == pytest.approx(log.times[[[3, 50], [120, 7]]], abs=1e-5)
+
+
 def test_relations_of_a_log_played_backwards_have_its_stamps():
-    relations = Relations(np.array([(1.0, 2.0)]), np.array([(1.0, 2.0, 0.3)]))
+    relations = Relations(np.array([(1.0, 5.0)]), np.array([(1.0, 2.0, 0.3)]))
     played = changed_relations(relations, CHANGES["backwards"], scans_of(180, (0.5, 1.0, 5.0)))
-    assert played.stamps == pytest.approx(np.array([(4.5, 3.5)]))
+    assert played.stamps == pytest.approx(np.array([(4.5, 0.5)]))
     assert np.array_equal(played.poses, relations.poses)
 
 

@@ -64,6 +64,20 @@ def test_long_after_the_end_nothing_is_known():
     assert readings.at(1.51 + MAX_EXTRAPOLATION_S) is None
 
 
+def test_readings_that_arrive_together_determine_no_speed():
+    steady = [(0.2 * n, 0.1 * n, 0.0) for n in range(20)]
+    burst = [(4.5 + 0.001 * n, 1.9 + 0.1 * n, 0.0) for n in range(1, 5)]
+    readings = track(*steady, *burst)
+    assert readings.num_jumps == 0
+    assert readings.at(4.604).x == pytest.approx(2.3 + 0.1 * 0.4 / 0.704)
+
+
+def test_a_reading_that_arrived_late_is_no_jump():
+    fast = [(0.2 * n, 0.2 * n, 0.0) for n in range(60)]
+    late = [(12.3, 12.0, 0.0), (12.3005, 12.3, 0.0)]
+    assert track(*fast, *late).num_jumps == 0
+
+
 def test_a_single_reading_is_extrapolated_for_a_moment():
     readings = track((1.0, 0.5, 0.1))
     assert readings.at(1.01) == pytest.approx(Pose(0.5, 1.0, 0.1))

@@ -5,7 +5,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cartoloop.sensor.ordered_times import longest_ordered, spread_repeats, strictly_increasing
+from cartoloop.sensor.ordered_times import (
+    late_bursts,
+    longest_ordered,
+    spread_late,
+    spread_repeats,
+    strictly_increasing,
+)
 from cartoloop.sensor.time_repair import (
     repair_times,
     times_between,
@@ -35,7 +41,7 @@ def test_times_are_finite_and_increase_for_any_stamps(stamps):
 def test_ordered_stamps_are_the_times_bit_for_bit(steps, start):
     stamps = start + np.cumsum([0.0, *steps])
     times, report = repair_times(stamps)
-    if np.diff(stamps).max(initial=0.0) < 3600.0:
+    if np.diff(stamps).max(initial=0.0) < 3600.0 and not late_bursts(stamps):
         assert times.tolist() == stamps.tolist()
         assert report.is_sound
 
@@ -53,6 +59,43 @@ def test_backward_bursts_are_spread_at_the_mean_rate():
     assert report.period == pytest.approx(0.2, rel=1e-3)
     assert np.diff(times) == pytest.approx(np.full(4999, 0.2), rel=0.02)
     assert np.ptp(times - true) < 0.25
+
+
+def given_late(true, begin, end):
+    """Return stamps of arrival: messages of a delay arrive together at its end."""
+    waited = (true >= begin) & (true < end)
+    return np.maximum.accumulate(np.where(waited, end + 5e-4 * np.cumsum(waited), true))
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    begin=st.floats(2.0, 8.0),
+    delay=st.floats(0.7, 3.0),
+    seed=st.integers(0, 2**32 - 1),
+    jitter=st.floats(0.0, 0.05),
+)
+def test_stamps_of_arrival_are_spread_over_the_delay(begin, delay, seed, jitter):
+    rng = np.random.default_rng(seed)
+    true = 0.2 * np.arange(100) + rng.uniform(0.0, jitter, 100)
+    stamps = given_late(true, begin, begin + delay)
+    times, report = repair_times(stamps)
+    late = np.abs(times - stamps) > 0.25  # the last one need not be late
+    assert abs(report.num_late - delay / 0.2) <= 2.0
+    assert np.abs(times - true).max() < 0.3
+    assert np.all(np.diff(times) > 0.1 - jitter)
+    assert np.all((true[late] >= begin) & (true[late] < begin + delay))
+    assert "given late, in bursts" in report.describe()
+
+
+def test_scans_missing_in_a_regular_recording_move_no_other():
+    stamps = np.delete(0.2 * np.arange(200), slice(60, 80))
+    assert spread_late(stamps).tolist() == stamps.tolist()
+
+
+def test_irregular_stamps_are_no_late_bursts():
+    rng = np.random.default_rng(5)
+    stamps = np.cumsum(rng.lognormal(0.0, 2.0, 500))
+    assert late_bursts(stamps) == []
 
 
 def test_bursty_stretches_keep_the_gap_between_them():

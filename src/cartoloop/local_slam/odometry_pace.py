@@ -90,14 +90,15 @@ class Pace(NamedTuple):
             or turn > HASTY_RAD + times * self.fastest_rate
         )
 
-    def is_exceeded(self, distance: float, turn: float, time: float) -> bool:
+    def is_exceeded(self, distance: float, turn: float, time: float, period: float) -> bool:
         """Return whether the step to a reading at a time is much faster than any so far.
 
-        It may be that of all the time since the last reading that was another.
+        It may be that of all the time since the last reading that was another, and of a usual
+        period at least: readings that arrived late have stamps close to the next.
         """
         if self.num_paces < NUM_PACES:
             return False
-        duration = TIMES_FASTEST * (time - self.changed)
+        duration = TIMES_FASTEST * max(time - self.changed, period)
         return (
             distance > KNOWN_STEP_M + self.fastest * duration
             or turn > KNOWN_STEP_RAD + self.fastest_rate * duration

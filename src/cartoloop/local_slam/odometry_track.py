@@ -25,6 +25,10 @@ MAX_EXTRAPOLATION_S = 0.5
 """Longest time after the last reading over which the motion is extrapolated [s]: a few readings
 may be late, but wheels that send nothing have not stopped."""
 
+MIN_SPAN_S = 0.05
+"""Shortest time over which the speed of this motion is measured [s]: messages that waited together
+have stamps a millisecond apart."""
+
 MAX_HOLD_SHARE = 0.05
 """Readings further apart than `MAX_PERIOD_S` do not determine a speed. The robot is then assumed at
 the last reading, for a time that is this share of the time between them."""
@@ -217,8 +221,9 @@ class OdometryTrack:
         """Return whether the robot cannot have moved from one pose to the other until a time."""
         distance = math.hypot(after.x - before.x, after.y - before.y)
         turn = abs(wrap_angle(after.theta - before.theta))
-        since = time - self._readings.times[-1]
-        return _is_too_far(distance, turn, since) or self._pace.is_exceeded(distance, turn, time)
+        since, usual = time - self._readings.times[-1], self.period.usual_s
+        is_exceeded = self._pace.is_exceeded(distance, turn, time, usual)
+        return is_exceeded or _is_too_far(distance, turn, since)
 
     def _repeats(self, time: float, pose: Pose) -> bool:
         """Return whether a reading repeats the last one though the robot moves."""
@@ -252,13 +257,14 @@ class OdometryTrack:
             fraction = (time - times[after - 1]) / (times[after] - times[after - 1])
             return interpolate(pose(after - 1), pose(after), fraction)
         beyond = time - times[-1]
-        span = times[-1] - times[-2] if len(times) > 1 else MAX_PERIOD_S
+        before = bisect_right(times, times[-1] - MIN_SPAN_S) - 1
+        span = times[-1] - times[before] if before >= 0 else MAX_PERIOD_S
         gives_speed = span < MAX_PERIOD_S
         if beyond > (MAX_EXTRAPOLATION_S if gives_speed else MAX_HOLD_SHARE * span):
             return None
         if beyond == 0.0 or not gives_speed:
             return self._last
-        return interpolate(pose(-2), self._last, 1.0 + beyond / span)
+        return interpolate(pose(before), self._last, 1.0 + beyond / span)
 
     def known_from(self, begin: float, end: float) -> float:
         """Return from when on a step is known: its begin, or a reading that is a little later.

@@ -11,6 +11,7 @@ import numpy as np
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.global_slam.sparse_scans import TURN_STEP_M
 from cartoloop.quality.pairs import MapContent
+from cartoloop.sensor.ordered_times import spread_late
 from cartoloop.sensor.pose import Pose, relative, transform_points, wrap_angle, wrap_angles
 from cartoloop.submaps.submap import SPARSE_STEP_M
 
@@ -90,7 +91,7 @@ def _gap_rows(intervals: FloatArray, usual: float) -> list[int]:
 
 def gaps(content: MapContent) -> list[Event]:
     """Return the gaps in time during which the robot drove farther than its poses did."""
-    stamps, poses = content.stamps, content.local_trajectory
+    stamps, poses = spread_late(content.stamps), content.local_trajectory
     found: list[Event] = []
     if len(stamps) < 10:
         return found
@@ -168,7 +169,7 @@ USUAL_SAMPLES = 100
 def misfits(content: MapContent) -> list[Event]:
     """Return the gaps across which scans do not fit, as after a turn; `expected` is 0."""
     scans, poses = content.node_scan_index, content.graph.node_poses
-    intervals = np.diff(content.stamps)
+    intervals = np.diff(spread_late(content.stamps))
     found = []
     for before in _gap_rows(intervals, _usual_interval(intervals)):
         node = int(np.searchsorted(scans, before, side="right")) - 1
@@ -194,7 +195,7 @@ def _misfit_limit(content: MapContent, node: int) -> float:
 
 def jumps(content: MapContent) -> list[Event]:
     """Return the steps that are faster than robots are."""
-    stamps, poses = content.stamps, content.local_trajectory
+    stamps, poses = spread_late(content.stamps), content.local_trajectory
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     seconds = np.maximum(np.diff(stamps), 0.0)
     # Stamps may run backwards or repeat: such steps are judged by the usual interval.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Times in order: repeated ones spread, those out of order left out or raised."""
+"""Times in order: repeated and late ones spread, those out of order left out or raised."""
 
 from __future__ import annotations
 
@@ -8,6 +8,61 @@ from bisect import bisect_right
 import numpy as np
 
 from cartoloop.arrays import FloatArray, IntArray
+
+DELAY_STEPS, BURST_SHARE = 2.0, 0.25
+"""A step longer than the first number of usual ones is a delay if steps follow that are shorter
+than the second share of a usual one."""
+
+REGULAR, REGULAR_SHARE = 0.5, 0.4
+"""Of stamps of regular messages, at least the second share of the steps deviates by less than the
+first share from the usual one: others are of scans that were recorded after some distance each."""
+
+
+def late_bursts(stamps: FloatArray) -> list[tuple[int, int]]:
+    """Return the bursts of stamps that were all given at the end of a delay, as first and last row.
+
+    Messages that wait for a network or a busy computer arrive together; stamps of their arrival
+    are late by up to the delay.
+
+    Parameters
+    ----------
+    stamps : float64, shape (n,) [s].
+    """
+    steps = np.diff(stamps)
+    forwards = steps[steps > 0.0]
+    if len(forwards) == 0:
+        return []
+    usual = float(np.median(forwards))
+    if np.mean(np.abs(steps - usual) < REGULAR * usual) < REGULAR_SHARE:
+        return []
+    is_short = (steps >= 0.0) & (steps < BURST_SHARE * usual)
+    ends = np.append(np.flatnonzero(~is_short), len(steps))  # the steps that end a burst
+    found = []
+    for delay in np.flatnonzero(steps > DELAY_STEPS * usual).tolist():
+        last = int(ends[np.searchsorted(ends, delay, side="right")])
+        if last > delay + 1:
+            found.append((delay + 1, last))
+    return found
+
+
+def spread_late(stamps: FloatArray) -> FloatArray:
+    """Return times for stamps in order, those of late bursts spread over the delay before them.
+
+    They are taken to be a usual step apart, the last a step before the stamp after them, or in time
+    if that is later; they are closer together where the delay is too short.
+    """
+    times = stamps.copy()
+    bursts = late_bursts(stamps)
+    if bursts:
+        steps = np.diff(stamps)
+        usual = float(np.median(steps[steps > 0.0]))
+    for first, last in bursts:
+        number = last + 1 - first
+        before, after = stamps[first - 1], stamps[last + 1] if last + 1 < len(stamps) else np.inf
+        end = min(stamps[last] + usual, after)
+        spacing = min(usual, (end - before) / (number + 1))
+        times[first : last + 1] = end - spacing * np.arange(number, 0, -1)
+    return times
 
 
 def spread_repeats(stamps: FloatArray, period: float) -> FloatArray:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Strictly increasing times from the stamps of a recording.
 
-The order of the file is taken to be correct. Stamps may be late (bursts that run backwards), equal,
-missing, outliers ("wild"), or on a clock that was reset. All functions are pure.
+The order of the file is taken to be correct. Stamps may be late (in bursts, which may run
+backwards), equal, missing, outliers ("wild"), or on a clock that was reset. All functions are pure.
 """
 
 from __future__ import annotations
@@ -14,7 +14,13 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
-from cartoloop.sensor.ordered_times import longest_ordered, spread_repeats, strictly_increasing
+from cartoloop.sensor.ordered_times import (
+    late_bursts,
+    longest_ordered,
+    spread_late,
+    spread_repeats,
+    strictly_increasing,
+)
 
 NOMINAL_PERIOD = 0.2
 """Period of a log without any stamps [s]: the usual scanner of such logs sends at 5 Hz."""
@@ -55,6 +61,7 @@ class TimeReport:
     num_missing : number of lines without a stamp.
     num_backwards : steps to an earlier stamp; `largest_backwards` [s] is the longest of them.
     num_repeated : steps to an equal stamp.
+    num_late : stamps that were given in a burst at the end of a delay.
     num_wild : single stamps far from their neighbours.
     num_repaired : number of times that differ from their stamps.
     period : typical time from one stamp to the next [s].
@@ -67,6 +74,7 @@ class TimeReport:
     num_backwards: int = 0
     largest_backwards: float = 0.0
     num_repeated: int = 0
+    num_late: int = 0
     num_wild: int = 0
     num_repaired: int = 0
     period: float = NOMINAL_PERIOD
@@ -90,6 +98,8 @@ class TimeReport:
             )
         if self.num_repeated:
             parts.append(f"{self.num_repeated} repeated")
+        if self.num_late:
+            parts.append(f"{self.num_late} given late, in bursts")
         if self.num_wild:
             parts.append(f"{self.num_wild} wild")
         if self.resets:
@@ -115,8 +125,8 @@ def repair_times(
     -------
     times : float64, shape (n,) [s]. The stamps where these are in order. Sections between gaps are
         repaired separately. In a bursty section the times follow a polyline through the medians
-        of blocks of 100 stamps. In other sections the largest set of stamps in order is kept, and
-        the others are interpolated.
+        of blocks of 100 stamps. In other sections the largest set of stamps in order is kept, late
+        ones spread over the delay before them, and the others are interpolated.
     report : the faults.
 
     Notes
@@ -141,6 +151,7 @@ def repair_times(
         num_backwards=len(backwards),
         largest_backwards=float(-backwards.min()) if len(backwards) else 0.0,
         num_repeated=int((steps == 0.0).sum()),
+        num_late=_num_late(clean),
         num_wild=int(wild.sum()) + num_finite - len(clean),
         num_repaired=int((times != stamps).sum()),
         period=period,
@@ -149,6 +160,11 @@ def repair_times(
         resets=tuple(int(kept[i]) for i in resets),
     )
     return times, report
+
+
+def _num_late(stamps: FloatArray) -> int:
+    """Return the number of stamps that were given late, where those are not averaged."""
+    return 0 if are_bursty(stamps) else sum(last + 1 - first for first, last in late_bursts(stamps))
 
 
 def are_bursty(stamps: FloatArray) -> bool:
@@ -224,14 +240,15 @@ def _repair_in_sections(
 def _repair_section(stamps: FloatArray, period: float) -> FloatArray:
     """Return increasing times for stamps without long jumps."""
     if not (np.diff(stamps) < 0.0).any():
-        return spread_repeats(stamps, period)
+        return spread_repeats(spread_late(stamps), period)
     if are_bursty(stamps):
         ends = [0, *_lasting_gaps(stamps, period), len(stamps)]
         return strictly_increasing(
             np.concatenate([_even_times(stamps[start:end]) for start, end in pairwise(ends)])
         )
     kept = longest_ordered(stamps)
-    times = _fill(kept, spread_repeats(stamps[kept], period), len(stamps), period)
+    in_order = spread_repeats(spread_late(stamps[kept]), period)
+    times = _fill(kept, in_order, len(stamps), period)
     return strictly_increasing(times)
 
 

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Changes of the stamps of a recording: what verified relations name changes with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from bench.robustness.carmen_text import CarmenText
+from cartoloop.arrays import FloatArray
+
+NewTimes = Callable[[FloatArray, np.random.Generator], FloatArray]
+"""From the times of all readings, in order, and random numbers to new times of each [s]."""
+
+BURST_STEP_S = 0.0005
+"""Time between the stamps of messages that arrive together [s]."""
+
+
+def played_backwards(times: FloatArray, _: np.random.Generator) -> FloatArray:
+    """Return the times of readings that are played from the last to the first."""
+    played: FloatArray = times[0] + times[-1] - times
+    return played
+
+
+def late_in_bursts(period: float, shortest: float, longest: float) -> NewTimes:
+    """Return the times of arrival over a network that is interrupted now and then.
+
+    Parameters
+    ----------
+    period : mean time between two interruptions [s].
+    shortest, longest : of the interruptions [s]; what was sent meanwhile arrives at their end.
+    """
+
+    def new_times(times: FloatArray, rng: np.random.Generator) -> FloatArray:
+        arrival = times.copy()
+        begin = times[0] + rng.exponential(period)
+        while begin < times[-1]:
+            end = begin + rng.uniform(shortest, longest)
+            waiting = np.flatnonzero((times >= begin) & (times < end))
+            arrival[waiting] = end + BURST_STEP_S * np.arange(len(waiting))
+            begin = end + rng.exponential(period)
+        ordered: FloatArray = np.maximum.accumulate(arrival)
+        return ordered
+
+    return new_times
+
+
+def renamed(
+    stamps: FloatArray, log: CarmenText, new_times: NewTimes, rng: np.random.Generator
+) -> FloatArray:
+    """Return what stamps of a log are once its readings have others, same shape."""
+    old = np.array([float(tail[-3]) for tail in log.tails])
+    order = np.argsort(old, kind="stable")
+    middles = 0.5 * (old[order][1:] + old[order][:-1])
+    renamed: FloatArray = new_times(log.times, rng)[order[np.searchsorted(middles, stamps)]]
+    return renamed
+
+
+def with_new_times(log: CarmenText, new_times: NewTimes, rng: np.random.Generator) -> None:
+    """Give the readings of a log other stamps, and the order of these."""
+    times = new_times(log.times, rng)
+    order = np.arange(len(times))[:: -1 if times[-1] < times[0] else 1]
+    stamps = [f"{time:.6f}" for time in times.tolist()]
+    log.poses = log.poses[order]
+    log.ranges = [log.ranges[row] for row in order.tolist()]
+    log.tails = [
+        [*log.tails[row][:-3], stamps[row], log.tails[row][-2], stamps[row]]
+        for row in order.tolist()
+    ]
