@@ -79,7 +79,7 @@ def test_stamps_of_arrival_are_spread_over_the_delay(begin, delay, seed, jitter)
     true = 0.2 * np.arange(100) + rng.uniform(0.0, jitter, 100)
     stamps = given_late(true, begin, begin + delay)
     times, report = repair_times(stamps)
-    late = np.abs(times - stamps) > 0.25  # the last one need not be late
+    late = np.abs(times - stamps) > 0.25  # the last one may not be late
     assert abs(report.num_late - delay / 0.2) <= 2.0
     assert np.abs(times - true).max() < 0.3
     assert np.all(np.diff(times) > 0.1 - jitter)
