@@ -50,6 +50,7 @@ from bench.robustness.log_changes import (
 )
 from bench.robustness.stamp_changes import (
     NewTimes,
+    late_at_random,
     late_in_bursts,
     played_backwards,
     renamed,
@@ -131,6 +132,7 @@ CHANGES: Final = {
         Change("twice", twice),
         Change("backwards", new_times=played_backwards),
         Change("bursts", new_times=late_in_bursts(15.0, 0.5, 2.5), seeds=2),
+        Change("late", new_times=late_at_random(0.1), seeds=3),
         Change("held", held(0.01, 0.5)),
         Change("upside-down", reverse_beams, settings=("sensor.upside_down=true",)),
         Change("jitter", jittering_odometry(0.1), seeds=2),

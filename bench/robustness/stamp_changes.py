@@ -46,6 +46,21 @@ def late_in_bursts(period: float, shortest: float, longest: float) -> NewTimes:
     return new_times
 
 
+def late_at_random(mean: float) -> NewTimes:
+    """Return the times of arrival where each message is late by an exponential time, in order.
+
+    Parameters
+    ----------
+    mean : of the delays [s].
+    """
+
+    def new_times(times: FloatArray, rng: np.random.Generator) -> FloatArray:
+        ordered: FloatArray = np.maximum.accumulate(times + rng.exponential(mean, len(times)))
+        return ordered
+
+    return new_times
+
+
 def renamed(
     stamps: FloatArray, log: CarmenText, new_times: NewTimes, rng: np.random.Generator
 ) -> FloatArray:

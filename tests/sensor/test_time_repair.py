@@ -92,10 +92,21 @@ def test_scans_missing_in_a_regular_recording_move_no_other():
     assert spread_late(stamps).tolist() == stamps.tolist()
 
 
-def test_irregular_stamps_are_no_late_bursts():
+def test_single_bursts_of_irregular_stamps_are_not_spread():
     rng = np.random.default_rng(5)
-    stamps = np.cumsum(rng.lognormal(0.0, 2.0, 500))
-    assert late_bursts(stamps) == []
+    stamps = np.cumsum(rng.lognormal(0.0, 2.0, 80))
+    assert 0 < len(late_bursts(stamps)) < 10
+    assert spread_late(stamps).tolist() == stamps.tolist()
+
+
+def test_stamps_that_are_often_late_follow_the_mean_rate():
+    rng = np.random.default_rng(6)
+    true = 0.2 * np.arange(3000)
+    stamps = np.maximum.accumulate(true + rng.exponential(0.1, len(true)))
+    times, report = repair_times(stamps)
+    assert report.num_backwards == 0
+    assert report.num_late > 100
+    assert np.ptp(times - true) < 0.1
 
 
 def test_bursty_stretches_keep_the_gap_between_them():

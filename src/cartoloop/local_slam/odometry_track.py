@@ -25,9 +25,9 @@ MAX_EXTRAPOLATION_S = 0.5
 """Longest time after the last reading over which the motion is extrapolated [s]: a few readings
 may be late, but wheels that send nothing have not stopped."""
 
-MIN_SPAN_S = 0.05
-"""Shortest time over which the speed of this motion is measured [s]: messages that waited together
-have stamps a millisecond apart."""
+MIN_SPAN_S, MIN_SPAN_PERIODS = 0.05, 0.75
+"""Shortest time over which the speed of this motion is measured [s], [usual periods], the longer of
+both: messages that waited together have stamps a millisecond apart."""
 
 MAX_HOLD_SHARE = 0.05
 """Readings further apart than `MAX_PERIOD_S` do not determine a speed. The robot is then assumed at
@@ -257,7 +257,8 @@ class OdometryTrack:
             fraction = (time - times[after - 1]) / (times[after] - times[after - 1])
             return interpolate(pose(after - 1), pose(after), fraction)
         beyond = time - times[-1]
-        before = bisect_right(times, times[-1] - MIN_SPAN_S) - 1
+        shortest = max(MIN_SPAN_S, MIN_SPAN_PERIODS * self.period.usual_s)
+        before = bisect_right(times, times[-1] - shortest) - 1
         span = times[-1] - times[before] if before >= 0 else MAX_PERIOD_S
         gives_speed = span < MAX_PERIOD_S
         if beyond > (MAX_EXTRAPOLATION_S if gives_speed else MAX_HOLD_SHARE * span):

@@ -11,8 +11,8 @@ import numpy as np
 from cartoloop.arrays import BoolArray, FloatArray
 from cartoloop.global_slam.sparse_scans import TURN_STEP_M
 from cartoloop.quality.pairs import MapContent
-from cartoloop.sensor.ordered_times import spread_late
 from cartoloop.sensor.pose import Pose, relative, transform_points, wrap_angle, wrap_angles
+from cartoloop.sensor.time_repair import repair_times
 from cartoloop.submaps.submap import SPARSE_STEP_M
 
 MIN_GAP_S, GAP_INTERVALS = 1.5, 6.0
@@ -79,19 +79,25 @@ def _usual_interval(intervals: FloatArray) -> float:
     return float(np.median(forwards)) if len(forwards) else 1.0
 
 
-def _gap_rows(intervals: FloatArray, usual: float) -> list[int]:
-    """Return the scans after which there is a gap, where stamps increase all around."""
+def _gap_rows(stamps: FloatArray, intervals: FloatArray) -> list[int]:
+    """Return the scans after which there is a gap, where stamps increase all around.
+
+    Parameters
+    ----------
+    intervals : between the scans, by their times as they were repaired for mapping [s].
+    """
+    steps, usual = np.diff(stamps), _usual_interval(intervals)
     rows = np.flatnonzero(intervals > max(MIN_GAP_S, GAP_INTERVALS * usual)).tolist()
     return [
         row
         for row in rows
-        if not np.any(intervals[max(row - ORDERED_SCANS, 0) : row + ORDERED_SCANS] < 0.0)
+        if not np.any(steps[max(row - ORDERED_SCANS, 0) : row + ORDERED_SCANS] < 0.0)
     ]
 
 
 def gaps(content: MapContent) -> list[Event]:
     """Return the gaps in time during which the robot drove farther than its poses did."""
-    stamps, poses = spread_late(content.stamps), content.local_trajectory
+    stamps, poses = repair_times(content.stamps)[0], content.local_trajectory
     found: list[Event] = []
     if len(stamps) < 10:
         return found
@@ -102,7 +108,7 @@ def gaps(content: MapContent) -> list[Event]:
         return found
     paths = np.concatenate(([0.0], np.cumsum(steps)))
     around = max(3, round(SPEED_OVER_S / max(usual, 1e-3)))
-    for before in _gap_rows(intervals, usual):
+    for before in _gap_rows(content.stamps, intervals):
         after, seconds = before + 1, float(intervals[before])
         first, last = max(before - around, 0), min(after + around, len(stamps) - 1)
         speeds = [
@@ -169,9 +175,9 @@ USUAL_SAMPLES = 100
 def misfits(content: MapContent) -> list[Event]:
     """Return the gaps across which scans do not fit, as after a turn; `expected` is 0."""
     scans, poses = content.node_scan_index, content.graph.node_poses
-    intervals = np.diff(spread_late(content.stamps))
+    intervals = np.diff(repair_times(content.stamps)[0])
     found = []
-    for before in _gap_rows(intervals, _usual_interval(intervals)):
+    for before in _gap_rows(content.stamps, intervals):
         node = int(np.searchsorted(scans, before, side="right")) - 1
         if not 0 <= node < len(scans) - 1:
             continue
@@ -195,7 +201,7 @@ def _misfit_limit(content: MapContent, node: int) -> float:
 
 def jumps(content: MapContent) -> list[Event]:
     """Return the steps that are faster than robots are."""
-    stamps, poses = spread_late(content.stamps), content.local_trajectory
+    stamps, poses = repair_times(content.stamps)[0], content.local_trajectory
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     seconds = np.maximum(np.diff(stamps), 0.0)
     # Stamps may run backwards or repeat: such steps are judged by the usual interval.

@@ -33,8 +33,6 @@ def late_bursts(stamps: FloatArray) -> list[tuple[int, int]]:
     if len(forwards) == 0:
         return []
     usual = float(np.median(forwards))
-    if np.mean(np.abs(steps - usual) < REGULAR * usual) < REGULAR_SHARE:
-        return []
     is_short = (steps >= 0.0) & (steps < BURST_SHARE * usual)
     ends = np.append(np.flatnonzero(~is_short), len(steps))  # the steps that end a burst
     found = []
@@ -46,16 +44,19 @@ def late_bursts(stamps: FloatArray) -> list[tuple[int, int]]:
 
 
 def spread_late(stamps: FloatArray) -> FloatArray:
-    """Return times for stamps in order, those of late bursts spread over the delay before them.
+    """Return times for regular stamps in order, late bursts spread over the delay before them.
 
     They are taken to be a usual step apart, the last a step before the stamp after them, or in time
     if that is later; they are closer together where the delay is too short.
     """
     times = stamps.copy()
     bursts = late_bursts(stamps)
-    if bursts:
-        steps = np.diff(stamps)
-        usual = float(np.median(steps[steps > 0.0]))
+    if not bursts:
+        return times
+    steps = np.diff(stamps)
+    usual = float(np.median(steps[steps > 0.0]))
+    if np.mean(np.abs(steps - usual) < REGULAR * usual) < REGULAR_SHARE:
+        return times
     for first, last in bursts:
         number = last + 1 - first
         before, after = stamps[first - 1], stamps[last + 1] if last + 1 < len(stamps) else np.inf

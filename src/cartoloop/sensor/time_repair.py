@@ -37,8 +37,9 @@ LATEST_STAMP = 1e11
 AGREEING_STAMPS = 5
 """Number of neighbours on either side; a stamp is compared with their median."""
 
-BURSTY_SHARE, BURSTY_COUNT = 0.01, 10
-"""Share and number of backward steps that make a section bursty: its stamps are then averaged."""
+BURSTY_SHARE, LATE_SHARE, BURSTY_COUNT = 0.01, 0.02, 10
+"""Share of backward steps or of late bursts, and number of either, that make a section bursty: its
+stamps are then averaged."""
 
 BLOCK_SCANS = 100
 """Number of scans over which bursty stamps are averaged."""
@@ -151,7 +152,7 @@ def repair_times(
         num_backwards=len(backwards),
         largest_backwards=float(-backwards.min()) if len(backwards) else 0.0,
         num_repeated=int((steps == 0.0).sum()),
-        num_late=_num_late(clean),
+        num_late=sum(last + 1 - first for first, last in late_bursts(clean)),
         num_wild=int(wild.sum()) + num_finite - len(clean),
         num_repaired=int((times != stamps).sum()),
         period=period,
@@ -162,15 +163,12 @@ def repair_times(
     return times, report
 
 
-def _num_late(stamps: FloatArray) -> int:
-    """Return the number of stamps that were given late, where those are not averaged."""
-    return 0 if are_bursty(stamps) else sum(last + 1 - first for first, last in late_bursts(stamps))
-
-
 def are_bursty(stamps: FloatArray) -> bool:
-    """Return whether stamps run backwards often: lines were written late, in bursts."""
+    """Return whether stamps run backwards or are late often: lines were written in bursts."""
     backwards = int((np.diff(stamps) < 0.0).sum())
-    return backwards >= BURSTY_COUNT and backwards >= BURSTY_SHARE * len(stamps)
+    if backwards >= max(BURSTY_COUNT, BURSTY_SHARE * len(stamps)):
+        return True
+    return len(late_bursts(stamps)) >= max(BURSTY_COUNT, LATE_SHARE * len(stamps))
 
 
 def jump_length(period: float) -> float:
@@ -239,13 +237,13 @@ def _repair_in_sections(
 
 def _repair_section(stamps: FloatArray, period: float) -> FloatArray:
     """Return increasing times for stamps without long jumps."""
-    if not (np.diff(stamps) < 0.0).any():
-        return spread_repeats(spread_late(stamps), period)
     if are_bursty(stamps):
         ends = [0, *_lasting_gaps(stamps, period), len(stamps)]
         return strictly_increasing(
             np.concatenate([_even_times(stamps[start:end]) for start, end in pairwise(ends)])
         )
+    if not (np.diff(stamps) < 0.0).any():
+        return spread_repeats(spread_late(stamps), period)
     kept = longest_ordered(stamps)
     in_order = spread_repeats(spread_late(stamps[kept]), period)
     times = _fill(kept, in_order, len(stamps), period)
