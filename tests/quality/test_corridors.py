@@ -13,7 +13,7 @@ from cartoloop.global_slam.pose_graph import PoseGraph
 from cartoloop.quality.corridor_places import DISPLACED_GAIN, corridor_places
 from cartoloop.quality.corridors import Corridors, corridors, gain_elsewhere
 from cartoloop.quality.motion import standing
-from cartoloop.quality.motion_places import standing_places
+from cartoloop.quality.motion_places import STANDS_CHANGED_CORRIDOR, standing_places
 from cartoloop.quality.odometry_use import without_odometry
 
 STEP_M, SECONDS = 0.2, 0.2
@@ -155,6 +155,16 @@ def test_a_pose_that_stands_between_bare_walls_is_doubtful(niches, odometry, is_
     halls = corridors(run, 10.0, by_chords=False)
 
     assert len(standing_places(standing(run), halls, odometry, run)) == int(is_doubtful)
+
+
+@pytest.mark.parametrize(("odometry", "is_doubtful"), [(None, True), (GOOD, False), (FROZEN, True)])
+def test_people_may_pass_a_robot_whose_odometry_stands(odometry, is_doubtful):
+    run = run_along(np.zeros(6), niches=True, seconds=5.0)
+    halls = corridors(run, 10.0, by_chords=False)
+    crowd = [each._replace(changed=1.5 * STANDS_CHANGED_CORRIDOR) for each in standing(run)]
+
+    assert crowd
+    assert len(standing_places(crowd, halls, odometry, run)) == int(is_doubtful)
 
 
 def test_odometry_that_stands_still_counts_as_none():

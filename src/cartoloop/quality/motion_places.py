@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -138,6 +138,9 @@ STANDS_S, STANDS_LONG_S = 10.0, 20.0
 are stuck: people make up a tenth. In a corridor less moves, only what stands out from its walls; of
 some hundred returns there, three that graze an edge move where the robot stands, too."""
 
+STANDS_BY_ODOMETRY = 2.0
+"""Factor of these shares where odometry shows that it stands: more people than usual do."""
+
 
 def standing_places(
     found: list[Standing],
@@ -160,7 +163,11 @@ def standing_places(
         if stand.seconds < STANDS_S:
             continue
         in_corridor = _is_in_corridor(halls, stand.first, stand.last)
-        if _moves(stand, usual, in_corridor=in_corridor):
+        limit = _usual_limit(stand, in_corridor=in_corridor)
+        if not np.any(has_none[stand.first : stand.last + 1]):
+            limit *= STANDS_BY_ODOMETRY
+        # What usually changes takes long to measure, and few get so far.
+        if stand.changed >= limit and stand.changed >= limit + usual():
             what = f"{100 * stand.changed:.0f}% of the returns change"
         elif (
             in_corridor
@@ -185,18 +192,11 @@ def standing_places(
     return places[:MAX_PLACES]
 
 
-def _moves(stand: Standing, usual: Callable[[], float], *, in_corridor: bool) -> bool:
-    """Return whether more of the returns changes than where a robot stands.
-
-    Parameters
-    ----------
-    usual : returns the share that changes everywhere.
-    """
-    limit = STANDS_CHANGED
-    if stand.seconds >= STANDS_LONG_S:
-        limit = STANDS_CHANGED_CORRIDOR if in_corridor else STANDS_CHANGED_LONG
-    # What usually changes takes long to measure, and few get so far.
-    return stand.changed >= limit and stand.changed >= limit + usual()
+def _usual_limit(stand: Standing, *, in_corridor: bool) -> float:
+    """Return the share of the returns that move around a robot which stands."""
+    if stand.seconds < STANDS_LONG_S:
+        return STANDS_CHANGED
+    return STANDS_CHANGED_CORRIDOR if in_corridor else STANDS_CHANGED_LONG
 
 
 def _is_in_corridor(halls: Corridors, first: int, last: int) -> bool:
