@@ -173,3 +173,11 @@ def test_a_scale_that_nothing_measured_is_that_of_the_matches():
     measured, *odometry = distances(0.97, number=5)
     matched = OdometryParameters(translation_scale=1.01, translation_error=0.001)
     assert with_measured_scale(matched, measured, *odometry, OdometryParameters()) == matched
+
+
+def test_odometry_that_never_moves_shows_no_scale():
+    measured, times, poses = distances(0.97)
+    matched = OdometryParameters(translation_error=0.001)
+    at_rest = np.zeros_like(poses)
+    found = with_measured_scale(matched, measured, times, at_rest, OdometryParameters(), math.inf)
+    assert found == matched

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S, MAX_HOLD_SHARE, OdometryTrack
@@ -76,6 +77,15 @@ def test_a_reading_that_arrived_late_is_no_jump():
     fast = [(0.2 * n, 0.2 * n, 0.0) for n in range(60)]
     late = [(12.3, 12.0, 0.0), (12.3005, 12.3, 0.0)]
     assert track(*fast, *late).num_jumps == 0
+
+
+def test_readings_at_random_jump_often_and_resets_do_not():
+    rng = np.random.default_rng(1)
+    wild = track(*((0.2 * n, *rng.uniform(-9.0, 9.0, 2).tolist()) for n in range(50)))
+    reset = track(*((0.2 * n, 0.1 * (n % 20), 0.0) for n in range(400)))
+    assert wild.jumps_often
+    assert reset.num_jumps >= 10
+    assert not reset.jumps_often
 
 
 def test_a_single_reading_is_extrapolated_for_a_moment():

@@ -120,6 +120,14 @@ def test_it_is_trusted_again_once_it_moves_with_the_scans():
     assert trust.faults[0].end == pytest.approx(15 * PERIOD, abs=3 * PERIOD)
 
 
+def test_a_turn_does_not_show_how_far_wheels_roll():
+    turn = Pose(0.0, 0.0, 0.1)
+    slipping, _ = follow([STEP] * 20 + [turn] * 20, [Pose(0.3, 0.0, 0.02)] * 20 + [turn] * 20)
+    skidding, _ = follow([STEP] * 20 + [turn] * 20, [Pose(0.1, 0.0, 0.12)] * 20 + [turn] * 20)
+    assert not slipping.is_trusted
+    assert skidding.is_trusted
+
+
 def test_standing_still_together_proves_nothing():
     trust, _ = follow([STEP] * 10 + [STAND] * 30, [STAND] * 40)
     assert not trust.is_trusted

@@ -30,6 +30,10 @@ MIN_REST_S, CHANGE_OVER_S, MAX_CHANGED_SHARE = 0.5, 1.0, 0.15
 """Odometry that has not changed for the first [s] misses a motion if more than this share of the
 ranges has changed over the second [s], or since then: around a robot at rest, only people move."""
 
+REST_M, REST_RAD = 1e-6, 0.005
+"""Odometry that reports less from scan to scan has not changed [m], [rad]: its heading may have
+noise."""
+
 STALE_M, STALE_RAD, STALE_SHARE = 0.03, 0.03, 0.5
 """Odometry that does not change at all while the scans move by more than this [m], [rad] repeats an
 old reading. It is new again when it agrees with the scans up to that and a share of the motion."""
@@ -101,8 +105,8 @@ class OdometryMotion:
 
     @property
     def is_stale(self) -> bool:
-        """Whether it repeats an old reading while the scans move."""
-        return self._is_stale or self._misses_motion
+        """Whether it repeats an old reading while the scans move, or jumps all the time."""
+        return self._is_stale or self._misses_motion or self._track.jumps_often
 
     @property
     def shows_motion(self) -> bool:
@@ -229,7 +233,7 @@ class OdometryMotion:
         self, time: float, reported: Pose | None, evidence: Evidence | None
     ) -> bool:
         """Return whether it has not changed for some time in which the ranges have."""
-        if reported != IDENTITY:
+        if reported is None or not _is_at_rest(reported):
             self._rests_since = math.inf
             return False
         self._rests_since = min(self._rests_since, time)
@@ -371,6 +375,11 @@ class OdometryMotion:
             for before in self._track.reported_around(begin, reach)
             for after in self._track.reported_around(end, reach)
         ]
+
+
+def _is_at_rest(step: Pose) -> bool:
+    """Return whether odometry reports no distance and hardly any turn."""
+    return math.hypot(step.x, step.y) < REST_M and abs(step.theta) < REST_RAD
 
 
 _StepKey = tuple[float, float, int, OdometryParameters]

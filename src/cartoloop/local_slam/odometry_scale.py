@@ -55,6 +55,9 @@ ROUNDS = 8
 MIN_TYPICAL_ERROR_M = 1e-4
 """Lower limit of the typical error [m], so that exact data do not divide by zero."""
 
+MAX_RATIO = 1000.0
+"""Of measured over predicted distances; beyond, the odometry does not show that the robot moves."""
+
 
 def with_measured_scale(
     model: OdometryParameters,
@@ -94,7 +97,10 @@ def with_measured_scale(
         num_metres = 0 if math.isnan(noise) else len(used)
     if known.knows_scale:
         estimates.append((known.translation_scale, max(known.scale_error, MIN_KNOWN_ERROR)))
-    scale, error = combined([matched, *estimates])
+    estimates.append(matched)
+    if not any(error < math.inf for _, error in estimates):
+        return model  # as of odometry that never moves
+    scale, error = combined(estimates)
     scale = min(max(scale, MIN_SCALE), MAX_SCALE)
     return replace(
         model,
@@ -163,9 +169,10 @@ def measured_ratio(
         typical = max(math.sqrt(float(np.median(squares))), MIN_TYPICAL_ERROR_M)
         weights = information / (1.0 + squares / (LOSS_SCALE * typical) ** 2)
         total = float(weights @ predicted)
-        if total <= 0.0:
+        moved = float(weights @ measured)
+        if total <= moved / MAX_RATIO or total <= 0.0:
             return 1.0, math.inf, math.nan
-        ratio = float(weights @ measured) / total
+        ratio = moved / total
     terms = weights * (measured - ratio * predicted)
     error = math.sqrt(float(terms @ terms)) / total
     lengths = np.maximum(np.abs(predicted), MIN_LENGTH_M)
@@ -179,7 +186,10 @@ def are_contradictory(first: tuple[float, float], second: tuple[float, float]) -
 
 
 def combined(estimates: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return the mean of values with standard errors, weighted by these, and its own."""
+    """Return the mean of values with standard errors, weighted by these, and its own.
+
+    At least one error is finite.
+    """
     weights = [error**-2 for _, error in estimates if error < math.inf]
     values = [value for value, error in estimates if error < math.inf]
     total = math.fsum(weights)

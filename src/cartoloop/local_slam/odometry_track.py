@@ -47,6 +47,9 @@ no robot on wheels is so fast."""
 MAX_STEP_RAD, MAX_TURN_RATE = 1.0, 10.0
 """The same for the heading [rad], [rad/s]."""
 
+MANY_JUMPS, JUMPING_SHARE = 5, 0.1
+"""Odometry with as many jumps, which are this share of its readings at least, shows no motion."""
+
 SPEED_OVER_S = 0.3
 """Time before a reading over which its speed is measured [s]."""
 
@@ -99,6 +102,11 @@ class OdometryTrack:
     def __len__(self) -> int:
         """Return the number of readings, with those that were forgotten."""
         return len(self._readings) + self._num_forgotten
+
+    @property
+    def jumps_often(self) -> bool:
+        """Whether most that it reports is by chance: robots are slower than its steps."""
+        return self.num_jumps >= max(MANY_JUMPS, JUMPING_SHARE * len(self))
 
     @property
     def known_until(self) -> float:

@@ -98,6 +98,7 @@ class OdometryTrust:
     def __init__(self, earlier_score: float = 0.0) -> None:
         self.faults: list[OdometryFault] = []
         self._fault: OdometryFault | None = None  # that lasts until now
+        self._is_by_turn = False  # whether it contradicted the turn of the scans, not their way
         self._unsteady: OdometryFault | None = None
         self._record = PredictionRecord(earlier_score)
         self._windows: dict[str, StepWindow] = {}
@@ -181,7 +182,7 @@ class OdometryTrust:
             begin, lever = steps[0].begin, LEVER_M if is_calibrated else UNKNOWN_LEVER_M
             matched, odometry = window.matched, window.reported
             if self._fault is not None:
-                if _agree(matched, odometry, lever):
+                if _agree(matched, odometry, lever, by_turn=self._is_by_turn):
                     self._fault.end = begin
                     self._fault = None
             elif (
@@ -194,6 +195,7 @@ class OdometryTrust:
                     for step in list(steps)[-2:]
                 )
                 self._fault = _fault(begin, matched, odometry, _kind(matched, odometry, stands))
+                self._is_by_turn = _turned_otherwise(matched, odometry)
                 self.faults.append(self._fault)
                 self._forget_predictions(begin)
                 num_faulty = len(steps)
@@ -254,12 +256,17 @@ def _sizes(matched: Pose, odometry: Pose) -> tuple[float, float, float, float]:
 
 def differ(matched: Pose, odometry: Pose, *, is_calibrated: bool) -> bool:
     """Return whether the motions of scans and odometry in a window contradict each other."""
-    apart, length, turned_apart, turn = _sizes(matched, odometry)
+    apart, length, _, turn = _sizes(matched, odometry)
     lever = LEVER_M if is_calibrated else UNKNOWN_LEVER_M
     share = CALIBRATED_FAULT_SHARE if is_calibrated else FAULT_SHARE
-    return apart > max(FAULT_M + lever * turn, share * length) or turned_apart > max(
-        FAULT_RAD, FAULT_SHARE * turn
-    )
+    is_elsewhere = apart > max(FAULT_M + lever * turn, share * length)
+    return is_elsewhere or _turned_otherwise(matched, odometry)
+
+
+def _turned_otherwise(matched: Pose, odometry: Pose) -> bool:
+    """Return whether the turns of scans and odometry in a window contradict each other."""
+    _, _, turned_apart, turn = _sizes(matched, odometry)
+    return turned_apart > max(FAULT_RAD, FAULT_SHARE * turn)
 
 
 def follows(step: Pose, expected: Pose) -> bool:
@@ -285,10 +292,15 @@ def _is_held(matched: Pose, odometry: Pose, begin: float, evidence: Evidence | N
     return evidence is None or evidence.change_since(begin) > STANDING_CHANGE_M
 
 
-def _agree(matched: Pose, odometry: Pose, lever: float) -> bool:
-    """Return whether two motions of a window are large enough to be compared, and agree."""
+def _agree(matched: Pose, odometry: Pose, lever: float, *, by_turn: bool) -> bool:
+    """Return whether two motions of a window are large enough to be compared, and agree.
+
+    Parameters
+    ----------
+    by_turn : whether a turn is large enough: it shows nothing of how far the wheels roll.
+    """
     apart, length, turned_apart, turn = _sizes(matched, odometry)
-    if length < PROOF_M and turn < PROOF_RAD:
+    if length < PROOF_M and not (by_turn and turn >= PROOF_RAD):
         return False
     return (
         apart < GOOD_M + lever * turn + GOOD_SHARE * length
