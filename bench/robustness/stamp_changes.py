@@ -16,6 +16,9 @@ NewTimes = Callable[[FloatArray, np.random.Generator], FloatArray]
 BURST_STEP_S = 0.0005
 """Time between the stamps of messages that arrive together [s]."""
 
+LEAST_STEP_S = 1e-5
+"""Least time between two stamps [s]."""
+
 
 def played_backwards(times: FloatArray, _: np.random.Generator) -> FloatArray:
     """Return the times of readings that are played from the last to the first."""
@@ -40,8 +43,7 @@ def late_in_bursts(period: float, shortest: float, longest: float) -> NewTimes:
             waiting = np.flatnonzero((times >= begin) & (times < end))
             arrival[waiting] = end + BURST_STEP_S * np.arange(len(waiting))
             begin = end + rng.exponential(period)
-        ordered: FloatArray = np.maximum.accumulate(arrival)
-        return ordered
+        return _in_order(arrival)
 
     return new_times
 
@@ -55,10 +57,16 @@ def late_at_random(mean: float) -> NewTimes:
     """
 
     def new_times(times: FloatArray, rng: np.random.Generator) -> FloatArray:
-        ordered: FloatArray = np.maximum.accumulate(times + rng.exponential(mean, len(times)))
-        return ordered
+        return _in_order(times + rng.exponential(mean, len(times)))
 
     return new_times
+
+
+def _in_order(times: FloatArray) -> FloatArray:
+    """Return times, later where one before it is, and no two equal: stamps name scans."""
+    steps = LEAST_STEP_S * np.arange(len(times))
+    ordered: FloatArray = np.maximum.accumulate(times - steps) + steps
+    return ordered
 
 
 def renamed(

@@ -98,7 +98,7 @@ class OdometryTrust:
     def __init__(self, earlier_score: float = 0.0) -> None:
         self.faults: list[OdometryFault] = []
         self._fault: OdometryFault | None = None  # that lasts until now
-        self._is_by_turn = False  # whether it contradicted the turn of the scans, not their way
+        self._is_over_by_turn = False  # whether a turn shows that it is over
         self._unsteady: OdometryFault | None = None
         self._record = PredictionRecord(earlier_score)
         self._windows: dict[str, StepWindow] = {}
@@ -182,7 +182,7 @@ class OdometryTrust:
             begin, lever = steps[0].begin, LEVER_M if is_calibrated else UNKNOWN_LEVER_M
             matched, odometry = window.matched, window.reported
             if self._fault is not None:
-                if _agree(matched, odometry, lever, by_turn=self._is_by_turn):
+                if _agree(matched, odometry, lever, by_turn=self._is_over_by_turn):
                     self._fault.end = begin
                     self._fault = None
             elif (
@@ -195,7 +195,7 @@ class OdometryTrust:
                     for step in list(steps)[-2:]
                 )
                 self._fault = _fault(begin, matched, odometry, _kind(matched, odometry, stands))
-                self._is_by_turn = _turned_otherwise(matched, odometry)
+                self._is_over_by_turn = stands or _turned_otherwise(matched, odometry)
                 self.faults.append(self._fault)
                 self._forget_predictions(begin)
                 num_faulty = len(steps)
