@@ -72,11 +72,12 @@ def _in_order(times: FloatArray) -> FloatArray:
 def renamed(
     stamps: FloatArray, log: CarmenText, new_times: NewTimes, rng: np.random.Generator
 ) -> FloatArray:
-    """Return what stamps of a log are once its readings have others, same shape."""
-    old = np.array([float(tail[-3]) for tail in log.tails])
+    """Return what stamps of scans are once the readings of a log have others, same shape."""
+    scans = np.flatnonzero(log.is_scan)
+    old = np.array([float(log.tails[row][-3]) for row in scans.tolist()])
     order = np.argsort(old, kind="stable")
     middles = 0.5 * (old[order][1:] + old[order][:-1])
-    renamed: FloatArray = new_times(log.times, rng)[order[np.searchsorted(middles, stamps)]]
+    renamed: FloatArray = new_times(log.times, rng)[scans[order[np.searchsorted(middles, stamps)]]]
     return renamed
 
 
