@@ -218,6 +218,33 @@ def test_the_model_is_estimated_while_scans_come_in():
     assert calibration.model.translation_scale == pytest.approx(1.05, rel=0.02)
 
 
+def left_out(odometry):
+    """A calibration by scans of which all steps contradict the odometry."""
+    way = winding_way()
+    stamps, _ = reported_by(UNKNOWN, way)
+    track, calibration = OdometryTrack(), OdometryCalibration()
+    for time, pose, said in zip(stamps, matched(stamps, way), odometry, strict=True):
+        track.add(float(time), Pose(*said.tolist()))
+        calibration.add(float(time), Pose(*pose.tolist()), track, num_faulty=1)
+    return calibration.model
+
+
+def test_odometry_is_not_left_out_for_a_wrong_calibration():
+    turned = OdometryParameters(yaw=math.radians(90.0), time_offset=0.1)
+    _, odometry = reported_by(turned, winding_way())
+    found = left_out(odometry)
+    assert found.yaw == pytest.approx(turned.yaw, abs=math.radians(0.5))
+    assert found.time_offset == pytest.approx(0.1, abs=0.02)
+
+
+def test_what_no_calibration_explains_stays_left_out():
+    _, odometry = reported_by(UNKNOWN, winding_way())
+    rng = np.random.default_rng(1)
+    random = np.cumsum(rng.normal(0.0, 0.05, odometry.shape), axis=0)
+    for wrong in (np.zeros_like(odometry), odometry * (0.0, 0.0, 1.0), random):
+        assert left_out(wrong) == UNKNOWN
+
+
 def test_what_readings_do_not_show_is_not_used():
     """Those of half a minute are missing; between them the robot drove in curves."""
     model = OdometryParameters(rotation_scale=1.1, translation_scale=0.95, lever_x=0.1)

@@ -41,10 +41,15 @@ class MatchedScans(NamedTuple):
     is_usable: BoolArray
 
 
-def latest(series: Iterable[ScanSeries], window: int) -> MatchedScans:
-    """Return the latest scans of each scanner; each has some."""
+def latest(series: Iterable[ScanSeries], window: int, *, with_faulty: bool = False) -> MatchedScans:
+    """Return the latest scans of each scanner; each has some.
+
+    Parameters
+    ----------
+    with_faulty : whether steps that are not used count as usable.
+    """
     every = [(one.times[-window:], one.poses[-window:], one.is_usable[-window:]) for one in series]
-    is_usable = [np.array(usable, dtype=np.bool_) for _, _, usable in every]
+    is_usable = [np.array(usable, dtype=np.bool_) | with_faulty for _, _, usable in every]
     for one in is_usable:
         one[0] = False
     return MatchedScans(

@@ -23,7 +23,7 @@ from cartoloop.local_slam.clock_offset import (
     clock_offset,
     next_estimate,
 )
-from cartoloop.local_slam.matched_scans import ScanSeries, latest
+from cartoloop.local_slam.matched_scans import MatchedScans, ScanSeries, latest
 from cartoloop.local_slam.measured_distance import MeasuredDistance
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
 from cartoloop.local_slam.odometry_readings import are_measured
@@ -68,6 +68,10 @@ equations leave undetermined; a lever arm of half a metre is large."""
 
 USUAL_SCALES = (0.7, 1.4)
 """Turns that are other than reported by up to these factors are compared as they are."""
+
+MOST_FAULTY, EXPLAINED_SHARE = 0.5, 0.25
+"""Once this share of the steps is left out, all are explained anew: the calibration may be what is
+wrong. It is, if errors are below the second share of the motions of steps, in the median."""
 
 NOTED_CHANGE = 0.002
 """Changes of the scale that are noted, as a share of it."""
@@ -180,8 +184,17 @@ class OdometryCalibration:
         )
         known = replace(before, veer=veer, num_stretches=num_stretches)
         scans = latest(every, self._window)
+        if np.mean(scans.is_usable) < MOST_FAULTY:
+            scans = self._with_explained(scans, track)
         model = estimate(scans.times, scans.poses, *odometry, known, scans.is_usable)
         return self._with_scale(model, track, math.inf if model is known else MATCHED_ERROR)
+
+    def _with_explained(self, scans: MatchedScans, track: OdometryTrack) -> MatchedScans:
+        """Return scans whose faulty steps are used if another calibration explains them all."""
+        every = latest(self._series.values(), self._window, with_faulty=True)
+        start = replace(OdometryParameters(), veer=self.model.veer)
+        model = estimate(every.times, every.poses, *track.arrays(), start, every.is_usable)
+        return every if _explains(model, every) else scans
 
     def _with_scale(
         self, model: OdometryParameters, track: OdometryTrack, matched_error: float
@@ -259,6 +272,20 @@ def estimate(
         num_turns=num_turns,
         rotation_error=float(np.median(errors[:, 2])) if knows_rotation else math.nan,
         translation_error=float(np.median(np.hypot(errors[:, 0], errors[:, 1]))),
+    )
+
+
+def _explains(model: OdometryParameters, scans: MatchedScans) -> bool:
+    """Return whether the errors of a model are small compared with the motions of the scans."""
+    if not (model.is_known and model.knows_rotation):
+        return False
+    steps = relative_all(scans.poses[:-1], scans.poses[1:])[scans.is_usable[1:]]
+    lengths, turns = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    lengths, turns = lengths[lengths > MIN_MOVE_M], turns[turns > MIN_TURN_RAD]
+    return (
+        len(lengths) >= MIN_STEPS
+        and model.translation_error <= EXPLAINED_SHARE * float(np.median(lengths))
+        and model.rotation_error <= EXPLAINED_SHARE * float(np.median(turns))
     )
 
 
