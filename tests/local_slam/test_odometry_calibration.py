@@ -219,7 +219,7 @@ def test_the_model_is_estimated_while_scans_come_in():
 
 
 def left_out(odometry):
-    """A calibration by scans of which all steps contradict the odometry."""
+    """A calibration by scans, all of whose steps contradict the odometry."""
     way = winding_way()
     stamps, _ = reported_by(UNKNOWN, way)
     track, calibration = OdometryTrack(), OdometryCalibration()

@@ -70,8 +70,8 @@ USUAL_SCALES = (0.7, 1.4)
 """Turns that are other than reported by up to these factors are compared as they are."""
 
 MOST_FAULTY, EXPLAINED_SHARE = 0.5, 0.25
-"""Once this share of the steps is left out, all are explained anew: the calibration may be what is
-wrong. It is, if errors are below the second share of the motions of steps, in the median."""
+"""Once this share of the steps is left out, another calibration is tried: this one may be what is
+wrong. It is if errors by the other one are below the second share of the steps, in the median."""
 
 NOTED_CHANGE = 0.002
 """Changes of the scale that are noted, as a share of it."""
