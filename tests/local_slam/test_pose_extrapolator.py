@@ -155,10 +155,15 @@ def test_readings_that_give_way_to_others_do_not_add_up(extrapolator):
     assert predicted.x == pytest.approx(4.9, abs=0.02)
 
 
-@pytest.mark.parametrize(("share", "is_by_odometry"), [(0.0, True), (0.1, True), (0.4, False)])
-def test_odometry_rests_only_while_ranges_stay(extrapolator, share, is_by_odometry):
-    """Along bare walls, where the match follows the odometry."""
-    evidence = Evidence(False, 0.0, lambda _: math.inf, lambda: 0.0, lambda _: share)
+@pytest.mark.parametrize(
+    ("share", "gain", "is_by_odometry"),
+    [(0.0, 0.0, True), (0.1, 0.2, True), (0.4, 0.2, False), (0.4, 0.01, True)],
+)
+def test_odometry_rests_only_while_ranges_stay(extrapolator, share, gain, is_by_odometry):
+    """Along bare walls, where the match follows the odometry; or people change the ranges."""
+    evidence = Evidence(
+        False, 0.0, lambda _: math.inf, lambda: 0.0, lambda _: share, lambda _: gain
+    )
     steps = [0.0] + 8 * [0.1] + [0.07, 0.04, 0.01] + 10 * [0.0] + 3 * [0.05]
     predicted = []
     for number, x in enumerate(np.cumsum(steps).tolist()):

@@ -283,10 +283,9 @@ class LocalSlam:
         """Return what a match of a scanner says about the motion, None without a match."""
         if match is None:
             return None
+        changes = scanner.changed_share_since, scanner.moving_gain_since
         if by_walls:
-            return Evidence(
-                True, 0.0, scanner.change_since, lambda: math.inf, scanner.changed_share_since
-            )
+            return Evidence(True, 0.0, scanner.change_since, lambda: math.inf, *changes)
         ratio, direction = degenerate_direction(match.match)
         turned = self._active.submaps[0].tf_local_submap.theta
         return Evidence(
@@ -294,7 +293,7 @@ class LocalSlam:
             direction + turned,
             scanner.change_since,
             partial(normal_ratio, points, math.inf),
-            scanner.changed_share_since,
+            *changes,
         )
 
     def _along_walls(

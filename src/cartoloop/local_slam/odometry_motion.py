@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -29,6 +30,10 @@ of a noisy scanner move by some centimetres while the robot stands."""
 MIN_REST_S, CHANGE_OVER_S, MAX_CHANGED_SHARE = 0.5, 1.0, 0.15
 """Odometry that has not changed for the first [s] misses a motion if more than this share of the
 ranges has changed over the second [s], or since then: around a robot at rest, only people move."""
+
+MIN_GAIN, NUM_GAINS = 0.05, 5
+"""And if a motion explains this share more of the scans than rest does, in the mean of the latest
+scans. Among people who walk it is 0.01."""
 
 REST_M, REST_RAD = 1e-6, 0.005
 """Odometry that reports less from scan to scan has not changed [m], [rad]: its heading may have
@@ -75,6 +80,7 @@ class OdometryMotion:
         self._step: Pose | None = None
         self._is_stale = self._misses_motion = False
         self._rests_since = math.inf
+        self._gains: deque[float] = deque(maxlen=NUM_GAINS)
         self._stood_at: Pose | None = None
         self._num_late = 0
 
@@ -235,12 +241,16 @@ class OdometryMotion:
         """Return whether it has not changed for some time in which the ranges have."""
         if reported is None or not _is_at_rest(reported):
             self._rests_since = math.inf
+            self._gains.clear()
             return False
         self._rests_since = min(self._rests_since, time)
         if not self._track.has_moved or evidence is None or time - self._rests_since < MIN_REST_S:
             return False
         since = max(self._rests_since, time - CHANGE_OVER_S)
-        return evidence.changed_share(since) > MAX_CHANGED_SHARE
+        if evidence.changed_share(since) <= MAX_CHANGED_SHARE:
+            return False
+        self._gains.append(evidence.moving_gain(since))
+        return sum(self._gains) > MIN_GAIN * len(self._gains)
 
     def _is_late(self, begin: float, end: float, matched: Pose) -> bool:
         """Return whether the odometry reports about such a motion shortly before or after."""

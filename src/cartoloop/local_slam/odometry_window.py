@@ -31,6 +31,8 @@ class Evidence(NamedTuple):
     wall_ratio : returns which way walls face, see :func:`normal_ratio`.
     changed_share : returns the share of the ranges that have changed since a time; 0 if that is not
         known.
+    moving_gain : returns by how much better a motion since a time explains the scan than rest; 0
+        if that is not known.
     """
 
     is_determined: bool
@@ -38,6 +40,7 @@ class Evidence(NamedTuple):
     change_since: Callable[[float], float]
     wall_ratio: Callable[[], float]
     changed_share: Callable[[float], float] = lambda _: 0.0
+    moving_gain: Callable[[float], float] = lambda _: 0.0
 
 
 class Step(NamedTuple):

@@ -14,6 +14,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.measured_distance import DistanceMeter
 from cartoloop.local_slam.motion_filter import MotionFilter
+from cartoloop.local_slam.moving_gain import have_changed, moving_gain
 from cartoloop.local_slam.scan_matcher import ScanMatcher
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.sensor.events import LaserScan, PointCloud
@@ -21,10 +22,6 @@ from cartoloop.sensor.range_noise import NO_NOISE, Noise
 
 MAX_RECENT = 64
 """Number of scans of a scanner that are kept for a comparison: more than a second of them."""
-
-CHANGE_M, CHANGE_SHARE, CHANGE_SIGMAS = 0.05, 0.03, 4.0
-"""A range has changed if it has by more than the first [m], this share of it, and this number of
-standard deviations of a noisy scanner."""
 
 
 @dataclass(slots=True)
@@ -62,18 +59,26 @@ class Scanner:
         both = self._ranges_since(time)
         if not both.size:
             return 0.0
-        ranges = both.min(axis=0)
-        limits = CHANGE_M + CHANGE_SHARE * ranges + CHANGE_SIGMAS * self.noise.at(ranges)
-        return float(np.mean(np.abs(both[1] - both[0]) > limits))
+        return float(np.mean(have_changed(both[0], both[1], self.noise)))
+
+    def moving_gain_since(self, time: float) -> float:
+        """Return by how much better a motion since a time explains the scan; 0 if not known."""
+        first = self._first_since(time)
+        return 0.0 if first is None else moving_gain(first, self.recent[-1], self.noise)
+
+    def _first_since(self, time: float) -> LaserScan | None:
+        """Return the first scan since a time, None if it is the last one or has other beams."""
+        first = next((scan for scan in self.recent if scan.time >= time), None)
+        if first is None or first is self.recent[-1]:
+            return None
+        return first if len(first.ranges) == len(self.recent[-1].ranges) else None
 
     def _ranges_since(self, time: float) -> FloatArray:
         """Return ranges of the same beams in the first scan since a time and now, shape (2, n)."""
-        first = next((scan for scan in self.recent if scan.time >= time), None)
-        if first is None or first is self.recent[-1]:
+        first = self._first_since(time)
+        if first is None:
             return np.empty((2, 0))
         before, now = first.ranges, self.recent[-1].ranges
-        if len(before) != len(now):
-            return np.empty((2, 0))
         limit = first.geometry.range_max
         is_both = (before > 0.0) & (now > 0.0) & (before < limit) & (now < limit)
         return np.stack((before[is_both], now[is_both]))

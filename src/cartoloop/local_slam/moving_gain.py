@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether two scans of a robot are explained better by a motion between them than by none.
+
+Around a robot at rest, people change many of the ranges; what else it sees stays where it is. If
+the robot moves, even along a corridor, much fits from another place only.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.sensor.events import LaserScan
+from cartoloop.sensor.range_noise import Noise
+
+CHANGE_M, CHANGE_SHARE, CHANGE_SIGMAS = 0.05, 0.03, 4.0
+"""A range has changed if it has by more than the first [m], this share of it, and this number of
+standard deviations of a noisy scanner."""
+
+FARTHEST_M, SPACING_M = 1.0, 0.1
+"""Motions that are tried, forwards, backwards and to both sides: up to the first, by the second."""
+
+MIN_SEEN = 0.5
+"""Least share of the returns that must be in the view of the other scan."""
+
+
+def have_changed(before: FloatArray, now: FloatArray, noise: Noise) -> BoolArray:
+    """Return which ranges differ by more than their noise.
+
+    Parameters
+    ----------
+    before, now : float64, same shape [m].
+    """
+    nearer = np.minimum(before, now)
+    changed: BoolArray = np.abs(now - before) > (
+        CHANGE_M + CHANGE_SHARE * nearer + CHANGE_SIGMAS * noise.at(nearer)
+    )
+    return changed
+
+
+def moving_gain(before: LaserScan, now: LaserScan, noise: Noise) -> float:
+    """Return by how much more of a scan fits an earlier one after a motion than after none.
+
+    Returns
+    -------
+    The difference of two shares of its returns; 0 if rest explains most, or there are no returns.
+    """
+    is_return = _are_returns(now)
+    count = int(np.count_nonzero(is_return))
+    if count == 0:
+        return 0.0
+    ranges, bearings = now.ranges[is_return], _bearings(now)[is_return]
+    points = ranges[:, np.newaxis] * np.column_stack((np.cos(bearings), np.sin(bearings)))
+    moved = points + _motions()[:, np.newaxis]
+    beam = _beams(before, np.arctan2(moved[..., 1], moved[..., 0]))
+    rows = np.clip(beam, 0, len(before.ranges) - 1)
+    is_seen = (beam == rows) & _are_returns(before)[rows]
+    fits = is_seen & ~have_changed(before.ranges[rows], np.hypot(*np.moveaxis(moved, 2, 0)), noise)
+    shares = fits.sum(axis=1) / np.maximum(is_seen.sum(axis=1), MIN_SEEN * count)
+    return float(shares.max() - shares[0])
+
+
+def _motions() -> FloatArray:
+    """Return the motions that are tried, shape (n, 2); the first is none."""
+    steps = np.arange(SPACING_M, FARTHEST_M + 0.5 * SPACING_M, SPACING_M)
+    both = np.concatenate((-steps, steps))
+    none = np.zeros_like(both)
+    along, across = np.column_stack((both, none)), np.column_stack((none, both))
+    return np.concatenate((np.zeros((1, 2)), along, across))
+
+
+def _are_returns(scan: LaserScan) -> BoolArray:
+    is_return: BoolArray = (scan.ranges > 0.0) & (scan.ranges < scan.geometry.range_max)
+    return is_return
+
+
+def _bearings(scan: LaserScan) -> FloatArray:
+    geometry = scan.geometry
+    bearings: FloatArray = geometry.angle_min + geometry.angle_increment * np.arange(
+        len(scan.ranges)
+    )
+    return bearings
+
+
+def _beams(scan: LaserScan, bearings: FloatArray) -> FloatArray:
+    """Return the beams of a scan that are nearest to bearings [rad], beyond its ends, too."""
+    geometry = scan.geometry
+    middle = geometry.angle_min + 0.5 * geometry.angle_increment * (len(scan.ranges) - 1)
+    from_middle = np.remainder(bearings - middle + np.pi, 2.0 * np.pi) - np.pi
+    beams = np.rint((from_middle + middle - geometry.angle_min) / geometry.angle_increment)
+    return beams.astype(np.int64)

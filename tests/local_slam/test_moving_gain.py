@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a robot moved between two scans, or people walked around it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cartoloop.local_slam.moving_gain import FARTHEST_M, SPACING_M, have_changed, moving_gain
+from cartoloop.local_slam.odometry_motion import MIN_GAIN
+from cartoloop.sensor.events import LaserScan
+from cartoloop.sensor.pose import Pose, relative
+from cartoloop.sensor.range_noise import NO_NOISE
+from cartoloop.simulation import office, simulate
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return simulate(office(), duration=60.0)
+
+
+@pytest.fixture(scope="module")
+def scans(drive):
+    return [event for event in drive.events() if isinstance(event, LaserScan)]
+
+
+def steps_of(drive, apart):
+    """The motions from each scan to a later one, and their rows."""
+    poses = [Pose(*pose) for pose in drive.true_poses.tolist()]
+    return [relative(one, other) for one, other in zip(poses, poses[apart:], strict=False)]
+
+
+def with_people(scan, rng, share):
+    """A scan in which people stand before some of the walls: in blocks of beams."""
+    ranges, count = scan.ranges.copy(), len(scan.ranges)
+    while np.mean(ranges != scan.ranges) < share:
+        first, width = int(rng.integers(count)), int(rng.integers(5, 25))
+        rows = np.arange(first, first + width) % count
+        ranges[rows] = np.minimum(ranges[rows], rng.uniform(0.8, 2.5))
+    return replace(scan, ranges=ranges)
+
+
+def reference(before, now):
+    """The gain beam by beam."""
+    geometry, shares = before.geometry, []
+    steps = [k * SPACING_M for k in range(1, round(FARTHEST_M / SPACING_M) + 1)]
+    motions = [(0.0, 0.0)]
+    for step in steps:
+        motions += [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)]
+    for x, y in motions:
+        seen = fitting = count = 0
+        for beam, distance in enumerate(now.ranges.tolist()):
+            if not 0.0 < distance < geometry.range_max:
+                continue
+            count += 1
+            bearing = geometry.angle_min + beam * geometry.angle_increment
+            place_x, place_y = distance * np.cos(bearing) + x, distance * np.sin(bearing) + y
+            towards = np.arctan2(place_y, place_x)
+            of_all = geometry.angle_min + geometry.angle_increment * np.arange(len(before.ranges))
+            off = np.abs(np.angle(np.exp(1j * (of_all - towards))))
+            nearest = int(np.argmin(off))
+            if off[nearest] > 0.5 * geometry.angle_increment + 1e-9:
+                continue
+            there = before.ranges[nearest]
+            if not 0.0 < there < geometry.range_max:
+                continue
+            seen += 1
+            apart = np.array([there]), np.array([np.hypot(place_x, place_y)])
+            fitting += not have_changed(*apart, NO_NOISE)[0]
+        shares.append(fitting / max(seen, 0.5 * count))
+    return max(shares) - shares[0]
+
+
+def test_a_robot_that_drives_on_is_noticed(drive, scans):
+    moved = [
+        moving_gain(before, now, NO_NOISE)
+        for before, now, step in zip(scans, scans[3:], steps_of(drive, 3), strict=False)
+        if np.hypot(step.x, step.y) > 0.3 and abs(step.theta) < 0.02
+    ]
+    assert len(moved) > 10
+    assert np.mean(np.array(moved) > MIN_GAIN) > 0.9
+
+
+def test_people_around_a_robot_at_rest_are_no_motion(scans):
+    rng = np.random.default_rng(1)
+    gains = [
+        moving_gain(with_people(scan, rng, 0.2), with_people(scan, rng, 0.2), NO_NOISE)
+        for scan in scans[::5]
+    ]
+    assert np.mean(gains) < 0.2 * MIN_GAIN
+
+
+def test_the_gain_is_that_of_single_beams(scans):
+    rng = np.random.default_rng(2)
+    for row in (10, 60, 110):
+        before, now = with_people(scans[row], rng, 0.1), scans[row + 2]
+        assert moving_gain(before, now, NO_NOISE) == pytest.approx(reference(before, now), abs=0.01)
+
+
+def test_scans_without_returns_show_no_motion(scans):
+    blind = replace(scans[0], ranges=np.full_like(scans[0].ranges, np.inf))
+    assert moving_gain(blind, scans[1], NO_NOISE) == 0.0
+    assert moving_gain(scans[1], blind, NO_NOISE) == 0.0
