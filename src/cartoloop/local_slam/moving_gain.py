@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cartoloop.arrays import BoolArray, FloatArray
+from cartoloop.arrays import BoolArray, FloatArray, IntArray
 from cartoloop.sensor.events import LaserScan
 from cartoloop.sensor.range_noise import Noise
 
@@ -62,7 +62,7 @@ def moving_gain(before: LaserScan, now: LaserScan, noise: Noise) -> float:
 
 def _motions() -> FloatArray:
     """Return the motions that are tried, shape (n, 2); the first is none."""
-    steps = np.arange(SPACING_M, FARTHEST_M + 0.5 * SPACING_M, SPACING_M)
+    steps: FloatArray = np.arange(SPACING_M, FARTHEST_M + 0.5 * SPACING_M, SPACING_M)
     both = np.concatenate((-steps, steps))
     none = np.zeros_like(both)
     along, across = np.column_stack((both, none)), np.column_stack((none, both))
@@ -76,16 +76,16 @@ def _are_returns(scan: LaserScan) -> BoolArray:
 
 def _bearings(scan: LaserScan) -> FloatArray:
     geometry = scan.geometry
-    bearings: FloatArray = geometry.angle_min + geometry.angle_increment * np.arange(
-        len(scan.ranges)
-    )
+    beams = np.arange(len(scan.ranges), dtype=np.float64)
+    bearings: FloatArray = geometry.angle_min + geometry.angle_increment * beams
     return bearings
 
 
-def _beams(scan: LaserScan, bearings: FloatArray) -> FloatArray:
+def _beams(scan: LaserScan, bearings: FloatArray) -> IntArray:
     """Return the beams of a scan that are nearest to bearings [rad], beyond its ends, too."""
     geometry = scan.geometry
     middle = geometry.angle_min + 0.5 * geometry.angle_increment * (len(scan.ranges) - 1)
     from_middle = np.remainder(bearings - middle + np.pi, 2.0 * np.pi) - np.pi
     beams = np.rint((from_middle + middle - geometry.angle_min) / geometry.angle_increment)
-    return beams.astype(np.int64)
+    rows: IntArray = beams.astype(np.int64)
+    return rows
