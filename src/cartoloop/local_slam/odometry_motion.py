@@ -31,7 +31,7 @@ MIN_REST_S, CHANGE_OVER_S, MAX_CHANGED_SHARE = 0.5, 1.0, 0.15
 """Odometry that has not changed for the first [s] misses a motion if more than this share of the
 ranges has changed over the second [s], or since then: around a robot at rest, only people move."""
 
-MIN_GAIN, NUM_GAINS = 0.05, 5
+MIN_GAIN, NUM_GAINS = 0.02, 15
 """And if a motion explains this share more of the scans than rest does, in the mean of the latest
 scans. Among people who walk it is 0.01."""
 
