@@ -8,7 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cartoloop.local_slam.moving_gain import FARTHEST_M, SPACING_M, have_changed, moving_gain
+from cartoloop.local_slam.moving_gain import (
+    ALL_BY_REST,
+    FARTHEST_M,
+    SPACING_M,
+    explained,
+    have_changed,
+)
 from cartoloop.local_slam.odometry_motion import MIN_GAIN
 from cartoloop.sensor.events import LaserScan
 from cartoloop.sensor.pose import Pose, relative
@@ -42,11 +48,17 @@ def with_people(scan, rng, share):
     return replace(scan, ranges=ranges)
 
 
-def reference(before, now):
-    """The gain beam by beam."""
+def moving_gain(before, now):
+    shares = explained(before, now, NO_NOISE, (0.0, 0.0))
+    return shares.by_motion - shares.by_rest
+
+
+def reference(before, now, velocity):
+    """The shares, beam by beam."""
     geometry, shares = before.geometry, []
     steps = [k * SPACING_M for k in range(1, round(FARTHEST_M / SPACING_M) + 1)]
-    motions = [(0.0, 0.0)]
+    seconds = now.time - before.time
+    motions = [(0.0, 0.0), (velocity[0] * seconds, velocity[1] * seconds)]
     for step in steps:
         motions += [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)]
     for x, y in motions:
@@ -70,12 +82,12 @@ def reference(before, now):
             apart = np.array([there]), np.array([np.hypot(place_x, place_y)])
             fitting += not have_changed(*apart, NO_NOISE)[0]
         shares.append(fitting / max(seen, 0.5 * count))
-    return max(shares) - shares[0]
+    return shares[0], shares[1], max(shares)
 
 
 def test_a_robot_that_drives_on_is_noticed(drive, scans):
     moved = [
-        moving_gain(before, now, NO_NOISE)
+        moving_gain(before, now)
         for before, now, step in zip(scans, scans[3:], steps_of(drive, 3), strict=False)
         if np.hypot(step.x, step.y) > 0.3 and abs(step.theta) < 0.02
     ]
@@ -86,20 +98,49 @@ def test_a_robot_that_drives_on_is_noticed(drive, scans):
 def test_people_around_a_robot_at_rest_are_no_motion(scans):
     rng = np.random.default_rng(1)
     gains = [
-        moving_gain(with_people(scan, rng, 0.2), with_people(scan, rng, 0.2), NO_NOISE)
-        for scan in scans[::5]
+        moving_gain(with_people(scan, rng, 0.2), with_people(scan, rng, 0.2)) for scan in scans[::5]
     ]
     assert np.mean(gains) < 0.2 * MIN_GAIN
 
 
-def test_the_gain_is_that_of_single_beams(scans):
+def test_the_expected_motion_explains_what_a_driving_robot_sees(drive, scans):
+    better = []
+    for before, now, step in zip(scans, scans[5:], steps_of(drive, 5), strict=False):
+        if np.hypot(step.x, step.y) > 0.5 and abs(step.theta) < 0.02:
+            seconds = now.time - before.time
+            shares = explained(before, now, NO_NOISE, (step.x / seconds, step.y / seconds))
+            better.append(shares.by_expected > shares.by_rest)
+    assert len(better) > 10
+    assert np.mean(better) > 0.95
+
+
+def test_shares_are_those_of_single_beams(scans):
     rng = np.random.default_rng(2)
     for row in (10, 60, 110):
         before, now = with_people(scans[row], rng, 0.1), scans[row + 2]
-        assert moving_gain(before, now, NO_NOISE) == pytest.approx(reference(before, now), abs=0.01)
+        shares = explained(before, now, NO_NOISE, (0.4, -0.1))
+        assert shares == pytest.approx(reference(before, now, (0.4, -0.1)), abs=0.01)
 
 
 def test_scans_without_returns_show_no_motion(scans):
     blind = replace(scans[0], ranges=np.full_like(scans[0].ranges, np.inf))
-    assert moving_gain(blind, scans[1], NO_NOISE) == 0.0
-    assert moving_gain(scans[1], blind, NO_NOISE) == 0.0
+    assert explained(scans[1], blind, NO_NOISE, (0.0, 0.0)) == ALL_BY_REST
+    assert moving_gain(blind, scans[1]) == 0.0
+
+
+def test_the_expected_motion_is_that_of_the_robot(drive, scans):
+    """A scanner that looks to the left sees a robot that drives ahead move to its right."""
+    row = next(
+        n for n, step in enumerate(steps_of(drive, 5)) if step.x > 0.5 and abs(step.theta) < 0.01
+    )
+    turned = [
+        replace(
+            scan, geometry=replace(scan.geometry, tf_tracking_sensor=Pose(0.0, 0.0, np.pi / 2.0))
+        )
+        for scan in (scans[row], scans[row + 5])
+    ]
+    seconds = turned[1].time - turned[0].time
+    step = steps_of(drive, 5)[row]
+    aside = explained(*turned, NO_NOISE, (0.0, step.x / seconds))
+    ahead = explained(scans[row], scans[row + 5], NO_NOISE, (step.x / seconds, 0.0))
+    assert aside.by_expected == pytest.approx(ahead.by_expected, abs=1e-9)

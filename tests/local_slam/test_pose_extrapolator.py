@@ -10,6 +10,7 @@ import pytest
 
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.gap import MAX_ERROR_M, ODOMETRY_ERROR_SHARE
+from cartoloop.local_slam.moving_gain import Explained
 from cartoloop.local_slam.odometry_window import Evidence
 from cartoloop.local_slam.pose_extrapolator import PoseExtrapolator
 from cartoloop.sensor.events import Imu
@@ -156,13 +157,21 @@ def test_readings_that_give_way_to_others_do_not_add_up(extrapolator):
 
 
 @pytest.mark.parametrize(
-    ("share", "gain", "is_by_odometry"),
-    [(0.0, 0.0, True), (0.1, 0.2, True), (0.4, 0.2, False), (0.4, 0.01, True)],
+    ("share", "by_rest", "by_expected", "is_by_odometry"),
+    [
+        (0.0, 0.9, 0.9, True),
+        (0.1, 0.2, 0.9, True),
+        (0.4, 0.6, 0.6, False),
+        (0.4, 0.7, 0.4, True),
+    ],
 )
-def test_odometry_rests_only_while_ranges_stay(extrapolator, share, gain, is_by_odometry):
+def test_odometry_rests_only_while_ranges_stay(
+    extrapolator, share, by_rest, by_expected, is_by_odometry
+):
     """Along bare walls, where the match follows the odometry; or people change the ranges."""
+    explained = Explained(by_rest, by_expected, max(by_rest, by_expected))
     evidence = Evidence(
-        False, 0.0, lambda _: math.inf, lambda: 0.0, lambda _: share, lambda _: gain
+        False, 0.0, lambda _: math.inf, lambda: 0.0, lambda _: share, lambda *_: explained
     )
     steps = [0.0] + 8 * [0.1] + [0.07, 0.04, 0.01] + 10 * [0.0] + 3 * [0.05]
     predicted = []

@@ -283,7 +283,7 @@ class LocalSlam:
         """Return what a match of a scanner says about the motion, None without a match."""
         if match is None:
             return None
-        changes = scanner.changed_share_since, scanner.moving_gain_since
+        changes = scanner.changed_share_since, scanner.explained_since
         if by_walls:
             return Evidence(True, 0.0, scanner.change_since, lambda: math.inf, *changes)
         ratio, direction = degenerate_direction(match.match)

@@ -7,6 +7,8 @@ the robot moves, even along a corridor, much fits from another place only.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from cartoloop.arrays import BoolArray, FloatArray, IntArray
@@ -38,35 +40,61 @@ def have_changed(before: FloatArray, now: FloatArray, noise: Noise) -> BoolArray
     return changed
 
 
-def moving_gain(before: LaserScan, now: LaserScan, noise: Noise) -> float:
-    """Return by how much more of a scan fits an earlier one after a motion than after none.
+class Explained(NamedTuple):
+    """The shares of a scan's returns that fit an earlier scan.
 
-    Returns
-    -------
-    The difference of two shares of its returns; 0 if rest explains most, or there are no returns.
+    Attributes
+    ----------
+    by_rest : if the robot did not move.
+    by_expected : after the motion that was expected of it.
+    by_motion : after the best of many motions; not less than either.
+    """
+
+    by_rest: float
+    by_expected: float
+    by_motion: float
+
+
+ALL_BY_REST = Explained(1.0, 0.0, 1.0)
+"""Where nothing is known."""
+
+
+def explained(
+    before: LaserScan, now: LaserScan, noise: Noise, velocity: tuple[float, float]
+) -> Explained:
+    """Return how much of a scan fits an earlier one: without a motion, and after motions.
+
+    Parameters
+    ----------
+    noise : of the scanner.
+    velocity : that is expected of the robot, along x and y of the tracking frame [m/s].
     """
     is_return = _are_returns(now)
     count = int(np.count_nonzero(is_return))
     if count == 0:
-        return 0.0
+        return ALL_BY_REST
     ranges, bearings = now.ranges[is_return], _bearings(now)[is_return]
     points = ranges[:, np.newaxis] * np.column_stack((np.cos(bearings), np.sin(bearings)))
-    moved = points + _motions()[:, np.newaxis]
+    moved = points + _motions(before, now.time - before.time, velocity)[:, np.newaxis]
     beam = _beams(before, np.arctan2(moved[..., 1], moved[..., 0]))
     rows = np.clip(beam, 0, len(before.ranges) - 1)
     is_seen = (beam == rows) & _are_returns(before)[rows]
     fits = is_seen & ~have_changed(before.ranges[rows], np.hypot(*np.moveaxis(moved, 2, 0)), noise)
     shares = fits.sum(axis=1) / np.maximum(is_seen.sum(axis=1), MIN_SEEN * count)
-    return float(shares.max() - shares[0])
+    return Explained(float(shares[0]), float(shares[1]), float(shares.max()))
 
 
-def _motions() -> FloatArray:
-    """Return the motions that are tried, shape (n, 2); the first is none."""
+def _motions(scan: LaserScan, seconds: float, velocity: tuple[float, float]) -> FloatArray:
+    """Return the motions that are tried, in the scanner's frame: none, the expected one, others."""
     steps: FloatArray = np.arange(SPACING_M, FARTHEST_M + 0.5 * SPACING_M, SPACING_M)
     both = np.concatenate((-steps, steps))
     none = np.zeros_like(both)
     along, across = np.column_stack((both, none)), np.column_stack((none, both))
-    return np.concatenate((np.zeros((1, 2)), along, across))
+    yaw = scan.geometry.tf_tracking_sensor.theta
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    x, y = velocity[0] * seconds, velocity[1] * seconds
+    expected = (cos * x + sin * y, cos * y - sin * x)
+    return np.concatenate((((0.0, 0.0), expected), along, across))
 
 
 def _are_returns(scan: LaserScan) -> BoolArray:

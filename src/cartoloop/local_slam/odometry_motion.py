@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -16,6 +15,7 @@ from cartoloop.config import PredictionConfig
 from cartoloop.local_slam.measured_distance import MeasuredDistance
 from cartoloop.local_slam.odometry_calibration import OdometryCalibration
 from cartoloop.local_slam.odometry_parameters import OdometryParameters
+from cartoloop.local_slam.odometry_rest import OdometryRest, is_at_rest
 from cartoloop.local_slam.odometry_track import MAX_EXTRAPOLATION_S, OdometryTrack
 from cartoloop.local_slam.odometry_trust import OdometryFault, OdometryTrust, differ, follows
 from cartoloop.local_slam.odometry_window import Evidence
@@ -31,13 +31,13 @@ MIN_REST_S, CHANGE_OVER_S, MAX_CHANGED_SHARE = 0.5, 1.0, 0.15
 """Odometry that has not changed for the first [s] misses a motion if more than this share of the
 ranges has changed over the second [s], or since then: around a robot at rest, only people move."""
 
-MIN_GAIN, NUM_GAINS = 0.02, 15
+MIN_GAIN = 0.05
 """And if a motion explains this share more of the scans than rest does, in the mean of the latest
 scans. Among people who walk it is 0.01."""
 
-REST_M, REST_RAD = 1e-6, 0.005
-"""Odometry that reports less from scan to scan has not changed [m], [rad]: its heading may have
-noise."""
+ABRUPT_SPEED, ABRUPT_S, WORSE_SHARE = 0.1, 5.0, 0.02
+"""Odometry that was faster than the first [m/s] in the last second before it came to rest may have
+stopped alone. For the second [s], that motion must explain this share less than rest does."""
 
 STALE_M, STALE_RAD, STALE_SHARE = 0.03, 0.03, 0.5
 """Odometry that does not change at all while the scans move by more than this [m], [rad] repeats an
@@ -79,8 +79,7 @@ class OdometryMotion:
         self._step_key: _StepKey | None = None
         self._step: Pose | None = None
         self._is_stale = self._misses_motion = False
-        self._rests_since = math.inf
-        self._gains: deque[float] = deque(maxlen=NUM_GAINS)
+        self._rest = OdometryRest()
         self._stood_at: Pose | None = None
         self._num_late = 0
 
@@ -213,7 +212,9 @@ class OdometryMotion:
         if not self.has_readings:
             return 0
         reported = None if last is None else self.measured_step(last[0], time)
-        self._misses_motion = self._is_at_rest_wrongly(time, reported, evidence)
+        self._misses_motion = last is not None and self._is_at_rest_wrongly(
+            last[0], time, reported, evidence
+        )
         is_known = self.model.is_known
         num_faulty = self._trust.add(
             time, pose, reported, evidence, self._is_late, is_known, scanner, expected
@@ -236,21 +237,34 @@ class OdometryMotion:
         return max(num_faulty, int(self.is_stale))
 
     def _is_at_rest_wrongly(
-        self, time: float, reported: Pose | None, evidence: Evidence | None
+        self, begin: float, time: float, reported: Pose | None, evidence: Evidence | None
     ) -> bool:
-        """Return whether it has not changed for some time in which the ranges have."""
-        if reported is None or not _is_at_rest(reported):
-            self._rests_since = math.inf
-            self._gains.clear()
+        """Return whether it has not changed for some time in which the ranges have.
+
+        Parameters
+        ----------
+        begin, time : of the latest step, from scan to scan [s].
+        reported : that step, None where it is not known.
+        evidence : of the match; None if the scan was not matched.
+        """
+        if reported is None:
             return False
-        self._rests_since = min(self._rests_since, time)
-        if not self._track.has_moved or evidence is None or time - self._rests_since < MIN_REST_S:
+        if not is_at_rest(reported):
+            self._rest.move(begin, time, reported)
             return False
-        since = max(self._rests_since, time - CHANGE_OVER_S)
+        self._rest.begin(time)
+        rests_for = time - self._rest.since
+        if not self._track.has_moved or evidence is None or rests_for < MIN_REST_S:
+            return False
+        since = max(self._rest.since, time - CHANGE_OVER_S)
         if evidence.changed_share(since) <= MAX_CHANGED_SHARE:
             return False
-        self._gains.append(evidence.moving_gain(since))
-        return sum(self._gains) > MIN_GAIN * len(self._gains)
+        velocity = self._rest.velocity_before
+        by_rest, by_expected, by_motion = evidence.explained(since, velocity)
+        gain = self._rest.mean_gain(by_motion - by_rest)
+        if rests_for < ABRUPT_S and math.hypot(*velocity) > ABRUPT_SPEED:
+            return by_expected > by_rest - WORSE_SHARE
+        return gain > MIN_GAIN
 
     def _is_late(self, begin: float, end: float, matched: Pose) -> bool:
         """Return whether the odometry reports about such a motion shortly before or after."""
@@ -385,11 +399,6 @@ class OdometryMotion:
             for before in self._track.reported_around(begin, reach)
             for after in self._track.reported_around(end, reach)
         ]
-
-
-def _is_at_rest(step: Pose) -> bool:
-    """Return whether odometry reports no distance and hardly any turn."""
-    return math.hypot(step.x, step.y) < REST_M and abs(step.theta) < REST_RAD
 
 
 _StepKey = tuple[float, float, int, OdometryParameters]

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
+from cartoloop.local_slam.moving_gain import ALL_BY_REST, Explained
 from cartoloop.sensor.pose import IDENTITY, Pose, relative
 
 WINDOW_S, MIN_STEPS = 1.0, 5
@@ -31,8 +32,8 @@ class Evidence(NamedTuple):
     wall_ratio : returns which way walls face, see :func:`normal_ratio`.
     changed_share : returns the share of the ranges that have changed since a time; 0 if that is not
         known.
-    moving_gain : returns by how much better a motion since a time explains the scan than rest; 0
-        if that is not known.
+    explained : returns how much of the scan rest and motion since a time, at a velocity, explain;
+        all if that is not known.
     """
 
     is_determined: bool
@@ -40,7 +41,7 @@ class Evidence(NamedTuple):
     change_since: Callable[[float], float]
     wall_ratio: Callable[[], float]
     changed_share: Callable[[float], float] = lambda _: 0.0
-    moving_gain: Callable[[float], float] = lambda _: 0.0
+    explained: Callable[[float, tuple[float, float]], Explained] = lambda *_: ALL_BY_REST
 
 
 class Step(NamedTuple):

@@ -14,7 +14,7 @@ from cartoloop.arrays import FloatArray
 from cartoloop.config import LocalSlamConfig
 from cartoloop.local_slam.measured_distance import DistanceMeter
 from cartoloop.local_slam.motion_filter import MotionFilter
-from cartoloop.local_slam.moving_gain import have_changed, moving_gain
+from cartoloop.local_slam.moving_gain import ALL_BY_REST, Explained, explained, have_changed
 from cartoloop.local_slam.scan_matcher import ScanMatcher
 from cartoloop.local_slam.wall_step import WallStep
 from cartoloop.sensor.events import LaserScan, PointCloud
@@ -61,10 +61,17 @@ class Scanner:
             return 0.0
         return float(np.mean(have_changed(both[0], both[1], self.noise)))
 
-    def moving_gain_since(self, time: float) -> float:
-        """Return by how much better a motion since a time explains the scan; 0 if not known."""
+    def explained_since(self, time: float, velocity: tuple[float, float]) -> Explained:
+        """Return how much of the scan rest and motion since a time explain; all if not known.
+
+        Parameters
+        ----------
+        velocity : that is expected of the robot, along x and y of the tracking frame [m/s].
+        """
         first = self._first_since(time)
-        return 0.0 if first is None else moving_gain(first, self.recent[-1], self.noise)
+        if first is None:
+            return ALL_BY_REST
+        return explained(first, self.recent[-1], self.noise, velocity)
 
     def _first_since(self, time: float) -> LaserScan | None:
         """Return the first scan since a time, None if it is the last one or has other beams."""
