@@ -48,6 +48,7 @@ from bench.robustness.log_changes import (
     thinned,
     twice,
 )
+from bench.robustness.people import people
 from bench.robustness.stamp_changes import (
     NewTimes,
     late_at_random,
@@ -132,6 +133,7 @@ CHANGES: Final = {
         Change("twice", twice),
         Change("backwards", new_times=played_backwards),
         Change("bursts", new_times=late_in_bursts(15.0, 0.5, 2.5), seeds=2),
+        Change("people", people(3), seeds=3),
         Change("late", new_times=late_at_random(0.1), seeds=3),
         Change("held", held(0.01, 0.5)),
         Change("upside-down", reverse_beams, settings=("sensor.upside_down=true",)),

@@ -333,6 +333,15 @@ def test_a_recording_played_backwards_ends_where_it_began(source, original, tmp_
     assert log.times == pytest.approx(original.times[0] + original.times[-1] - original.times[::-1])
 
 
+def test_people_hide_some_of_the_walls(source, original, tmp_path):
+    log = changed(source, tmp_path, "people")
+    nearer = ranges_of(original) - ranges_of(log)
+    assert nearer.min() >= 0.0
+    assert 0.02 < np.mean(nearer > 0.1) < 0.4
+    hidden = nearer[50:] > 0.1
+    assert np.mean(hidden.any(axis=0)) > 0.1  # they walk
+
+
 def test_messages_that_arrive_in_bursts_keep_their_order(source, original, tmp_path):
     log = changed(source, tmp_path, "bursts", seed=1)
     late = log.times - original.times
