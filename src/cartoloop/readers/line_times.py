@@ -14,9 +14,9 @@ from cartoloop.readers.text_file import TextFile
 from cartoloop.sensor.ordered_times import strictly_increasing
 from cartoloop.sensor.time_repair import (
     TimeReport,
-    are_bursty,
     jump_length,
     repair_times,
+    run_backwards,
     times_between,
 )
 
@@ -45,7 +45,7 @@ def line_times(
     for lines in reversed(scans):  # the main scanner last: its report is the log's
         times[lines], report = repair_times(stamps[lines])
     sweeps = np.flatnonzero(np.isfinite(times))
-    if len(odometry) >= DENSE_ODOMETRY * len(sweeps) and are_bursty(stamps[odometry]):
+    if len(odometry) >= DENSE_ODOMETRY * len(sweeps) and run_backwards(stamps[odometry]):
         times[odometry], _ = repair_times(stamps[odometry])
         times[sweeps] = _times_of_few(stamps, times, sweeps, odometry)
         num_repaired = int((times[scans[0]] != stamps[scans[0]]).sum())

@@ -163,12 +163,16 @@ def repair_times(
     return times, report
 
 
-def are_bursty(stamps: FloatArray) -> bool:
-    """Return whether stamps run backwards or are late often: lines were written in bursts."""
+def run_backwards(stamps: FloatArray) -> bool:
+    """Return whether stamps run backwards often: lines were written late, in bursts."""
     backwards = int((np.diff(stamps) < 0.0).sum())
-    if backwards >= max(BURSTY_COUNT, BURSTY_SHARE * len(stamps)):
-        return True
-    return len(late_bursts(stamps)) >= max(BURSTY_COUNT, LATE_SHARE * len(stamps))
+    return backwards >= max(BURSTY_COUNT, BURSTY_SHARE * len(stamps))
+
+
+def are_bursty(stamps: FloatArray) -> bool:
+    """Return whether stamps run backwards, or are given late and together, often."""
+    late = max(BURSTY_COUNT, LATE_SHARE * len(stamps))
+    return run_backwards(stamps) or len(late_bursts(stamps)) >= late
 
 
 def jump_length(period: float) -> float:
